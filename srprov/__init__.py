@@ -1,0 +1,21 @@
+"""srprov: an agentless, declarative provisioner for multi-robot experiments.
+
+User files and robots are read into values, values become a plan, the plan is executed, everything is reported. The rooms stand
+in that order; `tests/test_rooms.py` holds them to it:
+
+    cli/          one small file per verb; the only room that prints, asks or exits
+    controller    the flow on one screen; the only file that knows the order of the rooms
+    definitions/  user files -> Inventory, Experiment (EDF), ContainerDefinition (CDF)
+    transport/    SSH, the engine over the same connection, and the controller itself; the only room with sockets
+    facts/        robots -> HostFacts and everything of ours that exists there
+    assignment/   who runs what; pure
+    network/      VNI, subnet, addresses, FDB, hosts file; pure
+    images/       CDF -> Dockerfile, build context and content tag; pure
+    rendering/    playbook and context -> Resources; pure
+    modules/      one file per kind of resource: queries, parse, check, commands; pure
+    planning/     desired and found -> Plan, as text and as JSON; pure
+    execution/    Plan and sessions -> RunResult; the only room that changes robots
+    lab/          the embedded lab: robots on this machine
+"""
+
+__version__ = "0.1.0"

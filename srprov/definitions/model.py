@@ -1,0 +1,256 @@
+"""The values that user files become: Inventory, Experiment, Service, ContainerDefinition.
+
+Everything here is validated, merged (a service's fields over its CDF's, a CDF's over the one it extends) and in one unit
+(bytes, seconds). Nothing here can read a file.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+from srprov.errors import Location, Problem
+from srprov.wire import Secret
+
+_NOWHERE = Location("")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Host:
+    """One robot of the inventory, with what srprov reads of its variables."""
+
+    name: str
+    address: str
+    """`ansible_host`, else the name; ssh_config may map it further."""
+    port: int | None = None
+    user: str | None = None
+    identity_file: str | None = None
+    password: Secret | None = None
+    become: bool = False
+    """`ansible_become`; a user other than root is raised by `sudo -n` in any case."""
+    connection: str = "ssh"
+    """`ssh` or `local`"""
+    ssh_options: tuple[tuple[str, str], ...] = ()
+    """`-o` options of `ansible_ssh_common_args` and its kin, names in lower case, in order."""
+    tags: tuple[str, ...] = ()
+    slots: int | None = None
+    underlay: str | None = None
+    """Interface or address that other robots reach."""
+    devices: tuple[str, ...] = ()
+    bandwidth_mbit: float | None = None
+    groups: tuple[str, ...] = ()
+    location: Location = _NOWHERE
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Inventory:
+    """The lab: hosts by name (sorted), groups by name."""
+
+    hosts: Mapping[str, Host]
+    groups: Mapping[str, tuple[str, ...]]
+    source: str = ""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Requirements:
+    """What any robot must have to run a service; compared with totals and presence, never with what is free now."""
+
+    tags: tuple[str, ...] = ()
+    devices: tuple[str, ...] = ()
+    arch: tuple[str, ...] = ()
+    """Docker's names: amd64, arm64, arm."""
+    memory: int = 0
+    """bytes"""
+    cpus: float = 0.0
+    gpu: bool = False
+    kernel: str = ""
+    """A version bound such as `>=5.10`, or empty."""
+    disk: int = 0
+    """bytes"""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class HealthCheck:
+    """How Docker tells whether a container is healthy; `test` is `("CMD", …)`, `("CMD-SHELL", text)` or `("NONE",)`."""
+
+    test: tuple[str, ...]
+    interval_s: float = 30.0
+    timeout_s: float = 30.0
+    retries: int = 3
+    start_period_s: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Mount:
+    """One volume of a service.
+
+    `kind`: `tree` (a path of the experiment's folder, shipped read-only by content), `bind` (the robot's own path), `volume` (a
+    named volume of the instance), `tmpfs`.
+    """
+
+    kind: str
+    source: str
+    """Tree: absolute path on the controller; bind: absolute path on the robot; volume: its bare name; tmpfs: empty."""
+    target: str
+    read_only: bool = False
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Runtime:
+    """The run-time part of a container, Compose's names, merged from CDF and EDF; empty means the image's own."""
+
+    command: tuple[str, ...] | None = None
+    entrypoint: tuple[str, ...] | None = None
+    environment: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    working_dir: str = ""
+    user: str = ""
+    stop_signal: str = ""
+    stop_grace_s: float = 10.0
+    healthcheck: HealthCheck | None = None
+    mounts: tuple[Mount, ...] = ()
+    devices: tuple[tuple[str, str, str], ...] = ()
+    """(path on the robot, path inside, `rwm`)"""
+    ports: tuple[tuple[str, int, int, str], ...] = ()
+    """(address or "", published port, container port, `tcp` or `udp`)"""
+    ulimits: tuple[tuple[str, int, int], ...] = ()
+    """(name, soft, hard)"""
+    cap_add: tuple[str, ...] = ()
+    privileged: bool = False
+    sysctls: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    group_add: tuple[str, ...] = ()
+    security_opt: tuple[str, ...] = ()
+    device_cgroup_rules: tuple[str, ...] = ()
+    tty: bool = False
+    shm_size: int = 0
+    """bytes"""
+    ipc: str = ""
+    pid: str = ""
+    gpus: str = ""
+    """empty, `all`, or a count"""
+    restart: str = "no"
+    """`no`, `always`, `unless-stopped`, `on-failure` or `on-failure:N`"""
+    pull_policy: str = "missing"
+    """`missing`, `always` or `never`"""
+    job: bool = False
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class BuildFile:
+    """One file that a CDF copies into the image; `source` is an absolute path on the controller."""
+
+    source: str
+    dest: str
+    mode: str = ""
+    """Octal text such as `0755`, or empty for the file's own."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ContainerDefinition:
+    """One CDF after `extends` was merged. Exactly one of `base`, `image`, `dockerfile` is not empty."""
+
+    name: str
+    file: str
+    """Absolute path of the CDF."""
+    folder: str
+    """Folder that relative paths start from."""
+    base: str = ""
+    image: str = ""
+    dockerfile: str = ""
+    """Absolute path of a Dockerfile."""
+    description: str = ""
+    platforms: tuple[str, ...] = ()
+    apt: tuple[str, ...] = ()
+    pip: tuple[str, ...] = ()
+    npm: tuple[str, ...] = ()
+    files: tuple[BuildFile, ...] = ()
+    run: tuple[str, ...] = ()
+    build_environment: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    """`environment` of the CDF: part of the image (ENV)."""
+    runtime: Runtime = field(default_factory=Runtime)
+    """The CDF's own run-time defaults."""
+    requires: Requirements = field(default_factory=Requirements)
+    location: Location = _NOWHERE
+    lines: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
+    """Line in the CDF of each build field (`base`, `packages.apt`, `run.0`, …): a failed build points there."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Service:
+    """One service of the experiment: a CDF or an image, with everything merged."""
+
+    name: str
+    cdf: str = ""
+    """Key into the containers mapping (absolute path of the CDF); empty when `image` is given."""
+    image: str = ""
+    cost: float = 10.0
+    """The paper's alpha, 0..100."""
+    requires: Requirements = field(default_factory=Requirements)
+    """CDF's and EDF's together: both must hold."""
+    runtime: Runtime = field(default_factory=Runtime)
+    """CDF's defaults with the EDF's on top."""
+    network: str = "overlay"
+    """`overlay`, `host`, `both` or `none`"""
+    depends_on: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    """service -> `started`, `healthy` or `completed`"""
+    robot: str = ""
+    """A pin, or empty."""
+    location: Location = _NOWHERE
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Weights:
+    """The paper's deltas; they sum to 1."""
+
+    cpu: float = 0.25
+    memory: float = 0.25
+    swap: float = 0.25
+    bandwidth: float = 0.25
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Placement:
+    """How robots are chosen."""
+
+    slots_per_robot: int = 1
+    fairness: float = 0.0
+    sticky: bool = True
+    bandwidth_reference_mbit: float = 1000.0
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class NetworkWishes:
+    """What the EDF asks of the overlay; None where srprov decides."""
+
+    subnet: str | None = None
+    mtu: int | None = None
+    vni: int | None = None
+    port: int = 4789
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Experiment:
+    """One EDF, with services in name order."""
+
+    name: str
+    file: str
+    """Absolute path of the EDF."""
+    folder: str
+    services: Mapping[str, Service]
+    same_robot: tuple[tuple[str, ...], ...] = ()
+    weights: Weights = field(default_factory=Weights)
+    placement: Placement = field(default_factory=Placement)
+    network: NetworkWishes = field(default_factory=NetworkWishes)
+    description: str = ""
+    authors: tuple[str, ...] = ()
+    metadata: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Definitions:
+    """All that was read. `unsupported` lists what validates but is not built yet: plan and apply refuse it."""
+
+    experiment: Experiment
+    containers: Mapping[str, ContainerDefinition]
+    unsupported: tuple[Problem, ...] = ()

@@ -1,0 +1,158 @@
+"""Every error that srprov raises on purpose.
+
+    SrprovError                  the root; anything else that escapes is a bug (exit 1)
+    ├─ UsageError                options or arguments that make no sense together (5)
+    ├─ DefinitionError           user files; carries every Problem, not the first (5)
+    ├─ RenderError               a playbook that does not render to resources (5)
+    ├─ RefusedError              refused by policy, or by the user at the prompt (9)
+    ├─ NoAssignment              no feasible placement; carries the reasons as data (8)
+    ├─ LockHeld                  another controller holds the robot (7)
+    ├─ StalePlan                 a robot moved since the plan was made (6)
+    ├─ PlanError                 a cycle, or two resources with one id: a bug of a playbook (5)
+    ├─ TransportError            one robot cannot be talked to (4); always a value per robot in the end
+    │  ├─ ConnectError           name, TCP, banner or key exchange
+    │  ├─ HostKeyError           unknown or changed host key
+    │  ├─ AuthError              no key or password was accepted, or sudo asks for one
+    │  └─ DeadlineError          an answer did not come in time
+    └─ LabError                  the embedded lab (3)
+
+Each message says what happened; `hint` says what to do next.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+
+class SrprovError(Exception):
+    """Root of the tree. `exit_code` is the documented one of the command line."""
+
+    exit_code = 1
+
+    def __init__(self, message: str, *, hint: str = "") -> None:
+        """Take one sentence on what happened and one on what to do next."""
+        super().__init__(message)
+        self.message = message
+        self.hint = hint
+
+
+class UsageError(SrprovError):
+    """Options or arguments that make no sense together."""
+
+    exit_code = 5
+
+
+@dataclass(frozen=True, order=True, slots=True)
+class Location:
+    """A place in a user's file; line and column count from 1."""
+
+    file: str
+    line: int = 1
+    column: int = 1
+
+    def __str__(self) -> str:
+        """Give `file:line:column`, as compilers do and editors understand."""
+        return f"{self.file}:{self.line}:{self.column}"
+
+
+@dataclass(frozen=True, order=True, slots=True)
+class Problem:
+    """One thing that is wrong in a user's file."""
+
+    location: Location
+    message: str
+    path: str = ""
+    """Where inside the document, e.g. `services.talker.cost`."""
+    excerpt: str = ""
+    """The source line as it stands in the file, for the caret line."""
+    hint: str = ""
+    """What to do, e.g. `did you mean 'image'?`."""
+
+
+class DefinitionError(SrprovError):
+    """User files that are wrong; carries every problem at once."""
+
+    exit_code = 5
+
+    def __init__(self, problems: Sequence[Problem]) -> None:
+        """Take at least one problem; they are sorted by file and line."""
+        self.problems = tuple(sorted(problems))
+        count = len(self.problems)
+        super().__init__(f"{count} problem{'s' if count != 1 else ''} in the definition files")
+
+
+class RenderError(SrprovError):
+    """A playbook that does not render to resources."""
+
+    exit_code = 5
+
+
+class RefusedError(SrprovError):
+    """Something that policy, or the user at the prompt, does not allow."""
+
+    exit_code = 9
+
+
+class NoAssignment(SrprovError):
+    """No placement exists. `misses` maps service -> robot -> what it lacks."""
+
+    exit_code = 8
+
+    def __init__(
+        self, message: str, *, misses: Mapping[str, Mapping[str, str]] | None = None, hint: str = ""
+    ) -> None:
+        """Take the explanation in words and the reasons as data."""
+        super().__init__(message, hint=hint)
+        self.misses = {s: dict(r) for s, r in (misses or {}).items()}
+
+
+class LockHeld(SrprovError):
+    """Another controller holds the robot."""
+
+    exit_code = 7
+
+
+class StalePlan(SrprovError):
+    """A robot moved since the plan was made."""
+
+    exit_code = 6
+
+
+class PlanError(SrprovError):
+    """A cycle among resources, or two resources with one id."""
+
+    exit_code = 5
+
+
+class TransportError(SrprovError):
+    """One robot that cannot be talked to."""
+
+    exit_code = 4
+
+    def __init__(self, host: str, message: str, *, hint: str = "") -> None:
+        """Take the robot's name first; the message does not repeat it."""
+        super().__init__(message, hint=hint)
+        self.host = host
+
+
+class ConnectError(TransportError):
+    """Name lookup, TCP, banner or key exchange failed."""
+
+
+class HostKeyError(TransportError):
+    """The robot's host key is unknown, or not the one that is on record."""
+
+
+class AuthError(TransportError):
+    """No key or password was accepted, or sudo asks for one."""
+
+
+class DeadlineError(TransportError):
+    """An answer did not come in time; the message names what was awaited."""
+
+
+class LabError(SrprovError):
+    """The embedded lab cannot do what was asked."""
+
+    exit_code = 3

@@ -1,0 +1,110 @@
+"""What is known of a robot: HostFacts. Values only; numbers are native (bytes, seconds, Mbit/s)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Link:
+    """One network interface."""
+
+    name: str
+    mtu: int = 1500
+    up: bool = True
+    mac: str = ""
+    kind: str = ""
+    """`vxlan`, `bridge`, `veth`… as iproute2 says, or empty for hardware."""
+    addresses: tuple[str, ...] = ()
+    """With prefix length, e.g. `10.0.0.5/24`."""
+    speed_mbit: float = 0.0
+    """0: unknown"""
+    vni: int = 0
+    """For a VXLAN; 0 otherwise."""
+    port: int = 0
+    alias: str = ""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Docker:
+    """The robot's engine."""
+
+    version: str
+    api_version: str
+    root: str = ""
+    storage_driver: str = ""
+    rootless: bool = False
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class HostFacts:
+    """One robot as it is now."""
+
+    name: str
+    hostname: str = ""
+    arch: str = ""
+    """Docker's name of it: amd64, arm64, arm…"""
+    cpus: int = 1
+    load1: float = 0.0
+    memory_total: int = 0
+    memory_available: int = 0
+    swap_total: int = 0
+    swap_free: int = 0
+    kernel: str = ""
+    os: str = ""
+    """PRETTY_NAME of os-release"""
+    tags: tuple[str, ...] = ()
+    """From the inventory and detected, sorted."""
+    devices: tuple[str, ...] = ()
+    """Paths below /dev that a service may ask for, sorted, with those of the inventory."""
+    docker: Docker | None = None
+    docker_problem: str = ""
+    """Why there is no engine, in words, when `docker` is None."""
+    disk_total: int = 0
+    """bytes of the filesystem with Docker's root"""
+    disk_free: int = 0
+    links: tuple[Link, ...] = ()
+    routes: tuple[str, ...] = ()
+    """Destinations of the main table, as CIDR."""
+    underlay_link: str = ""
+    underlay_address: str = ""
+    """The address (no prefix) that other robots reach: the VTEP."""
+    underlay_mtu: int = 1500
+    speed_mbit: float = 0.0
+    """Link speed of the underlay; 0: unknown"""
+    traffic_mbit: float = 0.0
+    """Traffic on it at the moment of asking; 0 when it was not sampled"""
+    slots: int = 1
+    clock_offset_s: float = 0.0
+    user: str = ""
+    """The user that reached it."""
+    privileged: bool = True
+    """False when commands do not run as root."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Existing:
+    """One resource of ours found on a robot."""
+
+    module: str
+    name: str
+    instance: str
+    """The owner; empty for what is looked at but owned by nobody of ours (an image pulled by its name)."""
+    state: Mapping[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Found:
+    """All robots as they are."""
+
+    facts: Mapping[str, HostFacts]
+    """Reachable robots by name."""
+    existing: Mapping[str, tuple[Existing, ...]]
+    """Per reachable robot, of every instance."""
+    placements: Mapping[str, Mapping[str, Any]] = field(default_factory=lambda: MappingProxyType({}))
+    """instance -> the newest placement record that any robot holds."""
+    unreachable: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    """Robot -> reason."""

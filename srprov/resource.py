@@ -1,0 +1,79 @@
+"""The words that modules, rendering, planning and execution share: Resource, State, Action, Change.
+
+A `Resource` is one thing that should be true on one robot. A `State` is what was found of it. A `Change` is the difference, with
+its cause in words. All are values; none can talk to a robot.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+State = Mapping[str, Any]
+"""What a module found of one resource: JSON values only; `instance` names the owner ("" when nobody of ours owns it)."""
+
+
+class Action(enum.Enum):
+    """What a step does; the value is its symbol in every plan."""
+
+    CREATE = "+"
+    UPDATE = "~"
+    REPLACE = "±"
+    DELETE = "-"
+    RUN = "!"
+
+
+class Condition(enum.Enum):
+    """What must hold of a resource before one that needs it is touched."""
+
+    PRESENT = "present"
+    STARTED = "started"
+    HEALTHY = "healthy"
+    COMPLETED = "completed"
+
+
+def resource_id(host: str, module: str, name: str) -> str:
+    """Give the address of a resource, e.g. `robot1/container:srprov.hello.a`."""
+    return f"{host}/{module}:{name}"
+
+
+@dataclass(frozen=True, order=True, slots=True)
+class Need:
+    """One resource that must be right first, on this robot or on another."""
+
+    id: str
+    condition: str = Condition.PRESENT.value
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Resource:
+    """One thing that should be true on one robot."""
+
+    host: str
+    module: str
+    name: str
+    params: Mapping[str, Any]
+    needs: tuple[Need, ...] = ()
+    source: str = ""
+    """Playbook and item, for error messages."""
+
+    @property
+    def id(self) -> str:
+        """The resource's address."""
+        return resource_id(self.host, self.module, self.name)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Change:
+    """The difference between what should be and what is."""
+
+    action: Action
+    cause: str
+    """In words: "image digest differs", never "changed"."""
+    destructive: bool = False
+    """Data is lost with it."""
+    before: State | None = None
+    details: tuple[str, ...] = ()
+    """Lines for `--verbose`: what differs, field by field."""

@@ -1,0 +1,267 @@
+"""What may travel to a robot, as data, and the two protocols that carry it.
+
+A `Query` or `EngineQuery` reads; a `Run`, `Put`, `EngineCall` or `CopyImage` changes. They are plain values: they can be
+printed in a plan, compared, stored and sent later. `Reader` can only ask, `Session` can also execute, so that mypy refuses a
+change where only reading is allowed.
+
+Touches nothing; `transport/` implements the protocols. `quote` is the one function through which every shell word passes.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+import shlex
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+
+class Secret:
+    """A value that nothing prints: `str`, `repr` and JSON show `***`. `reveal()` gives it to the one place that needs it."""
+
+    __slots__ = ("_value",)
+
+    def __init__(self, value: str) -> None:
+        """Wrap a value as soon as it is read."""
+        self._value = value
+
+    def reveal(self) -> str:
+        """Give the value; only transport calls this."""
+        return self._value
+
+    def __repr__(self) -> str:
+        """Never the value."""
+        return "***"
+
+    __str__ = __repr__
+
+    def __eq__(self, other: object) -> bool:
+        """Equal when the hidden values are."""
+        return isinstance(other, Secret) and other._value == self._value
+
+    def __hash__(self) -> int:
+        """Hash as equal secrets demand."""
+        return hash(("Secret", self._value))
+
+
+def quote(word: str) -> str:
+    """Give one POSIX shell word for any text.
+
+    Raises:
+        ValueError: The text holds a NUL byte, which no shell word can.
+    """
+    if "\0" in word:
+        raise ValueError("a shell word cannot hold a NUL byte")
+    return shlex.quote(word)
+
+
+def sh(*words: str) -> str:
+    """Give one shell command of quoted words: `sh("ip", "link", "show", name)`."""
+    return " ".join(quote(word) for word in words)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Query:
+    """A shell command that only reads; many are sent in one round trip."""
+
+    command: str
+    timeout_s: float = 20.0
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class EngineQuery:
+    """A GET to the robot's Docker Engine. `params` become the query string; dicts in it become JSON."""
+
+    path: str
+    params: tuple[tuple[str, str], ...] = ()
+    timeout_s: float = 20.0
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Run:
+    """A shell script that changes the robot. Every word in it went through `quote`."""
+
+    script: str
+    timeout_s: float = 60.0
+
+    def text(self) -> str:
+        """Show it as the plan does."""
+        return self.script
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Put:
+    """Write a file. `in_place` keeps the inode, so that a bind mount of the file sees the new content."""
+
+    path: str
+    content: bytes
+    mode: int = 0o644
+    in_place: bool = False
+    timeout_s: float = 60.0
+
+    def digest(self) -> str:
+        """Give the content's sha256 in hex."""
+        return hashlib.sha256(self.content).hexdigest()
+
+    def text(self) -> str:
+        """Show it as the plan does: never the content, which may be long."""
+        how = "rewrite" if self.in_place else "write"
+        return f"{how} {self.path} ({len(self.content)} bytes, mode {self.mode:04o}, sha256 {self.digest()[:12]})"
+
+    def script(self) -> str:
+        """Give the shell script that does it: base64 inside a here-document, so any byte travels."""
+        target, partial = quote(self.path), quote(self.path + ".part")
+        lines = base64.encodebytes(self.content).decode("ascii")
+        folder = quote(self.path.rsplit("/", 1)[0] or "/")
+        finish = f"cat {partial} > {target} && rm -f {partial}" if self.in_place else f"mv -f {partial} {target}"
+        return (
+            f"umask 077; mkdir -p {folder} && base64 -d > {partial} <<'_END_OF_FILE_' && chmod {self.mode:04o} {partial} && "
+            f"{finish} && chmod {self.mode:04o} {target}\n{lines}_END_OF_FILE_\n"
+        )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class EngineCall:
+    """A request that changes the robot's Docker Engine, addressed by name, sent through the docker SDK.
+
+    `body` is canonical JSON text, or empty; `blob` is a raw body (a build context). `accept` lists the statuses that are fine.
+    `stream` says that the answer is a progress stream of JSON lines in which an `error` line is a failure.
+    """
+
+    method: str
+    path: str
+    params: tuple[tuple[str, str], ...] = ()
+    body: str = ""
+    blob: bytes = b""
+    accept: tuple[int, ...] = (200, 201, 204, 304)
+    stream: bool = False
+    timeout_s: float = 120.0
+
+    def text(self) -> str:
+        """Show it as the plan does."""
+        query = "&".join(f"{key}={value}" for key, value in self.params)
+        parts = [self.method, self.path + (f"?{query}" if query else "")]
+        if self.body:
+            parts.append(self.body)
+        if self.blob:
+            parts.append(f"<{len(self.blob)} bytes, sha256 {hashlib.sha256(self.blob).hexdigest()[:12]}>")
+        return " ".join(parts)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class CopyImage:
+    """Bring an image from another robot's engine: saved there, loaded here, streamed through the controller."""
+
+    image: str
+    source_host: str
+    timeout_s: float = 1800.0
+
+    def text(self) -> str:
+        """Show it as the plan does."""
+        return f"copy image {self.image} from {self.source_host} (docker save | docker load over the controller)"
+
+
+Command = Run | Put | EngineCall | CopyImage
+AnyQuery = Query | EngineQuery
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Reply:
+    """What came back. `status` is an exit code for the shell and an HTTP status for the engine (0: no engine there)."""
+
+    status: int
+    out: str = ""
+    err: str = ""
+    ok: bool = True
+
+    def json(self) -> Any:  # noqa: ANN401 - JSON is any; each parser checks the shape that it needs
+        """Give the body as JSON; an empty or broken one is None."""
+        try:
+            return json.loads(self.out)
+        except ValueError:
+            return None
+
+
+@dataclass(slots=True)
+class Traffic:
+    """What a session used, for `--json` and the round-trip budget."""
+
+    connections: int = 0
+    round_trips: int = 0
+    bytes_sent: int = 0
+    bytes_received: int = 0
+
+
+Progress = Callable[[str], None]
+
+
+def no_progress(_line: str) -> None:
+    """Ignore progress."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Measures:
+    """What a transport can measure without a shell (the controller itself, by psutil)."""
+
+    cpus: int
+    load1: float
+    memory_total: int
+    """bytes"""
+    memory_available: int
+    """bytes"""
+    swap_total: int
+    """bytes"""
+    swap_free: int
+    """bytes"""
+    link_speed_mbit: Mapping[str, float] = field(default_factory=dict)
+    """interface -> Mbit/s, 0 where it is unknown"""
+
+
+class Reader(Protocol):
+    """A way to ask one robot; it has no way to change it."""
+
+    @property
+    def host(self) -> str:
+        """The robot's name in the inventory."""
+        ...
+
+    def ask(self, queries: Sequence[AnyQuery]) -> Sequence[Reply]:
+        """Ask everything in one round trip of the shell (and one per engine query); replies in the same order.
+
+        A command that fails is a `Reply` with `ok` false; an engine that is not there gives `status` 0.
+
+        Raises:
+            TransportError: The robot cannot be talked to any more.
+        """
+        ...
+
+    def measure(self) -> Measures | None:
+        """Give load and memory when that needs no shell, else None."""
+        ...
+
+    @property
+    def traffic(self) -> Traffic:
+        """What was used so far."""
+        ...
+
+
+class Session(Reader, Protocol):
+    """A reader that can also change the robot."""
+
+    def execute(self, command: Command, progress: Progress = no_progress) -> Reply:
+        """Do one thing and wait for its end; a failure is a `Reply` with `ok` false and the reason in `err`.
+
+        Raises:
+            TransportError: The robot cannot be talked to any more.
+        """
+        ...
+
+    def save_image(self, image: str, timeout_s: float) -> Iterator[bytes]:
+        """Stream the image as `docker save` writes it."""
+        ...
+
+    def close(self) -> None:
+        """End the connection; safe to call twice."""
+        ...
