@@ -1,0 +1,28 @@
+"""One file per kind of resource: how to ask, how to read, what is missing, what makes it right. Pure.
+
+`MODULES` lists them in the order in which a robot is built up; taking down goes the other way.
+"""
+
+from __future__ import annotations
+
+from srprov.modules.container import ContainerModule
+from srprov.modules.file import FileModule
+from srprov.modules.image import ImageModule
+from srprov.modules.module import Module
+from srprov.modules.network import NetworkModule
+from srprov.modules.tree import TreeModule
+from srprov.modules.volume import VolumeModule
+from srprov.modules.vxlan import VxlanModule
+
+_ALL: tuple[Module, ...] = (
+    ImageModule(),
+    NetworkModule(),
+    VxlanModule(),
+    FileModule(),
+    TreeModule(),
+    VolumeModule(),
+    ContainerModule(),
+)
+
+MODULES: dict[str, Module] = {module.kind: module for module in _ALL}
+RANK: dict[str, int] = {module.kind: rank for rank, module in enumerate(_ALL)}

@@ -1,0 +1,8 @@
+"""Desired resources and what was found -> a Plan: steps in order, each with its cause, what it needs and its exact commands. Pure."""
+
+from __future__ import annotations
+
+from srprov.planning.diff import Removal, diff, removal_plan
+from srprov.planning.plan import Plan, Step
+
+__all__ = ["Plan", "Removal", "Step", "diff", "removal_plan"]

@@ -1,0 +1,192 @@
+"""Walk a plan over many robots: stretches in parallel, one at a time per robot, each after those that it needs.
+
+Carries no decision of its own: what is due and how it is done stands in the plan, and the modules say whether it is right. A robot
+that fails is a value; the others go on. The first interrupt lets running steps end and begins no new one.
+"""
+
+from __future__ import annotations
+
+import concurrent.futures
+import threading
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from srprov.errors import TransportError
+from srprov.execution.conditions import wait_for
+from srprov.execution.outcome import Event, Listener, Outcome, RunResult, StepResult
+from srprov.execution.robot import Robot
+from srprov.execution.segments import Segment, segments
+from srprov.execution.settle import settle
+from srprov.planning import Plan, Step
+from srprov.wire import Session
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Options:
+    """How a run behaves."""
+
+    forks: int = 64
+    wait_timeout_s: float = 300.0
+    """For a container to become healthy or to complete."""
+    settle_s: float = 2.0
+    """A service must still be running this long after its start."""
+
+
+def run_plan(
+    plan: Plan,
+    sessions: Mapping[str, Session],
+    listener: Listener,
+    options: Options = Options(),  # noqa: B008 - frozen
+    stop: threading.Event | None = None,
+) -> RunResult:
+    """Do every step of the plan and say what came of each.
+
+    Args:
+        plan: what to do.
+        sessions: connections to all robots that can be reached.
+        listener: told what happens, from several threads at once.
+        options: limits and deadlines.
+        stop: set from outside to begin no further step.
+    """
+    run = _Run(sessions, listener, options, stop or threading.Event())
+    run.walk(segments(plan.steps))
+    results = settle(run.robots, run.results, options.settle_s, run.stop, listener)
+    ordered = tuple(results[step.number] for step in plan.steps)
+    return RunResult(
+        results=ordered,
+        unchanged=plan.unchanged,
+        interrupted=run.stop.is_set(),
+        unreachable={**plan.unreachable, **run.lost},
+    )
+
+
+class _Run:
+    """One run's shared state; `results` is written by many threads, each its own steps."""
+
+    def __init__(
+        self, sessions: Mapping[str, Session], listener: Listener, options: Options, stop: threading.Event
+    ) -> None:
+        self.sessions, self.listener, self.options, self.stop = sessions, listener, options, stop
+        self.robots = {host: Robot(session, listener) for host, session in sessions.items()}
+        self.results: dict[int, StepResult] = {}
+        self.lost: dict[str, str] = {}
+        self.kinds: dict[str, set[str]] = {}
+
+    def walk(self, parts: tuple[Segment, ...]) -> None:
+        """Start each segment as soon as all that it needs has ended."""
+        self.kinds = {part.host: {s.module for p in parts if p.host == part.host for s in p.steps} for part in parts}
+        waiting = {part.index: set(part.needs) for part in parts}
+        running: dict[concurrent.futures.Future[None], int] = {}
+        hosts = {part.host for part in parts}
+        with concurrent.futures.ThreadPoolExecutor(max(1, min(self.options.forks, len(hosts)))) as pool:
+            while waiting or running:
+                for index in [i for i, needs in waiting.items() if not needs]:
+                    del waiting[index]
+                    running[pool.submit(self._segment, parts[index])] = index
+                for done in self._next(running):
+                    ended = running.pop(done)
+                    done.result()
+                    for needs in waiting.values():
+                        needs.discard(ended)
+
+    def _next(
+        self, running: Mapping[concurrent.futures.Future[None], int]
+    ) -> set[concurrent.futures.Future[None]]:
+        """Wait for the next end. An interrupt here asks for a soft stop; a second one leaves at once."""
+        try:
+            return concurrent.futures.wait(running, return_when=concurrent.futures.FIRST_COMPLETED).done
+        except KeyboardInterrupt:
+            if self.stop.is_set():
+                raise
+            self.stop.set()
+            self.listener(Event(kind="waiting", host="", text="interrupted: running steps end, no new one begins"))
+            return set()
+
+    def _segment(self, part: Segment) -> None:
+        robot = self.robots.get(part.host)
+        if robot is None:
+            reason = self.lost.get(part.host, "no connection")
+            self._end_all(part.steps, Outcome.UNREACHABLE, reason)
+            return
+        try:
+            self._steps(robot, part)
+        except TransportError as error:
+            self.lost[part.host] = error.message
+            self.robots.pop(part.host, None)
+            self._end_all(part.steps, Outcome.UNREACHABLE, error.message)
+
+    def _steps(self, robot: Robot, part: Segment) -> None:
+        acted: list[Step] = []
+        for step in part.steps:
+            if self.stop.is_set():
+                self._end(StepResult(step=step, outcome=Outcome.NOT_REACHED, message="interrupted"))
+            elif blocked := self._blocked(step, acted):
+                self._end(StepResult(step=step, outcome=Outcome.SKIPPED, message=blocked))
+            else:
+                if robot.seen is None:
+                    robot.look(self.kinds[part.host])
+                result = robot.act(step)
+                if result is None:
+                    acted.append(step)
+                else:
+                    self._end(result)
+        if acted:
+            robot.look({step.module for step in acted})
+        for step in acted:
+            self._end(robot.verdict(step))
+
+    def _blocked(self, step: Step, acted: list[Step]) -> str:
+        """Say why the step cannot be done, or nothing. Steps of this stretch count as done until they are verified."""
+        done = {one.number for one in acted}
+        for number in step.needs:
+            if number in done:
+                continue
+            result = self.results.get(number)
+            if result is None or result.outcome not in (Outcome.CHANGED, Outcome.UNCHANGED):
+                what = f"#{number}" if result is None else f"#{number} ({result.step.id}), which {_past(result.outcome)}"
+                return f"needs {what}"
+        for need in step.waits:
+            host = need.id.split("/", 1)[0]
+            session = self.sessions.get(host)
+            if session is None or host in self.lost:
+                return f"needs {need.id} {need.condition}, but {host} is unreachable"
+
+            def say(text: str) -> None:
+                self.listener(Event(kind="waiting", host=step.host, step=step, text=text))
+
+            try:
+                why = wait_for(need, session, deadline_s=self.options.wait_timeout_s, stop=self.stop, say=say)
+            except TransportError as error:
+                return f"needs {need.id} {need.condition}: {error.message}"
+            if why:
+                return f"needs {need.id} {need.condition}: {why}"
+        return ""
+
+    def _end(self, result: StepResult) -> None:
+        self.results[result.step.number] = result
+        self.listener(
+            Event(
+                kind="end",
+                host=result.step.host,
+                step=result.step,
+                outcome=result.outcome,
+                text=result.message,
+                duration_s=result.duration_s,
+            )
+        )
+
+    def _end_all(self, steps: tuple[Step, ...], outcome: Outcome, reason: str) -> None:
+        for step in steps:
+            if step.number not in self.results:
+                self._end(StepResult(step=step, outcome=outcome, message=reason))
+
+
+def _past(outcome: Outcome) -> str:
+    return {
+        Outcome.FAILED: "failed",
+        Outcome.SKIPPED: "was skipped",
+        Outcome.UNREACHABLE: "could not be reached",
+        Outcome.NOT_REACHED: "was not reached",
+    }.get(outcome, outcome.value)
+
+

@@ -1,0 +1,79 @@
+"""What can come of a step and of a run, and the events on the way. Values only."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+from srprov.planning import Step
+
+
+class Outcome(enum.Enum):
+    """What came of one step."""
+
+    CHANGED = "changed"
+    UNCHANGED = "unchanged"
+    FAILED = "failed"
+    SKIPPED = "skipped"
+    UNREACHABLE = "unreachable"
+    NOT_REACHED = "not reached"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class StepResult:
+    """One step's end."""
+
+    step: Step
+    outcome: Outcome
+    message: str = ""
+    """Why it failed or was skipped, in words; for a failed command what ran and what it said."""
+    duration_s: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Event:
+    """Something that a listener may want to show, as it happens."""
+
+    kind: str
+    """`start`, `progress`, `waiting` or `end`"""
+    host: str
+    step: Step | None = None
+    text: str = ""
+    outcome: Outcome | None = None
+    duration_s: float = 0.0
+
+
+Listener = Callable[[Event], None]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RunResult:
+    """The whole run."""
+
+    results: tuple[StepResult, ...]
+    unchanged: int
+    """Resources that were right before the run began."""
+    interrupted: bool = False
+    unreachable: Mapping[str, str] = field(default_factory=dict)
+    """Robot -> reason, from before or during the run."""
+
+    def count(self, outcome: Outcome) -> int:
+        """Count steps of one outcome."""
+        return sum(result.outcome is outcome for result in self.results)
+
+    def of_host(self, host: str, outcome: Outcome) -> int:
+        """Count one robot's steps of one outcome."""
+        return sum(r.outcome is outcome and r.step.host == host for r in self.results)
+
+    @property
+    def exit_code(self) -> int:
+        """Give the documented code: the first that applies of 130, 3, 4, 0."""
+        if self.interrupted:
+            return 130
+        if self.count(Outcome.FAILED):
+            return 3
+        if self.unreachable or self.count(Outcome.UNREACHABLE):
+            return 4
+        # a step that was skipped although nothing failed waits for a robot that is not there
+        return 3 if self.count(Outcome.SKIPPED) or self.count(Outcome.NOT_REACHED) else 0

@@ -1,0 +1,107 @@
+"""One robot's stretch of steps: read, act, verify.
+
+| moment | the module's `check` says | outcome                                       |
+|--------|---------------------------|-----------------------------------------------|
+| before | it is right               | unchanged: somebody was faster                |
+| before | another change is due     | failed: stale, plan again                     |
+| act    | -                         | failed, with the command and what it said     |
+| after  | still a change            | failed: did not converge                      |
+| after  | it is right               | changed                                       |
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Collection
+from dataclasses import dataclass, field
+
+from srprov.execution.outcome import Event, Listener, Outcome, StepResult
+from srprov.facts.model import Existing
+from srprov.facts.observe import observe
+from srprov.modules import MODULES
+from srprov.planning import Step
+from srprov.resource import Action, Change
+from srprov.wire import Command, Query, Reply, Session, sh
+
+_Key = tuple[str, str]
+
+
+@dataclass(slots=True)
+class Robot:
+    """One robot during a run: its session and what was last seen there."""
+
+    session: Session
+    listener: Listener
+    seen: dict[_Key, Existing] | None = None
+    acted: dict[int, float] = field(default_factory=dict)
+    """Step number -> seconds that the act took."""
+    made: set[str] = field(default_factory=set)
+    """Ids that a step of this run made or changed."""
+
+    def look(self, kinds: Collection[str]) -> None:
+        """Read again everything of these kinds."""
+        fresh = {(e.module, e.name): e for e in observe(self.session, sorted(kinds))}
+        kept = {key: e for key, e in (self.seen or {}).items() if key[0] not in kinds}
+        self.seen = kept | fresh
+
+    def act(self, step: Step) -> StepResult | None:
+        """Do one step unless it is done or stale; None means that it was done and must be verified.
+
+        Raises:
+            TransportError: The robot cannot be talked to any more.
+        """
+        started = time.monotonic()
+        self.listener(Event(kind="start", host=step.host, step=step))
+        change = self._due(step)
+        if change is None:
+            return StepResult(step=step, outcome=Outcome.UNCHANGED, message="somebody was faster")
+        if step.want is not None and MODULES[step.module].commands(step.want, change) != step.commands:
+            message = f"the robot changed since the plan was made: now {change.cause}; plan again"
+            return StepResult(step=step, outcome=Outcome.FAILED, message=message)
+        for command in step.commands:
+            reply = self.session.execute(command, lambda line: self._progress(step, line))
+            if not reply.ok:
+                took = time.monotonic() - started
+                return StepResult(step=step, outcome=Outcome.FAILED, message=_failure(command, reply), duration_s=took)
+        if step.change.action is Action.DELETE and self.seen is not None:
+            # a later step of this stretch makes the same thing anew: for it, it is gone
+            self.seen.pop((step.module, step.name), None)
+        if step.want is not None:
+            self.made.add(step.id)
+        self.acted[step.number] = time.monotonic() - started
+        return None
+
+    def verdict(self, step: Step) -> StepResult:
+        """Say what came of a step that was acted on, from what `look` saw after it."""
+        due = self._due(step)
+        remade = step.want is None and step.id in self.made
+        if due is None or remade:
+            return StepResult(step=step, outcome=Outcome.CHANGED, duration_s=self.acted[step.number])
+        message = f"did not converge: {due.cause}"
+        if step.module == "container":
+            message += last_words(self.session, step.name)
+        return StepResult(step=step, outcome=Outcome.FAILED, message=message, duration_s=self.acted[step.number])
+
+    def _due(self, step: Step) -> Change | None:
+        seen = self.seen or {}
+        item = seen.get((step.module, step.name))
+        if step.want is not None:
+            return MODULES[step.module].check(step.want, item.state if item else None)
+        return Change(action=Action.DELETE, cause="still there") if item else None
+
+    def _progress(self, step: Step, line: str) -> None:
+        self.listener(Event(kind="progress", host=step.host, step=step, text=line))
+
+
+def last_words(session: Session, container: str, lines: int = 8) -> str:
+    """Give the end of a container's log, indented under a failure, or nothing when it has none."""
+    reply = session.ask([Query(command=sh("docker", "logs", "--tail", str(lines), container) + " 2>&1")])[0]
+    if not reply.ok or not reply.out.strip():
+        return ""
+    return "; its last lines:\n" + "\n".join(f"    {line}" for line in reply.out.strip().splitlines()[-lines:])
+
+
+def _failure(command: Command, reply: Reply) -> str:
+    text = command.text().splitlines()[0][:160]
+    said = (reply.err or reply.out).strip()
+    return f"{text}\n  status {reply.status}: {said}" if said else f"{text}\n  status {reply.status}"

@@ -1,0 +1,54 @@
+"""Cut a plan into stretches that run on one robot without looking at any other.
+
+A new stretch begins before a step that needs another robot, and after a step that another robot needs. So a robot reads once, does
+several steps, verifies once; and nobody waits for more than he needs. Pure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from srprov.planning import Step
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Segment:
+    """Consecutive steps of one robot."""
+
+    index: int
+    host: str
+    steps: tuple[Step, ...]
+    needs: frozenset[int]
+    """Indexes of segments that must have ended first; the robot's previous one is among them."""
+
+
+def segments(steps: Sequence[Step]) -> tuple[Segment, ...]:
+    """Cut the plan's steps, which stand in an order that respects their needs."""
+    by_number = {step.number: step for step in steps}
+    needed_elsewhere = {n for step in steps for n in step.needs if by_number[n].host != step.host}
+    groups: list[list[Step]] = []
+    current: dict[str, int] = {}
+    for step in steps:
+        foreign = step.waits or any(by_number[n].host != step.host for n in step.needs)
+        last = current.get(step.host)
+        if last is None or foreign or groups[last][-1].number in needed_elsewhere:
+            current[step.host] = len(groups)
+            groups.append([step])
+        else:
+            groups[last].append(step)
+    return _linked(groups)
+
+
+def _linked(groups: Sequence[Sequence[Step]]) -> tuple[Segment, ...]:
+    home = {step.number: index for index, group in enumerate(groups) for step in group}
+    previous: dict[str, int] = {}
+    linked = []
+    for index, group in enumerate(groups):
+        host = group[0].host
+        needs = {home[number] for step in group for number in step.needs} - {index}
+        if host in previous:
+            needs.add(previous[host])
+        previous[host] = index
+        linked.append(Segment(index=index, host=host, steps=tuple(group), needs=frozenset(needs)))
+    return tuple(linked)

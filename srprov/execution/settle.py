@@ -1,0 +1,70 @@
+"""A last look: a service counts as started only if it still runs a little later.
+
+Docker says "started" for a process that dies in its first breath. Each robot with fresh containers is read once more, two seconds
+(or what the user sets) after its last start; jobs may have ended.
+"""
+
+from __future__ import annotations
+
+import concurrent.futures
+import dataclasses
+import threading
+import time
+from collections.abc import Mapping
+
+from srprov.errors import TransportError
+from srprov.execution.outcome import Event, Listener, Outcome, StepResult
+from srprov.execution.robot import Robot, last_words
+from srprov.resource import Action
+
+
+def settle(
+    robots: Mapping[str, Robot],
+    results: Mapping[int, StepResult],
+    settle_s: float,
+    stop: threading.Event,
+    listener: Listener,
+) -> dict[int, StepResult]:
+    """Give the results with those services turned to failed that did not stay up."""
+    fresh: dict[str, list[StepResult]] = {}
+    for result in results.values():
+        step = result.step
+        started = result.outcome is Outcome.CHANGED and step.change.action is not Action.DELETE
+        if started and step.module == "container" and step.host in robots:
+            fresh.setdefault(step.host, []).append(result)
+    settled = dict(results)
+    if not fresh or settle_s <= 0:
+        return settled
+    listener(Event(kind="waiting", host="", text=f"checking that services stay up for {settle_s:g} s"))
+    stop.wait(settle_s)
+    with concurrent.futures.ThreadPoolExecutor(len(fresh)) as pool:
+        for checked in pool.map(lambda item: _check(robots[item[0]], item[1]), sorted(fresh.items())):
+            for result in checked:
+                settled[result.step.number] = result
+                if result.outcome is Outcome.FAILED:
+                    listener(
+                        Event(kind="end", host=result.step.host, step=result.step, outcome=result.outcome, text=result.message)
+                    )
+    return settled
+
+
+def _check(robot: Robot, fresh: list[StepResult]) -> list[StepResult]:
+    begun = time.monotonic()
+    try:
+        robot.look({"container"})
+        return [_still(robot, result) for result in fresh]
+    except TransportError as error:
+        took = time.monotonic() - begun
+        return [
+            dataclasses.replace(r, outcome=Outcome.UNREACHABLE, message=error.message, duration_s=took) for r in fresh
+        ]
+
+
+def _still(robot: Robot, result: StepResult) -> StepResult:
+    verdict = robot.verdict(result.step)
+    if verdict.outcome is Outcome.CHANGED:
+        return result
+    item = (robot.seen or {}).get(("container", result.step.name))
+    how = f"exited with code {item.state['exit_code']}" if item and item.state["state"] == "exited" else "is not running"
+    words = last_words(robot.session, result.step.name)
+    return dataclasses.replace(result, outcome=Outcome.FAILED, message=f"did not stay up: {how}{words}")

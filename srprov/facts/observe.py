@@ -1,0 +1,35 @@
+"""What of ours exists on one robot, through a Reader: every module says what to ask and reads the answers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from srprov.facts.model import Existing
+from srprov.modules import MODULES
+from srprov.wire import AnyQuery, Reader, Reply
+
+
+def observe_queries(kinds: Iterable[str] = tuple(MODULES)) -> tuple[AnyQuery, ...]:
+    """Give the queries of these kinds, in the order that `parse_observed` expects."""
+    return tuple(query for kind in kinds for query in MODULES[kind].queries())
+
+
+def parse_observed(replies: Sequence[Reply], kinds: Iterable[str] = tuple(MODULES)) -> tuple[Existing, ...]:
+    """Read the replies to `observe_queries(kinds)`."""
+    found: list[Existing] = []
+    start = 0
+    for kind in kinds:
+        count = len(MODULES[kind].queries())
+        found += MODULES[kind].parse(replies[start : start + count])
+        start += count
+    return tuple(found)
+
+
+def observe(reader: Reader, kinds: Iterable[str] = tuple(MODULES)) -> tuple[Existing, ...]:
+    """Ask one robot for everything of ours, of these kinds.
+
+    Raises:
+        TransportError: The robot cannot be talked to.
+    """
+    wanted = tuple(kinds)
+    return parse_observed(reader.ask(observe_queries(wanted)), wanted)

@@ -1,0 +1,84 @@
+"""What every kind of resource can say of itself: the Module protocol, and helpers that several kinds share.
+
+A module knows how to ask (`queries`), how to read the answers (`parse`), what is missing (`check`), and which commands make it
+right (`commands`, `removal`). It never sees a connection. `check` is the only definition of "already right": it is asked when
+planning, again before the first act on a robot, and again after.
+
+Touches nothing.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
+
+from srprov.facts.model import Existing
+from srprov.resource import Change, Resource, State
+from srprov.wire import AnyQuery, Command, Reply
+
+INSTANCE = "srprov.instance"
+SERVICE = "srprov.service"
+CONFIG_HASH = "srprov.config-hash"
+CONFIG_PARTS = "srprov.config-parts"
+SOURCE = "srprov.source"
+STOP_GRACE = "srprov.stop-grace"
+
+STATE_ROOT = "/var/lib/srprov"
+"""Where rendered files live on a robot: STATE_ROOT/<instance>/."""
+
+
+class Module(Protocol):
+    """One kind of resource."""
+
+    kind: str
+
+    def queries(self) -> tuple[AnyQuery, ...]:
+        """Say what to ask to see every resource of this kind that is ours, of all instances."""
+        ...
+
+    def parse(self, replies: Sequence[Reply], /) -> tuple[Existing, ...]:
+        """Read the replies to `queries`, in the same order; garbage gives nothing, never an error."""
+        ...
+
+    def check(self, want: Resource, found: State | None, /) -> Change | None:
+        """Say what is missing; None when it is right."""
+        ...
+
+    def commands(self, want: Resource, change: Change, /) -> tuple[Command, ...]:
+        """Say what makes it right, given the change that `check` found."""
+        ...
+
+    def removal(self, found: Existing, /) -> tuple[Command, ...]:
+        """Say what takes it away."""
+        ...
+
+
+def canonical(value: object) -> str:
+    """Give the one JSON text of a value: sorted keys, no spaces."""
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
+
+
+def digest(value: object, length: int = 64) -> str:
+    """Give the sha256 of a JSON value in hex, shortened to `length` digits."""
+    return hashlib.sha256(canonical(value).encode()).hexdigest()[:length]
+
+
+def as_list(value: object) -> list[Mapping[str, Any]]:
+    """Give the mappings of a list that came from a robot; anything else is dropped."""
+    return [item for item in value if isinstance(item, Mapping)] if isinstance(value, list) else []
+
+
+def as_text(value: object) -> str:
+    """Give a text that came from a robot; None becomes empty."""
+    return "" if value is None else str(value)
+
+
+def as_labels(value: object) -> dict[str, str]:
+    """Give the labels of a Docker object; `null` and garbage become none."""
+    return {str(k): as_text(v) for k, v in value.items()} if isinstance(value, Mapping) else {}
+
+
+LABEL_FILTER = canonical({"label": [INSTANCE]})
+"""Docker's filter for everything that carries our instance label."""

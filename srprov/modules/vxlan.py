@@ -1,0 +1,152 @@
+"""VXLAN links: the port of a robot's bridge to all other robots of the instance.
+
+Wanted parameters: `instance`, `vni`, `local` (the VTEP address), `port`, `bridge`, `mtu`, `fdb` (pairs of MAC and VTEP; the all-zero
+MAC stands for head-end replication of broadcast and multicast). Learning is off: the controller knows every entry. The link's alias
+carries the instance, and the bridge's multicast snooping is off, since no querier is there that would keep groups alive.
+
+Source: Linux `vxlan` documentation, iproute2's ip-link(8) and bridge(8).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from srprov.facts.model import Existing
+from srprov.modules.module import as_list, as_text
+from srprov.resource import Action, Change, Resource, State
+from srprov.wire import AnyQuery, Command, Query, Reply, Run, quote
+
+FLOOD = "00:00:00:00:00:00"
+_ALIAS = "srprov:"
+_PREFIX = "srpv"
+
+
+class VxlanModule:
+    """The module of kind `vxlan`."""
+
+    kind = "vxlan"
+
+    def queries(self) -> tuple[AnyQuery, ...]:
+        """List VXLAN links, bridges and the forwarding database, as JSON."""
+        return (
+            Query(command="ip -j -d link show type vxlan"),
+            Query(command="ip -j -d link show type bridge"),
+            Query(command="bridge -j fdb show"),
+        )
+
+    def parse(self, replies: Sequence[Reply]) -> tuple[Existing, ...]:
+        """Give our links with their entries; a link of our name without alias is one that was half made."""
+        links, bridges, entries = (as_list(_json(reply)) for reply in replies)
+        snooping = {as_text(item.get("ifname")): _data(item).get("mcast_snooping") for item in bridges}
+        found = []
+        for item in links:
+            name, alias = as_text(item.get("ifname")), as_text(item.get("ifalias"))
+            if not (alias.startswith(_ALIAS) or name.startswith(_PREFIX)):
+                continue
+            state = _link_state(item, entries)
+            state["snooping"] = bool(snooping.get(state["bridge"], 1))
+            instance = alias.removeprefix(_ALIAS) if alias.startswith(_ALIAS) else ""
+            found.append(Existing(module="vxlan", name=name, instance=instance, state={**state, "instance": instance}))
+        return tuple(found)
+
+    def check(self, want: Resource, found: State | None) -> Change | None:
+        """Compare; what the kernel cannot change in place makes it a replacement."""
+        if found is None:
+            return Change(action=Action.CREATE, cause="not there")
+        fixed = [
+            f"{key} is {found[key] or 'not set'}, not {want.params[key]}"
+            for key in ("vni", "local", "port", "instance")
+            if found[key] != want.params[key]
+        ]
+        if found["learning"]:
+            fixed.append("learning is on")
+        if fixed:
+            return Change(action=Action.REPLACE, cause="; ".join(fixed), before=found)
+        loose = _loose_differences(want.params, found)
+        return Change(action=Action.UPDATE, cause="; ".join(loose), before=found) if loose else None
+
+    def commands(self, want: Resource, change: Change) -> tuple[Command, ...]:
+        """Make the link, or mend what differs; one script either way."""
+        params, name = want.params, quote(want.name)
+        lines = ["set -e"]
+        known: list[tuple[str, str]] = []
+        if change.action is Action.REPLACE:
+            lines.append(f"ip link del dev {name}")
+        if change.action is not Action.UPDATE:
+            lines.append(
+                f"ip link add {name} type vxlan id {int(params['vni'])} local {quote(params['local'])} "
+                f"dstport {int(params['port'])} nolearning"
+            )
+            lines.append(f"ip link set dev {name} alias {quote(_ALIAS + params['instance'])}")
+        elif change.before is not None:
+            known = [(mac, vtep) for mac, vtep in change.before["fdb"]]
+        lines.append(f"ip link set dev {name} mtu {int(params['mtu'])} master {quote(params['bridge'])} up")
+        lines.append(f"ip link set dev {quote(params['bridge'])} type bridge mcast_snooping 0")
+        batch = _fdb_batch(want.name, known, [(mac, vtep) for mac, vtep in params["fdb"]])
+        if batch:
+            lines.append(f"printf '%s\\n' {' '.join(quote(line) for line in batch)} | bridge -batch -")
+        return (Run(script="\n".join(lines)),)
+
+    def removal(self, found: Existing) -> tuple[Command, ...]:
+        """Delete the link; its entries go with it."""
+        name = quote(found.name)
+        return (Run(script=f"ip link show dev {name} >/dev/null 2>&1 || exit 0; ip link del dev {name}"),)
+
+
+def _json(reply: Reply) -> object:
+    try:
+        return json.loads(reply.out) if reply.ok else []
+    except ValueError:
+        return []
+
+
+def _data(item: Mapping[str, Any]) -> Mapping[str, Any]:
+    info = item.get("linkinfo")
+    data = info.get("info_data") if isinstance(info, Mapping) else None
+    return data if isinstance(data, Mapping) else {}
+
+
+def _link_state(item: Mapping[str, Any], entries: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    data, name = _data(item), as_text(item.get("ifname"))
+    flags = item.get("flags")
+    fdb = sorted(
+        [as_text(entry.get("mac")), as_text(entry.get("dst"))]
+        for entry in entries
+        if entry.get("ifname") == name and entry.get("dst")
+    )
+    return {
+        "vni": data.get("id", 0),
+        "local": as_text(data.get("local") or data.get("local6")),
+        "port": data.get("port", 0),
+        "learning": bool(data.get("learning", False)),
+        "bridge": as_text(item.get("master")),
+        "mtu": item.get("mtu", 0),
+        "up": "UP" in flags if isinstance(flags, list) else False,
+        "fdb": fdb,
+    }
+
+
+def _loose_differences(params: Mapping[str, Any], found: State) -> list[str]:
+    causes = []
+    if not found["up"]:
+        causes.append("link is down")
+    for key, word in (("bridge", "bridge"), ("mtu", "MTU")):
+        if found[key] != params[key]:
+            causes.append(f"{word} is {found[key] or 'not set'}, not {params[key]}")
+    if found["snooping"]:
+        causes.append("multicast snooping is on")
+    wanted, there = {tuple(e) for e in params["fdb"]}, {tuple(e) for e in found["fdb"]}
+    if wanted != there:
+        causes.append(f"FDB: {len(wanted - there)} to add, {len(there - wanted)} to remove")
+    return causes
+
+
+def _fdb_batch(name: str, known: Sequence[tuple[str, str]], wanted: Sequence[tuple[str, str]]) -> list[str]:
+    """Give bridge(8) batch lines. All-zero entries are appended (several may stand side by side), others replaced."""
+    lines = [f"fdb del {mac} dev {name} dst {vtep} self" for mac, vtep in sorted(set(known) - set(wanted))]
+    for mac, vtep in sorted(set(wanted) - set(known)):
+        verb = "append" if mac == FLOOD else "replace"
+        lines.append(f"fdb {verb} {mac} dev {name} dst {vtep} self permanent")
+    return lines

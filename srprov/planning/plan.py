@@ -1,0 +1,136 @@
+"""The plan as a value: what will be done, in which order, and why.
+
+Equal inputs give equal plans, and equal plans give byte-equal text and JSON: nothing in here holds a time, a random id or the order
+of a set.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from srprov.facts.model import Existing
+from srprov.resource import Action, Change, Need, Resource, resource_id
+from srprov.wire import Command, CopyImage, EngineCall, Put, Run
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Step:
+    """One node of the plan."""
+
+    number: int
+    host: str
+    module: str
+    name: str
+    change: Change
+    commands: tuple[Command, ...]
+    needs: tuple[int, ...] = ()
+    """Steps that must have succeeded first."""
+    waits: tuple[Need, ...] = ()
+    """Conditions of resources that must hold first, e.g. a container that must be healthy."""
+    want: Resource | None = None
+    """What should be true; None for a removal."""
+    found: Existing | None = None
+    """What is removed; None otherwise."""
+
+    @property
+    def id(self) -> str:
+        """The resource's address."""
+        return resource_id(self.host, self.module, self.name)
+
+    @property
+    def service(self) -> str:
+        """The service that a container step is about, or empty."""
+        if self.module != "container":
+            return ""
+        source = self.want.params if self.want else (self.found.state if self.found else {})
+        return str(source.get("service", ""))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Permission:
+    """Something in the experiment that reaches beyond its containers."""
+
+    kind: str
+    service: str
+    what: str
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Plan:
+    """All steps for one instance, numbered from 1 in an order that respects what they need."""
+
+    instance: str
+    source: str
+    steps: tuple[Step, ...]
+    unchanged: int = 0
+    """Resources that are right already."""
+    assignment: Mapping[str, str] = field(default_factory=dict)
+    cost: float = 0.0
+    costs: Mapping[str, float] = field(default_factory=dict)
+    """Per service."""
+    permissions: tuple[Permission, ...] = ()
+    notes: tuple[str, ...] = ()
+    unreachable: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def empty(self) -> bool:
+        """True when everything is right already."""
+        return not self.steps
+
+    def counts(self) -> dict[str, int]:
+        """Give the number of steps per action."""
+        return {action.name.lower(): sum(s.change.action is action for s in self.steps) for action in Action}
+
+
+def plan_json(plan: Plan) -> dict[str, Any]:
+    """Give the plan file's content: JSON values only, in a fixed order."""
+    return {
+        "plan": 1,
+        "instance": plan.instance,
+        "source": plan.source,
+        "assignment": dict(sorted(plan.assignment.items())),
+        "cost": round(plan.cost, 6),
+        "permissions": [{"kind": p.kind, "service": p.service, "what": p.what} for p in plan.permissions],
+        "notes": list(plan.notes),
+        "unreachable": dict(sorted(plan.unreachable.items())),
+        "unchanged": plan.unchanged,
+        "counts": plan.counts(),
+        "steps": [_step_json(step) for step in plan.steps],
+    }
+
+
+def _step_json(step: Step) -> dict[str, Any]:
+    return {
+        "number": step.number,
+        "robot": step.host,
+        "module": step.module,
+        "name": step.name,
+        "action": step.change.action.name.lower(),
+        "cause": step.change.cause,
+        "destructive": step.change.destructive,
+        "needs": list(step.needs),
+        "waits": [{"id": need.id, "condition": need.condition} for need in step.waits],
+        "commands": [command_json(command) for command in step.commands],
+    }
+
+
+def command_json(command: Command) -> dict[str, Any]:
+    """Give one command as JSON; bytes appear by length and digest."""
+    if isinstance(command, Run):
+        return {"run": command.script}
+    if isinstance(command, Put):
+        size = len(command.content)
+        mode = f"{command.mode:04o}"
+        return {"put": command.path, "bytes": size, "sha256": command.digest(), "mode": mode, "in_place": command.in_place}
+    if isinstance(command, CopyImage):
+        return {"copy_image": command.image, "from": command.source_host}
+    assert isinstance(command, EngineCall)  # noqa: S101 - the last of a closed union
+    request: dict[str, Any] = {"engine": command.method, "path": command.path, "params": dict(command.params)}
+    if command.body:
+        request["body"] = command.body
+    if command.blob:
+        request |= {"bytes": len(command.blob), "sha256": hashlib.sha256(command.blob).hexdigest()}
+    return request

@@ -1,0 +1,77 @@
+"""What an experiment asks for beyond its own containers, named so that a user can allow it or not.
+
+An EDF may come from a stranger. Everything that reaches the robot itself is a `Permission`; `plan` lists them, `apply` refuses
+those whose kind is not allowed. Pure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+
+from srprov.definitions.model import Experiment, Runtime, Service
+from srprov.planning.plan import Permission
+
+KINDS = (
+    "privileged",
+    "host-network",
+    "host-pid",
+    "host-ipc",
+    "host-path",
+    "docker-socket",
+    "device",
+    "gpu",
+    "capability",
+    "sysctl",
+    "security-opt",
+)
+_SOCKETS = ("/var/run/docker.sock", "/run/docker.sock")
+
+
+def permissions(experiment: Experiment) -> tuple[Permission, ...]:
+    """List what the experiment asks for, sorted by kind and service."""
+    found = [one for service in experiment.services.values() for one in _of_service(service)]
+    return tuple(sorted(found, key=lambda one: (KINDS.index(one.kind), one.service, one.what)))
+
+
+def refused(asked: Collection[Permission], allowed: Collection[str]) -> tuple[Permission, ...]:
+    """Give those that are not allowed; the word `all` allows every kind."""
+    return () if "all" in allowed else tuple(one for one in asked if one.kind not in allowed)
+
+
+def _of_service(service: Service) -> Iterator[Permission]:
+    run = service.runtime
+    if service.network in ("host", "both"):
+        yield Permission(kind="host-network", service=service.name, what="the robot's network")
+    for kind, what in (*_namespaces(run), *_paths(run), *_hardware(run)):
+        yield Permission(kind=kind, service=service.name, what=what)
+
+
+def _namespaces(run: Runtime) -> Iterator[tuple[str, str]]:
+    if run.privileged:
+        yield "privileged", "all devices and capabilities of the robot"
+    if run.pid:
+        yield "host-pid", f"pid: {run.pid}"
+    if run.ipc and run.ipc not in ("private", "none"):
+        yield "host-ipc", f"ipc: {run.ipc}"
+    for capability in run.cap_add:
+        yield "capability", capability
+    for name, value in sorted(run.sysctls.items()):
+        yield "sysctl", f"{name}={value}"
+    for option in run.security_opt:
+        yield "security-opt", option
+
+
+def _paths(run: Runtime) -> Iterator[tuple[str, str]]:
+    for mount in run.mounts:
+        if mount.kind == "bind":
+            kind = "docker-socket" if mount.source in _SOCKETS else "host-path"
+            yield kind, f"{mount.source}{' (read-only)' if mount.read_only else ''}"
+
+
+def _hardware(run: Runtime) -> Iterator[tuple[str, str]]:
+    for path, _, rights in run.devices:
+        yield "device", f"{path} ({rights})"
+    for rule in run.device_cgroup_rules:
+        yield "device", f"cgroup rule {rule}"
+    if run.gpus:
+        yield "gpu", f"gpus: {run.gpus}"
