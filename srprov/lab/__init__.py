@@ -1,0 +1,21 @@
+"""The embedded lab: N robots on this one machine, each a real host for SSH, Docker and the network.
+
+Takes a number of robots and a lab-spec.yml, gives running robots, an inventory and a known_hosts.
+It may touch: its own folders (places.py), its own cgroups, its bridge and its firewall rules. Only
+`srprov/cli/lab.py` calls it; the rest of srprov sees hosts that answer SSH.
+
+    lab.py        up, down, status, kill, restart: the order of things
+    spec.py       lab-spec.yml -> Robot values (yamltext.py: YAML with places for messages)
+    places.py     names, folders and addresses
+    machine.py    programs, and what is missing
+    state.py      what is remembered in /run
+    cgroups.py    one group per robot: whatever runs in it is the robot's
+    network.py    bridge, NAT, cables
+    disk.py       a robot's own files (users.py, figures.py)
+    robot.py      boot, ready, kill, enter
+    boot.sh       PID 1 of a robot
+    images.py     what the mirror serves (trust.py: what this machine trusts, tarfiles.py: layers,
+                  oci.py: written as a registry stores it)
+    registry.py   the mirror
+    inventory.py  the Ansible inventory and the known_hosts
+"""

@@ -1,0 +1,138 @@
+#!/bin/sh
+# A robot from first process to last. `boot.sh enter` joins the robot's cgroups and makes its namespaces;
+# `boot.sh inside` is then PID 1 of the robot: it builds the robot's view of the machine, starts its services and
+# reaps orphans for ever. Killing PID 1 ends the robot, and its namespaces take mounts and links with them.
+# Settings come as LAB_* variables (srprov/lab/robot.py writes them); nothing outside $LAB_DISK is changed.
+set -eu
+
+enter() {
+    for group in $LAB_CGROUPS; do
+        echo $$ >"$group/cgroup.procs"
+    done
+    exec unshare --mount --pid --uts --ipc --net --cgroup --fork --kill-child /bin/sh "$0" inside
+}
+
+# The controller says "go" once it has noted our process id and put eth0 into our network. Should it die before
+# that, the pipe closes and no robot is left that nobody knows of.
+wait_for_go() {
+    read -r word || exit 1
+    [ "$word" = go ] || exit 1
+    exec </dev/null
+}
+
+# A copy-on-write view of the machine's own root: reads come from it, every write goes to the robot's disk.
+mount_root() {
+    mount --make-rprivate /
+    mount -t overlay overlay -o "lowerdir=/,upperdir=$LAB_DISK/upper,workdir=$LAB_DISK/work" "$root"
+    mount -t proc -o nosuid,nodev,noexec proc "$root/proc"
+    mount -t sysfs -o nosuid,nodev,noexec sysfs "$root/sys"
+    mount -t tmpfs -o mode=755,nosuid,nodev tmpfs "$root/run"
+    mount -t tmpfs -o mode=1777,nosuid,nodev tmpfs "$root/tmp"
+    # Docker's overlay2 cannot live on an overlay, so its data lies directly on the disk.
+    mount --bind "$LAB_DISK/docker" "$root/var/lib/docker"
+}
+
+mount_cgroups() {
+    if [ "$LAB_CGROUP_VERSION" = 2 ]; then
+        mount -t cgroup2 cgroup2 "$root/sys/fs/cgroup"
+        # A v2 group with processes of its own may not hand controllers to its children: move aside first.
+        mkdir -p "$root/sys/fs/cgroup/init"
+        echo 1 >"$root/sys/fs/cgroup/init/cgroup.procs"
+        for controller in $(cat "$root/sys/fs/cgroup/cgroup.controllers"); do
+            echo "+$controller" >"$root/sys/fs/cgroup/cgroup.subtree_control" || :
+        done
+        return
+    fi
+    mount -t tmpfs -o mode=755 tmpfs "$root/sys/fs/cgroup"
+    for hierarchy in $LAB_CGROUP_HIERARCHIES; do # name:mount options
+        mkdir "$root/sys/fs/cgroup/${hierarchy%%:*}"
+        mount -t cgroup -o "${hierarchy#*:}" cgroup "$root/sys/fs/cgroup/${hierarchy%%:*}"
+    done
+}
+
+node() { # path, major, minor
+    mkdir -p "$root${1%/*}"
+    mknod -m 666 "$root$1" c "$2" "$3"
+}
+
+make_devices() {
+    mount -t tmpfs -o mode=755,nosuid tmpfs "$root/dev"
+    node /dev/null 1 3
+    node /dev/zero 1 5
+    node /dev/full 1 7
+    node /dev/random 1 8
+    node /dev/urandom 1 9
+    node /dev/kmsg 1 11
+    node /dev/tty 5 0
+    node /dev/net/tun 10 200
+    node /dev/fuse 10 229
+    mkdir "$root/dev/pts" "$root/dev/shm" "$root/dev/mqueue"
+    mount -t devpts -o newinstance,ptmxmode=0666,mode=620,gid=5 devpts "$root/dev/pts"
+    mount -t tmpfs -o mode=1777,nosuid,nodev tmpfs "$root/dev/shm"
+    mount -t mqueue mqueue "$root/dev/mqueue"
+    ln -s pts/ptmx "$root/dev/ptmx"
+    ln -s /proc/self/fd "$root/dev/fd"
+    ln -s /proc/self/fd/0 "$root/dev/stdin"
+    ln -s /proc/self/fd/1 "$root/dev/stdout"
+    ln -s /proc/self/fd/2 "$root/dev/stderr"
+    # A simulated device can be opened, reads as empty and swallows what is written: it is another /dev/null.
+    for device in $LAB_DEVICES; do
+        node "$device" 1 3
+    done
+}
+
+simulate_figures() {
+    for figure in loadavg meminfo; do
+        if [ -e "$LAB_DISK/figures/$figure" ]; then
+            mount --bind "$LAB_DISK/figures/$figure" "$root/proc/$figure"
+        fi
+    done
+}
+
+leave_old_root() {
+    mkdir -p "$root/run/.old"
+    cd "$root"
+    pivot_root . run/.old
+    cd /
+    umount -l /run/.old
+    rmdir /run/.old
+}
+
+start_network() {
+    echo "$LAB_NAME" >/proc/sys/kernel/hostname
+    ip link set lo up
+    ip addr add "$LAB_ADDRESS" dev eth0
+    ip link set eth0 up
+    ip route add default via "$LAB_GATEWAY"
+}
+
+start_services() {
+    mkdir -p /run/sshd /run/lock
+    clean="env -i PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin HOME=/root"
+    $clean /usr/sbin/sshd -D -e 2>>/var/log/sshd.log &
+    if [ "$LAB_DOCKER" = yes ]; then
+        (ulimit -n 524288 2>/dev/null || :; exec $clean dockerd >>/var/log/dockerd.log 2>&1) &
+    fi
+}
+
+reap_for_ever() {
+    exec >/dev/null 2>&1
+    while :; do # `wait` reaps the adopted orphans too, and never returns while the sleeper lives
+        sleep infinity &
+        wait || :
+    done
+}
+
+root=$LAB_DISK/root
+if [ "$1" = enter ]; then
+    enter
+fi
+wait_for_go
+mount_root
+mount_cgroups
+make_devices
+simulate_figures
+leave_old_root
+start_network
+start_services
+reap_for_ever

@@ -1,0 +1,163 @@
+"""One cgroup per robot: what it may use is counted there, and whatever runs in it is the robot's.
+
+That second part makes `lab down` safe and complete after a killed run: the lab ends the processes
+in its own cgroups and no others, whether or not it ever noted their ids. On cgroup v1 a robot
+joins the group `srprov-lab/<robot>` of every hierarchy and sees it as the root of its cgroup
+namespace; on v2 it is one delegated subtree (written, never tested: docs/lab.md).
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from srprov.errors import LabError
+from srprov.lab.places import TAG
+
+ROOT = Path("/sys/fs/cgroup")
+
+
+@dataclass(frozen=True)
+class Hierarchy:
+    """A mounted v1 hierarchy: its mount point and the options that mount it once more."""
+
+    path: Path
+    options: str
+
+    @property
+    def word(self) -> str:
+        """As boot.sh reads it."""
+        return f"{self.path.name}:{self.options}"
+
+
+def version() -> int:
+    """1 or 2, as Docker decides it: v2 only where it is mounted on /sys/fs/cgroup itself."""
+    return 2 if (ROOT / "cgroup.controllers").exists() else 1
+
+
+def hierarchies() -> list[Hierarchy]:
+    """The v1 hierarchies of this machine (empty on v2)."""
+    found: dict[Path, Hierarchy] = {}
+    for line in Path("/proc/self/mountinfo").read_text().splitlines():
+        fields, _, rest = line.partition(" - ")
+        kind, _, options = rest.split(" ", 2)
+        path = Path(fields.split(" ")[4])
+        if kind == "cgroup" and path.parent == ROOT:
+            found[path] = Hierarchy(path, _mount_options(options))
+    return [found[path] for path in sorted(found)]
+
+
+def _mount_options(super_options: str) -> str:
+    """What to pass to mount(8): the controllers, or the name of a hierarchy without any."""
+    wanted = [
+        word
+        for word in super_options.split(",")
+        if word not in ("rw", "ro", "xattr", "clone_children", "none") and not word.startswith("release_agent=")
+    ]
+    named = any(word.startswith("name=") for word in wanted)
+    return ",".join(["none", *wanted] if named and len(wanted) == 1 else wanted)
+
+
+def _roots() -> list[Path]:
+    return [ROOT] if version() == 2 else [hierarchy.path for hierarchy in hierarchies()]
+
+
+def make(robot: str) -> list[Path]:
+    """Make the robot's groups; gives one folder per hierarchy."""
+    roots = _roots()
+    if not roots:
+        raise LabError(f"no cgroups are mounted below {ROOT}", hint="mount them, Docker needs them too")
+    made = []
+    for root in roots:
+        group = root
+        for part in (TAG, robot):
+            if version() == 2:
+                _delegate(group)
+            group = group / part
+            group.mkdir(exist_ok=True)
+            _copy_cpuset(group)
+        made.append(group)
+    return made
+
+
+def _copy_cpuset(group: Path) -> None:
+    """Give a new v1 cpuset its parent's CPUs and memory: it has none, and nothing could join it."""
+    for name in ("cpuset.cpus", "cpuset.mems"):
+        ours = group / name
+        if version() == 1 and ours.exists() and not ours.read_text().strip():
+            ours.write_text((group.parent / name).read_text())
+
+
+def _delegate(group: Path) -> None:
+    """v2: let the children of `group` use every controller it has; one that refuses is left out."""
+    for controller in (group / "cgroup.controllers").read_text().split():
+        try:
+            (group / "cgroup.subtree_control").write_text(f"+{controller}")
+        except OSError:
+            continue
+
+
+def set_aside(robot: str, pid: int) -> None:
+    """v2: move a process out of the robot's own group.
+
+    The group hands controllers to its children only while nothing runs in itself.
+    """
+    if version() == 2:
+        aside = ROOT / TAG / robot / "launcher"
+        aside.mkdir(exist_ok=True)
+        (aside / "cgroup.procs").write_text(str(pid))
+
+
+def robots() -> set[str]:
+    """Robots that have a cgroup, alive or left behind by a killed run."""
+    return {path.name for root in _roots() for path in (root / TAG).glob("*/")}
+
+
+def processes(robot: str) -> set[int]:
+    """Every process of the robot and of its containers, as the machine numbers them."""
+    found: set[int] = set()
+    for root in _roots()[:1]:
+        for listing in (root / TAG / robot).rglob("cgroup.procs"):
+            try:
+                found.update(int(word) for word in listing.read_text().split())
+            except OSError:  # a container's group may go while we look
+                continue
+    return found - {0}
+
+
+def memory(robot: str) -> int | None:
+    """Bytes that the robot's processes hold, without page cache; None when it cannot be told."""
+    path, key = (ROOT, "anon") if version() == 2 else (ROOT / "memory", "total_rss")
+    try:
+        lines = (path / TAG / robot / "memory.stat").read_text().splitlines()
+    except OSError:
+        return None
+    figures = dict(line.split(" ", 1) for line in lines)
+    return int(figures[key]) if key in figures else None
+
+
+def remove(robot: str, patience_s: float = 5.0) -> None:
+    """Remove the robot's groups, and with the last one their parent; its processes have ended."""
+    until = time.monotonic() + patience_s
+    for root in _roots():
+        _remove_tree(root / TAG / robot, until)
+        if (root / TAG).exists() and not any((root / TAG).glob("*/")):
+            _remove_tree(root / TAG, until)
+
+
+def _remove_tree(top: Path, until: float) -> None:
+    for folder, _, _ in os.walk(top, topdown=False):
+        while True:
+            try:
+                os.rmdir(folder)
+            except FileNotFoundError:
+                break
+            except OSError as error:  # busy for a moment after the last process has gone
+                if time.monotonic() > until:
+                    hint = "see who is in its cgroup.procs, then run `srprov lab down` again"
+                    raise LabError(f"cannot remove {folder}: {error.strerror}", hint=hint) from error
+                time.sleep(0.01)
+            else:
+                break

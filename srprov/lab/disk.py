@@ -1,0 +1,199 @@
+"""A robot's disk: the upper layer of an overlay over the machine's root, made before it boots.
+
+Writes below /var/lib/srprov-lab/<robot> only. What a robot must not see of the machine (homes,
+logs, other folders of the root, the lab itself) is hidden by the overlay's own means: an opaque
+folder hides what lies below it, a whiteout hides one name. What makes the robot a host of its own
+(users, host key, host name) is written over the machine's.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import stat
+import uuid
+from pathlib import Path
+
+from srprov.lab import users
+from srprov.lab.figures import loadavg, meminfo
+from srprov.lab.machine import SYSTEM_PATH, run
+from srprov.lab.places import CONTROLLER, KEY, REGISTRY_PORT, disk
+from srprov.lab.spec import Robot
+
+SHARED = {"bin", "boot", "etc", "lib", "lib32", "lib64", "libx32", "nix", "sbin", "usr", "var"}
+STANDARD = {"dev", "home", "media", "mnt", "opt", "proc", "root", "run", "srv", "sys", "tmp"}
+OWN = ("etc/docker", "etc/ssh", "var/lib/containerd", "var/lib/docker", "var/log", "var/tmp")
+HIDDEN = ("var/cache/srprov-lab", "var/lib/docker-registry", "var/lib/srprov", "var/lib/srprov-lab")
+DOCKER = ("containerd", "ctr", "docker", "docker-init", "docker-proxy", "dockerd", "runc")
+
+SSHD_CONFIG = """\
+Port 22
+HostKey /etc/ssh/ssh_host_ed25519_key
+PermitRootLogin prohibit-password
+PasswordAuthentication no
+KbdInteractiveAuthentication no
+UsePAM no
+UseDNS no
+PrintMotd no
+PrintLastLog no
+# A provisioner opens many connections at once; the defaults drop such bursts.
+MaxStartups 500:30:1000
+MaxSessions 200
+AcceptEnv LANG LC_*
+PidFile /run/sshd.pid
+Subsystem sftp internal-sftp
+"""
+
+DAEMON_JSON = """\
+{
+  "data-root": "/var/lib/docker",
+  "exec-opts": ["native.cgroupdriver=cgroupfs"],
+  "insecure-registries": ["%(registry)s"],
+  "log-level": "warn",
+  "registry-mirrors": ["http://%(registry)s"],
+  "shutdown-timeout": 5,
+  "storage-driver": "overlay2"
+}
+"""
+
+
+def prepare(robot: Robot) -> None:
+    """Make the disk of a robot that has none, and bring what the options decide up to date."""
+    top = disk(robot.name)
+    if not (top / "made").exists():
+        shutil.rmtree(top, ignore_errors=True)
+        for part in ("upper", "work", "root", "docker", "figures"):
+            (top / part).mkdir(parents=True)
+        top.chmod(0o700)
+        upper = Upper(top / "upper")
+        _hide_machine(upper)
+        _write_identity(upper, robot.name)
+        (top / "made").touch()
+    _write_options(Upper(top / "upper"), robot)
+    _write_figures(top / "figures", robot)
+
+
+def remove(name: str) -> None:
+    """Remove the disk; the robot must be dead."""
+    shutil.rmtree(disk(name), ignore_errors=True)
+
+
+def host_key(name: str) -> str:
+    """The robot's public host key, as known_hosts wants it."""
+    path = disk(name) / "upper/etc/ssh/ssh_host_ed25519_key.pub"
+    return " ".join(path.read_text().split()[:2])
+
+
+class Upper:
+    """Writes the upper layer of an overlay over `/`; paths are relative to the root."""
+
+    def __init__(self, top: Path) -> None:
+        """`top` is the overlay's upperdir, not mounted now."""
+        self.top = top
+
+    def folder(self, path: str) -> Path:
+        """The folder in this layer, with the rights that it has below: the upper one's count."""
+        ours = self.top / path
+        if not ours.exists():
+            if path not in ("", "."):
+                self.folder(os.path.dirname(path))
+            ours.mkdir(exist_ok=True)
+            below = Path("/", path)
+            if below.is_dir():
+                shutil.copystat(below, ours)
+                os.chown(ours, below.stat().st_uid, below.stat().st_gid)
+        return ours
+
+    def empty(self, path: str) -> Path:
+        """An empty folder that hides what lies below it."""
+        ours = self.folder(path)
+        os.setxattr(ours, "trusted.overlay.opaque", b"y")
+        return ours
+
+    def hide(self, path: str) -> None:
+        """Make the name disappear (a whiteout), also when it only comes into being later."""
+        ours = self.folder(os.path.dirname(path)) / os.path.basename(path)
+        if not os.path.lexists(ours):
+            os.mknod(ours, stat.S_IFCHR, os.makedev(0, 0))
+
+    def unhide(self, path: str) -> None:
+        """Take a whiteout away; anything else with that name stays."""
+        ours = self.top / path
+        if os.path.lexists(ours):
+            found = ours.lstat()
+            if stat.S_ISCHR(found.st_mode) and found.st_rdev == 0:
+                ours.unlink()
+
+    def write(self, path: str, text: str, mode: int = 0o644, owner: tuple[int, int] = (0, 0)) -> None:
+        """Put a file into this layer; takes the place of whatever was there."""
+        ours = self.folder(os.path.dirname(path)) / os.path.basename(path)
+        draft = ours.with_name(f".{ours.name}.new")
+        draft.write_text(text)
+        draft.chmod(mode)
+        os.chown(draft, *owner)
+        draft.replace(ours)
+
+
+def _hide_machine(upper: Upper) -> None:
+    for entry in os.scandir("/"):
+        if entry.name in SHARED or entry.is_symlink():
+            continue
+        if entry.name in STANDARD:
+            upper.empty(entry.name)
+        else:
+            upper.hide(entry.name)
+    for path in (*sorted(STANDARD), *OWN):
+        upper.empty(path)
+    for path in HIDDEN:
+        upper.hide(path)
+    (upper.top / "tmp").chmod(0o1777)
+    (upper.top / "var/tmp").chmod(0o1777)
+    (upper.top / "root").chmod(0o700)
+
+
+def _write_identity(upper: Upper, name: str) -> None:
+    """What the robot gets once, with its disk: users, host key, machine id."""
+    users.write(upper.write)
+    key = upper.folder("etc/ssh") / "ssh_host_ed25519_key"
+    run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-C", name, "-f", str(key)])
+    upper.write("etc/machine-id", uuid.uuid4().hex + "\n", 0o444)
+    upper.write("etc/ssh/sshd_config", SSHD_CONFIG)
+
+
+def _write_options(upper: Upper, robot: Robot) -> None:
+    """What may differ at every boot."""
+    hosts = f"127.0.0.1 localhost\n127.0.1.1 {robot.name}\n::1 localhost ip6-localhost\n"
+    upper.write("etc/hostname", robot.name + "\n")
+    upper.write("etc/hosts", hosts)
+    upper.write("etc/resolv.conf", resolv_conf())
+    upper.write("etc/docker/daemon.json", DAEMON_JSON % {"registry": f"{CONTROLLER}:{REGISTRY_PORT}"})
+    users.authorize(upper, KEY.with_suffix(".pub").read_text())
+    folders = {os.path.realpath(folder) for folder in SYSTEM_PATH.split(":")}
+    for program in DOCKER:
+        for folder in sorted(folders):
+            path = f"{folder}/{program}".lstrip("/")
+            if robot.docker:
+                upper.unhide(path)
+            elif os.path.lexists(f"/{path}"):
+                upper.hide(path)
+
+
+def _write_figures(folder: Path, robot: Robot) -> None:
+    """The files that boot.sh binds over /proc/loadavg and /proc/meminfo where wanted."""
+    for path in folder.iterdir():
+        path.unlink()
+    if robot.load is not None:
+        (folder / "loadavg").write_text(loadavg(robot.load))
+    if robot.memory is not None or robot.swap is not None:
+        text = meminfo(Path("/proc/meminfo").read_text(), robot.memory, robot.swap)
+        (folder / "meminfo").write_text(text)
+
+
+def resolv_conf() -> str:
+    """The machine's name servers, but for those on its loopback: no robot can reach them."""
+    for path in (Path("/etc/resolv.conf"), Path("/run/systemd/resolve/resolv.conf")):
+        lines = path.read_text().splitlines() if path.exists() else []
+        kept = [line for line in lines if not line.startswith(("nameserver 127.", "nameserver ::1"))]
+        if any(line.startswith("nameserver") for line in kept):
+            return "\n".join(kept) + "\n"
+    return ""

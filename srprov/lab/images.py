@@ -1,0 +1,117 @@
+"""The images that the lab's mirror serves, made once and cached.
+
+`debian:bookworm` is debootstrap's minimal variant below a layer with what this machine trusts;
+`busybox` is Debian's static busybox. Two caches: debootstrap's tar file (half a minute of work)
+and the registry's storage, named by a hash of all that goes into it. Each is made beside its
+place and renamed into it, so a killed run leaves nothing half made in use.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+
+from srprov.lab import machine, trust
+from srprov.lab.oci import Image, Storage, architecture
+from srprov.lab.places import CACHE
+from srprov.lab.tarfiles import Layer
+
+FORMAT = 1
+"""Raise it when the same inputs shall give other images."""
+
+Say = Callable[[str], None]
+LEFT_OUT = (
+    "./dev/*",
+    "./proc/*",
+    "./sys/*",
+    "./var/cache/apt/*",
+    "./var/lib/apt/lists/*",
+    "./var/log/*",
+)
+USERS = {
+    "etc/passwd": b"root:x:0:0:root:/root:/bin/sh\nnobody:x:65534:65534:nobody:/nonexistent:/bin/false\n",
+    "etc/group": b"root:x:0:\nnogroup:x:65534:\n",
+}
+
+
+def ensure(say: Say) -> Path:
+    """The storage of the mirror's registry, made if it is not cached."""
+    busybox = machine.find("busybox")
+    trusted, variables = trust.files(), trust.environment()
+    storage = CACHE / f"registry-{_fingerprint(trusted, variables, busybox)}"
+    if storage.exists():
+        return storage
+    machine.require(machine.IMAGE_PACKAGES)
+    CACHE.mkdir(parents=True, exist_ok=True)
+    debian = _debian_tar(say)
+    say("making the images debian:bookworm and busybox")
+    draft = CACHE / "registry.new"
+    shutil.rmtree(draft, ignore_errors=True)
+    draft.mkdir()
+    base, top, box = (draft / f"{name}.tar" for name in ("base", "top", "busybox"))
+    shutil.copyfile(debian, base)
+    with Layer(top) as layer:
+        layer.files(trusted)
+        layer.file("usr/sbin/policy-rc.d", b"#!/bin/sh\nexit 101\n", 0o755)
+    _write_busybox(box, Path(busybox or "busybox"))
+    Storage(draft).add(Image("library/debian", trust.SUITE, [base, top], ["bash"], variables))
+    Storage(draft).add(Image("library/busybox", "latest", [box], ["sh"]))
+    for old in CACHE.glob("registry-*"):
+        shutil.rmtree(old)
+    draft.rename(storage)
+    return storage
+
+
+def _fingerprint(trusted: dict[str, bytes], variables: dict[str, str], busybox: str | None) -> str:
+    digest = hashlib.sha256(f"{FORMAT} {architecture()} {sorted(variables.items())}".encode())
+    for path in sorted(trusted):
+        digest.update(f"\0{path}\0".encode() + trusted[path])
+    if busybox is not None:
+        digest.update(Path(busybox).read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _debian_tar(say: Say) -> Path:
+    """Debootstrap's minimal Debian as a tar file."""
+    ready = CACHE / f"debian-{trust.SUITE}-{architecture()}.tar"
+    if ready.exists():
+        return ready
+    root = CACHE / "debootstrap.new"
+    _remove_root(root)
+    mirror = trust.mirror()
+    say(f"making debian:{trust.SUITE} with debootstrap, once; this takes about half a minute")
+    machine.run(["debootstrap", "--variant=minbase", trust.SUITE, str(root), mirror])
+    draft = ready.with_suffix(".new")
+    sorted_by_name = ["--sort=name", "--numeric-owner", *(f"--exclude={path}" for path in LEFT_OUT)]
+    machine.run(["tar", "--create", f"--file={draft}", f"--directory={root}", *sorted_by_name, "."])
+    draft.rename(ready)
+    _remove_root(root)
+    return ready
+
+
+def _remove_root(root: Path) -> None:
+    """Remove debootstrap's folder; a killed run leaves its /proc and /sys mounted in there."""
+    for mount in ("proc", "sys", "dev/pts", "dev"):
+        if os.path.ismount(root / mount):
+            machine.run(["umount", "--lazy", str(root / mount)])
+    if root.exists():
+        shutil.rmtree(root)
+
+
+def _write_busybox(path: Path, program: Path) -> None:
+    """Busybox with all its applets, and the few files that a shell expects."""
+    listed = subprocess.run([program, "--list"], capture_output=True, text=True, check=True).stdout
+    with Layer(path) as layer:
+        for folder in ("bin", "etc", "root"):
+            layer.folder(folder)
+        layer.folder("tmp", 0o1777)
+        layer.folder("var")
+        layer.folder("var/tmp", 0o1777)
+        layer.file("bin/busybox", program.read_bytes(), 0o755)
+        for applet in sorted(set(listed.split()) - {"busybox"}):
+            layer.link(f"bin/{applet}", "busybox")
+        layer.files(USERS)

@@ -1,0 +1,48 @@
+"""The lab as an Ansible inventory, and its host keys as a known_hosts. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import yaml
+
+from srprov.lab import places
+from srprov.lab.spec import Robot
+
+HEADER = "# Written by `srprov lab up`; `srprov lab down` removes it.\n"
+
+
+def user_of(robot: Robot, user: str | None) -> str:
+    """Who logs in: `--user`, else the robot's own option, else root."""
+    return user or robot.user or "root"
+
+
+def as_text(robots: Sequence[Robot], user: str | None) -> str:
+    """The inventory. Tags, slots and devices stand there only where the spec gives them."""
+    shared = {
+        "ansible_ssh_private_key_file": str(places.KEY),
+        "ansible_ssh_common_args": f"-o UserKnownHostsFile={places.KNOWN_HOSTS}",
+    }
+    hosts = {robot.name: _variables(robot, user) for robot in robots}
+    text = yaml.safe_dump({"all": {"hosts": hosts, "vars": shared}}, sort_keys=False)
+    return HEADER + str(text)
+
+
+def _variables(robot: Robot, user: str | None) -> dict[str, Any]:
+    found: dict[str, Any] = {
+        "ansible_host": str(places.address(robot.name)),
+        "ansible_user": user_of(robot, user),
+    }
+    if robot.tags:
+        found["srprov_tags"] = list(robot.tags)
+    if robot.slots is not None:
+        found["srprov_slots"] = robot.slots
+    if robot.devices:
+        found["srprov_devices"] = list(robot.devices)
+    return found
+
+
+def known_hosts(keys: Mapping[str, str]) -> str:
+    """One line per robot, by address; `keys` maps robot -> public host key."""
+    return "".join(f"{places.address(name)} {key}\n" for name, key in keys.items())

@@ -1,0 +1,217 @@
+"""One robot: boot it, see whether it is ready, end it, enter it.
+
+A robot is the process tree below its PID 1 (boot.sh). Booting is done in two steps, so that many
+robots start at once and a killed run leaves none behind that is not on record: `power_on` gives a
+robot that waits, `go` lets it run.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import socket
+import subprocess
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from srprov.errors import LabError
+from srprov.lab import cgroups, disk, network, places, state
+from srprov.lab.machine import SYSTEM_PATH, find
+from srprov.lab.spec import Robot
+
+BOOT = Path(__file__).with_name("boot.sh")
+PATIENCE_S = 10.0
+
+
+@dataclass(frozen=True)
+class Waiting:
+    """A robot that has namespaces and a PID 1, and waits for its cable."""
+
+    robot: Robot
+    launcher: subprocess.Popen[bytes]
+    init: state.Process
+
+
+def power_on(robots: Sequence[Robot]) -> list[Waiting]:
+    """Start the robots' first processes; their disks are prepared, and no earlier boot is alive."""
+    launched = []
+    for robot in robots:
+        groups = cgroups.make(robot.name)
+        with open(places.disk(robot.name) / "boot.log", "wb") as log:
+            launcher = subprocess.Popen(
+                ["/bin/sh", str(BOOT), "enter"],
+                stdin=subprocess.PIPE,
+                stdout=log,
+                stderr=log,
+                cwd="/",
+                env=_boot_settings(robot, groups),
+                start_new_session=True,
+            )
+        launched.append((robot, launcher))
+    return [Waiting(robot, launcher, _first_process(robot, launcher)) for robot, launcher in launched]
+
+
+def _boot_settings(robot: Robot, groups: Sequence[Path]) -> dict[str, str]:
+    return {
+        "PATH": SYSTEM_PATH,
+        "LAB_NAME": robot.name,
+        "LAB_DISK": str(places.disk(robot.name)),
+        "LAB_ADDRESS": f"{places.address(robot.name)}/{places.SUBNET.prefixlen}",
+        "LAB_GATEWAY": str(places.CONTROLLER),
+        "LAB_DEVICES": " ".join(robot.devices),
+        "LAB_DOCKER": "yes" if robot.docker else "no",
+        "LAB_CGROUPS": " ".join(str(group) for group in groups),
+        "LAB_CGROUP_VERSION": str(cgroups.version()),
+        "LAB_CGROUP_HIERARCHIES": " ".join(each.word for each in cgroups.hierarchies()),
+    }
+
+
+def _first_process(robot: Robot, launcher: subprocess.Popen[bytes]) -> state.Process:
+    """PID 1 of the robot: the one process in its group that is not the launcher."""
+    until = time.monotonic() + PATIENCE_S
+    while time.monotonic() < until and launcher.poll() is None:
+        for pid in cgroups.processes(robot.name) - {launcher.pid}:
+            init = state.Process.of(pid)
+            if init is not None:
+                return init
+        time.sleep(0.002)
+    raise LabError(f"{robot.name} does not boot: {_last_words(robot.name)}", hint="srprov lab down")
+
+
+def go(waiting: Sequence[Waiting]) -> None:
+    """Lay the cables, note the robots and let them run."""
+    network.connect({each.robot.name: each.init.pid for each in waiting})
+    for each in waiting:
+        cgroups.set_aside(each.robot.name, each.launcher.pid)
+        state.write_robot(each.robot.name, state.Booted(each.init, each.robot.boot_digest))
+        assert each.launcher.stdin is not None
+        each.launcher.stdin.write(b"go\n")
+        each.launcher.stdin.close()
+
+
+def await_ready(robots: Sequence[Robot], patience_s: float = 60.0) -> None:
+    """Return when every robot is ready; LabError with the reasons otherwise."""
+    until = time.monotonic() + patience_s
+    pending = {robot.name: robot for robot in robots}
+    while pending:
+        for name, robot in list(pending.items()):
+            booted = state.read_robot(name)
+            if booted is None:
+                raise LabError(
+                    f"{name} died while booting: {_last_words(name)}",
+                    hint=f"srprov lab restart {name}",
+                )
+            if is_ready(robot, booted.init.pid):
+                del pending[name]
+        if pending and time.monotonic() > until:
+            why = "; ".join(f"{name}: {_last_words(name)}" for name in pending)
+            raise LabError(f"not ready after {patience_s:.0f} s: {why}", hint="srprov lab status")
+        if pending:
+            time.sleep(0.02)
+
+
+def is_ready(robot: Robot, init: int) -> bool:
+    """Whether the robot's sshd greets and its Docker engine, if it has one, answers."""
+    return (not robot.docker or has_engine(init)) and listens(init) and answers_ssh(robot.name)
+
+
+def listens(init: int) -> bool:
+    """Whether anything listens on port 22 in the robot.
+
+    Asked before a connection is tried: a packet to an address that is not there yet costs a second,
+    until the kernel asks for the address again.
+    """
+    try:
+        rows = Path(f"/proc/{init}/net/tcp").read_text().splitlines()[1:]
+    except OSError:
+        return False
+    return any(row.split()[1].endswith(":0016") and row.split()[3] == "0A" for row in rows)
+
+
+def answers_ssh(name: str) -> bool:
+    """Whether the robot's sshd greets."""
+    try:
+        with socket.create_connection((str(places.address(name)), 22), timeout=0.5) as connection:
+            return connection.recv(4) == b"SSH-"
+    except OSError:
+        return False
+
+
+def has_engine(init: int) -> bool:
+    """Whether the robot's Docker engine answers; asked through the robot's own root folder."""
+    try:
+        with socket.socket(socket.AF_UNIX) as connection:
+            connection.settimeout(1.0)
+            connection.connect(f"/proc/{init}/root/run/docker.sock")
+            connection.sendall(b"GET /_ping HTTP/1.0\r\n\r\n")
+            return b" 200 " in connection.recv(64)
+    except OSError:
+        return False
+
+
+def kill(name: str) -> None:
+    """End the robot at once, as by power loss; its disk stays. No error if it is dead."""
+    until = time.monotonic() + PATIENCE_S
+    while found := cgroups.processes(name):
+        for pid in sorted(found):
+            _signal(pid)
+        if time.monotonic() > until:
+            raise LabError(f"{name} does not die: processes {sorted(found)}", hint="see `dmesg`")
+        time.sleep(0.005)
+    network.disconnect(name)
+    cgroups.remove(name)
+    state.forget_robot(name)
+
+
+def _signal(pid: int) -> None:
+    with contextlib.suppress(ProcessLookupError):
+        os.kill(pid, signal.SIGKILL)
+
+
+def remove(name: str) -> None:
+    """Kill the robot and remove its disk."""
+    kill(name)
+    disk.remove(name)
+
+
+def enter(name: str, command: Sequence[str]) -> list[str]:
+    """The program that runs `command` (a login shell if empty) in the robot, not through sshd."""
+    booted = state.read_robot(name)
+    if booted is None:
+        raise LabError(f"{name} is not running", hint=f"srprov lab restart {name}")
+    inside = [
+        "env",
+        "-i",
+        f"PATH={SYSTEM_PATH}",
+        "HOME=/root",
+        "USER=root",
+        f"TERM={os.environ.get('TERM', 'dumb')}",
+    ]
+    doors = ["--mount", "--uts", "--ipc", "--net", "--pid", "--cgroup", "--root"]
+    wanted = ["/bin/sh", "-c", 'cd && exec "$@"', "sh", *(command or ["/bin/bash", "-l"])]
+    return [
+        find("nsenter") or "nsenter",
+        f"--target={booted.init.pid}",
+        *doors,
+        "--",
+        *inside,
+        *wanted,
+    ]
+
+
+def _last_words(name: str) -> str:
+    """The end of the robot's logs, for an error message."""
+    top = places.disk(name)
+    for path in (
+        top / "boot.log",
+        top / "upper/var/log/dockerd.log",
+        top / "upper/var/log/sshd.log",
+    ):
+        lines = path.read_text(errors="replace").split("\n") if path.exists() else []
+        said = [line.strip() for line in lines if line.strip()]
+        if said:
+            return f"{path.name} ends with {said[-1]!r}"
+    return "it left no message"

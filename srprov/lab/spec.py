@@ -1,0 +1,170 @@
+"""lab-spec.yml -> LabSpec: which robots the lab has, and what each of them simulates.
+
+Pure: takes the file's text, gives values, or a `DefinitionError` with every problem and its
+place. One table, `OPTIONS`, says which options a robot has: a further option is one reader, one
+field of `Robot` and whoever acts on it.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field, replace
+from typing import Any
+
+from srprov.errors import DefinitionError
+from srprov.lab.figures import Amount
+from srprov.lab.places import MOST_ROBOTS, robot_name, robot_number
+from srprov.lab.yamltext import Node, Reader
+
+DEFAULT_COUNT = 4
+USERS = ("root", "robot")
+
+
+@dataclass(frozen=True)
+class Robot:
+    """One robot of the lab and its options; None where the machine's own figure shows."""
+
+    name: str
+    tags: tuple[str, ...] = ()
+    devices: tuple[str, ...] = ()
+    slots: int | None = None
+    load: float | None = None
+    memory: Amount | None = None
+    swap: Amount | None = None
+    docker: bool = True
+    user: str | None = None
+
+    @property
+    def boot_digest(self) -> str:
+        """Equal for options that boot the same robot; the others only go to the inventory."""
+        kept = asdict(replace(self, tags=(), slots=None, user=None))
+        return json.dumps(kept, sort_keys=True)
+
+
+@dataclass(frozen=True)
+class LabSpec:
+    """A lab: how many robots, and the options of those that have any."""
+
+    count: int | None = None
+    defaults: Mapping[str, Any] = field(default_factory=dict)
+    robots: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+    @property
+    def least(self) -> int:
+        """The count that has room for every robot with options."""
+        return max((robot_number(name) or 0 for name in self.robots), default=0)
+
+    def build(self, count: int) -> list[Robot]:
+        """The robots robot1 .. robot<count>."""
+        names = [robot_name(number) for number in range(1, count + 1)]
+        return [Robot(name, **{**self.defaults, **self.robots.get(name, {})}) for name in names]
+
+
+def parse(text: str, file: str) -> LabSpec:
+    """Read a lab-spec.yml; `file` is its name in messages."""
+    reader = Reader(text, file)
+    spec = LabSpec()
+    for key, node in reader.mapping(reader.root, ("count", "defaults", "robots")):
+        if key.text == "count":
+            count = reader.integer(node, 1, MOST_ROBOTS)
+            spec = replace(spec, count=count)
+        elif key.text == "defaults":
+            spec = replace(spec, defaults=_options(reader, node))
+        else:
+            spec = replace(spec, robots=_robots(reader, node))
+    if spec.count is not None and spec.least > spec.count:
+        reader.problem(reader.root, f"robot{spec.least} has options, but count is {spec.count}")
+    if reader.problems:
+        raise DefinitionError(reader.problems)
+    return spec
+
+
+def _robots(reader: Reader, node: Node) -> dict[str, dict[str, Any]]:
+    found = {}
+    for key, value in reader.mapping(node):
+        if robot_number(key.text) is None:
+            reader.problem(key, f"{key.text!r} is not robot1 .. robot{MOST_ROBOTS}")
+            continue
+        found[key.text] = {} if reader.is_null(value) else _options(reader, value)
+    return found
+
+
+def _options(reader: Reader, node: Node) -> dict[str, Any]:
+    options = {}
+    for key, value in reader.mapping(node, tuple(OPTIONS)):
+        read = OPTIONS[key.text](reader, value)
+        if read is not None:
+            options[key.text] = read
+    return options
+
+
+def _tags(reader: Reader, node: Node) -> tuple[str, ...]:
+    return tuple(reader.string(item) for item in reader.sequence(node))
+
+
+def _devices(reader: Reader, node: Node) -> tuple[str, ...]:
+    paths = []
+    for item in reader.sequence(node):
+        path = reader.string(item)
+        plain = path.replace("/", "").replace("-", "").replace("_", "").replace(".", "")
+        parts = path.split("/")[2:]
+        if not path.startswith("/dev/") or not plain.isalnum() or {"", ".", ".."} & set(parts):
+            reader.problem(item, f"{path!r} is not a device such as /dev/video0")
+        elif path in paths or path in BUILT_IN or parts[0] in ("pts", "shm", "mqueue", "fd"):
+            reader.problem(item, f"{path} is there already")
+        else:
+            paths.append(path)
+    return tuple(paths)
+
+
+def _amount(reader: Reader, node: Node) -> Amount | None:
+    """`4G`, or `{total: 4G, used: 1G}`."""
+    if not reader.is_mapping(node):
+        total = reader.size(node)
+        return None if total is None else Amount(total)
+    sizes = {k.text: reader.size(value) for k, value in reader.mapping(node, ("total", "used"))}
+    total, used = sizes.get("total"), sizes.get("used", 0)
+    if total is None or used is None:
+        if "total" not in sizes:
+            reader.problem(node, "total is missing")
+        return None
+    if used > total:
+        reader.problem(node, "used is more than total")
+    return Amount(total, used)
+
+
+def _load(reader: Reader, node: Node) -> float | None:
+    return reader.number(node, 0, 1000)
+
+
+def _slots(reader: Reader, node: Node) -> int | None:
+    return reader.integer(node, 0, 1000)
+
+
+def _docker(reader: Reader, node: Node) -> bool | None:
+    return reader.boolean(node)
+
+
+def _user(reader: Reader, node: Node) -> str | None:
+    return reader.choice(node, USERS)
+
+
+OPTIONS: Mapping[str, Callable[[Reader, Node], Any]] = {
+    "tags": _tags,
+    "devices": _devices,
+    "slots": _slots,
+    "load": _load,
+    "memory": _amount,
+    "swap": _amount,
+    "docker": _docker,
+    "user": _user,
+}
+
+BUILT_IN = {
+    f"/dev/{name}"
+    for name in (
+        *("null", "zero", "full", "random", "urandom", "kmsg", "tty", "net", "net/tun", "fuse"),
+        *("pts", "shm", "mqueue", "ptmx", "fd", "stdin", "stdout", "stderr"),
+    )
+}

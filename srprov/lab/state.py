@@ -1,0 +1,128 @@
+"""What the lab remembers between two commands: small JSON files in /run.
+
+A process is named by its id and its start time, so an id that the machine has given to somebody
+else since is never mistaken for ours. Files are replaced, never written in place: a killed run
+leaves the old one or the new one.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from srprov.lab.places import RUN
+
+
+@dataclass(frozen=True)
+class Process:
+    """A process of this machine that cannot be mistaken for a later one with the same id."""
+
+    pid: int
+    started: int
+
+    @classmethod
+    def of(cls, pid: int) -> Process | None:
+        """The living process with this id; a zombie counts as dead."""
+        try:
+            stat = Path(f"/proc/{pid}/stat").read_text()
+        except OSError:
+            return None
+        fields = stat.rpartition(")")[2].split()  # the name before it may hold blanks and brackets
+        return None if fields[0] in "ZX" else cls(pid, int(fields[19]))
+
+    @property
+    def alive(self) -> bool:
+        """Whether this very process still runs."""
+        return Process.of(self.pid) == self
+
+
+@dataclass(frozen=True)
+class Booted:
+    """A robot that was booted: its PID 1, and the digest of the options that it was booted with."""
+
+    init: Process
+    options: str
+
+
+@dataclass(frozen=True)
+class Lab:
+    """The lab as the last `up` wanted it."""
+
+    spec: dict[str, Any]
+    user: str | None
+    kernel_before: dict[str, str] = field(default_factory=dict)
+    inventories: tuple[str, ...] = ()
+
+
+def read_lab() -> Lab | None:
+    """The lab that is up, or was when the machine's run was killed."""
+    found = _read(RUN / "lab.json")
+    return None if found is None else Lab(**{**found, "inventories": tuple(found["inventories"])})
+
+
+def write_lab(lab: Lab) -> None:
+    """Remember what `up` wanted."""
+    _write(RUN / "lab.json", asdict(lab))
+
+
+def read_robot(name: str) -> Booted | None:
+    """The robot's last boot, if its PID 1 is still alive."""
+    found = _read(RUN / "robots" / f"{name}.json")
+    if found is None:
+        return None
+    booted = Booted(Process(**found["init"]), found["options"])
+    return booted if booted.init.alive else None
+
+
+def write_robot(name: str, booted: Booted) -> None:
+    """Remember a boot; to be done before the robot is told to go."""
+    _write(RUN / "robots" / f"{name}.json", asdict(booted))
+
+
+def forget_robot(name: str) -> None:
+    """The robot was killed, or has left the lab."""
+    (RUN / "robots" / f"{name}.json").unlink(missing_ok=True)
+
+
+def _read(path: Path) -> dict[str, Any] | None:
+    try:
+        found = json.loads(path.read_text())
+    except FileNotFoundError:
+        return None
+    assert isinstance(found, dict)
+    return found
+
+
+def _write(path: Path, value: dict[str, Any]) -> None:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    draft = path.with_suffix(".new")
+    draft.write_text(json.dumps(value, indent=1, sort_keys=True) + "\n")
+    draft.replace(path)
+
+
+@contextmanager
+def locked() -> Iterator[None]:
+    """One command at a time may change the lab; the others wait."""
+    while True:
+        RUN.mkdir(mode=0o755, parents=True, exist_ok=True)
+        lock = os.open(RUN / "lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if _same_file(lock, RUN / "lock"):  # `lab down` may have removed it while we waited
+                yield
+                return
+        finally:
+            os.close(lock)
+
+
+def _same_file(descriptor: int, path: Path) -> bool:
+    try:
+        return os.path.samestat(os.fstat(descriptor), path.stat())
+    except FileNotFoundError:
+        return False
