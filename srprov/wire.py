@@ -262,6 +262,14 @@ class Session(Reader, Protocol):
         """Stream the image as `docker save` writes it."""
         ...
 
+    def container_log(self, container: str, *, tail: int, follow: bool) -> Iterator[str]:
+        """Give a container's log line by line, standard output and error together; with `follow` until it ends.
+
+        Raises:
+            TransportError: The engine or the robot cannot be talked to any more.
+        """
+        ...
+
     def close(self) -> None:
         """End the connection; safe to call twice."""
         ...

@@ -1,0 +1,5 @@
+"""`python -m srprov`."""
+
+from srprov.cli.main import entry
+
+entry()

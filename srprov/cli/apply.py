@@ -1,0 +1,119 @@
+"""`srprov apply`: plan, ask, do, report."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Mapping
+from typing import Any
+
+import click
+
+from srprov.cli import options
+from srprov.cli.execute import carry_out, confirm
+from srprov.cli.output import err
+from srprov.cli.plan import show_plan
+from srprov.errors import RefusedError
+from srprov.planning.limit import limited
+
+
+@click.command()
+@click.argument("file", metavar="FILE")
+@options.robots
+@options.INSTANCE
+@options.LIMIT
+@options.EXCLUDE
+@click.option("-y", "--yes", is_flag=True, help="Do not ask.")
+@click.option("--allow", multiple=True, metavar="KIND", help="Allow what the plan lists as asked for, e.g. host-network; or all.")
+@click.option("--reassign", is_flag=True, help="Let running services move when that is cheaper.")
+@click.option("--adopt", is_flag=True, help="Take over an instance that another file made.")
+@click.option("--wait-timeout", type=click.FloatRange(min=0), default=300.0, show_default=True, metavar="S",
+              help="Seconds for a service to become healthy or to complete.")  # fmt: skip
+@click.option("--settle", type=click.FloatRange(min=0), default=2.0, show_default=True, metavar="S",
+              help="A service must still run so many seconds after its start.")  # fmt: skip
+@click.option("--events", type=click.Path(dir_okay=False), help="Write events to a file as they happen, one JSON per line.")
+@click.option("-v", "--verbose", is_flag=True, help="Show the exact commands of each step.")
+@click.option("--no-color", is_flag=True, help="Plain text; so does NO_COLOR.")
+def apply(  # noqa: PLR0913 - one argument per option, as click gives them
+    file: str, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, instance: str, limit: str,
+    exclude: str, yes: bool, allow: tuple[str, ...], reassign: bool, adopt: bool, wait_timeout: float, settle: float,
+    events: str | None, verbose: bool, no_color: bool,
+) -> int:  # fmt: skip
+    """Make the experiment true.
+
+    Shows the plan and asks on a terminal, unless --yes. A second apply changes nothing.
+    """
+    from srprov.controller import Wishes, make_plan
+    from srprov.execution import Options
+
+    refuse_without_terminal(yes)
+    check_kinds(allow)
+    phases = Phases()
+    definitions, inventory = options.load_experiment(file), options.load_inventory(inventories)
+    chosen = options.selected(inventory, limit, exclude)
+    wishes = Wishes(instance=instance, reassign=reassign, adopt=adopt, forks=forks)
+    with options.open_lab(inventory, timeout, forks) as lab:
+        err(f"asking {len(inventory.hosts)} robots for facts")
+        planned = make_plan(definitions, inventory, lab.sessions.get, wishes, phases.begin)
+        made = limited(planned.plan, chosen)
+        if not as_json:
+            show_plan(made, None, verbose=verbose)
+        check_permissions(made.permissions, allow)
+        confirm(made, yes)
+        phases.begin("apply")
+        run_options = Options(forks=forks, wait_timeout_s=wait_timeout, settle_s=settle)
+        return carry_out(made, lab, run_options, phases, as_json=as_json, events=events, color=not no_color)
+
+
+class Phases:
+    """Seconds per phase, from one clock."""
+
+    def __init__(self) -> None:
+        """Begin with what happens before the first named phase."""
+        self.begun = self._last = time.monotonic()
+        self._name = "definitions"
+        self.seconds: dict[str, float] = {}
+
+    def begin(self, name: str) -> None:
+        """End the current phase and begin the next."""
+        now = time.monotonic()
+        self.seconds[self._name] = self.seconds.get(self._name, 0.0) + now - self._last
+        self._name, self._last = name, now
+
+    def end(self) -> Mapping[str, float]:
+        """Give seconds per phase, in order."""
+        self.begin("end")
+        return {name: round(seconds, 3) for name, seconds in self.seconds.items()}
+
+    @property
+    def total(self) -> float:
+        """Seconds since the beginning."""
+        return time.monotonic() - self.begun
+
+
+def refuse_without_terminal(yes: bool) -> None:
+    """A question that nobody can answer is refused before anything is done."""
+    if not yes and not sys.stdin.isatty():
+        raise RefusedError("there is no terminal to ask on", hint="add --yes to go on without being asked")
+
+
+def check_kinds(allow: tuple[str, ...]) -> None:
+    """Refuse a kind that does not exist: a typing mistake must not look like a permission."""
+    from srprov.errors import UsageError
+    from srprov.planning.policy import KINDS
+
+    unknown = sorted(set(allow) - {*KINDS, "all"})
+    if unknown:
+        raise UsageError(f"--allow knows no kind {', '.join(unknown)}", hint=f"known: {', '.join(KINDS)}, all")
+
+
+def check_permissions(asked: Any, allow: tuple[str, ...]) -> None:  # noqa: ANN401 - tuple[Permission, ...], imported lazily
+    """Refuse what the user did not allow."""
+    from srprov.planning.policy import refused
+
+    missing = refused(asked, allow)
+    if missing:
+        kinds = sorted({one.kind for one in missing})
+        what = "; ".join(f"{one.service}: {one.kind} ({one.what})" for one in missing)
+        flags = " ".join(f"--allow {kind}" for kind in kinds)
+        raise RefusedError(f"the experiment asks for more than its own containers: {what}", hint=f"if you trust it: {flags}")

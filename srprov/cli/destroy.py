@@ -1,0 +1,87 @@
+"""`srprov destroy`: remove exactly what an instance owns, found by its labels, whatever the EDF says by now."""
+
+from __future__ import annotations
+
+import click
+
+from srprov.cli import options
+from srprov.cli.apply import Phases, refuse_without_terminal
+from srprov.cli.execute import carry_out, confirm
+from srprov.cli.output import err, out
+from srprov.cli.plan import show_plan
+from srprov.errors import UsageError
+from srprov.planning.limit import limited
+
+
+@click.command()
+@click.argument("file", metavar="FILE", required=False)
+@options.robots
+@options.INSTANCE
+@options.LIMIT
+@options.EXCLUDE
+@click.option("-y", "--yes", is_flag=True, help="Do not ask.")
+@click.option("--volumes", is_flag=True, help="Remove data volumes too; their data is lost.")
+@click.option("--adopt", is_flag=True, help="Also when another file made the instance.")
+@click.option("--events", type=click.Path(dir_okay=False), help="Write events to a file as they happen, one JSON per line.")
+@click.option("-v", "--verbose", is_flag=True, help="Show the exact commands of each step.")
+@click.option("--no-color", is_flag=True, help="Plain text; so does NO_COLOR.")
+def destroy(  # noqa: PLR0913 - one argument per option, as click gives them
+    file: str | None, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, instance: str, limit: str,
+    exclude: str, yes: bool, volumes: bool, adopt: bool, events: str | None, verbose: bool, no_color: bool,
+) -> int:  # fmt: skip
+    """Remove everything that an instance owns.
+
+    The instance is the EDF's name, or --instance. Data volumes stay unless --volumes is given; images stay as a cache.
+    """
+    from srprov.controller import make_removal
+    from srprov.execution import Options
+
+    refuse_without_terminal(yes)
+    phases = Phases()
+    inventory = options.load_inventory(inventories)
+    chosen = options.selected(inventory, limit, exclude)
+    name, source = named_instance(file, instance)
+    with options.open_lab(inventory, timeout, forks) as lab:
+        phases.begin("facts")
+        made, found = make_removal(name, inventory, lab.sessions.get, volumes=volumes, forks=forks, source=source, adopt=adopt)
+        made = limited(made, chosen)
+        if not as_json:
+            show_plan(made, None, verbose=verbose)
+        others = other_names(found, name, source)
+        if others:
+            err(f"note: the same file also made: {', '.join(others)}; destroy them with --instance NAME")
+        confirm(made, yes)
+        phases.begin("destroy")
+        return carry_out(made, lab, Options(forks=forks), phases, as_json=as_json, events=events, color=not no_color)
+
+
+def named_instance(file: str | None, instance: str) -> tuple[str, str]:
+    """Give the instance's id and, when an EDF is named, its source; the EDF need not be valid any more for that.
+
+    Raises:
+        UsageError: Neither an EDF nor --instance is given.
+    """
+    if file is None:
+        if not instance:
+            raise UsageError("which experiment?", hint="name its EDF, or --instance ID")
+        return instance, ""
+    from pathlib import Path
+
+    from srprov.definitions.source import source_of
+
+    definitions_name = instance
+    if not definitions_name:
+        definitions_name = options.load_experiment(file).experiment.name
+    return definitions_name, source_of(str(Path(file).resolve()))
+
+
+def other_names(found: object, name: str, source: str) -> list[str]:
+    """Give instances on the robots that came from the same source under another name."""
+    from srprov.facts.model import Found
+
+    assert isinstance(found, Found)  # noqa: S101 - typed loosely to keep imports lazy
+    owners = {e.instance for items in found.existing.values() for e in items if source and e.state.get("source") == source}
+    return sorted(owners - {name, ""})
+
+
+__all__ = ["destroy", "out"]

@@ -1,0 +1,102 @@
+"""What `apply` and `destroy` share: the question, the run with its progress, the report and the exit code."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from srprov.cli.options import Lab
+from srprov.cli.output import err, out
+from srprov.cli.progress import progress
+from srprov.errors import RefusedError
+from srprov.planning import Plan
+
+if TYPE_CHECKING:
+    from srprov.cli.apply import Phases
+    from srprov.execution import Options, RunResult
+
+
+def confirm(made: Plan, yes: bool) -> None:
+    """Ask before anything is changed, unless there is nothing to do or the user said yes."""
+    if yes or made.empty:
+        return
+    lost = sum(step.change.destructive for step in made.steps)
+    question = "Do this?" if not lost else f"Do this? {lost} steps destroy data."
+    if not click.confirm(question, err=True):
+        raise RefusedError("not confirmed; nothing was changed")
+
+
+def carry_out(
+    made: Plan, lab: Lab, run_options: Options, phases: Phases, *, as_json: bool, events: str | None, color: bool
+) -> int:
+    """Run the plan, show what happens, report, and give the exit code."""
+    from srprov import controller
+
+    with progress(made, events=events, color=color) as listener:
+        result = controller.apply(made, lab.connected(), listener, run_options)
+    report = run_json(made, result, lab, phases)
+    if as_json:
+        out(json.dumps(report, indent=2))
+    for line in failures(result):
+        err(line)
+    err(summary_line(report, result))
+    return result.exit_code
+
+
+def failures(result: RunResult) -> list[str]:
+    """Give a line or more for every step that did not end well, and for every robot that could not be reached."""
+    from srprov.execution import Outcome
+
+    lines = []
+    for one in result.results:
+        if one.outcome not in (Outcome.CHANGED, Outcome.UNCHANGED):
+            lines.append(f"{one.outcome.value}: #{one.step.number} {one.step.id}: {one.message}")
+    lines += [f"unreachable: {host}: {reason}" for host, reason in sorted(result.unreachable.items())]
+    return lines
+
+
+def summary_line(report: Mapping[str, Any], result: RunResult) -> str:
+    """Give the last line of a run."""
+    counts = ", ".join(f"{report[key]} {key}" for key in ("changed", "unchanged", "failed", "skipped"))
+    gone = f", {len(result.unreachable)} unreachable" if result.unreachable else ""
+    state = "interrupted" if result.interrupted else "done"
+    return f"{report['instance']}: {state} in {report['duration_s']:.1f} s: {counts}{gone}"
+
+
+def run_json(made: Plan, result: RunResult, lab: Lab, phases: Phases) -> dict[str, Any]:
+    """Give the documented JSON of a run."""
+    from srprov.execution import Outcome
+
+    return {
+        "instance": made.instance,
+        "changed": result.count(Outcome.CHANGED),
+        "unchanged": result.unchanged + result.count(Outcome.UNCHANGED),
+        "failed": result.count(Outcome.FAILED),
+        "skipped": result.count(Outcome.SKIPPED),
+        "not_reached": result.count(Outcome.NOT_REACHED) + result.count(Outcome.UNREACHABLE),
+        "unreachable": sorted(result.unreachable),
+        "assignment": dict(sorted(made.assignment.items())),
+        "cost": round(made.cost, 6),
+        "robots": {
+            host: {
+                "changed": result.of_host(host, Outcome.CHANGED),
+                "failed": result.of_host(host, Outcome.FAILED),
+                "connections": session.traffic.connections,
+                "round_trips": session.traffic.round_trips,
+                "bytes_sent": session.traffic.bytes_sent,
+                "bytes_received": session.traffic.bytes_received,
+                "duration_s": round(sum(r.duration_s for r in result.results if r.step.host == host), 3),
+            }
+            for host, session in sorted(lab.connected().items())
+        },
+        "phases": phases.end(),
+        "duration_s": round(phases.total, 3),
+        "run": None,
+        "steps": [
+            {"number": r.step.number, "id": r.step.id, "outcome": r.outcome.value, "message": r.message}
+            for r in result.results
+        ],
+    }

@@ -1,0 +1,39 @@
+"""`srprov facts`: the robots as they are."""
+
+from __future__ import annotations
+
+import json
+
+import click
+
+from srprov.cli import options
+from srprov.cli.output import err, out
+
+UNREACHABLE = 4
+
+
+@click.command()
+@options.robots
+@options.LIMIT
+@options.EXCLUDE
+def facts(inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, limit: str, exclude: str) -> int:
+    """Show the robots as they are: load, memory, links, devices, tags, Docker."""
+    import dataclasses
+
+    from srprov.cli.facts_table import facts_table
+    from srprov.facts.gather import gather
+    from srprov.facts.host import facts_json
+
+    whole = options.load_inventory(inventories)
+    chosen = options.selected(whole, limit, exclude)
+    inventory = dataclasses.replace(whole, hosts={name: host for name, host in whole.hosts.items() if name in chosen})
+    with options.open_lab(inventory, timeout, forks) as lab:
+        found = gather(inventory, lab.sessions.get, sample=True, forks=forks)
+    if as_json:
+        robots = {name: facts_json(one) for name, one in sorted(found.facts.items())}
+        out(json.dumps({"robots": robots, "unreachable": dict(sorted(found.unreachable.items()))}, indent=2))
+    else:
+        out(facts_table(found.facts, found.unreachable))
+    for host, reason in sorted(found.unreachable.items()):
+        err(f"unreachable: {host}: {reason}")
+    return UNREACHABLE if found.unreachable else 0

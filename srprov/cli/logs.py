@@ -1,0 +1,88 @@
+"""`srprov logs`: what services print, from all robots, each line with its service's name."""
+
+from __future__ import annotations
+
+import threading
+from typing import TYPE_CHECKING
+
+import click
+
+from srprov.cli import options
+from srprov.cli.destroy import named_instance
+from srprov.cli.output import err, out
+from srprov.errors import TransportError, UsageError
+from srprov.wire import Session
+
+if TYPE_CHECKING:
+    from srprov.facts.model import Found
+
+UNREACHABLE = 4
+
+
+@click.command()
+@click.argument("file", metavar="FILE")
+@click.argument("services", nargs=-1)
+@options.robots
+@options.INSTANCE
+@click.option("-n", "--tail", type=click.IntRange(min=0), default=100, show_default=True, help="Lines from the end.")
+@click.option("-f", "--follow", is_flag=True, help="Go on until Ctrl-C, or until all have ended.")
+def logs(  # noqa: PLR0913 - one argument per option, as click gives them
+    file: str, services: tuple[str, ...], inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float,
+    instance: str, tail: int, follow: bool,
+) -> int:  # fmt: skip
+    """Show what services print (all, or those named)."""
+    from srprov.facts.gather import gather
+
+    inventory = options.load_inventory(inventories)
+    name = named_instance(file, instance)[0]
+    with options.open_lab(inventory, timeout, forks) as lab:
+        found = gather(inventory, lab.sessions.get, sample=False, forks=forks)
+        chosen = _containers(found, name, services)
+        show = _Lines(max((len(service) for service, _, _ in chosen), default=0))
+        threads = [
+            threading.Thread(target=show.stream, args=(lab.sessions.get(host), service, container, tail, follow), daemon=True)
+            for service, host, container in chosen
+        ]
+        for thread in threads:
+            thread.start()
+        for thread in threads:
+            thread.join()
+    for host, reason in sorted(found.unreachable.items()):
+        err(f"unreachable: {host}: {reason}")
+    return UNREACHABLE if found.unreachable or show.lost else 0
+
+
+def _containers(found: Found, instance: str, services: tuple[str, ...]) -> list[tuple[str, str, str]]:
+    """Give (service, robot, container) of what is wanted."""
+    there = sorted(
+        (item.state["service"], host, item.name)
+        for host, items in found.existing.items()
+        for item in items
+        if item.module == "container" and item.instance == instance
+    )
+    known = [service for service, _, _ in there]
+    unknown = sorted(set(services) - set(known))
+    if unknown:
+        raise UsageError(f"no container of {', '.join(unknown)} on these robots", hint=f"there are: {', '.join(known) or 'none'}")
+    if not there:
+        raise UsageError(f"nothing of {instance} on these robots", hint="srprov apply starts it")
+    return [one for one in there if not services or one[0] in services]
+
+
+class _Lines:
+    """Prints whole lines of several streams, one at a time."""
+
+    def __init__(self, width: int) -> None:
+        self.width = width
+        self.lock = threading.Lock()
+        self.lost: list[str] = []
+
+    def stream(self, session: Session, service: str, container: str, tail: int, follow: bool) -> None:
+        """Print one container's log."""
+        try:
+            for line in session.container_log(container, tail=tail, follow=follow):
+                with self.lock:
+                    out(f"{service:<{self.width}} | {line}")
+        except TransportError as error:
+            self.lost.append(service)
+            err(f"{service}: {error.message}")

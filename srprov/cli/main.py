@@ -1,0 +1,111 @@
+"""`srprov`: the verbs, each loaded only when it is called, and the one place that turns errors into exit codes."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+import traceback
+
+import click
+
+from srprov import __version__
+from srprov.cli.output import err
+from srprov.errors import DefinitionError, NoAssignment, SrprovError
+
+_VERBS = {
+    "validate": "Check definition files; no robot is asked.",
+    "facts": "Show the robots as they are.",
+    "plan": "Show what would change; changes nothing.",
+    "apply": "Make the experiment true.",
+    "status": "Show the running experiment.",
+    "logs": "Show what services print.",
+    "destroy": "Remove everything that an instance owns.",
+    "lab": "The embedded lab: robots on this machine.",
+    "schema": "Print a JSON Schema.",
+}
+INTERRUPTED = 130
+USAGE = 5
+BUG = 1
+
+
+class _LazyGroup(click.Group):
+    """Knows its verbs by name and one line; imports the file of a verb when that verb is used."""
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return list(_VERBS)
+
+    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+        if cmd_name not in _VERBS:
+            return None
+        module = importlib.import_module(f"srprov.cli.{cmd_name}")
+        command = getattr(module, cmd_name)
+        assert isinstance(command, click.Command)  # noqa: S101 - our own table
+        return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Verbs"):
+            formatter.write_dl(list(_VERBS.items()))
+
+
+@click.group(cls=_LazyGroup, context_settings={"auto_envvar_prefix": "SRPROV", "help_option_names": ["-h", "--help"]})
+@click.version_option(__version__, prog_name="srprov")
+def cli() -> None:
+    """Provision multi-robot experiments over SSH, without agents.
+
+    \b
+    srprov apply experiment.edf -i inventory.yml
+    """
+
+
+def run(arguments: list[str] | None = None) -> int:
+    """Run one command line and give its exit code; whatever goes wrong becomes a message and a documented code."""
+    try:
+        result = cli.main(args=arguments, prog_name="srprov", standalone_mode=False)
+    except click.exceptions.Exit as stop:
+        return int(stop.exit_code)
+    except (click.Abort, KeyboardInterrupt):
+        err("interrupted")
+        return INTERRUPTED
+    except click.UsageError as error:
+        context = f"{error.ctx.get_usage()}\n" if error.ctx else ""
+        err(f"{context}error: {error.format_message()}")
+        return USAGE
+    except click.ClickException as error:
+        err(f"error: {error.format_message()}")
+        return USAGE
+    except SrprovError as error:
+        show_error(error)
+        return error.exit_code
+    except BrokenPipeError:
+        # the reader of our output went away, e.g. `srprov status | head`
+        sys.stderr.close()
+        return 0
+    except Exception:  # noqa: BLE001 - the outermost frame: anything else is a bug, and says so
+        err(traceback.format_exc())
+        err("this is a bug in srprov; please report it with the lines above")
+        return BUG
+    return result if isinstance(result, int) else 0
+
+
+def show_error(error: SrprovError) -> None:
+    """Print an error with all that it carries and what to do next."""
+    if isinstance(error, DefinitionError):
+        from srprov.cli.problems import render_problems
+
+        err(render_problems(error.problems))
+    err(f"error: {error.message}")
+    if isinstance(error, NoAssignment):
+        for service, reasons in sorted(error.misses.items()):
+            for robot, reason in sorted(reasons.items()):
+                err(f"  {service} cannot run on {robot}: {reason}")
+    if error.hint:
+        err(f"  {error.hint}")
+
+
+def entry() -> None:
+    """Be the `srprov` command."""
+    sys.exit(run())
+
+
+if __name__ == "__main__":
+    entry()

@@ -1,0 +1,64 @@
+"""`srprov plan`: what would change, and never changing it."""
+
+from __future__ import annotations
+
+import json
+
+import click
+
+from srprov.cli import options
+from srprov.cli.output import err, out
+from srprov.planning import Plan
+from srprov.planning.limit import limited
+
+DIFFERENCES = 2
+UNREACHABLE = 4
+
+
+@click.command()
+@click.argument("file", metavar="FILE")
+@options.robots
+@options.INSTANCE
+@options.LIMIT
+@options.EXCLUDE
+@click.option("--reassign", is_flag=True, help="Let running services move when that is cheaper.")
+@click.option("--adopt", is_flag=True, help="Take over an instance that another file made.")
+@click.option("--detailed-exitcode", is_flag=True, help="Exit with 2 when something would change.")
+@click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", show_default=True)
+@click.option("-o", "--out", "target", type=click.Path(dir_okay=False), help="Also write the plan as JSON to a file.")
+@click.option("-v", "--verbose", is_flag=True, help="Show the exact commands of each step.")
+def plan(  # noqa: PLR0913 - one argument per option, as click gives them
+    file: str, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, instance: str, limit: str,
+    exclude: str, reassign: bool, adopt: bool, detailed_exitcode: bool, form: str, target: str | None, verbose: bool,
+) -> int:  # fmt: skip
+    """Show what would change; changes nothing.
+
+    Exits with 0, with 2 when --detailed-exitcode is given and something would change, with 4 when a robot cannot be reached.
+    """
+    from srprov.controller import Wishes, make_plan
+    from srprov.planning.plan import plan_json
+
+    definitions, inventory = options.load_experiment(file), options.load_inventory(inventories)
+    chosen = options.selected(inventory, limit, exclude)
+    wishes = Wishes(instance=instance, reassign=reassign, adopt=adopt, forks=forks)
+    with options.open_lab(inventory, timeout, forks) as lab:
+        made = limited(make_plan(definitions, inventory, lab.sessions.get, wishes).plan, chosen)
+    text = json.dumps(plan_json(made), indent=2)
+    if target:
+        with open(target, "w", encoding="utf-8") as stream:
+            stream.write(text + "\n")
+    show_plan(made, text if as_json or form == "json" else None, verbose=verbose)
+    if made.unreachable:
+        return UNREACHABLE
+    return DIFFERENCES if detailed_exitcode and not made.empty else 0
+
+
+def show_plan(made: Plan, as_json: str | None, *, verbose: bool) -> None:
+    """Print a plan as text, or as JSON with a one-line summary beside it."""
+    from srprov.planning.text import plan_text, summary
+
+    if as_json is None:
+        out(plan_text(made, commands=verbose).rstrip())
+    else:
+        out(as_json)
+        err(summary(made))

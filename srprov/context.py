@@ -1,0 +1,268 @@
+"""What the playbooks are rendered with: one plain-value context per robot.
+
+Takes the experiment, its CDFs, where services run, the overlay, the image plans and all robots as they are; gives for every robot
+that has a part in it a context and the blobs that it names. Pure, but for `read_tree`, which reads the files that services mount.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import io
+import tarfile
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from srprov.definitions.model import Experiment, Mount, Runtime, Service
+from srprov.facts.model import Found, HostFacts
+from srprov.images import ImagePlan, normalise
+from srprov.modules.module import STATE_ROOT, canonical
+from srprov.modules.network import network_hash
+from srprov.network.hosts import hosts_file
+from srprov.network.layout import Overlay
+from srprov.resource import resource_id
+
+_FLOOD = "00:00:00:00:00:00"
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
+class Parts:
+    """Everything that contexts are made of."""
+
+    instance: str
+    source: str
+    experiment: Experiment
+    placed: Mapping[str, str]
+    overlay: Overlay
+    images: Mapping[str, ImagePlan]
+    """CDF key -> what is built for it; only for CDFs that need a build."""
+    references: Mapping[str, str]
+    """CDF key -> ready image, for CDFs that name one."""
+    record: Mapping[str, Any]
+    """The placement record that every robot gets."""
+    found: Found
+
+
+def contexts(parts: Parts) -> tuple[dict[str, dict[str, Any]], dict[str, bytes]]:
+    """Give robot -> context, for reachable robots with a part in the experiment, and all blobs by sha256."""
+    blobs: dict[str, bytes] = {}
+    trees = {mount.source: _tree(mount.source, blobs) for mount in _mounts(parts, "tree")}
+    images = _images(parts, blobs)
+    hosts = {robot for robot in parts.placed.values() if robot in parts.found.facts} | set(images)
+    return {host: _one(parts, host, images.get(host, []), trees) for host in sorted(hosts)}, blobs
+
+
+def container_name(instance: str, service: str) -> str:
+    """Give the name of a service's container; an instance holds no dot, so two instances never meet."""
+    return f"srprov.{instance}.{service}"
+
+
+def read_tree(path: str) -> bytes:
+    """Give a file or folder as a tar with one top entry, equal for equal content: sorted, no owners, no times."""
+    buffer, root = io.BytesIO(), Path(path)
+
+    def neutral(entry: tarfile.TarInfo) -> tarfile.TarInfo:
+        entry.uid = entry.gid = entry.mtime = 0
+        entry.uname = entry.gname = ""
+        # what counts is whether somebody may run it; the rest differs between checkouts
+        entry.mode = 0o755 if entry.isdir() or entry.mode & 0o100 else 0o644
+        return entry
+
+    with tarfile.open(fileobj=buffer, mode="w", format=tarfile.PAX_FORMAT) as tar:
+        for one in [root, *sorted(root.rglob("*"))] if root.is_dir() else [root]:
+            tar.add(one, arcname=str(Path(root.name) / one.relative_to(root)), recursive=False, filter=neutral)
+    return buffer.getvalue()
+
+
+def _tree(path: str, blobs: dict[str, bytes]) -> dict[str, str]:
+    blob = read_tree(path)
+    digest = hashlib.sha256(blob).hexdigest()
+    blobs[digest] = blob
+    return {"blob": digest, "top": Path(path).name}
+
+
+def _one(
+    parts: Parts, host: str, images: Sequence[Mapping[str, Any]], trees: Mapping[str, Mapping[str, str]]
+) -> dict[str, Any]:
+    services = [parts.experiment.services[name] for name, robot in sorted(parts.placed.items()) if robot == host]
+    overlay = _overlay(parts.overlay, host)
+    facts = parts.found.facts[host]
+    used = {mount.source for service in services for mount in service.runtime.mounts if mount.kind == "tree"}
+    volumes = {m.source for service in services for m in service.runtime.mounts if m.kind == "volume"}
+    return {
+        "host": host,
+        "instance": parts.instance,
+        "source": parts.source,
+        "api": facts.docker.api_version if facts.docker else "1.41",
+        "overlay": overlay,
+        "images": list(images),
+        "files": _files(parts) if services else [],
+        "trees": [
+            {"path": _tree_path(parts.instance, trees[source]), "blob": trees[source]["blob"]} for source in sorted(used)
+        ],
+        "volumes": [_volume_name(parts.instance, name) for name in sorted(volumes)],
+        "services": [_service(parts, service, overlay, trees) for service in services],
+    }
+
+
+def _files(parts: Parts) -> list[dict[str, Any]]:
+    folder = f"{STATE_ROOT}/{parts.instance}"
+    record = canonical(parts.record) + "\n"
+    return [
+        {"path": f"{folder}/hosts", "content": hosts_file(parts.overlay), "mode": "0644", "in_place": True},
+        {"path": f"{folder}/placement.json", "content": record, "mode": "0644", "in_place": False},
+    ]
+
+
+def _overlay(overlay: Overlay, host: str) -> dict[str, Any] | None:
+    if host not in overlay.vteps:
+        return None
+    fdb = [[_FLOOD, vtep] for vtep in overlay.flood[host]] + [list(entry) for entry in overlay.fdb[host]]
+    return {
+        "network": overlay.network,
+        "bridge": overlay.bridge,
+        "link": overlay.link,
+        "subnet": str(overlay.subnet),
+        "gateway": str(overlay.gateways[host]),
+        "mtu": overlay.mtu,
+        "vni": overlay.vni,
+        "port": overlay.port,
+        "vtep": overlay.vteps[host],
+        "fdb": sorted(fdb),
+    }
+
+
+def _service(
+    parts: Parts, service: Service, overlay: Mapping[str, Any] | None, trees: Mapping[str, Mapping[str, str]]
+) -> dict[str, Any]:
+    image = image_of(parts, service)
+    mounts = [_mount(parts.instance, mount, trees) for mount in service.runtime.mounts]
+    needs: list[Any] = [f"image:{image}"]
+    if service.network != "none":
+        hosts = f"{STATE_ROOT}/{parts.instance}/hosts"
+        mounts.append({"Type": "bind", "Source": hosts, "Target": "/etc/hosts", "ReadOnly": True})
+        needs.append(f"file:{hosts}")
+    if service.network == "overlay" and overlay:
+        needs += [f"network:{overlay['network']}", f"vxlan:{overlay['link']}"]
+    needs += [f"tree:{_tree_path(parts.instance, trees[m.source])}" for m in service.runtime.mounts if m.kind == "tree"]
+    needs += [f"volume:{_volume_name(parts.instance, m.source)}" for m in service.runtime.mounts if m.kind == "volume"]
+    needs += [_dependency(parts, other, condition) for other, condition in sorted(service.depends_on.items())]
+    return {
+        "name": service.name,
+        "container": container_name(parts.instance, service.name),
+        "image": image,
+        # Docker refuses a hostname beside the host's network
+        "hostname": "" if service.network == "host" else service.name,
+        "job": service.runtime.job,
+        "run": _run(service.runtime),
+        "mounts": mounts,
+        "network": _network(parts, service, overlay),
+        "needs": needs,
+    }
+
+
+def _dependency(parts: Parts, other: str, condition: str) -> dict[str, str]:
+    name = container_name(parts.instance, other)
+    return {"id": resource_id(parts.placed[other], "container", name), "condition": condition}
+
+
+def _network(parts: Parts, service: Service, overlay: Mapping[str, Any] | None) -> dict[str, str]:
+    if service.network != "overlay" or not overlay:
+        return {"mode": service.network}
+    return {
+        "mode": "overlay",
+        "name": overlay["network"],
+        "ip": str(parts.overlay.addresses[service.name]),
+        "mac": parts.overlay.macs[service.name],
+        "hash": network_hash(overlay),
+    }
+
+
+def _run(runtime: Runtime) -> dict[str, Any]:
+    """Give the run-time fields as JSON values; mounts are given apart, in the engine's form."""
+    plain = {
+        field.name: getattr(runtime, field.name)
+        for field in dataclasses.fields(runtime)
+        if field.name not in ("mounts", "healthcheck", "environment", "sysctls")
+    }
+    check = runtime.healthcheck
+    return {
+        **plain,
+        "environment": dict(runtime.environment),
+        "sysctls": dict(runtime.sysctls),
+        "healthcheck": dataclasses.asdict(check) if check else None,
+    }
+
+
+def _mount(instance: str, mount: Mount, trees: Mapping[str, Mapping[str, str]]) -> dict[str, Any]:
+    if mount.kind == "tmpfs":
+        return {"Type": "tmpfs", "Target": mount.target}
+    if mount.kind == "volume":
+        source = {"Type": "volume", "Source": _volume_name(instance, mount.source)}
+    elif mount.kind == "tree":
+        tree = trees[mount.source]
+        source = {"Type": "bind", "Source": f"{_tree_path(instance, tree)}/{tree['top']}"}
+    else:
+        source = {"Type": "bind", "Source": mount.source}
+    # shipped files are the experiment's own text: a container that wrote to them would make two robots differ
+    return {**source, "Target": mount.target, "ReadOnly": mount.read_only or mount.kind == "tree"}
+
+
+def _mounts(parts: Parts, kind: str) -> list[Mount]:
+    return [m for service in parts.experiment.services.values() for m in service.runtime.mounts if m.kind == kind]
+
+
+def _tree_path(instance: str, tree: Mapping[str, str]) -> str:
+    return f"{STATE_ROOT}/{instance}/trees/{tree['blob'][:24]}"
+
+
+def _volume_name(instance: str, name: str) -> str:
+    return f"srprov.{instance}.{name}"
+
+
+def image_of(parts: Parts, service: Service) -> str:
+    """Give the image that a service runs: the one it names, the one its CDF names, or the content tag of its build."""
+    if service.image:
+        return normalise(service.image)
+    if service.cdf in parts.images:
+        return parts.images[service.cdf].tag
+    return normalise(parts.references[service.cdf])
+
+
+def _images(parts: Parts, blobs: dict[str, bytes]) -> dict[str, list[dict[str, Any]]]:
+    """Give robot -> its images. A built one comes from a robot that has it, else is made on the first of its architecture."""
+    wanted: dict[str, dict[str, dict[str, Any]]] = {}
+    present = {(h, e.name) for h, items in parts.found.existing.items() for e in items if e.module == "image"}
+    plans = {plan.tag: plan for plan in parts.images.values()}
+    for name, host in sorted(parts.placed.items()):
+        facts = parts.found.facts.get(host)
+        if facts is None:
+            continue
+        image = image_of(parts, parts.experiment.services[name])
+        if image not in plans:
+            wanted.setdefault(host, {})[image] = {"name": image, "source": "pull", "needs": []}
+            continue
+        if (host, image) in present:
+            wanted.setdefault(host, {}).setdefault(image, _copied(image, host))
+            continue
+        holder = next((h for h in _alike(parts.found, facts) if (h, image) in present), None)
+        builder = holder or _alike(parts.found, facts)[0]
+        if holder is None:
+            plan = plans[image]
+            digest = hashlib.sha256(plan.context).hexdigest()
+            blobs[digest] = plan.context
+            build = {"name": image, "source": "build", "blob": digest, "unpinned": not plan.pinned, "needs": []}
+            wanted.setdefault(builder, {})[image] = build
+        if builder != host:
+            wanted.setdefault(host, {})[image] = _copied(image, builder)
+    return {host: [images[name] for name in sorted(images)] for host, images in wanted.items()}
+
+
+def _copied(image: str, source: str) -> dict[str, Any]:
+    return {"name": image, "source": "copy", "from": source, "needs": [resource_id(source, "image", image)]}
+
+
+def _alike(found: Found, facts: HostFacts) -> list[str]:
+    """Give the reachable robots of the same architecture with an engine, in name order."""
+    return sorted(h for h, other in found.facts.items() if other.arch == facts.arch and other.docker is not None)

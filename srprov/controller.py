@@ -1,0 +1,206 @@
+"""The flow on one screen: read, decide, render, compare; then, apart from it, execute.
+
+The only file that knows the order of the rooms. `make_plan` stops before execution, so a dry run is simply not calling `apply`.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from srprov import data, images, rendering
+from srprov.assignment import problem, solve
+from srprov.assignment.model import Assignment
+from srprov.context import Parts, contexts
+from srprov.definitions.model import ContainerDefinition, Definitions, Inventory
+from srprov.definitions.source import source_of
+from srprov.errors import DefinitionError, RefusedError
+from srprov.execution import Listener, Options, RunResult, run_plan
+from srprov.facts.gather import Readers, gather
+from srprov.facts.model import Found
+from srprov.modules import MODULES
+from srprov.network.layout import Overlay, layout
+from srprov.network.record import read_record, record
+from srprov.planning import Plan, Removal, diff, removal_plan
+from srprov.planning.policy import permissions
+from srprov.wire import Session
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Wishes:
+    """What the user asks for beside the files."""
+
+    instance: str = ""
+    """Empty: the experiment's name."""
+    reassign: bool = False
+    adopt: bool = False
+    forks: int = 64
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Planned:
+    """A plan with all that led to it."""
+
+    plan: Plan
+    found: Found
+    assignment: Assignment
+    overlay: Overlay
+
+
+Timer = Callable[[str], None]
+"""Told the name of each phase as it begins."""
+
+
+def make_plan(
+    definitions: Definitions, lab: Inventory, readers: Readers, wishes: Wishes, phase: Timer = lambda _name: None
+) -> Planned:
+    """Read the robots and say what would make the experiment true.
+
+    Raises:
+        DefinitionError: The files ask for what is not built yet, or for robots that are not in the inventory.
+        RefusedError: The instance belongs to another source.
+        NoAssignment: There is no feasible placement.
+        UsageError, RenderError, PlanError: as their rooms say.
+    """
+    if definitions.unsupported:
+        raise DefinitionError(definitions.unsupported)
+    experiment = definitions.experiment
+    instance, source = wishes.instance or experiment.name, source_of(experiment.file)
+    phase("facts")
+    found = gather(lab, readers, sample=False, forks=wishes.forks)
+    previous = _previous(found, instance)
+    if wishes.reassign or any(service not in previous for service in experiment.services):
+        # only a decision needs the traffic of this moment, which takes 0.3 s to see
+        found = gather(lab, readers, sample=True, forks=wishes.forks)
+        previous = _previous(found, instance)
+    _check_source(found, instance, source, adopt=wishes.adopt)
+    phase("assignment")
+    slots = {name: host.slots for name, host in lab.hosts.items() if host.slots is not None}
+    choice = problem.build(
+        experiment, definitions.containers, found, previous, slots=slots, reassign=wishes.reassign
+    )
+    placed = solve.solve(choice)
+    phase("plan")
+    overlay = layout(experiment, placed.placed, found, instance=instance)
+    built, references = _images(definitions.containers)
+    parts = Parts(
+        instance=instance,
+        source=source,
+        experiment=experiment,
+        placed=placed.placed,
+        overlay=overlay,
+        images=built,
+        references=references,
+        record=record(overlay, experiment, placed.placed, source, found.placements.get(instance)),
+        found=found,
+    )
+    per_host, blobs = contexts(parts)
+    texts = playbooks()
+    desired = [
+        resource
+        for host, context in per_host.items()
+        for resource in rendering.render(texts, host, context, modules=MODULES, blobs=blobs)
+    ]
+    steps, unchanged = diff(desired, found.existing, instance)
+    plan = Plan(
+        instance=instance,
+        source=source,
+        steps=steps,
+        unchanged=unchanged,
+        assignment=placed.placed,
+        cost=placed.cost,
+        costs={service: terms.total for service, terms in placed.terms.items()},
+        permissions=permissions(experiment),
+        notes=_notes(placed),
+        unreachable=found.unreachable,
+    )
+    return Planned(plan=plan, found=found, assignment=placed, overlay=overlay)
+
+
+def make_removal(
+    instance: str, lab: Inventory, readers: Readers, *, volumes: bool, source: str = "", adopt: bool = False, forks: int = 64
+) -> tuple[Plan, Found]:
+    """Say what would take everything of an instance away; needs no EDF, only labels.
+
+    Raises:
+        RefusedError: `source` is given and another source made the instance.
+    """
+    found = gather(lab, readers, sample=False, forks=forks)
+    if source:
+        _check_source(found, instance, source, adopt=adopt)
+    steps = removal_plan(found.existing, instance, Removal(volumes=volumes))
+    known = read_record(found.placements.get(instance))
+    away = sorted({robot for robot in (known.robots.values() if known else ()) if robot in found.unreachable})
+    notes = tuple(f"{robot} holds services of this instance and cannot be reached; destroy again when it is back" for robot in away)
+    kept = [e.name for items in found.existing.values() for e in items if e.module == "volume" and e.instance == instance]
+    if kept and not volumes:
+        notes += (f"{len(kept)} data volume(s) stay: {', '.join(sorted(set(kept)))}; --volumes removes them",)
+    made_from = known.source if known else source
+    return Plan(instance=instance, source=made_from, steps=steps, notes=notes, unreachable=found.unreachable), found
+
+
+def apply(
+    plan: Plan, sessions: Mapping[str, Session], listener: Listener, options: Options, stop: threading.Event | None = None
+) -> RunResult:
+    """Do what the plan says; what came of each step is a value, nothing raises for a robot that fails."""
+    return run_plan(plan, sessions, listener, options, stop)
+
+
+def playbooks() -> dict[str, str]:
+    """Give the playbooks that ship with srprov: file name -> text."""
+    return {path.name: path.read_text(encoding="utf-8") for path in sorted(data.playbooks_folder().glob("*.yml"))}
+
+
+def _previous(found: Found, instance: str) -> dict[str, str]:
+    """Give service -> robot as it is now: by labels; by the record for robots that cannot be reached.
+
+    A run that was cut off in the middle of a move can leave two containers; the one that runs counts.
+    """
+    known = read_record(found.placements.get(instance))
+    previous = {s: robot for s, robot in (known.robots.items() if known else ()) if robot in found.unreachable}
+    seen: dict[str, tuple[int, str]] = {}
+    for host, items in found.existing.items():
+        for item in items:
+            if item.module == "container" and item.instance == instance and item.state["service"]:
+                service = item.state["service"]
+                recorded = bool(known and known.robots.get(service) == host)
+                rank = (0 if item.state["state"] == "running" else 1) * 2 + (0 if recorded else 1)
+                seen[service] = min(seen.get(service, (9, "")), (rank, host))
+    return previous | {service: host for service, (_, host) in seen.items()}
+
+
+def _check_source(found: Found, instance: str, source: str, *, adopt: bool) -> None:
+    """Refuse to take over what another experiment of the same name made."""
+    known = read_record(found.placements.get(instance))
+    labelled = sorted(
+        {
+            item.state["source"]
+            for items in found.existing.values()
+            for item in items
+            if item.module == "container" and item.instance == instance and item.state["source"]
+        }
+    )
+    owners = [known.source] if known and known.source else labelled
+    if adopt or not owners or source in owners:
+        return
+    raise RefusedError(
+        f"instance '{instance}' on these robots was made from {owners[0]}, not from {source}",
+        hint="run it under another name with --instance NAME, destroy the other one, or take it over with --adopt",
+    )
+
+
+def _images(containers: Mapping[str, ContainerDefinition]) -> tuple[dict[str, images.ImagePlan], dict[str, str]]:
+    built, references = {}, {}
+    for key, container in containers.items():
+        if container.image:
+            references[key] = container.image
+        else:
+            built[key] = images.plan_image(container, lambda path: Path(path).read_bytes())
+    return built, references
+
+
+def _notes(placed: Assignment) -> tuple[str, ...]:
+    stay = [f"{service} stays on {placed.placed[service]}, which cannot be reached" for service in placed.frozen]
+    return tuple(stay)
