@@ -1,22 +1,23 @@
 """What the playbooks are rendered with: one plain-value context per robot.
 
-Takes the experiment, its CDFs, where services run, the overlay, the image plans and all robots as they are; gives for every robot
-that has a part in it a context and the blobs that it names. Pure, but for `read_tree`, which reads the files that services mount.
+Takes the experiment, its CDFs, where services run, the overlay, the image plans and all robots as they are; gives
+for every robot that has a part in it a context and the blobs that it names. Reads the files that services mount,
+and nothing else.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import hashlib
-import io
-import tarfile
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from srprov.definitions.model import Experiment, Mount, Runtime, Service
+from srprov.disk import tree_tar
 from srprov.facts.model import Found, HostFacts
-from srprov.images import ImagePlan, normalise
+from srprov.images.plan import ImagePlan
+from srprov.images.reference import Reference, parse_reference
 from srprov.modules.module import STATE_ROOT, canonical
 from srprov.modules.network import network_hash
 from srprov.network.hosts import hosts_file
@@ -58,25 +59,8 @@ def container_name(instance: str, service: str) -> str:
     return f"srprov.{instance}.{service}"
 
 
-def read_tree(path: str) -> bytes:
-    """Give a file or folder as a tar with one top entry, equal for equal content: sorted, no owners, no times."""
-    buffer, root = io.BytesIO(), Path(path)
-
-    def neutral(entry: tarfile.TarInfo) -> tarfile.TarInfo:
-        entry.uid = entry.gid = entry.mtime = 0
-        entry.uname = entry.gname = ""
-        # what counts is whether somebody may run it; the rest differs between checkouts
-        entry.mode = 0o755 if entry.isdir() or entry.mode & 0o100 else 0o644
-        return entry
-
-    with tarfile.open(fileobj=buffer, mode="w", format=tarfile.PAX_FORMAT) as tar:
-        for one in [root, *sorted(root.rglob("*"))] if root.is_dir() else [root]:
-            tar.add(one, arcname=str(Path(root.name) / one.relative_to(root)), recursive=False, filter=neutral)
-    return buffer.getvalue()
-
-
 def _tree(path: str, blobs: dict[str, bytes]) -> dict[str, str]:
-    blob = read_tree(path)
+    blob = tree_tar(path)
     digest = hashlib.sha256(blob).hexdigest()
     blobs[digest] = blob
     return {"blob": digest, "top": Path(path).name}
@@ -99,7 +83,8 @@ def _one(
         "images": list(images),
         "files": _files(parts) if services else [],
         "trees": [
-            {"path": _tree_path(parts.instance, trees[source]), "blob": trees[source]["blob"]} for source in sorted(used)
+            {"path": _tree_path(parts.instance, trees[source]), "blob": trees[source]["blob"]}
+            for source in sorted(used)
         ],
         "volumes": [_volume_name(parts.instance, name) for name in sorted(volumes)],
         "services": [_service(parts, service, overlay, trees) for service in services],
@@ -221,6 +206,13 @@ def _volume_name(instance: str, name: str) -> str:
     return f"srprov.{instance}.{name}"
 
 
+def normalise(text: str) -> str:
+    """Give an image's name as Docker lists it: `busybox` is `busybox:latest`; beside a digest a tag says nothing."""
+    reference = parse_reference(text)
+    tag = "" if reference.digest else reference.tag
+    return Reference(reference.domain, reference.path, tag, reference.digest).familiar
+
+
 def image_of(parts: Parts, service: Service) -> str:
     """Give the image that a service runs: the one it names, the one its CDF names, or the content tag of its build."""
     if service.image:
@@ -231,7 +223,7 @@ def image_of(parts: Parts, service: Service) -> str:
 
 
 def _images(parts: Parts, blobs: dict[str, bytes]) -> dict[str, list[dict[str, Any]]]:
-    """Give robot -> its images. A built one comes from a robot that has it, else is made on the first of its architecture."""
+    """Give robot -> its images. A built one comes from a robot that has it, else from the first of its architecture."""
     wanted: dict[str, dict[str, dict[str, Any]]] = {}
     present = {(h, e.name) for h, items in parts.found.existing.items() for e in items if e.module == "image"}
     plans = {plan.tag: plan for plan in parts.images.values()}

@@ -1,6 +1,7 @@
 """The flow on one screen: read, decide, render, compare; then, apart from it, execute.
 
-The only file that knows the order of the rooms. `make_plan` stops before execution, so a dry run is simply not calling `apply`.
+The only file that knows the order of the rooms. `make_plan` stops before execution, so a dry run is simply not
+calling `apply`.
 """
 
 from __future__ import annotations
@@ -8,9 +9,8 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
-from srprov import data, images, rendering
+from srprov import data, disk, rendering
 from srprov.assignment import problem, solve
 from srprov.assignment.model import Assignment
 from srprov.context import Parts, contexts
@@ -20,6 +20,8 @@ from srprov.errors import DefinitionError, RefusedError
 from srprov.execution import Listener, Options, RunResult, run_plan
 from srprov.facts.gather import Readers, gather
 from srprov.facts.model import Found
+from srprov.images.plan import ImagePlan
+from srprov.images.tag import plan_image
 from srprov.modules import MODULES
 from srprov.network.layout import Overlay, layout
 from srprov.network.record import read_record, record
@@ -78,9 +80,7 @@ def make_plan(
     _check_source(found, instance, source, adopt=wishes.adopt)
     phase("assignment")
     slots = {name: host.slots for name, host in lab.hosts.items() if host.slots is not None}
-    choice = problem.build(
-        experiment, definitions.containers, found, previous, slots=slots, reassign=wishes.reassign
-    )
+    choice = problem.build(experiment, definitions.containers, found, previous, slots=slots, reassign=wishes.reassign)
     placed = solve.solve(choice)
     phase("plan")
     overlay = layout(experiment, placed.placed, found, instance=instance)
@@ -120,7 +120,14 @@ def make_plan(
 
 
 def make_removal(
-    instance: str, lab: Inventory, readers: Readers, *, volumes: bool, source: str = "", adopt: bool = False, forks: int = 64
+    instance: str,
+    lab: Inventory,
+    readers: Readers,
+    *,
+    volumes: bool,
+    source: str = "",
+    adopt: bool = False,
+    forks: int = 64,
 ) -> tuple[Plan, Found]:
     """Say what would take everything of an instance away; needs no EDF, only labels.
 
@@ -133,8 +140,13 @@ def make_removal(
     steps = removal_plan(found.existing, instance, Removal(volumes=volumes))
     known = read_record(found.placements.get(instance))
     away = sorted({robot for robot in (known.robots.values() if known else ()) if robot in found.unreachable})
-    notes = tuple(f"{robot} holds services of this instance and cannot be reached; destroy again when it is back" for robot in away)
-    kept = [e.name for items in found.existing.values() for e in items if e.module == "volume" and e.instance == instance]
+    notes = tuple(
+        f"{robot} holds services of this instance and cannot be reached; destroy again when it is back"
+        for robot in away
+    )
+    kept = [
+        e.name for items in found.existing.values() for e in items if e.module == "volume" and e.instance == instance
+    ]
     if kept and not volumes:
         notes += (f"{len(kept)} data volume(s) stay: {', '.join(sorted(set(kept)))}; --volumes removes them",)
     made_from = known.source if known else source
@@ -142,7 +154,11 @@ def make_removal(
 
 
 def apply(
-    plan: Plan, sessions: Mapping[str, Session], listener: Listener, options: Options, stop: threading.Event | None = None
+    plan: Plan,
+    sessions: Mapping[str, Session],
+    listener: Listener,
+    options: Options,
+    stop: threading.Event | None = None,
 ) -> RunResult:
     """Do what the plan says; what came of each step is a value, nothing raises for a robot that fails."""
     return run_plan(plan, sessions, listener, options, stop)
@@ -154,12 +170,14 @@ def playbooks() -> dict[str, str]:
 
 
 def _previous(found: Found, instance: str) -> dict[str, str]:
-    """Give service -> robot as it is now: by labels; by the record for robots that cannot be reached.
+    """Give service -> robot as it is now: by the labels of containers, else by the record of the last placement.
+
+    The record speaks for robots that cannot be reached, and for a run that was cut off before it started a container.
 
     A run that was cut off in the middle of a move can leave two containers; the one that runs counts.
     """
     known = read_record(found.placements.get(instance))
-    previous = {s: robot for s, robot in (known.robots.items() if known else ()) if robot in found.unreachable}
+    previous = dict(known.robots) if known else {}
     seen: dict[str, tuple[int, str]] = {}
     for host, items in found.existing.items():
         for item in items:
@@ -191,13 +209,13 @@ def _check_source(found: Found, instance: str, source: str, *, adopt: bool) -> N
     )
 
 
-def _images(containers: Mapping[str, ContainerDefinition]) -> tuple[dict[str, images.ImagePlan], dict[str, str]]:
+def _images(containers: Mapping[str, ContainerDefinition]) -> tuple[dict[str, ImagePlan], dict[str, str]]:
     built, references = {}, {}
     for key, container in containers.items():
         if container.image:
             references[key] = container.image
         else:
-            built[key] = images.plan_image(container, lambda path: Path(path).read_bytes())
+            built[key] = plan_image(container, disk.listing, disk.read)
     return built, references
 
 

@@ -1,10 +1,11 @@
 """What may travel to a robot, as data, and the two protocols that carry it.
 
-A `Query` or `EngineQuery` reads; a `Run`, `Put`, `EngineCall` or `CopyImage` changes. They are plain values: they can be
-printed in a plan, compared, stored and sent later. `Reader` can only ask, `Session` can also execute, so that mypy refuses a
-change where only reading is allowed.
+A `Query` or `EngineQuery` reads; a `Run`, `Put`, `EngineCall` or `CopyImage` changes. They are plain values: they
+can be printed in a plan, compared, stored and sent later. `Reader` can only ask, `Session` can also execute, so
+that mypy refuses a change where only reading is allowed.
 
-Touches nothing; `transport/` implements the protocols. `quote` is the one function through which every shell word passes.
+Touches nothing; `transport/` implements the protocols. `quote` is the one function through which every shell word
+passes.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from typing import Any, Protocol
 
 
 class Secret:
-    """A value that nothing prints: `str`, `repr` and JSON show `***`. `reveal()` gives it to the one place that needs it."""
+    """A value that nothing prints: `str` and `repr` show `***`. `reveal()` gives it to the one place that needs it."""
 
     __slots__ = ("_value",)
 
@@ -117,8 +118,8 @@ class Put:
         folder = quote(self.path.rsplit("/", 1)[0] or "/")
         finish = f"cat {partial} > {target} && rm -f {partial}" if self.in_place else f"mv -f {partial} {target}"
         return (
-            f"umask 077; mkdir -p {folder} && base64 -d > {partial} <<'_END_OF_FILE_' && chmod {self.mode:04o} {partial} && "
-            f"{finish} && chmod {self.mode:04o} {target}\n{lines}_END_OF_FILE_\n"
+            f"umask 077; mkdir -p {folder} && base64 -d > {partial} <<'_END_OF_FILE_' && "
+            f"chmod {self.mode:04o} {partial} && {finish} && chmod {self.mode:04o} {target}\n{lines}_END_OF_FILE_\n"
         )
 
 
@@ -126,7 +127,8 @@ class Put:
 class EngineCall:
     """A request that changes the robot's Docker Engine, addressed by name, sent through the docker SDK.
 
-    `body` is canonical JSON text, or empty; `blob` is a raw body (a build context). `accept` lists the statuses that are fine.
+    `body` is canonical JSON text, or empty; `blob` is a raw body (a build context). `accept` lists the statuses that
+    are fine.
     `stream` says that the answer is a progress stream of JSON lines in which an `error` line is a failure.
     """
 

@@ -24,17 +24,21 @@ from srprov.planning.limit import limited
 @options.LIMIT
 @options.EXCLUDE
 @click.option("-y", "--yes", is_flag=True, help="Do not ask.")
-@click.option("--allow", multiple=True, metavar="KIND", help="Allow what the plan lists as asked for, e.g. host-network; or all.")
+@click.option(
+    "--allow", multiple=True, metavar="KIND", help="Allow what the plan lists as asked for, e.g. host-network; or all."
+)
 @click.option("--reassign", is_flag=True, help="Let running services move when that is cheaper.")
 @click.option("--adopt", is_flag=True, help="Take over an instance that another file made.")
 @click.option("--wait-timeout", type=click.FloatRange(min=0), default=300.0, show_default=True, metavar="S",
               help="Seconds for a service to become healthy or to complete.")  # fmt: skip
 @click.option("--settle", type=click.FloatRange(min=0), default=2.0, show_default=True, metavar="S",
               help="A service must still run so many seconds after its start.")  # fmt: skip
-@click.option("--events", type=click.Path(dir_okay=False), help="Write events to a file as they happen, one JSON per line.")
+@click.option(
+    "--events", type=click.Path(dir_okay=False), help="Write events to a file as they happen, one JSON per line."
+)
 @click.option("-v", "--verbose", is_flag=True, help="Show the exact commands of each step.")
 @click.option("--no-color", is_flag=True, help="Plain text; so does NO_COLOR.")
-def apply(  # noqa: PLR0913 - one argument per option, as click gives them
+def apply(
     file: str, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, instance: str, limit: str,
     exclude: str, yes: bool, allow: tuple[str, ...], reassign: bool, adopt: bool, wait_timeout: float, settle: float,
     events: str | None, verbose: bool, no_color: bool,
@@ -116,4 +120,6 @@ def check_permissions(asked: Any, allow: tuple[str, ...]) -> None:  # noqa: ANN4
         kinds = sorted({one.kind for one in missing})
         what = "; ".join(f"{one.service}: {one.kind} ({one.what})" for one in missing)
         flags = " ".join(f"--allow {kind}" for kind in kinds)
-        raise RefusedError(f"the experiment asks for more than its own containers: {what}", hint=f"if you trust it: {flags}")
+        raise RefusedError(
+            f"the experiment asks for more than its own containers: {what}", hint=f"if you trust it: {flags}"
+        )

@@ -7,7 +7,7 @@ import click
 from srprov.cli import options
 from srprov.cli.apply import Phases, refuse_without_terminal
 from srprov.cli.execute import carry_out, confirm
-from srprov.cli.output import err, out
+from srprov.cli.output import err
 from srprov.cli.plan import show_plan
 from srprov.errors import UsageError
 from srprov.planning.limit import limited
@@ -22,12 +22,14 @@ from srprov.planning.limit import limited
 @click.option("-y", "--yes", is_flag=True, help="Do not ask.")
 @click.option("--volumes", is_flag=True, help="Remove data volumes too; their data is lost.")
 @click.option("--adopt", is_flag=True, help="Also when another file made the instance.")
-@click.option("--events", type=click.Path(dir_okay=False), help="Write events to a file as they happen, one JSON per line.")
+@click.option(
+    "--events", type=click.Path(dir_okay=False), help="Write events to a file as they happen, one JSON per line."
+)
 @click.option("-v", "--verbose", is_flag=True, help="Show the exact commands of each step.")
 @click.option("--no-color", is_flag=True, help="Plain text; so does NO_COLOR.")
-def destroy(  # noqa: PLR0913 - one argument per option, as click gives them
-    file: str | None, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, instance: str, limit: str,
-    exclude: str, yes: bool, volumes: bool, adopt: bool, events: str | None, verbose: bool, no_color: bool,
+def destroy(
+    file: str | None, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, instance: str,
+    limit: str, exclude: str, yes: bool, volumes: bool, adopt: bool, events: str | None, verbose: bool, no_color: bool,
 ) -> int:  # fmt: skip
     """Remove everything that an instance owns.
 
@@ -43,7 +45,9 @@ def destroy(  # noqa: PLR0913 - one argument per option, as click gives them
     name, source = named_instance(file, instance)
     with options.open_lab(inventory, timeout, forks) as lab:
         phases.begin("facts")
-        made, found = make_removal(name, inventory, lab.sessions.get, volumes=volumes, forks=forks, source=source, adopt=adopt)
+        made, found = make_removal(
+            name, inventory, lab.sessions.get, volumes=volumes, forks=forks, source=source, adopt=adopt
+        )
         made = limited(made, chosen)
         if not as_json:
             show_plan(made, None, verbose=verbose)
@@ -79,9 +83,8 @@ def other_names(found: object, name: str, source: str) -> list[str]:
     """Give instances on the robots that came from the same source under another name."""
     from srprov.facts.model import Found
 
-    assert isinstance(found, Found)  # noqa: S101 - typed loosely to keep imports lazy
-    owners = {e.instance for items in found.existing.values() for e in items if source and e.state.get("source") == source}
+    assert isinstance(found, Found)
+    owners = {
+        e.instance for items in found.existing.values() for e in items if source and e.state.get("source") == source
+    }
     return sorted(owners - {name, ""})
-
-
-__all__ = ["destroy", "out"]

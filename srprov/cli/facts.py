@@ -21,8 +21,8 @@ def facts(inventories: tuple[str, ...], as_json: bool, forks: int, timeout: floa
     import dataclasses
 
     from srprov.cli.facts_table import facts_table
+    from srprov.facts.document import facts_document
     from srprov.facts.gather import gather
-    from srprov.facts.host import facts_json
 
     whole = options.load_inventory(inventories)
     chosen = options.selected(whole, limit, exclude)
@@ -30,8 +30,7 @@ def facts(inventories: tuple[str, ...], as_json: bool, forks: int, timeout: floa
     with options.open_lab(inventory, timeout, forks) as lab:
         found = gather(inventory, lab.sessions.get, sample=True, forks=forks)
     if as_json:
-        robots = {name: facts_json(one) for name, one in sorted(found.facts.items())}
-        out(json.dumps({"robots": robots, "unreachable": dict(sorted(found.unreachable.items()))}, indent=2))
+        out(json.dumps(facts_document(found.facts, found.unreachable), indent=2))
     else:
         out(facts_table(found.facts, found.unreachable))
     for host, reason in sorted(found.unreachable.items()):

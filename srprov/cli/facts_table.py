@@ -13,6 +13,24 @@ from srprov.facts.model import HostFacts
 _SHOWN_DEVICES = 4
 _UNKNOWN = "?"
 
+
+def _used(used: int, total: int) -> str:
+    """Give `1.2/7.6 GiB`; nothing when there is none."""
+    return f"{used / 2**30:.1f}/{total / 2**30:.1f} GiB" if total else ""
+
+
+def _bandwidth(facts: HostFacts) -> str:
+    if facts.speed_mbit <= 0:
+        return _UNKNOWN
+    return f"{max(0.0, facts.speed_mbit - facts.traffic_mbit):.0f}/{facts.speed_mbit:.0f}"
+
+
+def _devices(devices: Sequence[str]) -> str:
+    shown = [path.removeprefix("/dev/") for path in devices[:_SHOWN_DEVICES]]
+    more = len(devices) - len(shown)
+    return ",".join(shown) + (f" +{more}" if more else "")
+
+
 _COLUMNS: tuple[tuple[str, Callable[[HostFacts], str], bool], ...] = (
     ("STATE", lambda f: "ok" if f.docker else "no Docker", False),
     ("ARCH", lambda f: f.arch, False),
@@ -20,7 +38,7 @@ _COLUMNS: tuple[tuple[str, Callable[[HostFacts], str], bool], ...] = (
     ("LOAD", lambda f: f"{f.load1:.2f}", True),
     ("MEMORY", lambda f: _used(f.memory_total - f.memory_available, f.memory_total), True),
     ("SWAP", lambda f: _used(f.swap_total - f.swap_free, f.swap_total), True),
-    ("MBIT/S", lambda f: _bandwidth(f), True),
+    ("MBIT/S", _bandwidth, True),
     ("DOCKER", lambda f: f.docker.version + (" rootless" if f.docker.rootless else "") if f.docker else "", False),
     ("KERNEL", lambda f: f.kernel, False),
     ("CLOCK", lambda f: f"{f.clock_offset_s:+.2f} s", True),
@@ -33,8 +51,8 @@ _COLUMNS: tuple[tuple[str, Callable[[HostFacts], str], bool], ...] = (
 def facts_table(facts: Mapping[str, HostFacts], unreachable: Mapping[str, str]) -> str:
     """Give the table in name order, heading first; lines end with a line feed, and an empty cell is `-`.
 
-    MEMORY and SWAP are used/total, MBIT/S is free/link speed of the underlay. The reason why a robot cannot be reached, or has
-    no engine, stands below the table.
+    MEMORY and SWAP are used/total, MBIT/S is free/link speed of the underlay. Why a robot cannot be reached, or has no
+    engine, stands below the table.
     """
     names = sorted(facts.keys() | unreachable.keys())
     rows = [["ROBOT", *(heading for heading, _, _ in _COLUMNS)]]
@@ -65,23 +83,5 @@ def _reasons(facts: Mapping[str, HostFacts], unreachable: Mapping[str, str]) -> 
 
 def _note(name: str, reason: str) -> str:
     """Indent what follows the first line, so that a hint stays with its robot."""
-    return f"{name}: " + "\n".join(
-        [reason.split("\n", maxsplit=1)[0], *(f"  {line.strip()}" for line in reason.split("\n")[1:])]
-    )
-
-
-def _used(used: int, total: int) -> str:
-    """Give `1.2/7.6 GiB`; nothing when there is none."""
-    return f"{used / 2**30:.1f}/{total / 2**30:.1f} GiB" if total else ""
-
-
-def _bandwidth(facts: HostFacts) -> str:
-    if facts.speed_mbit <= 0:
-        return _UNKNOWN
-    return f"{max(0.0, facts.speed_mbit - facts.traffic_mbit):.0f}/{facts.speed_mbit:.0f}"
-
-
-def _devices(devices: Sequence[str]) -> str:
-    shown = [path.removeprefix("/dev/") for path in devices[:_SHOWN_DEVICES]]
-    more = len(devices) - len(shown)
-    return ",".join(shown) + (f" +{more}" if more else "")
+    first, *others = reason.split("\n")
+    return "\n".join([f"{name}: {first}", *(f"  {line.strip()}" for line in others)])

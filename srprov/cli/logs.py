@@ -26,7 +26,7 @@ UNREACHABLE = 4
 @options.INSTANCE
 @click.option("-n", "--tail", type=click.IntRange(min=0), default=100, show_default=True, help="Lines from the end.")
 @click.option("-f", "--follow", is_flag=True, help="Go on until Ctrl-C, or until all have ended.")
-def logs(  # noqa: PLR0913 - one argument per option, as click gives them
+def logs(
     file: str, services: tuple[str, ...], inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float,
     instance: str, tail: int, follow: bool,
 ) -> int:  # fmt: skip
@@ -40,7 +40,9 @@ def logs(  # noqa: PLR0913 - one argument per option, as click gives them
         chosen = _containers(found, name, services)
         show = _Lines(max((len(service) for service, _, _ in chosen), default=0))
         threads = [
-            threading.Thread(target=show.stream, args=(lab.sessions.get(host), service, container, tail, follow), daemon=True)
+            threading.Thread(
+                target=show.stream, args=(lab.sessions.get(host), service, container, tail, follow), daemon=True
+            )
             for service, host, container in chosen
         ]
         for thread in threads:
@@ -63,7 +65,9 @@ def _containers(found: Found, instance: str, services: tuple[str, ...]) -> list[
     known = [service for service, _, _ in there]
     unknown = sorted(set(services) - set(known))
     if unknown:
-        raise UsageError(f"no container of {', '.join(unknown)} on these robots", hint=f"there are: {', '.join(known) or 'none'}")
+        raise UsageError(
+            f"no container of {', '.join(unknown)} on these robots", hint=f"there are: {', '.join(known) or 'none'}"
+        )
     if not there:
         raise UsageError(f"nothing of {instance} on these robots", hint="srprov apply starts it")
     return [one for one in there if not services or one[0] in services]

@@ -39,7 +39,7 @@ class _LazyGroup(click.Group):
             return None
         module = importlib.import_module(f"srprov.cli.{cmd_name}")
         command = getattr(module, cmd_name)
-        assert isinstance(command, click.Command)  # noqa: S101 - our own table
+        assert isinstance(command, click.Command)
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -50,7 +50,7 @@ class _LazyGroup(click.Group):
 @click.group(cls=_LazyGroup, context_settings={"auto_envvar_prefix": "SRPROV", "help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="srprov")
 def cli() -> None:
-    """Provision multi-robot experiments over SSH, without agents.
+    r"""Provision multi-robot experiments over SSH, without agents.
 
     \b
     srprov apply experiment.edf -i inventory.yml
@@ -80,7 +80,7 @@ def run(arguments: list[str] | None = None) -> int:
         # the reader of our output went away, e.g. `srprov status | head`
         sys.stderr.close()
         return 0
-    except Exception:  # noqa: BLE001 - the outermost frame: anything else is a bug, and says so
+    except Exception:
         err(traceback.format_exc())
         err("this is a bug in srprov; please report it with the lines above")
         return BUG

@@ -21,11 +21,18 @@ _F = TypeVar("_F", bound=Callable[..., Any])
 INVENTORY = click.option(
     "-i", "--inventory", "inventories", multiple=True, required=True, metavar="FILE", help="Inventory; may be repeated."
 )
-FORKS = click.option("-f", "--forks", type=click.IntRange(min=1), default=64, show_default=True, help="Robots at the same time.")
+FORKS = click.option(
+    "-f", "--forks", type=click.IntRange(min=1), default=64, show_default=True, help="Robots at the same time."
+)
 INSTANCE = click.option("--instance", default="", metavar="ID", help="Instance id (default: the experiment's name).")
 JSON = click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout, all else on stderr.")
 TIMEOUT = click.option(
-    "--timeout", type=click.FloatRange(min=0.1), default=10.0, show_default=True, metavar="S", help="Seconds to connect to a robot."
+    "--timeout",
+    type=click.FloatRange(min=0.1),
+    default=10.0,
+    show_default=True,
+    metavar="S",
+    help="Seconds to connect to a robot.",
 )
 LIMIT = click.option("--limit", default="", metavar="PATTERN", help="Change only these robots (Ansible pattern).")
 EXCLUDE = click.option("--exclude", default="", metavar="PATTERN", help="Do not change these robots.")
@@ -79,11 +86,11 @@ def open_lab(inventory: Inventory, timeout: float, forks: int) -> Iterator[Lab]:
 
 def selected(inventory: Inventory, limit: str, exclude: str) -> frozenset[str]:
     """Give the robots that may be changed."""
-    from srprov.definitions.patterns import match
+    from srprov.definitions.patterns import select
 
-    chosen = set(match(limit, inventory)) if limit else set(inventory.hosts)
+    chosen = set(select(inventory, limit)) if limit else set(inventory.hosts)
     if exclude:
-        chosen -= set(match(exclude, inventory))
+        chosen -= set(select(inventory, exclude))
     if not chosen:
         raise UsageError("--limit and --exclude leave no robot", hint=f"known: {', '.join(inventory.hosts)}")
     return frozenset(chosen)

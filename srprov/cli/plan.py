@@ -27,13 +27,14 @@ UNREACHABLE = 4
 @click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", show_default=True)
 @click.option("-o", "--out", "target", type=click.Path(dir_okay=False), help="Also write the plan as JSON to a file.")
 @click.option("-v", "--verbose", is_flag=True, help="Show the exact commands of each step.")
-def plan(  # noqa: PLR0913 - one argument per option, as click gives them
+def plan(
     file: str, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, instance: str, limit: str,
     exclude: str, reassign: bool, adopt: bool, detailed_exitcode: bool, form: str, target: str | None, verbose: bool,
 ) -> int:  # fmt: skip
     """Show what would change; changes nothing.
 
-    Exits with 0, with 2 when --detailed-exitcode is given and something would change, with 4 when a robot cannot be reached.
+    Exits with 0; with 2 when --detailed-exitcode is given and something would change; with 4 when a robot cannot be
+    reached.
     """
     from srprov.controller import Wishes, make_plan
     from srprov.planning.plan import plan_json

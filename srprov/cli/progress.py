@@ -1,6 +1,7 @@
 """Live progress of a run: lines that name robot, step and what is awaited; on a terminal a status line besides.
 
-Lines go to stderr; a line per finished step, so that a log file reads as well as a terminal. `--events` gets every event as JSON.
+Lines go to stderr; a line per finished step, so that a log file reads as well as a terminal. `--events` gets every
+event as JSON.
 """
 
 from __future__ import annotations
@@ -45,7 +46,14 @@ def _live() -> Iterator[Any]:
 class _Shown:
     """What was shown so far; called from several threads."""
 
-    def __init__(self, total: int, stream: TextIO | None, live: Any, *, color: bool) -> None:  # noqa: ANN401 - rich's Status or None
+    def __init__(
+        self,
+        total: int,
+        stream: TextIO | None,
+        live: Any,  # noqa: ANN401 - rich's Status or None
+        *,
+        color: bool,
+    ) -> None:
         self.total, self.stream, self.live, self.color = total, stream, live, color
         self.done = 0
         self.running: dict[str, str] = {}
@@ -92,8 +100,11 @@ class _Shown:
         took = f" ({event.duration_s:.1f} s)" if event.duration_s >= 1 else ""
         failed = f": {event.text}" if event.text and word not in ("changed", "unchanged") else ""
         symbol = event.step.change.action.value
-        line = f"[{min(self.done, self.total)}/{self.total}] {event.host}: {symbol} {event.step.module} {event.step.name}: {word}{took}{failed}"
-        err(line, color=_SYMBOL_COLORS.get(word) if self.color else None)
+        what = f"{event.host}: {symbol} {event.step.module} {event.step.name}"
+        err(
+            f"[{min(self.done, self.total)}/{self.total}] {what}: {word}{took}{failed}",
+            color=_SYMBOL_COLORS.get(word) if self.color else None,
+        )
 
     def _status(self) -> str:
         return f"{self.done}/{self.total} " + "; ".join(text for _, text in sorted(self.running.items()))

@@ -79,4 +79,6 @@ def table(rows: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> str:
     used = [column for column in columns if any(str(row[column]) for row in rows)]
     lines = [[column.upper() for column in used]] + [[str(row[column]) or "-" for column in used] for row in rows]
     widths = [max(len(line[index]) for line in lines) for index in range(len(used))]
-    return "\n".join("  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() for line in lines)
+    return "\n".join(
+        "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() for line in lines
+    )

@@ -1,7 +1,8 @@
 """Walk a plan over many robots: stretches in parallel, one at a time per robot, each after those that it needs.
 
-Carries no decision of its own: what is due and how it is done stands in the plan, and the modules say whether it is right. A robot
-that fails is a value; the others go on. The first interrupt lets running steps end and begins no new one.
+Carries no decision of its own: what is due and how it is done stands in the plan, and the modules say whether it is
+right. A robot that fails is a value; the others go on. The first interrupt lets running steps end and begins no new
+one.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ def run_plan(
     plan: Plan,
     sessions: Mapping[str, Session],
     listener: Listener,
-    options: Options = Options(),  # noqa: B008 - frozen
+    options: Options = Options(),
     stop: threading.Event | None = None,
 ) -> RunResult:
     """Do every step of the plan and say what came of each.
@@ -89,9 +90,7 @@ class _Run:
                     for needs in waiting.values():
                         needs.discard(ended)
 
-    def _next(
-        self, running: Mapping[concurrent.futures.Future[None], int]
-    ) -> set[concurrent.futures.Future[None]]:
+    def _next(self, running: Mapping[concurrent.futures.Future[None], int]) -> set[concurrent.futures.Future[None]]:
         """Wait for the next end. An interrupt here asks for a soft stop; a second one leaves at once."""
         try:
             return concurrent.futures.wait(running, return_when=concurrent.futures.FIRST_COMPLETED).done
@@ -143,7 +142,9 @@ class _Run:
                 continue
             result = self.results.get(number)
             if result is None or result.outcome not in (Outcome.CHANGED, Outcome.UNCHANGED):
-                what = f"#{number}" if result is None else f"#{number} ({result.step.id}), which {_past(result.outcome)}"
+                what = (
+                    f"#{number}" if result is None else f"#{number} ({result.step.id}), which {_past(result.outcome)}"
+                )
                 return f"needs {what}"
         for need in step.waits:
             host = need.id.split("/", 1)[0]
@@ -188,5 +189,3 @@ def _past(outcome: Outcome) -> str:
         Outcome.UNREACHABLE: "could not be reached",
         Outcome.NOT_REACHED: "was not reached",
     }.get(outcome, outcome.value)
-
-

@@ -1,7 +1,7 @@
 """Cut a plan into stretches that run on one robot without looking at any other.
 
-A new stretch begins before a step that needs another robot, and after a step that another robot needs. So a robot reads once, does
-several steps, verifies once; and nobody waits for more than he needs. Pure.
+A new stretch begins before a step that needs another robot, and after a step that another robot needs. So a robot
+reads once, does several steps, verifies once; and nobody waits for more than he needs. Pure.
 """
 
 from __future__ import annotations

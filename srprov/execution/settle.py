@@ -1,7 +1,7 @@
 """A last look: a service counts as started only if it still runs a little later.
 
-Docker says "started" for a process that dies in its first breath. Each robot with fresh containers is read once more, two seconds
-(or what the user sets) after its last start; jobs may have ended.
+Docker says "started" for a process that dies in its first breath. Each robot with fresh containers is read once
+more, two seconds (or what the user sets) after its last start; jobs may have ended.
 """
 
 from __future__ import annotations
@@ -43,7 +43,13 @@ def settle(
                 settled[result.step.number] = result
                 if result.outcome is Outcome.FAILED:
                     listener(
-                        Event(kind="end", host=result.step.host, step=result.step, outcome=result.outcome, text=result.message)
+                        Event(
+                            kind="end",
+                            host=result.step.host,
+                            step=result.step,
+                            outcome=result.outcome,
+                            text=result.message,
+                        )
                     )
     return settled
 
@@ -65,6 +71,8 @@ def _still(robot: Robot, result: StepResult) -> StepResult:
     if verdict.outcome is Outcome.CHANGED:
         return result
     item = (robot.seen or {}).get(("container", result.step.name))
-    how = f"exited with code {item.state['exit_code']}" if item and item.state["state"] == "exited" else "is not running"
+    how = (
+        f"exited with code {item.state['exit_code']}" if item and item.state["state"] == "exited" else "is not running"
+    )
     words = last_words(robot.session, result.step.name)
     return dataclasses.replace(result, outcome=Outcome.FAILED, message=f"did not stay up: {how}{words}")

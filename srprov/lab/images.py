@@ -1,7 +1,7 @@
 """The images that the lab's mirror serves, made once and cached.
 
 `debian:bookworm` is debootstrap's minimal variant below a layer with what this machine trusts;
-`busybox` is Debian's static busybox. Two caches: debootstrap's tar file (half a minute of work)
+`busybox` is Debian's, with the libraries that it needs. Two caches: debootstrap's tar file (half a minute of work)
 and the registry's storage, named by a hash of all that goes into it. Each is made beside its
 place and renamed into it, so a killed run leaves nothing half made in use.
 """
@@ -20,7 +20,7 @@ from srprov.lab.oci import Image, Storage, architecture
 from srprov.lab.places import CACHE
 from srprov.lab.tarfiles import Layer
 
-FORMAT = 1
+FORMAT = 2
 """Raise it when the same inputs shall give other images."""
 
 Say = Callable[[str], None]
@@ -102,6 +102,12 @@ def _remove_root(root: Path) -> None:
         shutil.rmtree(root)
 
 
+def _libraries(program: Path) -> list[Path]:
+    """Give what a program is linked to. A static one has nothing, but Debian's static busybox cannot look up names."""
+    listed = subprocess.run(["ldd", program], capture_output=True, text=True, check=False).stdout
+    return sorted({Path(word) for word in listed.split() if word.startswith("/")})
+
+
 def _write_busybox(path: Path, program: Path) -> None:
     """Busybox with all its applets, and the few files that a shell expects."""
     listed = subprocess.run([program, "--list"], capture_output=True, text=True, check=True).stdout
@@ -112,6 +118,11 @@ def _write_busybox(path: Path, program: Path) -> None:
         layer.folder("var")
         layer.folder("var/tmp", 0o1777)
         layer.file("bin/busybox", program.read_bytes(), 0o755)
+        for library in _libraries(program):
+            folder = library.parent.as_posix().lstrip("/")
+            for depth in range(1, folder.count("/") + 2):
+                layer.folder("/".join(folder.split("/")[:depth]))
+            layer.file(library.as_posix().lstrip("/"), library.read_bytes(), 0o755)
         for applet in sorted(set(listed.split()) - {"busybox"}):
             layer.link(f"bin/{applet}", "busybox")
         layer.files(USERS)

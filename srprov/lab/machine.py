@@ -29,7 +29,7 @@ PACKAGES = {
 }
 """Program -> Debian package, for every `lab up`."""
 
-IMAGE_PACKAGES = {"debootstrap": "debootstrap", "busybox": "busybox-static"}
+IMAGE_PACKAGES = {"debootstrap": "debootstrap", "busybox": "busybox"}
 """Needed only while the images are not cached."""
 
 LAB_FOLDERS = ("usr", "etc", "var", "var/lib", "var/cache", "bin", "lib", "sbin")

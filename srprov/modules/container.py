@@ -1,10 +1,11 @@
 """Containers: one per service and robot.
 
-Wanted parameters: `service`, `instance`, `source`, `image`, `job`, `run` (the merged run-time fields), `mounts` (engine form),
-`network` (`mode` overlay, host or none; `name`, `ip`, `mac`, `hash`), `hostname`, `api` (the engine's API version).
+Wanted parameters: `service`, `instance`, `source`, `image`, `job`, `run` (the merged run-time fields), `mounts`
+(engine form), `network` (`mode` overlay, host or none; `name`, `ip`, `mac`, `hash`), `hostname`, `api` (the
+engine's API version).
 
-A container carries a hash of its whole configuration, and a short one of each part of it, as labels: what differs can be said in
-words without comparing defaults that an engine fills in. Restarts follow from that hash alone.
+A container carries a hash of its whole configuration, and a short one of each part of it, as labels: what differs
+can be said in words without comparing defaults that an engine fills in. Restarts follow from that hash alone.
 
 Source: Docker Engine API 1.41, "Create a container".
 """

@@ -42,8 +42,8 @@ def engine_body(params: Mapping[str, Any]) -> dict[str, Any]:
 def parts_of(params: Mapping[str, Any]) -> dict[str, Any]:
     """Give the parts that decide whether a running container is still the wanted one, by the name that a cause shows.
 
-    The MAC's place in the body depends on the engine's version, so the network part is the wish, not the body: an engine's
-    upgrade restarts nothing.
+    The MAC's place in the body depends on the engine's version, so the network part is the wish, not the body: an
+    engine's upgrade restarts nothing.
     """
     body = engine_body({**params, "api": "1.41"})
     host = body["HostConfig"]

@@ -1,7 +1,7 @@
 """Rendered files below the instance's folder on a robot.
 
-Wanted parameters: `content` (text), `mode` (octal text), `in_place` (keep the inode: a file that is bind-mounted into running
-containers must be rewritten, not replaced). The name is the absolute path.
+Wanted parameters: `content` (text), `mode` (octal text), `in_place` (keep the inode: a file that is bind-mounted
+into running containers must be rewritten, not replaced). The name is the absolute path.
 """
 
 from __future__ import annotations
@@ -15,8 +15,7 @@ from srprov.resource import Action, Change, Resource, State
 from srprov.wire import AnyQuery, Command, Put, Query, Reply, Run, quote
 
 _LIST = (
-    f"cd {STATE_ROOT} 2>/dev/null || exit 0; "
-    "find . -mindepth 3 -prune -o -mindepth 2 -type f -exec sha256sum {} +"
+    f"cd {STATE_ROOT} 2>/dev/null || exit 0; find . -mindepth 2 -maxdepth 2 -type f ! -name '*.part' -exec sha256sum {{}} +"
 )
 _MIN_PARTS = 2
 
@@ -67,7 +66,11 @@ def remove_path(path: str) -> Run:
         ValueError: The path is not inside an instance's folder; nothing else may ever be removed.
     """
     parts = path.removeprefix(STATE_ROOT + "/").split("/")
-    if not path.startswith(STATE_ROOT + "/") or len(parts) < _MIN_PARTS or not all(p not in ("", ".", "..") for p in parts):
+    if (
+        not path.startswith(STATE_ROOT + "/")
+        or len(parts) < _MIN_PARTS
+        or not all(p not in ("", ".", "..") for p in parts)
+    ):
         raise ValueError(f"{path} is not inside an instance's folder")
     folders = [f"{STATE_ROOT}/{'/'.join(parts[:n])}" for n in range(len(parts) - 1, 0, -1)]
     # rmdir refuses a folder that still holds something: that is the wanted end, not a failure

@@ -1,8 +1,8 @@
 """Images: present on a robot under a tag or digest.
 
-Wanted parameters: `source` is `pull`, `build` (with `blob`, the build context as a tar) or `copy` (with `from`, the robot that has
-it). Whether it is right is a question of its name alone: a built image's tag is a hash of all that went in, and a digest is one by
-nature. Images are nobody's: they are never removed as orphans.
+Wanted parameters: `source` is `pull`, `build` (with `blob`, the build context as a tar) or `copy` (with `from`, the
+robot that has it). Whether it is right is a question of its name alone: a built image's tag is a hash of all that
+went in, and a digest is one by nature. Images are nobody's: they are never removed as orphans.
 
 Source: Docker Engine API 1.41, "Build an image", "Create an image".
 """

@@ -1,8 +1,8 @@
 """What every kind of resource can say of itself: the Module protocol, and helpers that several kinds share.
 
-A module knows how to ask (`queries`), how to read the answers (`parse`), what is missing (`check`), and which commands make it
-right (`commands`, `removal`). It never sees a connection. `check` is the only definition of "already right": it is asked when
-planning, again before the first act on a robot, and again after.
+A module knows how to ask (`queries`), how to read the answers (`parse`), what is missing (`check`), and which
+commands make it right (`commands`, `removal`). It never sees a connection. `check` is the only definition of
+"already right": it is asked when planning, again before the first act on a robot, and again after.
 
 Touches nothing.
 """

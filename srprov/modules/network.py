@@ -1,7 +1,8 @@
 """Docker bridge networks: the robot's end of the overlay.
 
-Wanted parameters: `instance`, `source`, `bridge` (interface name), `subnet`, `gateway`, `mtu`, `vni`, `port`. Each robot's engine
-has the whole subnet, with a gateway address of its own; addresses are given by the controller, so no two engines hand out the same.
+Wanted parameters: `instance`, `source`, `bridge` (interface name), `subnet`, `gateway`, `mtu`, `vni`, `port`. Each
+robot's engine has the whole subnet, with a gateway address of its own; addresses are given by the controller, so no
+two engines hand out the same.
 
 Source: Docker Engine API 1.41, "Create a network"; bridge driver options.
 """
@@ -12,7 +13,17 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from srprov.facts.model import Existing
-from srprov.modules.module import CONFIG_HASH, INSTANCE, LABEL_FILTER, SOURCE, as_labels, as_list, as_text, canonical, digest
+from srprov.modules.module import (
+    CONFIG_HASH,
+    INSTANCE,
+    LABEL_FILTER,
+    SOURCE,
+    as_labels,
+    as_list,
+    as_text,
+    canonical,
+    digest,
+)
 from srprov.resource import Action, Change, Resource, State
 from srprov.wire import AnyQuery, Command, EngineCall, EngineQuery, Reply
 
@@ -59,7 +70,9 @@ class NetworkModule:
         """Compare field by field: Docker cannot change a network, only make it anew."""
         if found is None:
             return Change(action=Action.CREATE, cause="not there")
-        differing = [key for key in ("subnet", "gateway", "mtu", "bridge", "vni", "port") if found[key] != want.params[key]]
+        differing = [
+            key for key in ("subnet", "gateway", "mtu", "bridge", "vni", "port") if found[key] != want.params[key]
+        ]
         if not differing:
             return None
         cause = "; ".join(f"{key} is {found[key]}, not {want.params[key]}" for key in differing)

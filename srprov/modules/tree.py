@@ -1,7 +1,7 @@
 """Files and folders of the experiment that are shipped to a robot, by content, read-only.
 
-The name is `STATE_ROOT/<instance>/trees/<hash>`; `blob` is a tar whose single top entry is the file or folder. The path holds the
-content's hash and appears by one rename, so that being there means being right.
+The name is `STATE_ROOT/<instance>/trees/<hash>`; `blob` is a tar whose single top entry is the file or folder. The
+path holds the content's hash and appears by one rename, so that being there means being right.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class TreeModule:
         return (Query(command=f"ls -1d {STATE_ROOT}/*/trees/* 2>/dev/null || :"),)
 
     def parse(self, replies: Sequence[Reply]) -> tuple[Existing, ...]:
-        """Read one path per line; half-extracted ones (`.part`, `.tar`) belong to the instance too and are cleaned up."""
+        """Read one path per line; half-extracted ones (`.part`, `.tar`) are the instance's too and are cleaned up."""
         found = []
         for line in replies[0].out.splitlines():
             parts = line.removeprefix(STATE_ROOT + "/").split("/")
@@ -44,10 +44,13 @@ class TreeModule:
         """Send the tar, unpack beside the final place, rename."""
         tar, part, final = f"{want.name}.tar", f"{want.name}.part", want.name
         unpack = (
-            f"rm -rf {quote(part)} && mkdir -p {quote(part)} && tar -xf {quote(tar)} -C {quote(part)} && rm -f {quote(tar)} && "
-            f"chmod 0755 {quote(part)} && mv {quote(part)} {quote(final)}"
+            f"rm -rf {quote(part)} && mkdir -p {quote(part)} && tar -xf {quote(tar)} -C {quote(part)} && "
+            f"rm -f {quote(tar)} && chmod 0755 {quote(part)} && mv {quote(part)} {quote(final)}"
         )
-        return (Put(path=tar, content=want.params["blob"], mode=0o600, timeout_s=600), Run(script=unpack, timeout_s=600))
+        return (
+            Put(path=tar, content=want.params["blob"], mode=0o600, timeout_s=600),
+            Run(script=unpack, timeout_s=600),
+        )
 
     def removal(self, found: Existing) -> tuple[Command, ...]:
         """Remove it and what is empty above it."""

@@ -1,8 +1,9 @@
 """VXLAN links: the port of a robot's bridge to all other robots of the instance.
 
-Wanted parameters: `instance`, `vni`, `local` (the VTEP address), `port`, `bridge`, `mtu`, `fdb` (pairs of MAC and VTEP; the all-zero
-MAC stands for head-end replication of broadcast and multicast). Learning is off: the controller knows every entry. The link's alias
-carries the instance, and the bridge's multicast snooping is off, since no querier is there that would keep groups alive.
+Wanted parameters: `instance`, `vni`, `local` (the VTEP address), `port`, `bridge`, `mtu`, `fdb` (pairs of MAC and
+VTEP; the all-zero MAC stands for head-end replication of broadcast and multicast). Learning is off: the controller
+knows every entry. The link's alias carries the instance, and the bridge's multicast snooping is off, since no
+querier is there that would keep groups alive.
 
 Source: Linux `vxlan` documentation, iproute2's ip-link(8) and bridge(8).
 """

@@ -1,4 +1,7 @@
-"""Desired resources and what was found -> a Plan: steps in order, each with its cause, what it needs and its exact commands. Pure."""
+"""Desired resources and what was found -> a Plan. Pure.
+
+Steps in order, each with its cause, what it needs and its exact commands.
+"""
 
 from __future__ import annotations
 

@@ -1,8 +1,9 @@
 """Compare what should be with what is, and put the differences in order.
 
-Takes desired resources and everything that was found; gives numbered steps. What carries the instance's label and is not desired is
-removed, volumes excepted. The order: what a step needs comes first, also across an unchanged resource in between; a service that
-moves stops before it starts elsewhere; on each robot containers go before what they stand on.
+Takes desired resources and everything that was found; gives numbered steps. What carries the instance's label and
+is not desired is removed, volumes excepted. The order: what a step needs comes first, also across an unchanged
+resource in between; a service that moves stops before it starts elsewhere; on each robot containers go before what
+they stand on.
 
 Touches nothing. Equal inputs, in any order, give the same steps.
 """
@@ -175,7 +176,9 @@ def _in_order(drafts: Sequence[_Draft], wanted: Mapping[str, Resource]) -> tuple
                 heapq.heappush(ready, follower)
     if len(numbers) != len(by_key):
         circle = ", ".join(sorted(by_key[key].id for key in by_key if key not in numbers))
-        raise PlanError(f"these need each other in a circle: {circle}", hint="break the circle in depends_on or the playbook")
+        raise PlanError(
+            f"these need each other in a circle: {circle}", hint="break the circle in depends_on or the playbook"
+        )
     return tuple(_step(by_key[key], numbers, needs[key]) for key in numbers)
 
 
@@ -212,7 +215,9 @@ def _needs(
         # ports, devices and names must be free first; and a service never runs twice
         service = draft.want.params["service"]
         containers = (d for d in removals if d.module == "container" and d.found is not None)
-        needs |= {d.key for d in containers if d.host == draft.host or (d.found and d.found.state.get("service") == service)}
+        needs |= {
+            d.key for d in containers if d.host == draft.host or (d.found and d.found.state.get("service") == service)
+        }
     if draft.module == "network":
         needs |= {d.key for d in removals if d.host == draft.host and d.module in ("container", "vxlan")}
     return needs

@@ -1,4 +1,7 @@
-"""Leave out the steps of robots that the user did not choose: it filters what is changed, never what is decided. Pure."""
+"""Leave out the steps of robots that the user did not choose. Pure.
+
+It filters what is changed, never what is decided.
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """The plan as a value: what will be done, in which order, and why.
 
-Equal inputs give equal plans, and equal plans give byte-equal text and JSON: nothing in here holds a time, a random id or the order
-of a set.
+Equal inputs give equal plans, and equal plans give byte-equal text and JSON: nothing in here holds a time, a random
+id or the order of a set.
 """
 
 from __future__ import annotations
@@ -124,10 +124,16 @@ def command_json(command: Command) -> dict[str, Any]:
     if isinstance(command, Put):
         size = len(command.content)
         mode = f"{command.mode:04o}"
-        return {"put": command.path, "bytes": size, "sha256": command.digest(), "mode": mode, "in_place": command.in_place}
+        return {
+            "put": command.path,
+            "bytes": size,
+            "sha256": command.digest(),
+            "mode": mode,
+            "in_place": command.in_place,
+        }
     if isinstance(command, CopyImage):
         return {"copy_image": command.image, "from": command.source_host}
-    assert isinstance(command, EngineCall)  # noqa: S101 - the last of a closed union
+    assert isinstance(command, EngineCall)
     request: dict[str, Any] = {"engine": command.method, "path": command.path, "params": dict(command.params)}
     if command.body:
         request["body"] = command.body

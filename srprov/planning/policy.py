@@ -1,7 +1,7 @@
 """What an experiment asks for beyond its own containers, named so that a user can allow it or not.
 
-An EDF may come from a stranger. Everything that reaches the robot itself is a `Permission`; `plan` lists them, `apply` refuses
-those whose kind is not allowed. Pure.
+An EDF may come from a stranger. Everything that reaches the robot itself is a `Permission`; `plan` lists them,
+`apply` refuses those whose kind is not allowed. Pure.
 """
 
 from __future__ import annotations

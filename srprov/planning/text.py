@@ -1,4 +1,7 @@
-"""A plan as text, for people and for review: sorted, without times or random ids, so that equal plans give equal bytes. Pure."""
+"""A plan as text, for people and for review. Pure.
+
+Sorted, without times or random ids, so that equal plans give equal bytes.
+"""
 
 from __future__ import annotations
 

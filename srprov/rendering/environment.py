@@ -1,8 +1,9 @@
 """The Jinja2 environment of playbooks: sandboxed, StrictUndefined, every substitution a whole JSON value.
 
-Text that is put into YAML by a plain template changes its type ("yes" becomes true) or breaks the document ("a: b"). Here each
-`{{ … }}` writes its value as JSON, which is YAML too, so any text arrives as it was. The price is a rule for authors: a substitution
-is always a whole YAML value. `name: ros-{{ n }}` would slip through as the text `ros-"x"`; `check_whole_values` refuses it.
+Text that is put into YAML by a plain template changes its type ("yes" becomes true) or breaks the document ("a:
+b"). Here each `{{ … }}` writes its value as JSON, which is YAML too, so any text arrives as it was. The price is a
+rule for authors: a substitution is always a whole YAML value. `name: ros-{{ n }}` would slip through as the text
+`ros-"x"`; `check_whole_values` refuses it.
 """
 
 from __future__ import annotations

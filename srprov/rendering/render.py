@@ -1,8 +1,9 @@
 """Playbook texts and one robot's context -> its resources.
 
-Takes the texts by name (in name order), a context of plain values, and blobs by digest; gives `Resource`s. An item of a playbook is a
-mapping with one key that names a module, whose value is the resource's name; `needs` lists `module:name` on the same robot or
-`robot/module:name`, each a text or `{id, condition}`. A parameter `blob` names its bytes by digest.
+Takes the texts by name (in name order), a context of plain values, and blobs by digest; gives `Resource`s. An item
+of a playbook is a mapping whose first key names a module, with the resource's name as its value; `needs` lists
+`module:name` on the same robot or `robot/module:name`, each a text or `{id, condition}`. A parameter `blob` names
+its bytes by digest.
 
 Touches nothing. Facts and definition files are values here and are never rendered again as templates.
 """
@@ -71,11 +72,10 @@ def _items(template: Any, name: str, host: str, context: Mapping[str, Any]) -> S
 def _resource(
     item: Mapping[str, Any], host: str, modules: Collection[str], blobs: Mapping[str, bytes], source: str
 ) -> Resource:
-    kinds = [key for key in item if key in modules]
-    if len(kinds) != 1:
-        named = ", ".join(sorted(modules))
-        raise RenderError(f"{source}: an item names exactly one module ({named}), this one {kinds or 'none'}")
-    kind = kinds[0]
+    kind = next(iter(item), None)
+    if kind not in modules:
+        known = ", ".join(sorted(modules))
+        raise RenderError(f"{source}: the first key of an item names its module, '{kind}' is none", hint=f"known: {known}")
     params = {key: value for key, value in item.items() if key not in (kind, "needs")}
     if "blob" in params:
         params["blob"] = blobs[params["blob"]]

@@ -1,0 +1,36 @@
+"""`srprov validate`: definition files only; no robot is asked."""
+
+from __future__ import annotations
+
+import click
+
+from srprov.cli.output import err, out
+
+INVALID = 5
+
+
+@click.command()
+@click.argument("files", nargs=-1, required=True, metavar="FILES...")
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(["text", "json", "sarif"]),
+    default="text",
+    show_default=True,
+    help="How problems are shown.",
+)
+def validate(files: tuple[str, ...], form: str) -> int:
+    """Check EDFs, CDFs, Dockerfiles and inventories, and every file that they name; show everything that is wrong."""
+    from srprov.cli.problems import as_json, as_sarif, render_problems
+    from srprov.definitions import check_files
+
+    problems = check_files(files)
+    if form == "text" and problems:
+        out(render_problems(problems))
+    elif form != "text":
+        out(as_json(problems) if form == "json" else as_sarif(problems))
+    count = len(problems)
+    checked = f"{len(files)} file{'s' if len(files) != 1 else ''}"
+    summary = f"{count} problem{'s' if count != 1 else ''} in {checked}" if count else f"{checked} valid"
+    (out if form == "text" else err)(summary)
+    return INVALID if problems else 0
