@@ -1,7 +1,7 @@
 """srprov: an agentless, declarative provisioner for multi-robot experiments.
 
-User files and robots are read into values, values become a plan, the plan is executed, everything is reported. The rooms stand
-in that order; `tests/test_rooms.py` holds them to it:
+User files and robots are read into values, values become a plan, the plan is executed, everything is reported. The
+rooms stand in that order; `tests/test_rooms.py` holds them to it:
 
     cli/          one small file per verb; the only room that prints, asks or exits
     controller    the flow on one screen; the only file that knows the order of the rooms

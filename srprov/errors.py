@@ -99,9 +99,7 @@ class NoAssignment(SrprovError):
 
     exit_code = 8
 
-    def __init__(
-        self, message: str, *, misses: Mapping[str, Mapping[str, str]] | None = None, hint: str = ""
-    ) -> None:
+    def __init__(self, message: str, *, misses: Mapping[str, Mapping[str, str]] | None = None, hint: str = "") -> None:
         """Take the explanation in words and the reasons as data."""
         super().__init__(message, hint=hint)
         self.misses = {s: dict(r) for s, r in (misses or {}).items()}

@@ -1,7 +1,7 @@
 """The words that modules, rendering, planning and execution share: Resource, State, Action, Change.
 
-A `Resource` is one thing that should be true on one robot. A `State` is what was found of it. A `Change` is the difference, with
-its cause in words. All are values; none can talk to a robot.
+A `Resource` is one thing that should be true on one robot. A `State` is what was found of it. A `Change` is the
+difference, with its cause in words. All are values; none can talk to a robot.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any
 
 State = Mapping[str, Any]
-"""What a module found of one resource: JSON values only; `instance` names the owner ("" when nobody of ours owns it)."""
+"""What a module found of one resource: JSON values only."""
 
 
 class Action(enum.Enum):

@@ -1,0 +1,117 @@
+"""User files -> Inventory, Experiment (EDF), ContainerDefinition (CDF).
+
+Takes paths; gives values, or `DefinitionError` with every problem at once, each with file, line, column and what to
+do. Touches user files for reading, and runs an inventory that is a program. What a field means is in `schemas/` and
+in docs/definitions.md.
+
+    nodes, yamlfile        a document that knows where each value stands
+    schema                 document and JSON Schema -> problems
+    paths, values, mounts  what a text stands for
+    merging, runtime       one definition over another -> run-time part
+    container, dockerfile  CDF        service, envfile, checks, unsupported, experiment  EDF
+    inventory, inifile, script, hostvars, ranges, patterns  the lab
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from srprov.errors import DefinitionError, Problem
+
+if TYPE_CHECKING:
+    from srprov.definitions.model import ContainerDefinition, Definitions, Inventory
+
+
+def load_experiment(path: str | Path, environ: Mapping[str, str] | None = None) -> Definitions:
+    """Read an EDF and every file that it names; `environ` (default: the process's) gives bare names in `environment`.
+
+    What validates but is not built yet is listed in `Definitions.unsupported`; whoever acts must refuse it.
+
+    Raises:
+        DefinitionError: With everything that is wrong.
+    """
+    from srprov.definitions import experiment
+
+    return experiment.load(str(path), os.environ if environ is None else environ)
+
+
+def load_container(path: str | Path, environ: Mapping[str, str] | None = None) -> ContainerDefinition:
+    """Read a single CDF or Dockerfile; it may use files below the nearest folder with an EDF, else below its own.
+
+    Raises:
+        DefinitionError: With everything that is wrong.
+    """
+    from srprov.definitions import container
+
+    folder = _experiment_folder(os.path.dirname(os.path.abspath(path)))
+    return container.load(str(path), folder, os.environ if environ is None else environ).definition
+
+
+def load_inventory(paths: Sequence[str | Path]) -> Inventory:
+    """Read the lab from one or more inventories as Ansible has them; later ones win.
+
+    Raises:
+        DefinitionError: With everything that is wrong.
+    """
+    from srprov.definitions import inventory
+
+    return inventory.load([str(path) for path in paths])
+
+
+def check_files(paths: Sequence[str | Path]) -> list[Problem]:
+    """Give every problem of EDFs, CDFs, Dockerfiles and inventories, sorted; suffix or content tells which is which."""
+    found: set[Problem] = set()
+    for path in paths:
+        try:
+            _check(str(path))
+        except DefinitionError as error:
+            found.update(error.problems)
+    return sorted(found)
+
+
+def _check(path: str) -> None:
+    kind = file_kind(path)
+    if kind == "edf":
+        load_experiment(path)
+    elif kind == "cdf":
+        load_container(path)
+    else:
+        load_inventory([path])
+
+
+def file_kind(path: str) -> str:
+    """Tell what a file is: `edf`, `cdf` (a Dockerfile too) or `inventory`.
+
+    Raises:
+        DefinitionError: Its content has to tell, and it cannot be read.
+    """
+    from srprov.definitions import dockerfile, yamlfile
+    from srprov.definitions.nodes import Map
+
+    if path.endswith((".edf", ".cdf")):
+        return path[-3:]
+    if dockerfile.is_dockerfile(path):
+        return "cdf"
+    if os.path.isdir(path) or not path.endswith((".yml", ".yaml", ".json")) or os.access(path, os.X_OK):
+        return "inventory"
+    root = yamlfile.read(path)
+    keys = set(root.entries) if isinstance(root, Map) else set()
+    if "edf" in keys or ("services" in keys and "all" not in keys):
+        return "edf"
+    return "cdf" if "cdf" in keys else "inventory"
+
+
+def _experiment_folder(folder: str) -> str:
+    """Give the nearest folder from here upwards that holds an EDF, or else this one."""
+    current = folder
+    for _ in range(8):
+        try:
+            if any(name.endswith(".edf") for name in os.listdir(current)):
+                return current
+        except OSError:
+            break
+        current = os.path.dirname(current)
+    return folder

@@ -1,7 +1,7 @@
 """The values that user files become: Inventory, Experiment, Service, ContainerDefinition.
 
-Everything here is validated, merged (a service's fields over its CDF's, a CDF's over the one it extends) and in one unit
-(bytes, seconds). Nothing here can read a file.
+Everything here is validated, merged (a service's fields over its CDF's, a CDF's over the one it extends) and in one
+unit (bytes, seconds). Nothing here can read a file.
 """
 
 from __future__ import annotations
@@ -86,8 +86,8 @@ class HealthCheck:
 class Mount:
     """One volume of a service.
 
-    `kind`: `tree` (a path of the experiment's folder, shipped read-only by content), `bind` (the robot's own path), `volume` (a
-    named volume of the instance), `tmpfs`.
+    `kind`: `tree` (a path of the experiment's folder, shipped read-only by content), `bind` (the robot's own path),
+    `volume` (a named volume of the instance), `tmpfs`.
     """
 
     kind: str

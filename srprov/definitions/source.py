@@ -1,7 +1,7 @@
 """Where an experiment comes from: the text that tells two experiments of the same name apart.
 
-A git checkout with a remote gives the remote's URL (without credentials) and the path inside, so that every clone of one repository
-is the same source. Anything else gives `user@host:path`. Reads `.git/config`, runs nothing.
+A git checkout with a remote gives the remote's URL (without credentials) and the path inside, so that every clone
+of one repository is the same source. Anything else gives `user@host:path`. Reads `.git/config`, runs nothing.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """All robots at once: their facts, everything of ours on them, and the newest placement record of each instance.
 
-Takes an inventory and a way to get a Reader per robot; gives `Found`. A robot that fails is an entry of `unreachable`. One round trip
-of the shell per robot; engine queries travel beside it.
+Takes an inventory and a way to get a Reader per robot; gives `Found`. A robot that fails is an entry of
+`unreachable`. One round trip of the shell per robot; engine queries travel beside it.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from srprov.facts.observe import observe_queries, parse_observed
 from srprov.modules.module import STATE_ROOT
 from srprov.wire import Query, Reader, Reply
 
-_PLACEMENTS = Query(command=f"for f in {STATE_ROOT}/*/placement.json; do test -f \"$f\" && cat \"$f\" && echo; done; :")
+_PLACEMENTS = Query(command=f'for f in {STATE_ROOT}/*/placement.json; do test -f "$f" && cat "$f" && echo; done; :')
 _SIZE_LIMIT = 1_000_000
 
 Readers = Callable[[str], Reader]
@@ -55,9 +55,7 @@ def gather(lab: Inventory, readers: Readers, *, sample: bool, forks: int = 64) -
     return Found(facts=facts, existing=existing, placements=records, unreachable=unreachable)
 
 
-def _one(
-    host: Host, readers: Readers, sample: bool
-) -> tuple[HostFacts, tuple[Existing, ...], list[Mapping[str, Any]]]:
+def _one(host: Host, readers: Readers, sample: bool) -> tuple[HostFacts, tuple[Existing, ...], list[Mapping[str, Any]]]:
     reader = readers(host.name)
     mine = host_queries(sample=sample)
     ours = observe_queries()
@@ -74,6 +72,10 @@ def _placements(reply: Reply) -> list[Mapping[str, Any]]:
             record = json.loads(line)
         except ValueError:
             continue
-        if isinstance(record, dict) and isinstance(record.get("instance"), str) and isinstance(record.get("serial"), int):
+        if (
+            isinstance(record, dict)
+            and isinstance(record.get("instance"), str)
+            and isinstance(record.get("serial"), int)
+        ):
             found.append(record)
     return found

@@ -1,0 +1,1 @@
+"""The overlay: `layout.layout` computes it, `hosts` and `record` say it in files. Pure."""

@@ -1,0 +1,59 @@
+"""The wire: the only room with sockets. It carries what `wire.py` describes, and decides nothing.
+
+Takes a `Host`, gives a `Session` over one SSH connection (`ssh.py`) or over local pipes (`local.py`). A session has
+one shell (`shell.py`, cut apart by `frames.py`) for `Query`, `Run` and `Put`, and one Docker Engine client
+(`engine.py`) for `EngineQuery`, `EngineCall` and `CopyImage`. `Sessions` (`pool.py`) connects to many robots at once;
+one that fails is a value there.
+
+Importing this package is cheap: paramiko, fabric and the docker SDK are imported when the first connection is made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from srprov.definitions.model import Host
+    from srprov.wire import Session
+
+__all__ = ["ConnectOptions", "Peers", "connect"]
+
+Peers = Callable[[str], "Session"]
+"""Gives the session of another robot by its name, for `CopyImage`; raises TransportError when there is none."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ConnectOptions:
+    """How to connect; the inventory and ssh_config say whom to and as whom."""
+
+    connect_timeout_s: float = 10.0
+    """For everything from the name lookup to the ready shell; `ConnectTimeout` of the host's ssh options wins."""
+    attempts: int = 3
+    """How often a connection that sshd dropped before its banner (MaxStartups) is tried, inside the timeout."""
+    ssh_config: Path | None = None
+    """Used instead of ~/.ssh/config and /etc/ssh/ssh_config, as `ssh -F` does."""
+    warm_engine: bool = True
+    """Open the channel to the Docker Engine in the background while the first questions are asked."""
+
+
+def connect(host: Host, *, options: ConnectOptions | None = None, peers: Peers | None = None) -> Session:
+    """Open a session with one robot, or with this machine for `ansible_connection: local`.
+
+    Raises:
+        ConnectError: Name lookup, TCP, banner, key exchange or the shell failed.
+        HostKeyError: The host key is unknown, changed or revoked.
+        AuthError: No key or password was accepted, or sudo wants a password.
+        DeadlineError: It took longer than `connect_timeout_s`.
+    """
+    chosen = options or ConnectOptions()
+    if host.connection == "local":
+        from srprov.transport.local import LocalSession
+
+        return LocalSession.open(host, chosen, peers)
+    from srprov.transport.ssh import SshSession
+
+    return SshSession.open(host, chosen, peers)

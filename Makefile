@@ -1,0 +1,43 @@
+# Every target says what it does: `make help`.
+SHELL := /bin/sh
+.DEFAULT_GOAL := help
+BIN := .venv/bin
+SOURCES := srprov tests tools examples benchmarks
+CHECKED := $(wildcard $(SOURCES))
+
+.PHONY: help setup demo test unit lint fmt type clean
+
+help: ## show this list
+	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | column -t -s '|' 2>/dev/null \
+	  || sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1  \2/p' $(MAKEFILE_LIST)
+
+setup: ## install what is missing (Debian packages as root, .venv); safe to repeat
+	@tools/setup.sh
+
+demo: setup ## three robots on this machine, ROS 1 talker and listener on them
+	@tools/demo.sh
+
+test: setup lint type ## everything: lint, types, all tests (needs root, for the lab)
+	@echo "test: pytest, the fast ones first, then those that need the lab"
+	@$(BIN)/python -m pytest
+
+unit: setup ## only the tests that need no lab
+	@$(BIN)/python -m pytest -m "not lab"
+
+lint: setup ## ruff: rules and format
+	@echo "lint: ruff check"
+	@$(BIN)/ruff check $(CHECKED)
+	@echo "lint: ruff format --check"
+	@$(BIN)/ruff format --check $(CHECKED)
+
+type: setup ## mypy --strict
+	@echo "type: mypy --strict srprov"
+	@$(BIN)/mypy --strict srprov
+
+fmt: setup ## let ruff rewrite what it can
+	@$(BIN)/ruff check --fix $(CHECKED)
+	@$(BIN)/ruff format $(CHECKED)
+
+clean: ## remove caches and build output (keeps .venv and the lab's images)
+	rm -rf build dist .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	find srprov tests -name __pycache__ -type d -prune -exec rm -rf {} +

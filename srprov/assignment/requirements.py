@@ -1,0 +1,142 @@
+"""The paper's capability matrix H: what a robot lacks for a service, in words.
+
+Takes a service, its CDF's platforms and one robot's facts; gives every `Miss`, not only the first. Requirements are
+compared with totals and presence, never with what is free at the moment. Pure.
+
+Source: the paper's matrix H (m x n, binary); the reasons are ours.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+
+from srprov.assignment.model import Miss
+from srprov.definitions.model import Requirements, Service
+from srprov.errors import UsageError
+from srprov.facts.model import HostFacts
+
+_GPU_TAG = "gpu"
+"""As the facts detect it, or the inventory says."""
+_BOUND = re.compile(r"\s*(?:>=)?\s*(\d+(?:\.\d+)*)\s*")
+
+
+def missing(service: Service, platforms: Sequence[str], facts: HostFacts) -> tuple[Miss, ...]:
+    """Give everything that a reachable robot lacks for a service; empty when it can run there.
+
+    Args:
+        service: With its CDF's requirements merged in.
+        platforms: The CDF's `platforms` such as `linux/arm64`; empty when it names none.
+        facts: The robot.
+
+    Raises:
+        UsageError: `requires.kernel` cannot be read.
+    """
+    wanted = service.requires
+    return (
+        *_engine_and_pin(service, facts),
+        *_architecture(wanted, platforms, facts),
+        *_presence(wanted, facts),
+        *_amounts(wanted, facts),
+        *_kernel(wanted, facts),
+    )
+
+
+def kernel_fits(bound: str, kernel: str) -> bool:
+    """Tell whether a kernel release such as `5.15.0-91-generic` is at least `bound`, such as `>=5.10` or `5.10`.
+
+    Several bounds, as of a CDF and an EDF, stand side by side with a comma: all must hold.
+
+    Raises:
+        UsageError: The bound cannot be read.
+    """
+    found = re.match(r"\d+(?:\.\d+)*", kernel)
+    has = _numbers(found.group()) if found else ()
+    for part in bound.split(","):
+        match = _BOUND.fullmatch(part)
+        if match is None:
+            raise UsageError(f"requires.kernel '{bound}' is not a version bound", hint="write it as '>=5.10'")
+        # 5.10 is at least 5.10.0, so what is not there counts as 0.
+        want = _numbers(match.group(1))
+        if not has or has + (0,) * (len(want) - len(has)) < want:
+            return False
+    return True
+
+
+def _engine_and_pin(service: Service, facts: HostFacts) -> Iterator[Miss]:
+    if facts.docker is None:
+        cause = f" ({facts.docker_problem})" if facts.docker_problem else ""
+        yield Miss(f"no Docker{cause}", f"make Docker work on {facts.name}")
+    if service.robot and service.robot != facts.name:
+        yield Miss(f"pinned to {service.robot}", f"remove 'robot: {service.robot}' from service '{service.name}'")
+
+
+def _architecture(wanted: Requirements, platforms: Sequence[str], facts: HostFacts) -> Iterator[Miss]:
+    has = facts.arch or "unknown"
+    if wanted.arch and facts.arch not in wanted.arch:
+        yield Miss(f"needs architecture {_either(wanted.arch)} (has {has})", f"add {has} to requires.arch")
+    # `linux/arm/v7`: the facts know the architecture, not its variant.
+    if platforms and facts.arch not in {_arch_of(platform) for platform in platforms}:
+        remedy = f"add linux/{has} to the platforms of its CDF"
+        yield Miss(f"its CDF is only for {_either(platforms)} (is {has})", remedy)
+
+
+def _presence(wanted: Requirements, facts: HostFacts) -> Iterator[Miss]:
+    tags = [tag for tag in wanted.tags if tag not in facts.tags]
+    if tags:
+        remedy = f"give {facts.name} the {_quoted('tag', tags)} (srprov_tags in the inventory)"
+        yield Miss(f"needs {_quoted('tag', tags)} (has: {', '.join(facts.tags) or 'none'})", remedy)
+    devices = [path for path in wanted.devices if not _is_there(path, facts.devices)]
+    if devices:
+        remedy = f"attach {', '.join(devices)} to {facts.name} (or name it in srprov_devices in the inventory)"
+        yield Miss(f"needs {_quoted('device', devices)} (not there)", remedy)
+    if wanted.gpu and _GPU_TAG not in facts.tags:
+        yield Miss("needs a GPU (none found)", f"give {facts.name} the tag '{_GPU_TAG}' if it has one all the same")
+
+
+def _amounts(wanted: Requirements, facts: HostFacts) -> Iterator[Miss]:
+    for word, needs, has in (
+        ("memory", wanted.memory, facts.memory_total),
+        ("disk", wanted.disk, facts.disk_total),
+    ):
+        if needs > has:
+            yield Miss(f"needs {_bytes(needs)} of {word} (has {_bytes(has)})", f"lower requires.{word}")
+    if wanted.cpus > facts.cpus:
+        yield Miss(f"needs {wanted.cpus:g} CPUs (has {facts.cpus})", "lower requires.cpus")
+
+
+def _kernel(wanted: Requirements, facts: HostFacts) -> Iterator[Miss]:
+    if wanted.kernel and not kernel_fits(wanted.kernel, facts.kernel):
+        has = facts.kernel or "unknown"
+        remedy = f"give {facts.name} such a kernel, or relax requires.kernel"
+        yield Miss(f"needs kernel {wanted.kernel} (has {has})", remedy)
+
+
+def _is_there(path: str, devices: Sequence[str]) -> bool:
+    """Tell whether a device, or a folder of devices such as /dev/snd, is among the robot's."""
+    return any(device == path or device.startswith(f"{path.rstrip('/')}/") for device in devices)
+
+
+def _numbers(version: str) -> tuple[int, ...]:
+    return tuple(int(part) for part in version.split("."))
+
+
+def _arch_of(platform: str) -> str:
+    parts = platform.split("/")
+    return parts[1] if len(parts) > 1 else parts[0]
+
+
+def _either(words: Sequence[str]) -> str:
+    return " or ".join(words)
+
+
+def _quoted(noun: str, words: Sequence[str]) -> str:
+    return f"{noun}{'s' if len(words) > 1 else ''} {', '.join(repr(word) for word in words)}"
+
+
+def _bytes(number: int) -> str:
+    """Give bytes as people read them, with enough digits that unequal amounts look unequal."""
+    for unit, size in (("GiB", 1 << 30), ("MiB", 1 << 20), ("KiB", 1 << 10)):
+        if number >= size:
+            return f"{number / size:.4g} {unit}"
+    return f"{number} B"

@@ -1,0 +1,45 @@
+"""Where the files that ship with srprov lie: schemas and playbooks.
+
+Takes a kind's name; gives its content or folder. Touches srprov's own files, for reading. An installed wheel carries
+them in `srprov/_data/`; a checkout has them at its top level.
+"""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from srprov.errors import UsageError
+
+_HERE = Path(__file__).resolve().parent
+
+
+def _folder(name: str) -> Path:
+    installed = _HERE / "_data" / name
+    return installed if installed.is_dir() else _HERE.parent / name
+
+
+def playbooks_folder() -> Path:
+    """Give the folder of the playbooks that ship with srprov."""
+    return _folder("playbooks")
+
+
+def schema_kinds() -> tuple[str, ...]:
+    """Name every schema that there is, in name order: `cdf`, `edf`, `inventory-vars` and so on."""
+    return tuple(sorted(path.name.removesuffix(".schema.json") for path in _folder("schemas").glob("*.schema.json")))
+
+
+@cache
+def schema(kind: str) -> dict[str, Any]:
+    """Give one JSON Schema by its kind; callers share the object and must not change it.
+
+    Raises:
+        UsageError: There is no such kind; the hint names those that exist.
+    """
+    if kind not in schema_kinds():
+        raise UsageError(f"there is no schema named '{kind}'", hint=f"known: {', '.join(schema_kinds())}")
+    content = json.loads((_folder("schemas") / f"{kind}.schema.json").read_text(encoding="utf-8"))
+    assert isinstance(content, dict)
+    return content

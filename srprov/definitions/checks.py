@@ -1,0 +1,220 @@
+"""What a schema cannot say of an EDF: names that must exist, cycles, sums, networks.
+
+Takes the root, the services that could be built, and their containers; adds to `Findings`. Touches nothing but a
+Dockerfile whose healthcheck matters.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+from collections.abc import Mapping
+
+from srprov.definitions import nodes
+from srprov.definitions.container import Container, known_healthcheck
+from srprov.definitions.model import Service
+from srprov.definitions.nodes import Findings, Map, Node, Path, Scalar, Seq
+from srprov.definitions.schema import did_you_mean
+from srprov.definitions.service import depends_on
+from srprov.definitions.values import scalars, text
+
+_PRIVATE = tuple(ipaddress.IPv4Network(block) for block in ("10.0.0.0/8", "172.16.0.0/12", "192.168.0.0/16"))
+_SMALLEST_PREFIX = 28
+
+
+def service_maps(root: Map, findings: Findings) -> dict[str, Map]:
+    """Give the services' entries by name, those that are maps at all."""
+    services = root.entries.get("services")
+    if not isinstance(services, Map):
+        return {}
+    return {
+        name: entry for name, entry in services.entries.items() if isinstance(entry, Map) and not name.startswith("x-")
+    }
+
+
+def service_key(root: Map, name: str) -> Scalar:
+    """Give the place where a service's name is written."""
+    services = root.entries["services"]
+    assert isinstance(services, Map)
+    return services.keys[name]
+
+
+def check(
+    root: Map, services: Mapping[str, Service], containers: Mapping[str, Container | None], findings: Findings
+) -> None:
+    """Add everything that is wrong beyond the schema."""
+    known = service_maps(root, findings)
+    _references(root, known, findings)
+    _cycles(known, findings)
+    for name, one in services.items():
+        _networks(known[name], one, findings)
+        _conditions(known[name], one, services, containers, findings)
+    _pins(root, known, findings)
+    _weights(root, findings)
+    _subnet(root, len(known), findings)
+
+
+def _references(root: Map, known: Mapping[str, Map], findings: Findings) -> None:
+    """Check every place that names a service."""
+    for name, entry in known.items():
+        path: Path = ("services", name, "depends_on")
+        waits = entry.entries.get("depends_on")
+        named = list(waits.keys.values()) if isinstance(waits, Map) else list(scalars(waits))
+        for item in named:
+            _known(item, known, findings, path)
+    lists: list[tuple[Node, Path]] = []
+    pools, relations, results = (root.entries.get(key) for key in ("pools", "relations", "results"))
+    for index, pool in enumerate(pools.items if isinstance(pools, Seq) else ()):
+        if isinstance(pool, Map) and "services" in pool.entries:
+            lists.append((pool.entries["services"], ("pools", index, "services")))
+    for kind in ("same_robot", "different_robot"):
+        groups = relations.entries.get(kind) if isinstance(relations, Map) else None
+        lists += [
+            (group, ("relations", kind, i)) for i, group in enumerate(groups.items if isinstance(groups, Seq) else ())
+        ]
+    for group, path in lists:
+        for item in scalars(group):
+            _known(item, known, findings, path)
+    for item in results.keys.values() if isinstance(results, Map) else ():
+        if not item.text.startswith("x-"):
+            _known(item, known, findings, ("results",))
+
+
+def _known(item: Scalar, known: Mapping[str, Map], findings: Findings, path: Path) -> None:
+    if item.text not in known and not findings.broken(path):
+        hint = did_you_mean(item.text, known) or f"known: {', '.join(sorted(known)[:12])}"
+        findings.add(item, f"there is no service '{item.text[:60]}'", path, hint)
+
+
+def _cycles(known: Mapping[str, Map], findings: Findings) -> None:
+    """Name each cycle of dependencies once, at the dependency that closes it."""
+    waits = {name: sorted(depends_on(entry.entries.get("depends_on"))) for name, entry in known.items()}
+    done: set[str] = set()
+    for start in sorted(waits):
+        trail: list[str] = []
+        stack = [(start, iter(waits[start]))] if start not in done else []
+        trail.extend(name for name, _ in stack)
+        while stack:
+            name, rest = stack[-1]
+            following = next((other for other in rest if other in waits), None)
+            if following is None:
+                done.add(name)
+                stack.pop()
+                trail.pop()
+            elif following in trail:
+                circle = [*trail[trail.index(following) :], following]
+                place = _dependency(known[name], following)
+                message = f"the services wait for each other: {' -> '.join(circle)}"
+                findings.add(place, message, ("services", name, "depends_on"))
+            elif following not in done:
+                stack.append((following, iter(waits[following])))
+                trail.append(following)
+
+
+def _dependency(entry: Map, name: str) -> Node:
+    """Give the place where an entry names a service that it waits for."""
+    waits = entry.entries.get("depends_on", entry)
+    if isinstance(waits, Map):
+        return nodes.key_or_value(waits, name)
+    return next((item for item in scalars(waits) if item.text == name), waits)
+
+
+def _networks(entry: Map, one: Service, findings: Findings) -> None:
+    if one.runtime.ports and one.network in ("none", "host"):
+        why = "has no network to publish from" if one.network == "none" else "is on the robot's network already"
+        place = nodes.key_or_value(entry, "ports" if "ports" in entry.entries else "network")
+        message = f"ports are published, but a service with 'network: {one.network}' {why}"
+        findings.add(place, message, ("services", one.name, "ports"))
+
+
+def _conditions(
+    entry: Map,
+    one: Service,
+    services: Mapping[str, Service],
+    containers: Mapping[str, Container | None],
+    findings: Findings,
+) -> None:
+    for other, wanted in one.depends_on.items():
+        target, path = services.get(other), ("services", one.name, "depends_on", other)
+        if target is None or (not target.image and containers[other] is None):
+            continue  # what is wrong with it is told elsewhere
+        place = nodes.find(entry, ("depends_on", other, "condition"))
+        if wanted == "healthy" and not known_healthcheck(containers[other], target.runtime.healthcheck):
+            where = "in the EDF" if target.image else "in the EDF or the CDF"
+            message = f"waits for '{other}' to be healthy, but it has no healthcheck"
+            findings.add(place, message, path, f"add one to '{other}' {where}, or wait for started")
+        if wanted == "completed" and target.runtime.restart in ("always", "unless-stopped"):
+            message = f"waits for '{other}' to complete, but its 'restart: {target.runtime.restart}' never lets it end"
+            findings.add(place, message, path)
+
+
+def same_robot_groups(root: Map) -> tuple[tuple[str, ...], ...]:
+    """Give the groups that must share a robot; groups with a common service are one."""
+    relations = root.entries.get("relations")
+    given = relations.entries.get("same_robot") if isinstance(relations, Map) else None
+    groups: list[set[str]] = []
+    for item in given.items if isinstance(given, Seq) else ():
+        group = {name.text for name in scalars(item)}
+        for touching in [other for other in groups if other & group]:
+            groups.remove(touching)
+            group |= touching
+        groups.append(group)
+    return tuple(sorted(tuple(sorted(group)) for group in groups))
+
+
+def _pins(root: Map, known: Mapping[str, Map], findings: Findings) -> None:
+    for group in same_robot_groups(root):
+        pins = [
+            (name, known[name].entries["robot"]) for name in group if name in known and "robot" in known[name].entries
+        ]
+        for name, pin in pins[1:]:
+            first = pins[0]
+            if text(pin) != text(first[1]):
+                message = (
+                    f"'{name}' is on '{text(pin)}', but same_robot puts it with '{first[0]}' on '{text(first[1])}'"
+                )
+                findings.add(pin, message, ("services", name, "robot"))
+
+
+def _weights(root: Map, findings: Findings) -> None:
+    weights = root.entries.get("weights")
+    if not isinstance(weights, Map) or findings.broken(("weights",)):
+        return
+    given = {key: value for key, value in weights.entries.items() if not key.startswith("x-")}
+    if "vram" in given and "memory" in given:
+        findings.add(weights.keys["vram"], "'memory' and 'vram' are the same weight; give one", ("weights", "vram"))
+        return
+    total = sum(nodes.as_number(value) or 0.0 for value in given.values()) + 0.25 * (4 - len(given))
+    if abs(total - 1) > 1e-6:
+        left = "; those not given are 0.25" if len(given) < 4 else ""
+        findings.add(root.keys["weights"], f"the weights sum to {total:g}, not 1{left}", ("weights",))
+
+
+def _subnet(root: Map, services: int, findings: Findings) -> None:
+    network = root.entries.get("network")
+    given = network.entries.get("subnet") if isinstance(network, Map) else None
+    path = ("network", "subnet")
+    if not isinstance(given, Scalar) or findings.broken(path):
+        return
+    try:
+        subnet = ipaddress.IPv4Network(given.text)
+    except ValueError:
+        findings.add(given, f"'{given.text[:60]}' is not an IPv4 network", path, _network_hint(given.text))
+        return
+    if not any(subnet.subnet_of(block) for block in _PRIVATE):
+        findings.add(
+            given, f"'{given.text}' is not a private network", path, "use one within 10/8, 172.16/12 or 192.168/16"
+        )
+    elif subnet.prefixlen > _SMALLEST_PREFIX:
+        findings.add(given, f"'{given.text}' is too small", path, f"/{_SMALLEST_PREFIX} is the smallest, /24 is usual")
+    elif services + 1 > subnet.num_addresses - 2:  # each robot's bridge has an address of its own, at least one
+        message = (
+            f"'{given.text}' has {subnet.num_addresses - 2} addresses; {services} services and the robots need more"
+        )
+        findings.add(given, message, path)
+
+
+def _network_hint(words: str) -> str:
+    try:
+        return f"did you mean '{ipaddress.IPv4Network(words, strict=False)}'?"
+    except ValueError:
+        return "for example 10.77.0.0/24"

@@ -1,0 +1,230 @@
+"""CDF -> ContainerDefinition.
+
+Takes a path (a CDF, or a Dockerfile, which is a CDF too); gives the definition after `extends` was merged, with the
+merged layer that services are laid over. Touches files, for reading. Everything wrong in any file of the chain is
+reported at once.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+from srprov.definitions import dockerfile, merging, nodes, paths, runtime, schema, yamlfile
+from srprov.definitions.model import BuildFile, ContainerDefinition, HealthCheck
+from srprov.definitions.nodes import Findings, Map, Node, Scalar, Seq, Source
+from srprov.definitions.values import text, texts
+from srprov.errors import DefinitionError, Location, Problem
+
+_ORIGINS = ("base", "image", "dockerfile")
+_BUILDING = ("packages", "repositories", "files", "run")
+_MERGED_TAGS = merging.RUNTIME_MERGED | merging.BUILD_MERGED | {"requires"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Container:
+    """A CDF as services use it: the definition, and the run-time layer that they are laid over."""
+
+    definition: ContainerDefinition
+    layer: Map
+    unsupported: tuple[Problem, ...] = ()
+
+    @property
+    def image_has_healthcheck(self) -> bool:
+        """Tell whether the Dockerfile sets one; that of an image is not known."""
+        path = self.definition.dockerfile
+        return bool(path) and dockerfile.has_healthcheck(yamlfile.read_text(path))
+
+
+def load(path: str, folder: str, environ: Mapping[str, str], shown: str = "") -> Container:
+    """Read one CDF; `folder` is the experiment's, `environ` what a bare NAME in `environment` is looked up in.
+
+    Raises:
+        DefinitionError: With everything that is wrong in the file and in those that it extends.
+    """
+    absolute = os.path.abspath(path)
+    findings, unsupported = Findings(), Findings()
+    chain = _Chain(dict(environ), findings, unsupported)
+    layer = chain.read(absolute, shown or path, ())
+    if findings.problems or layer is None:
+        raise DefinitionError(findings.problems)
+    _check_origin(layer, findings, bool(unsupported.problems))
+    definition = _definition(layer, absolute, folder, findings)
+    if findings.problems:
+        raise DefinitionError(findings.problems)
+    return Container(
+        definition=definition,
+        layer=merging.only(layer, runtime.RUNTIME_FIELDS),
+        unsupported=tuple(unsupported.problems),
+    )
+
+
+class _Chain:
+    """Reads a CDF and what it extends, each file once; `trail` holds the files on the way here."""
+
+    def __init__(self, environ: dict[str, str], findings: Findings, unsupported: Findings) -> None:
+        self.environ = environ
+        self.findings = findings
+        self.unsupported = unsupported
+
+    def read(self, path: str, shown: str, trail: tuple[str, ...]) -> Map | None:
+        """Give the merged layer, or None when something is wrong (it is in the findings)."""
+        own = Findings()
+        try:
+            if dockerfile.is_dockerfile(path):
+                return _as_layer(path, shown)
+            root = yamlfile.read(path, shown)
+        except DefinitionError as error:
+            self.findings.extend(error.problems)
+            return None
+        if not isinstance(root, Map):
+            message = "the file is empty" if root is None else f"a CDF is a map, not {nodes.kind(root)}"
+            self.findings.extend([Problem(Location(shown), message, hint="begin with cdf: 1")])
+            return None
+        schema.check(root, "cdf", own)
+        schema.check_tags(root, own, _MERGED_TAGS)
+        layer = merging.normalise(root, self.environ, own, ()) if not own.problems else root
+        if not own.problems:
+            self._note_unsupported(layer)
+        parent = self._parent(root, path, shown, trail, own)
+        self.findings.extend(own.problems)
+        if own.problems or parent is None:
+            return None if own.problems or isinstance(root.entries.get("extends"), Scalar) else layer
+        return _overlay(parent, layer)
+
+    def _parent(self, root: Map, path: str, shown: str, trail: tuple[str, ...], own: Findings) -> Map | None:
+        extends = root.entries.get("extends")
+        if not isinstance(extends, Scalar) or not extends.text or own.broken(("extends",)):
+            return None
+        target = os.path.normpath(os.path.join(os.path.dirname(path), extends.text))
+        if target in (*trail, path):
+            steps = [*trail, path]
+            circle = [*steps[steps.index(target) :], target]
+            own.add(extends, f"extends itself: {' -> '.join(os.path.basename(step) for step in circle)}", ("extends",))
+            return None
+        if "\0" in target or not os.path.isfile(target):
+            own.add(extends, f"there is no CDF '{extends.text}'", ("extends",), f"it is looked for at {target}")
+            return None
+        return self.read(target, paths.shown_beside(shown, extends.text), (*trail, path))
+
+    def _note_unsupported(self, layer: Map) -> None:
+        packages = layer.entries.get("packages")
+        npm = packages.entries.get("npm") if isinstance(packages, Map) else None
+        extends, repositories = layer.entries.get("extends"), layer.entries.get("repositories")
+        if isinstance(extends, Map):
+            self.unsupported.add(extends, "a CDF from git is not supported yet", ("extends",))
+        if isinstance(repositories, Seq) and repositories.items:
+            self.unsupported.add(layer.keys["repositories"], "'repositories' is not supported yet", ("repositories",))
+        if isinstance(packages, Map) and isinstance(npm, Seq) and npm.items:
+            self.unsupported.add(packages.keys["npm"], "'packages.npm' is not supported yet", ("packages", "npm"))
+
+
+def _as_layer(path: str, shown: str) -> Map:
+    """Give a Dockerfile as the CDF that it stands for.
+
+    Raises:
+        DefinitionError: It cannot be read, or is no Dockerfile.
+    """
+    content = yamlfile.read_text(path, shown)
+    wrong = dockerfile.check(content, shown)
+    if wrong:
+        raise DefinitionError(wrong)
+    source = Source(shown, tuple(content.splitlines()))
+    key = Scalar(source, 1, 1, "dockerfile")
+    return Map(source, 1, 1, {"dockerfile": Scalar(source, 1, 1, os.path.basename(path))}, {"dockerfile": key})
+
+
+def _overlay(parent: Map, child: Map) -> Map:
+    """Lay a CDF over the one that it extends; name, version and origin are its own."""
+    inherited = {"name", "cdf", "extends"}
+    if any(origin in child.entries for origin in _ORIGINS):
+        inherited |= set(_ORIGINS)
+    merged = merging.merge(merging.only(parent, frozenset(parent.entries) - inherited), child)
+    assert isinstance(merged, Map)
+    return merged
+
+
+def _check_origin(layer: Map, findings: Findings, unknown_parent: bool) -> None:
+    given = [origin for origin in _ORIGINS if origin in layer.entries]
+    for extra in given[1:]:
+        findings.add(layer.keys[extra], f"'{given[0]}' and '{extra}' exclude each other", (extra,))
+    if not given and not unknown_parent:
+        findings.add(layer, "needs one of base, image, dockerfile")
+    for key in _BUILDING:
+        if given and given[0] != "base" and key in layer.entries:
+            message = f"'{key}' would be built into the image, but '{given[0]}' is taken as it is"
+            findings.add(layer.keys[key], message, (key,), "start from 'base', or put it into the Dockerfile")
+
+
+def _definition(layer: Map, path: str, folder: str, findings: Findings) -> ContainerDefinition:
+    get = layer.entries.get
+    packages = layer.entries.get("packages")
+    packed = packages.entries if isinstance(packages, Map) else {}
+    image_file, run_time = get("dockerfile"), runtime.parse(layer, folder, findings, ())
+    built = paths.resolve(image_file, folder, findings, ("dockerfile",)) if isinstance(image_file, Scalar) else ""
+    if built and os.path.isdir(built) and isinstance(image_file, Scalar):
+        findings.add(image_file, f"'{image_file.text}' is a folder, not a Dockerfile", ("dockerfile",))
+    return ContainerDefinition(
+        name=text(get("name")) or _stem(path),
+        file=path,
+        folder=os.path.dirname(path),
+        base=text(get("base")),
+        image=text(get("image")),
+        dockerfile=built,
+        description=text(get("description")),
+        platforms=texts(get("platforms")),
+        apt=texts(packed.get("apt")),
+        pip=texts(packed.get("pip")),
+        npm=texts(packed.get("npm")),
+        files=_files(get("files"), folder, findings),
+        run=texts(get("run")),
+        build_environment=MappingProxyType(dict(run_time.environment) if "base" in layer.entries else {}),
+        runtime=run_time,
+        requires=runtime.requirements(get("requires"), findings, ("requires",)),
+        location=nodes.location(layer),
+        lines=MappingProxyType(_lines(layer, layer.source)),
+    )
+
+
+def _stem(path: str) -> str:
+    name = os.path.basename(path)
+    return os.path.basename(os.path.dirname(path)) if name == "Dockerfile" else name.rsplit(".", 1)[0]
+
+
+def _files(node: Node | None, folder: str, findings: Findings) -> tuple[BuildFile, ...]:
+    files = []
+    for index, item in enumerate(node.items if isinstance(node, Seq) else ()):
+        entries = item.entries if isinstance(item, Map) else {}
+        src, mode = entries.get("src"), text(entries.get("mode"))
+        if isinstance(src, Scalar):
+            source = paths.resolve(src, folder, findings, ("files", index, "src"), tree=True)
+            files.append(BuildFile(source=source, dest=text(entries.get("dest")), mode=mode.zfill(4) if mode else ""))
+    return tuple(files)
+
+
+def _lines(layer: Map, source: Source) -> dict[str, int]:
+    """Give the line of each build field that stands in this very file, not in one that it extends."""
+    lines: dict[str, int] = {}
+
+    def note(node: Node, path: nodes.Path) -> None:
+        if isinstance(node, Map):
+            for key, value in node.entries.items():
+                if node.keys[key].source is source:
+                    lines[nodes.dotted((*path, key))] = node.keys[key].line
+                note(value, (*path, key))
+        for index, item in enumerate(node.items if isinstance(node, Seq) else ()):
+            if item.source is source:
+                lines[nodes.dotted((*path, index))] = item.line
+            note(item, (*path, index))
+
+    note(merging.only(layer, frozenset({*_ORIGINS, *_BUILDING, "environment", "platforms"})), ())
+    return lines
+
+
+def known_healthcheck(container: Container | None, merged: HealthCheck | None) -> bool:
+    """Tell whether a service surely has a healthcheck: its own, its CDF's, or that of a Dockerfile."""
+    if merged is not None:
+        return merged.test != ("NONE",)
+    return container is not None and container.image_has_healthcheck

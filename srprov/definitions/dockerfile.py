@@ -1,0 +1,74 @@
+"""A Dockerfile -> what srprov must know of it: whether it is one, and whether its image has a healthcheck.
+
+Takes the text; gives instructions with their lines. Pure. Nothing is expanded; Docker itself builds it.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from srprov.errors import Location, Problem
+
+_FROM = re.compile(r"(?:--\S+\s+)*(?P<image>\S+)(?:\s+as\s+(?P<name>\S+))?", re.IGNORECASE)
+_HEREDOC = re.compile(r"<<-?([\"']?)([A-Za-z_][A-Za-z0-9_]*)\1")
+
+
+def is_dockerfile(path: str) -> bool:
+    """Tell by its name whether a path is a Dockerfile: `…Dockerfile` or `*.dockerfile`."""
+    name = path.rsplit("/", 1)[-1]
+    return name.endswith("Dockerfile") or name.startswith("Dockerfile.") or name.endswith(".dockerfile")
+
+
+def instructions(text: str) -> Iterator[tuple[int, str, str]]:
+    """Give (line, INSTRUCTION, rest) with continued lines joined, comments and here-documents left out."""
+    start, joined, ends = 0, "", []  # type: int, str, list[str]
+    for number, line in enumerate(text.splitlines(), 1):
+        bare = line.strip()
+        if ends:
+            if bare == ends[0]:
+                ends.pop(0)
+            continue
+        if not bare or bare.startswith("#"):
+            continue
+        start = start or number
+        if bare.endswith("\\"):
+            joined += bare[:-1] + " "
+            continue
+        word, _, rest = (joined + bare).strip().partition(" ")
+        if word.upper() in ("RUN", "COPY", "ADD"):
+            ends = [match[2] for match in _HEREDOC.finditer(rest)]
+        yield start, word.upper(), rest.strip()
+        start, joined = 0, ""
+
+
+def has_healthcheck(text: str) -> bool:
+    """Tell whether the last stage, or an earlier stage that it is built from, sets a healthcheck."""
+    by_stage: dict[str, bool] = {}
+    name, found = "", False
+    for _, word, rest in instructions(text):
+        match = _FROM.fullmatch(rest) if word == "FROM" else None
+        if match is not None:
+            found, name = by_stage.get(match["image"].lower(), False), (match["name"] or "").lower()
+        elif word == "HEALTHCHECK":
+            found = rest.strip().upper() != "NONE"
+        by_stage[name] = found
+    return found
+
+
+def check(text: str, shown: str) -> list[Problem]:
+    """Give what is wrong with a Dockerfile as far as srprov can tell."""
+    lines = text.splitlines()
+    for number, word, rest in instructions(text):
+        if word in ("ARG",):
+            continue
+        excerpt = lines[number - 1]
+        column = len(excerpt) - len(excerpt.lstrip()) + 1
+        if word != "FROM":
+            return [
+                Problem(Location(shown, number, column), f"a Dockerfile begins with FROM, not {word[:40]}", "", excerpt)
+            ]
+        if not rest:
+            return [Problem(Location(shown, number, column), "FROM needs an image", "", excerpt)]
+        return []
+    return [Problem(Location(shown), "holds no instruction", hint="a Dockerfile begins with FROM")]

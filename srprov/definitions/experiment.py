@@ -1,0 +1,127 @@
+"""EDF -> Definitions: the experiment, its containers, and what of it is not built yet.
+
+Takes a path; gives values, or every problem of the EDF and of all files that it names. Touches files, for reading. A
+service whose entry breaks the schema is left out of the later checks, so that one mistake is told once.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Any
+
+from srprov.definitions import checks, container, merging, nodes, paths, schema, service, yamlfile
+from srprov.definitions.container import Container
+from srprov.definitions.model import Definitions, Experiment, NetworkWishes, Placement, Service, Weights
+from srprov.definitions.nodes import Findings, Map, Node, Scalar
+from srprov.definitions.unsupported import note_unsupported
+from srprov.definitions.values import text, texts
+from srprov.errors import DefinitionError, Location, Problem
+
+_METADATA = ("license", "doi", "notes")
+
+
+def load(path: str, environ: Mapping[str, str]) -> Definitions:
+    """Read one EDF and all that it names; `environ` is what a bare NAME in `environment` is looked up in.
+
+    Raises:
+        DefinitionError: With everything that is wrong, in every file.
+    """
+    root = yamlfile.read(path)
+    if not isinstance(root, Map):
+        message = "the file is empty" if root is None else f"an EDF is a map, not {nodes.kind(root)}"
+        raise DefinitionError([Problem(Location(path), message, hint="begin with edf: 1")])
+    findings, unsupported = Findings(), Findings()
+    folder = os.path.dirname(os.path.abspath(path))
+    schema.check(root, "edf", findings)
+    schema.check_tags(root, findings, merging.RUNTIME_MERGED)
+    entries = checks.service_maps(root, findings)
+    containers = _containers(entries, folder, environ, findings)
+    services = {}
+    for name in sorted(entries):
+        key = _cdf_key(entries[name])
+        if not findings.broken(("services", name)):
+            place = checks.service_key(root, name)
+            services[name] = service.build(place, entries[name], containers.get(key), folder, environ, findings)
+    checks.check(root, services, {name: containers.get(_cdf_key(entries[name])) for name in services}, findings)
+    note_unsupported(root, unsupported)
+    for one in containers.values():
+        unsupported.extend(one.unsupported)
+    if findings.problems:
+        raise DefinitionError(findings.problems)
+    return Definitions(
+        experiment=_experiment(root, path, services),
+        containers=MappingProxyType({key: one.definition for key, one in sorted(containers.items())}),
+        unsupported=tuple(sorted(unsupported.problems)),
+    )
+
+
+def _cdf_key(entry: Map) -> str:
+    cdf = entry.entries.get("cdf")
+    return os.path.normpath(os.path.join(cdf.source.folder, cdf.text)) if isinstance(cdf, Scalar) else ""
+
+
+def _containers(
+    entries: Mapping[str, Map], folder: str, environ: Mapping[str, str], findings: Findings
+) -> dict[str, Container]:
+    """Read every CDF that a service names, each once; keys are absolute paths."""
+    found: dict[str, Container] = {}
+    for name in sorted(entries):
+        cdf, key = entries[name].entries.get("cdf"), _cdf_key(entries[name])
+        path = ("services", name, "cdf")
+        if not isinstance(cdf, Scalar) or not cdf.text or nodes.is_null(cdf) or key in found:
+            continue
+        if "\0" in key or not os.path.isfile(key):
+            what = "is a folder, not a CDF" if os.path.isdir(key) else "does not exist"
+            findings.add(
+                cdf,
+                f"the CDF '{cdf.text}' {what}",
+                path,
+                f"it is looked for at {os.path.relpath(key)}" if "\0" not in key else "",
+            )
+            continue
+        try:
+            found[key] = container.load(key, folder, environ, paths.shown_beside(cdf.source.file, cdf.text))
+        except DefinitionError as error:
+            findings.extend(error.problems)
+    return found
+
+
+def _experiment(root: Map, path: str, services: Mapping[str, Service]) -> Experiment:
+    get = root.entries.get
+    waited_for = {name for one in services.values() for name, wanted in one.depends_on.items() if wanted == "completed"}
+    absolute = os.path.abspath(path)
+    return Experiment(
+        name=text(get("name")),
+        file=absolute,
+        folder=os.path.dirname(absolute),
+        services=MappingProxyType({n: service.as_job(one) if n in waited_for else one for n, one in services.items()}),
+        same_robot=checks.same_robot_groups(root),
+        weights=_weights(get("weights")),
+        placement=Placement(**_settings(get("placement"))),
+        network=NetworkWishes(**{k: v for k, v in _settings(get("network")).items() if k in _NETWORK_FIELDS}),
+        description=text(get("description")),
+        authors=texts(get("authors")),
+        metadata=MappingProxyType({key: text(get(key)) for key in _METADATA if key in root.entries}),
+    )
+
+
+_NETWORK_FIELDS = ("subnet", "mtu", "vni", "port")
+
+
+def _settings(node: Node | None) -> dict[str, Any]:
+    """Give a map's plain settings by name: whole numbers, numbers, booleans, else text."""
+    given: dict[str, Any] = {}
+    for key, value in node.entries.items() if isinstance(node, Map) else ():
+        if key.startswith("x-") or not isinstance(value, Scalar):
+            continue
+        whole, number, flag = nodes.as_int(value), nodes.as_number(value), nodes.as_bool(value)
+        options = (whole, number, flag)
+        given[key] = next((option for option in options if option is not None), value.text)
+    return given
+
+
+def _weights(node: Node | None) -> Weights:
+    given = {("memory" if key == "vram" else key): float(value) for key, value in _settings(node).items()}
+    return Weights(**given)

@@ -1,0 +1,166 @@
+"""A host's variables -> Host: the few that srprov reads.
+
+Takes the effective variables of one host; gives a `Host`. Touches nothing. All other variables pass unseen, whatever
+they hold; a Jinja2 template or a vault value is a problem only in a variable that is read. Two templates are so
+common that they are understood as plain names: `{{ inventory_hostname }}` and `{{ inventory_dir }}`.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable, Mapping
+from typing import TypeVar
+
+from srprov.definitions import nodes, sshargs
+from srprov.definitions.groups import Variables
+from srprov.definitions.model import Host
+from srprov.definitions.nodes import Findings, Map, Node, Scalar, Seq
+from srprov.wire import Secret
+
+_T = TypeVar("_T")
+_SSH = {"ssh", "smart", "paramiko", "paramiko_ssh", "ansible.builtin.ssh", "ansible.builtin.paramiko_ssh"}
+_LOCAL = {"local", "ansible.builtin.local"}
+_NAMES = re.compile(r"\{\{\s*(inventory_hostname|inventory_hostname_short|inventory_dir)\s*\}\}")
+_ARGUMENTS = ("ansible_ssh_args", "ansible_ssh_common_args", "ansible_ssh_extra_args")
+
+
+def host(name: str, variables: Variables, groups: tuple[str, ...], place: Node, findings: Findings) -> Host:
+    """Make one host; what is wrong with a variable is added to the findings."""
+    reader = _Reader(name, variables, place.source.folder, findings)
+    no_options: list[tuple[str, str]] = []
+    options = tuple(option for key in _ARGUMENTS for option in reader.read(key, sshargs.parse, no_options))
+    identity = reader.text("ansible_ssh_private_key_file", "ansible_private_key_file")
+    return Host(
+        name=name,
+        address=reader.text("ansible_host", "ansible_ssh_host") or name,
+        port=reader.read("ansible_port", _port, None) or reader.read("ansible_ssh_port", _port, None),
+        user=reader.text("ansible_user", "ansible_ssh_user"),
+        identity_file=reader.file(identity) if identity else None,
+        password=reader.secret("ansible_password", "ansible_ssh_pass", "ansible_ssh_password"),
+        become=reader.read("ansible_become", _flag, False),
+        connection=reader.read("ansible_connection", _connection, "ssh"),
+        ssh_options=options,
+        tags=reader.words("srprov_tags"),
+        slots=reader.node("srprov_slots", nodes.as_int),
+        underlay=reader.text("srprov_underlay"),
+        devices=reader.words("srprov_devices"),
+        bandwidth_mbit=reader.node("srprov_bandwidth_mbit", nodes.as_number),
+        groups=groups,
+        location=nodes.location(place),
+    )
+
+
+class _Reader:
+    """Reads single variables of one host."""
+
+    def __init__(self, name: str, variables: Variables, folder: str, findings: Findings) -> None:
+        self.variables = variables
+        self.folder = folder
+        self.findings = findings
+        self.names = {
+            "inventory_hostname": name,
+            "inventory_hostname_short": name.split(".", maxsplit=1)[0],
+            "inventory_dir": folder,
+        }
+
+    def visible(self, key: str) -> Node | None:
+        """Give a variable's value; a template or a vault value is a problem, and none is given."""
+        found = self.variables.get(key)
+        return None if found is None or self._hidden(key, found[1]) else found[1]
+
+    def node(self, key: str, reader: Callable[[Node], _T | None]) -> _T | None:
+        """Read a variable whose shape the schema checks."""
+        found = self.visible(key)
+        return None if found is None else reader(found)
+
+    def text(self, *keys: str) -> str | None:
+        """Give the first of some variables that is set, as text."""
+        for key in keys:
+            found = self.visible(key)
+            if isinstance(found, Scalar) and not nodes.is_null(found):
+                return self._named(found.text)
+            if found is not None and not isinstance(found, Scalar):
+                self.findings.add(found, f"'{key}' is text, not {nodes.kind(found)}", (key,))
+        return None
+
+    def read(self, key: str, reader: Callable[[str], _T], default: _T) -> _T:
+        """Read a variable's text by a function whose ValueError tells what is wrong."""
+        given = self.text(key)
+        if given is None:
+            return default
+        try:
+            return reader(given)
+        except ValueError as error:
+            self.findings.add(self.variables[key][1], str(error), (key,))
+            return default
+
+    def words(self, key: str) -> tuple[str, ...]:
+        """Give a list's texts, or those of one text with commas; each once, in order."""
+        found = self.visible(key)
+        items = found.items if isinstance(found, Seq) else ()
+        texts = [item.text for item in items if isinstance(item, Scalar)]
+        if isinstance(found, Scalar) and not nodes.is_null(found):
+            texts = [word.strip() for word in found.text.split(",") if word.strip()]
+        return tuple(dict.fromkeys(texts))
+
+    def secret(self, *keys: str) -> Secret | None:
+        """Give a password, wrapped at once."""
+        given = self.text(*keys)
+        return None if given is None else Secret(given)
+
+    def file(self, path: str) -> str:
+        """Give a file of the controller: `~` is the home; a relative one is looked for beside the inventory first."""
+        expanded = os.path.expanduser(path)
+        beside = os.path.join(self.folder, expanded)
+        return beside if not os.path.isabs(expanded) and os.path.exists(beside) else os.path.abspath(expanded)
+
+    def _named(self, text: str) -> str:
+        return _NAMES.sub(lambda match: self.names[match[1]], text)
+
+    def _hidden(self, key: str, node: Node) -> bool:
+        what = hidden(node)
+        if what:
+            hint = "srprov renders no templates: write the value" if "template" in what else "srprov opens no vault"
+            self.findings.add(node, f"'{key}' is {what}, but srprov reads it", (key,), hint)
+        return bool(what)
+
+
+def hidden(node: Node) -> str:
+    """Tell why a value cannot be known, or give nothing."""
+    if isinstance(node, Seq):
+        return next(filter(None, map(hidden, node.items)), "")
+    if isinstance(node, Map):
+        return "a vault value" if "__ansible_vault" in node.entries else ""
+    if "vault" in node.tag or node.text.startswith("$ANSIBLE_VAULT;"):
+        return "a vault value"
+    bare = _NAMES.sub("", node.text)
+    return "a template" if node.tag != "!unsafe" and ("{{" in bare or "{%" in bare) else ""
+
+
+def _port(text: str) -> int | None:
+    if not text.isascii() or not text.isdigit() or not 1 <= int(text[:9]) <= 65535:
+        raise ValueError(f"'{text[:40]}' is not a port within 1 to 65535")
+    return int(text)
+
+
+def _flag(text: str) -> bool:
+    words: Mapping[str, bool] = {
+        "yes": True,
+        "true": True,
+        "on": True,
+        "1": True,
+        "no": False,
+        "false": False,
+        "off": False,
+        "0": False,
+    }
+    if text.lower() not in words:
+        raise ValueError(f"'{text[:40]}' is neither true nor false")
+    return words[text.lower()]
+
+
+def _connection(text: str) -> str:
+    if text in _SSH | _LOCAL:
+        return "ssh" if text in _SSH else "local"
+    raise ValueError(f"srprov reaches robots by ssh, or itself by local; not by '{text[:40]}'")

@@ -1,0 +1,89 @@
+"""An INI inventory, as Ansible reads it -> hosts, groups and variables.
+
+Takes the text; adds to the `Lab`. Pure. `[group]`, `[group:vars]`, `[group:children]`; host lines hold `name
+key=value…` in shell quoting; a value that is a Python list, map or quoted text is read as one.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+import shlex
+
+from srprov.definitions import nodes
+from srprov.definitions.groups import Lab, Variables
+from srprov.definitions.nodes import Node, Scalar, Source
+
+_SECTION = re.compile(r"\[(?P<name>[^:\]\s]+)(?::(?P<kind>\w+))?\]\s*(?:[#;].*)?")
+_LONGEST_LITERAL = 10_000
+
+
+def read(text: str, file: str, lab: Lab) -> None:
+    """Add everything that the text says; what is wrong goes to the lab's findings."""
+    source = Source(file, tuple(text.splitlines()))
+    section, kind = "ungrouped", "hosts"
+    for number, line in enumerate(source.lines, 1):
+        bare = line.strip()
+        column = len(line) - len(line.lstrip()) + 1
+        place = Scalar(source, number, column, bare)
+        if not bare or bare[0] in "#;":
+            continue
+        match = _SECTION.fullmatch(bare)
+        if match is None and bare.startswith("[") and "]" in bare and "=" not in bare:
+            lab.findings.add(place, f"'{bare[:60]}' is not [group], [group:vars] or [group:children]")
+        elif match is not None:
+            section, kind = match["name"], match["kind"] or "hosts"
+            if kind not in ("hosts", "vars", "children"):
+                lab.findings.add(
+                    place, f"unknown section '{bare[:60]}'", (), "known: [group], [group:vars], [group:children]"
+                )
+            lab.group(section)
+        elif kind == "vars":
+            _variable(place, section, lab)
+        elif kind == "children":
+            child = bare.split("#")[0].strip()
+            lab.group(child)
+            lab.group(section).children[child] = place
+        else:
+            _host(place, section, lab)
+
+
+def _host(place: Scalar, group: str, lab: Lab) -> None:
+    try:
+        name, *pairs = shlex.split(place.text, comments=True)
+    except ValueError as error:
+        lab.findings.add(place, f"cannot be split into words: {str(error).lower()}")
+        return
+    variables: Variables = {}
+    for pair in pairs:
+        key, sign, value = pair.partition("=")
+        offset = max(place.text.find(f" {key}{sign}") + 1, 0)
+        at = Scalar(place.source, place.line, place.column + offset, key)
+        if not sign or not key:
+            lab.findings.add(at, f"'{pair[:60]}' is not key=value")
+            continue
+        where = Scalar(place.source, place.line, at.column + len(key) + 1, value)
+        variables[key] = (at, _value(where))
+    lab.add_hosts(Scalar(place.source, place.line, place.column, name), group, variables)
+
+
+def _variable(place: Scalar, group: str, lab: Lab) -> None:
+    key, sign, value = place.text.partition("=")
+    if not sign or not key.strip():
+        lab.findings.add(place, f"'{place.text[:60]}' is not key=value")
+        return
+    offset = len(key) + 1 + len(value) - len(value.lstrip())
+    where = Scalar(place.source, place.line, place.column + offset, value.strip())
+    at = Scalar(place.source, place.line, place.column, key.strip())
+    lab.group(group).variables[key.strip()] = (at, _value(where))
+
+
+def _value(place: Scalar) -> Node:
+    """Read a value as Ansible does: a Python literal where it looks like one, else text."""
+    if place.text[:1] not in "[{('\"" or not place.text or len(place.text) > _LONGEST_LITERAL:
+        return place
+    try:
+        literal = ast.literal_eval(place.text)
+        return nodes.from_json(literal, place.source, place.line, place.column)
+    except (ValueError, SyntaxError, MemoryError, RecursionError):
+        return place

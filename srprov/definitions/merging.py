@@ -1,0 +1,85 @@
+"""How one definition is laid over another: a CDF over the one it extends, a service over its CDF.
+
+Takes two maps; gives one whose values still know the file and line that they come from. Pure. Maps merge, lists
+append (an entry that is there already is not repeated), everything else replaces. `!replace` before a map or list
+makes it replace as well.
+"""
+
+from __future__ import annotations
+
+from srprov.definitions.nodes import Findings, Map, Node, Path, Scalar, Seq
+
+WHOLE = frozenset({"command", "entrypoint", "test", "authors", "arch"})
+"""Lists that are one value: they replace."""
+
+KEYED = ("environment", "sysctls")
+"""Given as a map or as a list of NAME=value; merged as a map."""
+
+RUNTIME_MERGED = frozenset(
+    (*KEYED, "volumes", "devices", "ports", "ulimits", "cap_add", "group_add", "security_opt", "device_cgroup_rules")
+) | {"healthcheck"}
+"""Run-time fields in which a service is merged with its CDF."""
+
+BUILD_MERGED = frozenset(
+    ("packages", "apt", "pip", "npm", "repositories", "files", "run", "platforms", "requires", "tags")
+)
+"""Further fields in which a CDF is merged with the one that it extends."""
+
+
+def merge(under: Node, over: Node, key: str = "") -> Node:
+    """Lay `over` on `under`; `key` is the key that both stand at."""
+    if over.tag == "!replace":
+        return over
+    if isinstance(under, Map) and isinstance(over, Map):
+        entries, keys = dict(under.entries), dict(under.keys)
+        for name, value in over.entries.items():
+            entries[name] = merge(entries[name], value, name) if name in entries else value
+            keys[name] = over.keys[name]
+        return Map(over.source, over.line, over.column, entries, keys)
+    if isinstance(under, Seq) and isinstance(over, Seq) and key not in WHOLE:
+        present = {_plain(item) for item in over.items}
+        kept = tuple(item for item in under.items if _plain(item) not in present)
+        return Seq(over.source, over.line, over.column, kept + over.items)
+    return over
+
+
+def _plain(node: Node) -> object:
+    """Give a comparable form of a node, without places."""
+    if isinstance(node, Map):
+        return tuple(sorted((key, _plain(value)) for key, value in node.entries.items()))
+    return tuple(_plain(item) for item in node.items) if isinstance(node, Seq) else node.text
+
+
+def normalise(layer: Map, environ: dict[str, str], findings: Findings, path: Path) -> Map:
+    """Give a layer in the one form that merges: `environment` and `sysctls` as maps, `run` as a list."""
+    entries = dict(layer.entries)
+    for key in KEYED:
+        if isinstance(entries.get(key), Seq):
+            entries[key] = _as_map(entries[key], environ if key == "environment" else {}, findings, (*path, key))
+    run = entries.get("run")
+    if isinstance(run, Scalar):
+        entries["run"] = Seq(run.source, run.line, run.column, (run,))
+    return Map(layer.source, layer.line, layer.column, entries, layer.keys, layer.tag)
+
+
+def _as_map(node: Node, environ: dict[str, str], findings: Findings, path: Path) -> Map:
+    entries: dict[str, Node] = {}
+    keys: dict[str, Scalar] = {}
+    for index, item in enumerate(node.items if isinstance(node, Seq) else ()):
+        assert isinstance(item, Scalar)
+        name, given, value = item.text.partition("=")
+        if name in entries:
+            findings.add(item, f"'{name}' is given twice; already on line {entries[name].line}", (*path, index))
+        if not given and name not in environ:
+            hint = f"write {name}=value, or set {name} where srprov runs"
+            findings.add(item, f"the controller's environment has no '{name}'", (*path, index), hint)
+        words = value if given else environ.get(name, "")
+        entries[name] = Scalar(item.source, item.line, item.column, words, plain=False)
+        keys[name] = item
+    return Map(node.source, node.line, node.column, entries, keys, node.tag)
+
+
+def only(layer: Map, wanted: frozenset[str]) -> Map:
+    """Give a map with only the wanted keys."""
+    entries = {key: value for key, value in layer.entries.items() if key in wanted}
+    return Map(layer.source, layer.line, layer.column, entries, {key: layer.keys[key] for key in entries}, layer.tag)

@@ -1,0 +1,100 @@
+"""`volumes` -> Mounts, in Compose's short and long form.
+
+Takes the merged list of volumes and the folder of the experiment; gives Mounts in the order written. Touches the file
+system for looking: what a relative source names must exist below the experiment's folder. A CDF's volume gives way to
+the EDF's at the same target; the same target twice in one file is a problem.
+"""
+
+from __future__ import annotations
+
+import posixpath
+import re
+
+from srprov.definitions import nodes, paths
+from srprov.definitions.model import Mount
+from srprov.definitions.nodes import Findings, Map, Node, Path, Scalar, Seq
+from srprov.definitions.values import text
+
+_VOLUME_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*", re.ASCII)
+
+
+def parse(node: Node | None, folder: str, findings: Findings, path: Path) -> tuple[Mount, ...]:
+    """Read every volume; what is wrong with one is added to the findings and leaves it out."""
+    by_target: dict[str, tuple[Node, Mount]] = {}
+    for item in node.items if isinstance(node, Seq) else ():
+        mount = _long(item, folder, findings, path) if isinstance(item, Map) else _short(item, folder, findings, path)
+        if mount is None:
+            continue
+        earlier = by_target.pop(mount.target, None)
+        if earlier is not None and earlier[0].source is item.source:
+            first = earlier[0].line
+            findings.add(item, f"'{mount.target}' is mounted twice; already on line {first}", path)
+        by_target[mount.target] = (item, mount)
+    return tuple(mount for _, mount in by_target.values())
+
+
+def _short(item: Node, folder: str, findings: Findings, path: Path) -> Mount | None:
+    parts = text(item).split(":")
+    if len(parts) not in (2, 3) or not all(parts[:2]):
+        findings.add(
+            item, f"'{text(item)[:80]}' is not source:target[:ro]", path, "a volume needs a source and a target"
+        )
+        return None
+    modes = set(parts[2].split(",")) if len(parts) == 3 else set()
+    if modes - {"ro", "rw"} or modes == {"ro", "rw"}:
+        findings.add(item, f"'{parts[2][:40]}' is not a volume's mode", path, "known: ro, rw")
+        return None
+    assert isinstance(item, Scalar)
+    source = Scalar(item.source, item.line, item.column, parts[0])
+    return _mount(source, parts[1], modes, folder, findings, path)
+
+
+def _long(item: Map, folder: str, findings: Findings, path: Path) -> Mount | None:
+    kind, target = text(item.entries.get("type")), text(item.entries.get("target"))
+    source = item.entries.get("source")
+    read_only = nodes.as_bool(item.entries["read_only"]) if "read_only" in item.entries else None
+    modes = set() if read_only is None else {"ro" if read_only else "rw"}
+    if kind == "tmpfs":
+        if source is not None:
+            findings.add(source, "a tmpfs has no source", path)
+        return Mount(kind="tmpfs", source="", target=_target(item, target, findings, path), read_only="ro" in modes)
+    if not isinstance(source, Scalar):
+        findings.add(item, "the key 'source' is missing", path)
+        return None
+    if kind == "bind" and "/" not in source.text:  # Compose reads a bind's source as a path in any case
+        source = Scalar(source.source, source.line, source.column, f"./{source.text}")
+    mount = _mount(source, target, modes, folder, findings, path)
+    if mount is not None and (kind == "volume") != (mount.kind == "volume") and kind:
+        findings.add(item, f"'{source.text}' is not the source of a {kind}", path)
+    return mount
+
+
+def _mount(source: Scalar, target: str, modes: set[str], folder: str, findings: Findings, path: Path) -> Mount | None:
+    name, target = source.text, _target(source, target, findings, path)
+    if name.startswith("/"):
+        return Mount(kind="bind", source=posixpath.normpath(name), target=target, read_only="ro" in modes)
+    if name.startswith("~"):
+        findings.add(source, "a robot's home differs from the controller's", path, "write an absolute path")
+        return None
+    if "/" not in name and name not in (".", ".."):
+        if not _VOLUME_NAME.fullmatch(name):
+            findings.add(
+                source, f"'{name[:60]}' is not a volume's name", path, "letters, digits, '.', '_' and '-'; or ./path"
+            )
+        return Mount(kind="volume", source=name, target=target, read_only="ro" in modes)
+    if "rw" in modes:
+        findings.add(
+            source,
+            f"'{name}' is shipped to the robot and cannot be writable",
+            path,
+            "use a named volume for what is written",
+        )
+    real = paths.resolve(source, folder, findings, path, tree=True)
+    return Mount(kind="tree", source=real, target=target, read_only=True) if real else None
+
+
+def _target(node: Node, target: str, findings: Findings, path: Path) -> str:
+    clean = "/" + posixpath.normpath(target).lstrip("/")
+    if not target.startswith("/") or clean == "/":
+        findings.add(node, f"'{target[:60]}' is not an absolute path below /", path)
+    return clean

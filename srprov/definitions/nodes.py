@@ -1,0 +1,207 @@
+"""The document as it was written: maps, lists and scalars that know their place in the file.
+
+Takes nothing but what `yamlfile` read; gives `Node`s, and `Problem`s that point at them. Touches nothing. A scalar
+keeps its source text: whether `on` is a word or a boolean is decided by who asks for it, so `as_bool` and `text` can
+both be right.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+from srprov.errors import Location, Problem
+
+_TRUE = {"true", "yes", "on"}
+_FALSE = {"false", "no", "off"}
+_NULL = {"", "~", "null", "Null", "NULL"}
+_INTEGER = re.compile(r"[-+]?(0|[1-9][0-9]*)|0x[0-9a-fA-F]+|0o[0-7]+", re.ASCII)
+_NUMBER = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?", re.ASCII)
+_LONGEST_NUMBER = 40
+"""Longer digits are no sensible figure, and Python refuses to read very long ones."""
+
+Path = tuple[str | int, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Source:
+    """One file that was read: its name as the user gave it, and its lines for excerpts."""
+
+    file: str
+    lines: tuple[str, ...] = ()
+
+    @property
+    def folder(self) -> str:
+        """Absolute path of the folder that relative paths in this file start from."""
+        return os.path.dirname(os.path.abspath(self.file))
+
+    def excerpt(self, line: int) -> str:
+        """Give one line (counted from 1) without its end, or nothing."""
+        return self.lines[line - 1] if 0 < line <= len(self.lines) else ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scalar:
+    """A word, number or text; `plain` is false for quoted and block text, which is never a number, boolean or null."""
+
+    source: Source
+    line: int
+    column: int
+    text: str
+    plain: bool = True
+    tag: str = ""
+    """An explicit tag other than YAML's own, e.g. `!vault`."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seq:
+    """A list."""
+
+    source: Source
+    line: int
+    column: int
+    items: tuple[Node, ...] = ()
+    tag: str = ""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Map:
+    """A map; `keys` holds where each key is written."""
+
+    source: Source
+    line: int
+    column: int
+    entries: Mapping[str, Node] = field(default_factory=dict)
+    keys: Mapping[str, Scalar] = field(default_factory=dict)
+    tag: str = ""
+
+
+Node = Scalar | Seq | Map
+
+
+def location(node: Node) -> Location:
+    """Give the place where a node begins."""
+    return Location(node.source.file, node.line, node.column)
+
+
+def problem(node: Node, message: str, path: Path | str = (), hint: str = "") -> Problem:
+    """Make a problem that points at a node; `path` is where it stands inside the document."""
+    where = path if isinstance(path, str) else dotted(path)
+    return Problem(location(node), message, where, node.source.excerpt(node.line), hint)
+
+
+def dotted(path: Path) -> str:
+    """Give a path as it is shown: `services.talker.ports.0`."""
+    return ".".join(str(part) for part in path)
+
+
+def key_or_value(parent: Map, key: str) -> Node:
+    """Give the place of a key, for problems about the whole entry."""
+    return parent.keys.get(key, parent)
+
+
+def find(node: Node, path: Path) -> Node:
+    """Follow a path as far as it goes and give the node there."""
+    for part in path:
+        if isinstance(node, Map) and str(part) in node.entries:
+            node = node.entries[str(part)]
+        elif isinstance(node, Seq) and isinstance(part, int) and part < len(node.items):
+            node = node.items[part]
+        else:
+            break
+    return node
+
+
+def is_null(node: Node) -> bool:
+    """Tell whether nothing was written: an empty value, `~` or `null`."""
+    return isinstance(node, Scalar) and node.plain and not node.tag and node.text in _NULL
+
+
+def as_bool(node: Node) -> bool | None:
+    """Read a boolean where one is wanted (YAML 1.1's words count); anything else is None."""
+    if not isinstance(node, Scalar) or not node.plain or node.text.lower() not in _TRUE | _FALSE:
+        return None
+    return node.text.lower() in _TRUE
+
+
+def as_int(node: Node) -> int | None:
+    """Read a whole number; None for anything else, also for `0644`, which YAML 1.1 and 1.2 read differently."""
+    if not isinstance(node, Scalar) or not node.plain or len(node.text) > _LONGEST_NUMBER:
+        return None
+    return int(node.text, 0) if _INTEGER.fullmatch(node.text) else None
+
+
+def as_number(node: Node) -> float | None:
+    """Read a finite number; anything else is None."""
+    whole = as_int(node)
+    if whole is not None:
+        return float(whole)
+    if not isinstance(node, Scalar) or not node.plain or len(node.text) > _LONGEST_NUMBER:
+        return None
+    value = float(node.text) if _NUMBER.fullmatch(node.text) else float("inf")
+    return value if abs(value) != float("inf") else None
+
+
+def kind(node: Node) -> str:
+    """Name what a node is, for messages."""
+    if isinstance(node, Map):
+        return "a map"
+    if isinstance(node, Seq):
+        return "a list"
+    if is_null(node):
+        return "nothing"
+    if as_bool(node) is not None:
+        return f"the boolean {node.text}"
+    return f"the number {node.text[:40]}" if as_number(node) is not None else "text"
+
+
+class Findings:
+    """Gathers problems, each with its place in the document, so that later checks leave broken parts alone."""
+
+    def __init__(self) -> None:
+        """Begin with nothing found."""
+        self._found: dict[Problem, Path] = {}
+
+    def add(self, node: Node, message: str, path: Path = (), hint: str = "") -> None:
+        """Add one problem at a node; the same one twice counts once."""
+        self._found.setdefault(problem(node, message, path, hint), path)
+
+    def extend(self, problems: Iterable[Problem]) -> None:
+        """Add problems that concern no place of this document."""
+        for one in problems:
+            self._found.setdefault(one, ("",))
+
+    def broken(self, path: Path) -> bool:
+        """Tell whether something at or below a place is wrong."""
+        return any(found[: len(path)] == path for found in self._found.values())
+
+    @property
+    def problems(self) -> list[Problem]:
+        """Everything found so far."""
+        return list(self._found)
+
+
+def from_json(value: object, source: Source, line: int = 1, column: int = 1) -> Node:
+    """Make nodes of a JSON value (an executable inventory's answer), all at one place.
+
+    Raises:
+        ValueError: It is nested too deeply, or holds what JSON cannot.
+    """
+    return _from_json(value, source, line, column, 0)
+
+
+def _from_json(value: object, source: Source, line: int, column: int, depth: int) -> Node:
+    if depth > 60:
+        raise ValueError("nested too deeply")
+    if isinstance(value, dict):
+        entries = {str(key): _from_json(item, source, line, column, depth + 1) for key, item in value.items()}
+        return Map(source, line, column, entries, {key: Scalar(source, line, column, key) for key in entries})
+    if isinstance(value, list | tuple | set):
+        return Seq(source, line, column, tuple(_from_json(item, source, line, column, depth + 1) for item in value))
+    if isinstance(value, str):
+        return Scalar(source, line, column, value, plain=False)
+    if value is None or isinstance(value, bool):
+        return Scalar(source, line, column, "null" if value is None else str(value).lower())
+    return Scalar(source, line, column, str(value))

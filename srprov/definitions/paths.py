@@ -1,0 +1,80 @@
+"""Paths that a user's file names -> absolute paths that exist and stay where they may.
+
+Takes the scalar that holds the path; gives an absolute real path, or adds a problem and gives "". Touches the file
+system, for looking only. A file may name what lies below the experiment's folder; one that itself lies elsewhere (a
+CDF shared by several experiments) may name what lies below its own folder. Symbolic links count as what they lead to,
+also inside a folder.
+"""
+
+from __future__ import annotations
+
+import os
+
+from srprov.definitions.nodes import Findings, Path, Scalar
+
+_MOST_ENTRIES = 20_000
+"""How far a shipped folder is searched for links that lead out of it."""
+
+
+def shown_beside(shown: str, relative: str) -> str:
+    """Name a file as the user would, from the name of the file that mentions it."""
+    return os.path.normpath(os.path.join(os.path.dirname(shown), relative))
+
+
+def inside(path: str, folder: str) -> bool:
+    """Tell whether a path, links followed, lies in a folder (or is it)."""
+    real, root = os.path.realpath(path), os.path.realpath(folder)
+    return real == root or real.startswith(root.rstrip("/") + "/")
+
+
+def root_for(folder: str, experiment_folder: str) -> str:
+    """Give the folder that files named in `folder` must not leave."""
+    return experiment_folder if inside(folder, experiment_folder) else folder
+
+
+def resolve(node: Scalar, experiment_folder: str, findings: Findings, path: Path, *, tree: bool = False) -> str:
+    """Give the absolute real path that a scalar names relative to its own file; `tree` also searches folders for links.
+
+    An absolute or `~` path is refused: what is shipped must lie with the experiment.
+    """
+    text = node.text
+    if "\0" in text or os.path.isabs(text) or text.startswith("~"):
+        findings.add(node, f"'{text[:80]}' must be a relative path in the experiment's folder", path)
+        return ""
+    folder = node.source.folder
+    root = root_for(folder, experiment_folder)
+    absolute = os.path.normpath(os.path.join(folder, text))
+    try:
+        escapes, exists = not inside(absolute, root), os.path.exists(absolute)
+    except (OSError, ValueError):
+        escapes, exists = False, False
+    if escapes:
+        findings.add(node, f"'{text}' leaves the folder {_name(root)}", path, "copy it into the experiment's folder")
+    elif not exists:
+        findings.add(node, f"'{text}' does not exist", path, f"it is looked for in {_name(folder)}")
+    elif tree and (link := _escaping_link(absolute, root)):
+        findings.add(node, f"'{text}' holds a link that leaves the folder {_name(root)}: {link}", path)
+    else:
+        return os.path.realpath(absolute)
+    return ""
+
+
+def _name(folder: str) -> str:
+    """Show a folder briefly: relative to where the user stands when that is shorter."""
+    relative = os.path.relpath(folder)
+    return "here (.)" if relative == "." else min(relative, folder, key=len)
+
+
+def _escaping_link(path: str, root: str) -> str:
+    """Give the first link below a folder that leads out of `root`, relative to the folder."""
+    seen = 0
+    for parent, folders, files in os.walk(path):
+        folders.sort()
+        for name in sorted([*folders, *files]):
+            seen += 1
+            full = os.path.join(parent, name)
+            if os.path.islink(full) and not inside(full, root):
+                return os.path.relpath(full, path)
+        if seen > _MOST_ENTRIES:
+            break
+    return ""

@@ -1,0 +1,132 @@
+"""Ansible's host patterns -> names of hosts.
+
+Takes an Inventory and a pattern such as `robots:!robot3`; gives the hosts that it picks. Pure. Terms are parted by
+`,` or `:`; plain terms are joined, then `&term` keeps what is in both, then `!term` takes away, in whatever order
+they are written. A term is a host, a group, `all` or `*`, a wildcard, `~regex`, a range `robot[01:04]`, or a part of
+a group by position, `robots[0]` and `robots[1:3]`.
+"""
+
+from __future__ import annotations
+
+import difflib
+import fnmatch
+import re
+from collections.abc import Sequence
+
+from srprov.definitions import ranges
+from srprov.definitions.model import Inventory
+from srprov.errors import UsageError
+
+_SUBSCRIPT = re.compile(r"(?P<name>.+)\[(?:(?P<one>-?[0-9]+)|(?P<first>[0-9]*)[:-](?P<last>[0-9]*))\]", re.ASCII)
+
+
+def select(inventory: Inventory, pattern: str | Sequence[str]) -> tuple[str, ...]:
+    """Give the names that a pattern (or several, joined) picks, in name order.
+
+    Raises:
+        UsageError: A term matches nothing, or nothing is left; the hint lists hosts and groups.
+    """
+    text = pattern if isinstance(pattern, str) else ",".join(pattern)
+    terms = _terms(text)
+    plain = [term for term in terms if term[0] not in "&!"]
+    picked: set[str] = set()
+    for term in plain or ["all"]:
+        picked |= _match(inventory, term)
+    for term in terms:
+        if term.startswith("&"):
+            picked &= _match(inventory, term[1:])
+    for term in terms:
+        if term.startswith("!"):
+            picked -= _match(inventory, term[1:])
+    if not picked:
+        raise UsageError(f"the pattern '{text}' matches no host", hint=_known(inventory))
+    return tuple(sorted(picked))
+
+
+def _terms(text: str) -> list[str]:
+    """Split at `,` and `:` outside brackets; a regex reaches to the next comma, since it may hold colons."""
+    terms: list[str] = []
+    for chunk in map(str.strip, re.split(r",(?![^\[]*\])", text)):
+        if chunk.lstrip("&!").startswith("~") or _is_ipv6(chunk):
+            terms.append(chunk)
+        else:
+            terms += [term.strip() for term in re.split(r":(?![^\[]*\])", chunk)]
+    return [term for term in terms if term.strip("&!")]
+
+
+def _is_ipv6(text: str) -> bool:
+    return text.count(":") > 1 and re.fullmatch(r"[&!]?[0-9a-fA-F:.]+", text) is not None
+
+
+def _match(inventory: Inventory, term: str) -> set[str]:
+    """Give the hosts of one term without its sign.
+
+    Raises:
+        UsageError: There are none.
+    """
+    found = _find(inventory, term)
+    if not found:
+        close = difflib.get_close_matches(term[:100], [*inventory.hosts, *inventory.groups], n=1)
+        mean = f"did you mean '{close[0]}'? " if close else ""
+        raise UsageError(f"'{term[:100]}' matches no host and no group", hint=mean + _known(inventory))
+    return set(found)
+
+
+def _find(inventory: Inventory, term: str) -> list[str]:
+    if term.startswith("~"):
+        try:
+            regex = re.compile(term[1:])
+        except re.error as error:
+            raise UsageError(f"'{term[1:]}' is not a regular expression: {error}") from None
+        return _named(inventory, lambda name: regex.match(name) is not None)
+    direct = _wildcard(inventory, term)
+    if direct:
+        return direct
+    match = _SUBSCRIPT.fullmatch(term)
+    base = _wildcard(inventory, match["name"]) if match is not None else []
+    if match is not None and base:
+        return _part(base, match)
+    try:
+        wanted = set(ranges.expand(term))
+    except ValueError as error:
+        raise UsageError(str(error)) from None
+    return [name for name in inventory.hosts if name in wanted]
+
+
+def _wildcard(inventory: Inventory, term: str) -> list[str]:
+    if term in ("all", "*"):
+        return sorted(inventory.hosts)
+    if term in inventory.hosts or term in inventory.groups:
+        return sorted({term} & set(inventory.hosts) | set(inventory.groups.get(term, ())))
+    if "[" in term or not set("*?") & set(term):
+        return []
+    return _named(inventory, lambda name: fnmatch.fnmatchcase(name, term))
+
+
+def _named(inventory: Inventory, fits: object) -> list[str]:
+    assert callable(fits)
+    groups = [
+        host
+        for name, hosts in inventory.groups.items()
+        if name not in ("all", "ungrouped") and fits(name)
+        for host in hosts
+    ]
+    return sorted({*groups, *(name for name in inventory.hosts if fits(name))})
+
+
+def _part(hosts: list[str], match: re.Match[str]) -> list[str]:
+    """Give one host of a group by position, or a stretch, whose end counts too."""
+    if match["one"] is not None:
+        index = int(match["one"])
+        return hosts[index : index + 1 or None] if -len(hosts) <= index < len(hosts) else []
+    last = int(match["last"]) + 1 if match["last"] else None
+    return hosts[int(match["first"] or 0) : last]
+
+
+def _known(inventory: Inventory) -> str:
+    hosts, groups = (
+        ", ".join(list(inventory.hosts)[:20]),
+        ", ".join(name for name in inventory.groups if name != "ungrouped"),
+    )
+    more = f" and {len(inventory.hosts) - 20} more" if len(inventory.hosts) > 20 else ""
+    return f"hosts: {hosts or 'none'}{more}; groups: {groups}"

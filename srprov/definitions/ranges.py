@@ -1,0 +1,62 @@
+"""`robot[01:12]` and `robot[a:c]`, as Ansible's inventories and patterns write many names in one.
+
+Takes text; gives every name in order. Pure.
+"""
+
+from __future__ import annotations
+
+import re
+
+_RANGE = re.compile(r"\[([0-9]+|[a-zA-Z]):([0-9]+|[a-zA-Z])(?::([0-9]+))?\]", re.ASCII)
+_ADDRESS = re.compile(r"(?P<name>[^:\s]+|\[[0-9a-fA-F:.%]+\]):(?P<port>[0-9]{1,5})", re.ASCII)
+MOST_NAMES = 10_000
+
+
+def expand(text: str) -> list[str]:
+    """Give every name that a text with ranges stands for; a text without any is its own name.
+
+    Raises:
+        ValueError: A range runs backwards, mixes digits and letters, or there are more names than `MOST_NAMES`.
+    """
+    names = [""]
+    rest = text
+    while (match := _RANGE.search(rest)) is not None:
+        parts = _parts(match)
+        if len(names) * len(parts) > MOST_NAMES:
+            raise ValueError(f"'{text[:60]}' stands for more than {MOST_NAMES} names")
+        names = [name + rest[: match.start()] + part for name in names for part in parts]
+        rest = rest[match.end() :]
+    return [name + rest for name in names]
+
+
+def _parts(match: re.Match[str]) -> list[str]:
+    first, last, step = match[1], match[2], int(match[3] or 1)
+    if first.isdigit() != last.isdigit():
+        raise ValueError(f"the range '{match[0]}' mixes digits and letters")
+    low, high = (int(first), int(last)) if first.isdigit() else (ord(first), ord(last))
+    if low > high or step < 1:
+        raise ValueError(f"the range '{match[0]}' is empty")
+    if first.isdigit() and len(first) > 1 and first.startswith("0") and len(first) != len(last):
+        raise ValueError(f"the range '{match[0]}' needs as many digits at its end as at its start")
+    if (high - low) // step > MOST_NAMES:
+        raise ValueError(f"the range '{match[0]}' stands for more than {MOST_NAMES} names")
+    width = len(first) if first.startswith("0") else 0
+    numbers = range(low, high + 1, step)
+    return [str(number).zfill(width) if first.isdigit() else chr(number) for number in numbers]
+
+
+def split_port(text: str) -> tuple[str, int | None]:
+    """Split `name:port`; a range or an IPv6 address is no port.
+
+    Raises:
+        ValueError: The port is not within 1 to 65535.
+    """
+    match = _ADDRESS.fullmatch(_RANGE.sub(lambda found: "x" * len(found[0]), text))
+    if match is None:
+        return text, None
+    port = int(match["port"])
+    if not 1 <= port <= 65535:
+        raise ValueError(f"'{port}' is not within ports 1 to 65535")
+    return text[: match.end("name")].strip("[]") if text.count(":") > 2 and "[" in text[:1] else text[
+        : match.end("name")
+    ], port

@@ -1,0 +1,100 @@
+"""An inventory that is a program -> hosts, groups and variables, from the JSON that it prints.
+
+Takes the program's path; adds to the `Lab`. Runs the program with `--list` (and `--host NAME` for one that gives no
+`_meta`), with a deadline for all of it; nothing of a program that overruns is left running.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import time
+from typing import Any
+
+from srprov.definitions import nodes
+from srprov.definitions.groups import Lab, variables_of
+from srprov.definitions.nodes import Map, Node, Scalar, Seq, Source
+from srprov.errors import DefinitionError, Location, Problem
+
+DEADLINE_S = 30.0
+
+
+def is_program(path: str) -> bool:
+    """Tell whether a file is an inventory to be run: executable, and a script or a binary."""
+    if not os.access(path, os.X_OK) or not os.path.isfile(path):
+        return False
+    with open(path, "rb") as stream:
+        return stream.read(4)[:2] in (b"#!", b"\x7fE")
+
+
+def read(path: str, lab: Lab, deadline_s: float = DEADLINE_S) -> None:
+    """Run the program and add everything that it says.
+
+    Raises:
+        DefinitionError: It fails, takes too long, or prints no JSON of an inventory's shape.
+    """
+    end = time.monotonic() + deadline_s
+    root = _answer(path, ["--list"], end)
+    meta = root.entries.get("_meta")
+    host_variables = meta.entries.get("hostvars") if isinstance(meta, Map) else None
+    for name, group in root.entries.items():
+        if name != "_meta":
+            _group(name, group, lab)
+    for name in sorted(lab.hosts) if host_variables is None else []:
+        lab.hosts[name].variables.update(variables_of(_answer(path, ["--host", name], end)))
+    for name, variables in host_variables.entries.items() if isinstance(host_variables, Map) else ():
+        if name in lab.hosts and isinstance(variables, Map):
+            lab.hosts[name].variables.update(variables_of(variables))
+
+
+def _group(name: str, node: Node, lab: Lab) -> None:
+    group = lab.group(name)
+    entries = node.entries if isinstance(node, Map) else {"hosts": node}
+    hosts, children, variables = (entries.get(key) for key in ("hosts", "children", "vars"))
+    for host in hosts.items if isinstance(hosts, Seq) else ():
+        if isinstance(host, Scalar):
+            lab.add_hosts(host, name)
+    for child in children.items if isinstance(children, Seq) else ():
+        if isinstance(child, Scalar):
+            lab.group(child.text)
+            group.children[child.text] = child
+    if isinstance(variables, Map):
+        group.variables.update(variables_of(variables))
+
+
+def _answer(path: str, arguments: list[str], end: float) -> Map:
+    """Run the program once and give the JSON object that it prints."""
+    command = [os.path.abspath(path), *arguments]
+    try:
+        process = subprocess.Popen(
+            command,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            start_new_session=True,
+        )
+    except OSError as error:
+        raise _failed(path, f"cannot be run: {error.strerror}") from None
+    try:
+        out, err = process.communicate(timeout=max(end - time.monotonic(), 0.01))
+    except subprocess.TimeoutExpired:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+        raise _failed(path, f"'{' '.join(arguments)}' gave no answer in time", "the deadline is 30 seconds") from None
+    if process.returncode != 0:
+        last = (err.decode("utf-8", "replace").strip().splitlines() or [""])[-1]
+        raise _failed(path, f"'{' '.join(arguments)}' ended with {process.returncode}: {last[:200]}")
+    try:
+        value: Any = json.loads(out)
+        root = nodes.from_json(value, Source(path))
+    except (ValueError, RecursionError) as error:
+        raise _failed(path, f"'{' '.join(arguments)}' printed no JSON: {str(error)[:200]}") from None
+    if not isinstance(root, Map):
+        raise _failed(path, f"'{' '.join(arguments)}' printed {nodes.kind(root)}, not a map")
+    return root
+
+
+def _failed(path: str, message: str, hint: str = "") -> DefinitionError:
+    return DefinitionError([Problem(Location(path), message, "", "", hint)])

@@ -1,0 +1,111 @@
+"""One entry of an EDF's `services` -> Service: its own fields over its CDF's.
+
+Takes the entry's map and the container; gives the Service with everything merged. Touches files, for looking and for
+`env_file`.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import replace
+from types import MappingProxyType
+
+from srprov.definitions import envfile, merging, nodes, paths, runtime, yamlfile
+from srprov.definitions.container import Container
+from srprov.definitions.model import Requirements, Service
+from srprov.definitions.nodes import Findings, Map, Node, Path, Scalar, Seq
+from srprov.definitions.values import scalars, text
+from srprov.errors import DefinitionError
+
+_CONDITIONS = {
+    "service_started": "started",
+    "service_healthy": "healthy",
+    "service_completed_successfully": "completed",
+}
+
+
+def build(
+    key: Scalar, node: Map, container: Container | None, folder: str, environ: Mapping[str, str], findings: Findings
+) -> Service:
+    """Merge one service; `node` passed the schema, `container` is None for an image (or a CDF that is wrong)."""
+    name = key.text
+    path: Path = ("services", name)
+    own = merging.normalise(merging.only(node, runtime.RUNTIME_FIELDS), dict(environ), findings, path)
+    below: Map = container.layer if container is not None else Map(node.source, node.line, node.column)
+    files = _env_files(node.entries.get("env_file"), folder, environ, findings, (*path, "env_file"))
+    merged = merging.merge(merging.merge(below, files), own) if files.entries else merging.merge(below, own)
+    assert isinstance(merged, Map)
+    return Service(
+        name=name,
+        cdf=container.definition.file if container is not None else "",
+        image=text(node.entries.get("image")),
+        cost=_number(node, "cost", 10.0),
+        requires=_requires(node, container, findings, path),
+        runtime=runtime.parse(merged, folder, findings, path),
+        network=text(node.entries.get("network"), "overlay"),
+        depends_on=MappingProxyType(depends_on(node.entries.get("depends_on"))),
+        robot=text(node.entries.get("robot")),
+        location=nodes.location(key),
+    )
+
+
+def depends_on(node: Node | None) -> dict[str, str]:
+    """Read `depends_on`, in name order, as service -> `started`, `healthy` or `completed`."""
+    conditions = {item.text: "started" for item in scalars(node)} if isinstance(node, Seq) else {}
+    if isinstance(node, Map):
+        for name, wanted in node.entries.items():
+            condition = text(wanted.entries.get("condition"), "started") if isinstance(wanted, Map) else "started"
+            conditions[name] = _CONDITIONS.get(condition, condition)
+    return dict(sorted(conditions.items()))
+
+
+def as_job(service: Service) -> Service:
+    """Mark a service as a job: another one waits for its end."""
+    return replace(service, runtime=replace(service.runtime, job=True))
+
+
+def _number(node: Map, key: str, default: float) -> float:
+    found = nodes.as_number(node.entries[key]) if key in node.entries else None
+    return default if found is None else found
+
+
+def _requires(node: Map, container: Container | None, findings: Findings, path: Path) -> Requirements:
+    own = runtime.requirements(node.entries.get("requires"), findings, (*path, "requires"))
+    if container is None:
+        return own
+    try:
+        return runtime.both(container.definition.requires, own)
+    except ValueError as error:
+        where = nodes.find(node, ("requires", "arch"))
+        findings.add(where, str(error), (*path, "requires", "arch"))
+        return own
+
+
+def _env_files(node: Node | None, folder: str, environ: Mapping[str, str], findings: Findings, path: Path) -> Map:
+    """Read every env_file into a layer with nothing but `environment`."""
+    given = scalars(node)
+    if not given:
+        return Map(nodes.Source(""), 1, 1)
+    entries: dict[str, Node] = {}
+    for item in given:
+        real = paths.resolve(item, folder, findings, path)
+        if not real:
+            continue
+        if os.path.isdir(real):
+            findings.add(item, f"'{item.text}' is a folder, not a file", path)
+            continue
+        try:
+            shown = paths.shown_beside(item.source.file, item.text)
+            found, problems = envfile.parse(yamlfile.read_text(real, shown), shown, environ)
+        except DefinitionError as error:
+            found, problems = {}, list(error.problems)
+        findings.extend(problems)
+        entries |= {
+            key: Scalar(item.source, item.line, item.column, value, plain=False) for key, value in found.items()
+        }
+    first = given[0]
+    keys = {key: Scalar(first.source, value.line, value.column, key) for key, value in entries.items()}
+    variables = Map(first.source, first.line, first.column, entries, keys)
+    key = Scalar(first.source, first.line, first.column, "environment")
+    return Map(first.source, first.line, first.column, {"environment": variables}, {"environment": key})

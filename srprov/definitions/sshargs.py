@@ -1,0 +1,55 @@
+"""`ansible_ssh_common_args` and its kin -> OpenSSH options.
+
+Takes the text of ssh's own command-line arguments; gives (name, value) pairs with names in lower case, in order, the
+first of a name being the one that counts for ssh. Pure.
+"""
+
+from __future__ import annotations
+
+import shlex
+
+_WITHOUT_EFFECT = set("46AaCfGgKkMNnqsTtVvXxYy")
+"""Flags that change nothing for srprov's connections: compression, verbosity, terminals, forwarding."""
+
+_OPTIONS = {"J": "proxyjump", "i": "identityfile", "l": "user", "p": "port", "c": "ciphers", "m": "macs"}
+
+
+def parse(text: str) -> list[tuple[str, str]]:
+    """Read ssh's arguments.
+
+    Raises:
+        ValueError: They cannot be split into words, or hold an argument that srprov does not honour.
+    """
+    try:
+        words = shlex.split(text)
+    except ValueError as error:
+        raise ValueError(f"ssh's arguments cannot be split into words: {str(error).lower()}") from None
+    options: list[tuple[str, str]] = []
+    rest = iter(words)
+    for word in rest:
+        if not word.startswith("-") or len(word) < 2:
+            raise ValueError(f"'{word[:60]}' is not one of ssh's options")
+        flags = word[1:]
+        while flags and flags[0] in _WITHOUT_EFFECT:
+            flags = flags[1:]
+        if not flags:
+            continue
+        value = flags[1:] or next(rest, "")
+        if flags[0] == "o":
+            options.append(_named(value))
+        elif flags[0] in _OPTIONS and value:
+            options.append((_OPTIONS[flags[0]], value))
+        else:
+            raise ValueError(f"ssh's option '-{flags[0]}' is not honoured; -o, -p, -i, -J and -l are")
+    return options
+
+
+def _named(option: str) -> tuple[str, str]:
+    """Split `Name=value` or `Name value`, as ssh_config does."""
+    name, sign, value = option.strip().partition("=")
+    if not sign or " " in name.strip():
+        name, _, value = option.strip().partition(" ")
+    name, value = name.strip(), value.strip().lstrip("= ").strip()
+    if not name or not value:
+        raise ValueError(f"'-o {option[:60]}' is not Name=value")
+    return name.lower(), value

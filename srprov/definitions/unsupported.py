@@ -1,0 +1,57 @@
+"""EDF -> what of it validates but is not built yet.
+
+Takes the root of an EDF; adds one problem per use, at its line. Pure. `srprov validate` accepts these, whatever would
+act refuses them: nothing is accepted and ignored.
+"""
+
+from __future__ import annotations
+
+from srprov.definitions import nodes
+from srprov.definitions.nodes import Findings, Map, Node, Path, Scalar, Seq
+
+_TOP = ("pools", "parameters", "trials", "results", "secrets", "playbooks")
+
+
+def note_unsupported(root: Map, findings: Findings) -> None:
+    """Add every use of what is not built yet."""
+    services = root.entries.get("services")
+    for name, entry in services.entries.items() if isinstance(services, Map) else ():
+        if isinstance(entry, Map):
+            _service(entry, ("services", name), findings)
+    for key in _TOP:
+        if key in root.entries and not _empty(root.entries[key]):
+            findings.add(root.keys[key], f"'{key}' is not supported yet", (key,))
+    relations, placement, network = (root.entries.get(key) for key in ("relations", "placement", "network"))
+    if isinstance(relations, Map) and not _empty(relations.entries.get("different_robot")):
+        findings.add(
+            relations.keys["different_robot"],
+            "'different_robot' is not supported yet",
+            ("relations", "different_robot"),
+        )
+    if (
+        isinstance(placement, Map)
+        and "fairness" in placement.entries
+        and nodes.as_number(placement.entries["fairness"])
+    ):
+        findings.add(placement.keys["fairness"], "'fairness' above 0 is not supported yet", ("placement", "fairness"))
+    for key, built in (("encryption", "none"), ("discovery", "multicast")):
+        wanted = network.entries.get(key) if isinstance(network, Map) else None
+        if isinstance(wanted, Scalar) and wanted.text != built:
+            findings.add(wanted, f"'{key}: {wanted.text}' is not supported yet", ("network", key), f"only {built} is")
+
+
+def _service(entry: Map, path: Path, findings: Findings) -> None:
+    get = entry.entries.get
+    cdf, replicas, network = get("cdf"), get("replicas"), get("network")
+    if isinstance(cdf, Map):
+        findings.add(cdf, "a CDF from git is not supported yet", (*path, "cdf"))
+    if replicas is not None and nodes.as_int(replicas) != 1:
+        findings.add(entry.keys["replicas"], "'replicas' other than 1 is not supported yet", (*path, "replicas"))
+    if "per_robot" in entry.entries:
+        findings.add(entry.keys["per_robot"], "'per_robot' is not supported yet", (*path, "per_robot"))
+    if isinstance(network, Scalar) and network.text == "both":
+        findings.add(network, "'network: both' is not supported yet", (*path, "network"), "use overlay or host")
+
+
+def _empty(node: Node | None) -> bool:
+    return node is None or (isinstance(node, Map) and not node.entries) or (isinstance(node, Seq) and not node.items)

@@ -1,0 +1,104 @@
+"""Scalars -> figures: durations in seconds, sizes in bytes, ports, command words.
+
+Takes text that the schema has already looked at; gives plain values, or raises ValueError in words for the user. Pure.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+
+from srprov.definitions.nodes import Map, Node, Scalar, Seq
+
+_DURATION = re.compile(r"([0-9]+(?:\.[0-9]+)?)(us|ms|s|m|h)", re.ASCII)
+_SECONDS = {"us": 1e-6, "ms": 1e-3, "s": 1.0, "m": 60.0, "h": 3600.0}
+_SIZE = re.compile(r"([0-9]+(?:\.[0-9]+)?)\s*([bkmgt]?)(?:i?b)?", re.ASCII | re.IGNORECASE)
+_BYTES = {"": 1, "b": 1, "k": 1024, "m": 1024**2, "g": 1024**3, "t": 1024**4}
+_PORT = re.compile(
+    r"(?:(?P<address>\[[0-9a-fA-F:]+\]|[0-9]+(?:\.[0-9]+){3}):)?"
+    r"(?:(?P<published>[0-9-]+):)?(?P<inside>[0-9-]+)(?:/(?P<kind>tcp|udp))?",
+    re.ASCII,
+)
+
+Port = tuple[str, int, int, str]
+Device = tuple[str, str, str]
+
+
+def text(node: Node | None, default: str = "") -> str:
+    """Give a scalar's text, or the default where nothing stands."""
+    return node.text if isinstance(node, Scalar) else default
+
+
+def texts(node: Node | None) -> tuple[str, ...]:
+    """Give a list's texts; a single text counts as a list of one."""
+    return tuple(item.text for item in scalars(node))
+
+
+def scalars(node: Node | None) -> tuple[Scalar, ...]:
+    """Give a list's scalars; a single scalar counts as a list of one."""
+    if isinstance(node, Seq):
+        return tuple(item for item in node.items if isinstance(item, Scalar))
+    return (node,) if isinstance(node, Scalar) else ()
+
+
+def text_map(node: Node | None) -> dict[str, str]:
+    """Give a map of texts."""
+    entries = node.entries if isinstance(node, Map) else {}
+    return {key: text(value) for key, value in entries.items() if not key.startswith("x-")}
+
+
+def duration(words: str) -> float:
+    """Read `1m30s` as seconds."""
+    return sum(float(count) * _SECONDS[unit] for count, unit in _DURATION.findall(words))
+
+
+def size(words: str) -> int:
+    """Read `512m` as bytes; units are powers of 1024, as Docker reads them."""
+    match = _SIZE.fullmatch(words.strip())
+    if match is None or len(words) > 40:
+        raise ValueError(f"'{words[:40]}' is not a size such as 512m")
+    return int(float(match[1]) * _BYTES[match[2].lower()])
+
+
+def words(node: Node) -> tuple[str, ...]:
+    """Read a command: a list as it is, text split like a shell's command line."""
+    if isinstance(node, Scalar):
+        try:
+            return tuple(shlex.split(node.text))
+        except ValueError as error:
+            raise ValueError(f"cannot be split into words: {str(error).lower()}") from None
+    return texts(node)
+
+
+def device(spec: str) -> Device:
+    """Read `robot-path[:container-path[:rwm]]`."""
+    parts = spec.split(":")
+    if len(parts) == 2 and not parts[1].startswith("/"):
+        parts.insert(1, parts[0])
+    inside = parts[1] if len(parts) > 1 else parts[0]
+    return parts[0], inside, parts[2] if len(parts) > 2 else "rwm"
+
+
+def ports(spec: str) -> tuple[Port, ...]:
+    """Read `[address:][published:]container[/protocol]`; ranges give one entry per port."""
+    match = _PORT.fullmatch(spec)
+    if match is None:
+        raise ValueError(f"'{spec[:60]}' is no port mapping")
+    inside = _range(match["inside"])
+    published = _range(match["published"]) if match["published"] else inside
+    if len(inside) != len(published):
+        raise ValueError(f"'{spec}' maps {len(published)} ports to {len(inside)}")
+    address = (match["address"] or "").strip("[]")
+    if address:
+        import ipaddress
+
+        ipaddress.ip_address(address)
+    return tuple((address, out, into, match["kind"] or "tcp") for out, into in zip(published, inside, strict=True))
+
+
+def _range(spec: str) -> range:
+    first, _, last = spec.partition("-")
+    low, high = int(first), int(last or first)
+    if not 1 <= low <= high <= 65535:
+        raise ValueError(f"'{spec}' is not within ports 1 to 65535")
+    return range(low, high + 1)

@@ -1,0 +1,212 @@
+"""YAML text -> nodes with their places; the one way in which user files are read.
+
+Takes a path or text; gives the document's root `Node`. Touches files, for reading. It walks the parser's events
+itself (libyaml's parser where PyYAML has it) and never builds Python objects from tags, so that: a duplicate key is
+an error; how much a document may hold once its aliases are followed, and how deep it may nest, is limited before
+memory or the C stack is used up; an alias is shown where it is used.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path as FilePath
+from typing import Any
+
+from srprov.definitions.nodes import Map, Node, Scalar, Seq, Source, problem
+from srprov.errors import DefinitionError, Location, Problem
+
+MAX_BYTES = 8 * 1024 * 1024
+MAX_DEPTH = 60
+MAX_NODES = 200_000
+"""Nodes of one document after aliases are followed; a lab of a thousand robots needs a tenth."""
+
+_LINE_END = re.compile("\r\n|[\r\n\x85\u2028\u2029]")
+_YAML_TAGS = "tag:yaml.org,2002:"
+
+
+def read(path: str | FilePath, shown: str = "") -> Node | None:
+    """Read one file; None when it holds no document.
+
+    Raises:
+        DefinitionError: It cannot be read, is no UTF-8, no YAML, or breaks a limit.
+    """
+    return parse(read_text(path, shown), shown or str(path))
+
+
+def read_text(path: str | FilePath, shown: str = "") -> str:
+    """Read a file's text (UTF-8, a byte order mark is dropped); the errors are those of `read`."""
+    name = shown or str(path)
+    try:
+        if not os.path.isfile(path):
+            raise OSError("it is a folder" if os.path.isdir(path) else "there is no such file")
+        with open(path, "rb") as stream:
+            data = stream.read(MAX_BYTES + 1)
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) and error.strerror else error
+        raise DefinitionError([Problem(Location(name), f"cannot be read: {reason}")]) from None
+    if len(data) > MAX_BYTES:
+        raise DefinitionError([Problem(Location(name), f"is larger than {MAX_BYTES // 1024 // 1024} MiB")])
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        start = data[: error.start]
+        line, column = start.count(b"\n") + 1, error.start - (start.rfind(b"\n") + 1) + 1
+        place = Location(name, line, column)
+        raise DefinitionError([Problem(place, "is not UTF-8 text", hint="save the file as UTF-8")]) from None
+
+
+def parse(text: str, file: str) -> Node | None:
+    """Read YAML text; `file` is what problems are shown with. None when it holds no document.
+
+    Raises:
+        DefinitionError: With all duplicate keys at once, or the first place where the text is no YAML.
+    """
+    import yaml
+
+    source = Source(file, tuple(_LINE_END.split(text)))
+    loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    try:
+        return _Composer(source, yaml.parse(text, Loader=loader)).document()
+    except yaml.MarkedYAMLError as error:
+        mark, began = error.problem_mark or error.context_mark, error.context_mark
+        place = Location(file, mark.line + 1, mark.column + 1) if mark else Location(file)
+        words = " ".join(str(part) for part in (error.context, error.problem) if part)
+        hint = f"it begins on line {began.line + 1}" if began is not None and mark and began.line < mark.line else ""
+        raise DefinitionError([_syntax(source, place, words, hint)]) from None
+    except yaml.reader.ReaderError as error:
+        before = text[: error.position] if isinstance(error.position, int) else ""
+        lines = _LINE_END.split(before)
+        raise DefinitionError([_syntax(source, Location(file, len(lines), len(lines[-1]) + 1), error.reason)]) from None
+    except yaml.YAMLError as error:
+        raise DefinitionError([_syntax(source, Location(file), str(error).splitlines()[0])]) from None
+
+
+def _syntax(source: Source, place: Location, words: str, hint: str = "") -> Problem:
+    excerpt = source.excerpt(place.line)
+    tab = "\t" in excerpt[: max(place.column, len(excerpt) - len(excerpt.lstrip()))]
+    hint = "YAML allows no tab for indentation; use spaces" if tab else hint
+    return Problem(place, f"is not valid YAML: {words}", "", excerpt, hint)
+
+
+class _Composer:
+    """Builds nodes from events; depth and count are checked before anything is built."""
+
+    def __init__(self, source: Source, events: Iterator[Any]) -> None:
+        self.source = source
+        self.events = events
+        self.anchors: dict[str, Node] = {}
+        self.sizes: dict[str, tuple[int, int]] = {}
+        """anchor -> how many values it stands for, and how many levels it nests"""
+        self.count = 0
+        self.deepest = 0
+        self.problems: list[Problem] = []
+
+    def document(self) -> Node | None:
+        """Give the root of the only document."""
+        root: Node | None = None
+        for event in self.events:
+            name = type(event).__name__
+            if name == "DocumentStartEvent":
+                if root is not None:
+                    raise self._stop(event, "a second document begins here; a file holds one")
+                root = self._node(next(self.events), 0)
+        if self.problems:
+            raise DefinitionError(self.problems)
+        empty = isinstance(root, Scalar) and root.plain and root.text == "" and not root.tag
+        return None if empty else root
+
+    def _node(self, event: Any, depth: int) -> Node:  # noqa: ANN401 - PyYAML's events have no common typed base
+        name = type(event).__name__
+        line, column = event.start_mark.line + 1, event.start_mark.column + 1
+        if name == "AliasEvent":
+            return self._alias(event, line, column, depth)
+        self.count += 1
+        if self.count > MAX_NODES:
+            raise self._stop(event, f"the document holds more than {MAX_NODES} values")
+        if depth > MAX_DEPTH:
+            raise self._stop(event, f"is nested more than {MAX_DEPTH} levels deep")
+        before, outer, self.deepest = self.count, self.deepest, depth
+        tag = _own_tag(event.tag)
+        node: Node
+        if name == "ScalarEvent":
+            plain = (event.style in (None, "") and event.tag is None) or event.tag in _PLAIN_TAGS
+            node = Scalar(self.source, line, column, event.value, plain, tag)
+        elif name == "SequenceStartEvent":
+            node = Seq(self.source, line, column, tuple(self._items(depth)), tag)
+        else:
+            node = self._map(line, column, tag, depth)
+        if event.anchor:
+            self.anchors[event.anchor] = node
+            self.sizes[event.anchor] = (self.count - before + 1, self.deepest - depth)
+        self.deepest = max(outer, self.deepest)
+        return node
+
+    def _items(self, depth: int) -> Iterator[Node]:
+        for event in self.events:
+            if type(event).__name__ == "SequenceEndEvent":
+                return
+            yield self._node(event, depth + 1)
+
+    def _map(self, line: int, column: int, tag: str, depth: int) -> Map:
+        entries: dict[str, Node] = {}
+        keys: dict[str, Scalar] = {}
+        merged: list[Map] = []
+        for event in self.events:
+            if type(event).__name__ == "MappingEndEvent":
+                break
+            key = self._node(event, depth + 1)
+            value = self._node(next(self.events), depth + 1)
+            if not isinstance(key, Scalar) or key.tag:
+                self.problems.append(problem(key, "a key must be a single word or text"))
+            elif key.text == "<<" and key.plain:
+                merged.extend(self._merge_sources(value))
+            elif key.text in entries:
+                first = keys[key.text].line
+                self.problems.append(
+                    problem(key, f"duplicate key '{key.text}'; it is already on line {first}", key.text)
+                )
+            else:
+                entries[key.text], keys[key.text] = value, key
+        for other in merged:
+            self.count += len(other.entries)
+            for text, inherited in other.entries.items():
+                if text not in entries:
+                    entries[text], keys[text] = inherited, other.keys[text]
+        return Map(self.source, line, column, entries, keys, tag)
+
+    def _merge_sources(self, value: Node) -> list[Map]:
+        maps = list(value.items) if isinstance(value, Seq) else [value]
+        wrong = [node for node in maps if not isinstance(node, Map)]
+        self.problems.extend(problem(node, "'<<' merges maps only") for node in wrong)
+        return [node for node in maps if isinstance(node, Map)]
+
+    def _alias(self, event: Any, line: int, column: int, depth: int) -> Node:  # noqa: ANN401 - as _node
+        node = self.anchors.get(event.anchor)
+        if node is None:
+            raise self._stop(event, f"'*{event.anchor}' stands for nothing here; no '&{event.anchor}' ends before it")
+        size, height = self.sizes[event.anchor]
+        self.count += size
+        self.deepest = max(self.deepest, depth + height)
+        if self.count > MAX_NODES:
+            raise self._stop(event, f"the aliases stand for more than {MAX_NODES} values")
+        if depth + height > MAX_DEPTH:
+            raise self._stop(event, f"is nested more than {MAX_DEPTH} levels deep")
+        if isinstance(node, Scalar):
+            return Scalar(self.source, line, column, node.text, node.plain, node.tag)
+        if isinstance(node, Seq):
+            return Seq(self.source, line, column, node.items, node.tag)
+        return Map(self.source, line, column, node.entries, node.keys, node.tag)
+
+    def _stop(self, event: Any, message: str) -> DefinitionError:  # noqa: ANN401 - as _node
+        place = Location(self.source.file, event.start_mark.line + 1, event.start_mark.column + 1)
+        return DefinitionError([*self.problems, Problem(place, message, "", self.source.excerpt(place.line))])
+
+
+_PLAIN_TAGS = {_YAML_TAGS + name for name in ("int", "float", "bool", "null")}
+
+
+def _own_tag(tag: str | None) -> str:
+    """Keep tags that mean something to us (`!vault`); YAML's own (`!!str`, `!!map`) only say what is written anyway."""
+    return "" if tag is None or tag == "!" or tag.startswith(_YAML_TAGS) else tag

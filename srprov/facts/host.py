@@ -1,0 +1,239 @@
+"""One robot's facts: the replies of `host_queries`, the inventory's word and psutil's, put together.
+
+Takes a Host, replies, Measures and the controller's clock; gives HostFacts. Pure. Everything that a robot says is
+untrusted: whatever it answers, the result is a valid HostFacts with plain text and bounded numbers, and what is not
+known keeps the model's default.
+Source: proc(5), sysfs-class-net, Docker Engine API 1.41 (`/version`, `/info`).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from srprov.definitions.model import Host
+from srprov.facts.answers import Counters, Files, Filesystem, Identity
+from srprov.facts.hardware import detect_tags
+from srprov.facts.links import Underlay, find_underlay
+from srprov.facts.model import Docker, HostFacts
+from srprov.facts.probes import ENGINE, PROBES, SAMPLE
+from srprov.facts.untrusted import decimal, integer, mapping, parsed, text
+from srprov.wire import EngineQuery, Measures, Query, Reply
+
+_MOST_BYTES = 2**60
+_ARCHITECTURES = {
+    "x86_64": "amd64",
+    "amd64": "amd64",
+    "aarch64": "arm64",
+    "arm64": "arm64",
+    "armv8l": "arm",
+    "armv7l": "arm",
+    "armv6l": "arm",
+    "arm": "arm",
+    "i386": "386",
+    "i686": "386",
+    "386": "386",
+    "riscv64": "riscv64",
+    "ppc64le": "ppc64le",
+    "s390x": "s390x",
+}
+
+
+def host_queries(*, sample: bool) -> tuple[Query | EngineQuery, ...]:
+    """Give everything to ask a robot for its facts, in the order that `parse_host` expects the replies.
+
+    With `sample` the traffic of 0.3 s is measured too, which is also how much longer the answer takes.
+    """
+    last = (Query(command=SAMPLE.command),) if sample else ()
+    probes = (Query(command=probe.command) for probe in PROBES)
+    return (*probes, *(EngineQuery(path=path) for path in ENGINE), *last)
+
+
+def docker_arch(machine: str) -> str:
+    """Give Docker's name for what `uname -m` or the engine calls a machine; unknown ones stay, in lower case."""
+    name = machine.lower()
+    return _ARCHITECTURES.get(name, name if re.fullmatch(r"[a-z0-9_-]{1,20}", name) else "")
+
+
+def parse_host(
+    host: Host, replies: Sequence[Reply], measures: Measures | None, *, slots_default: int = 1, now: float | None = None
+) -> HostFacts:
+    """Read the replies to `host_queries`, in its order.
+
+    Args:
+        host: The robot as the inventory has it; its tags, devices, slots, underlay and bandwidth win or come on top.
+        replies: With or without the traffic sample; missing ones count as empty.
+        measures: What psutil says, for the controller itself; wins over /proc.
+        slots_default: Slots of a robot whose inventory names none.
+        now: The controller's clock when the queries were sent, seconds since the epoch; None leaves the offset 0.
+
+    Nothing raises: what a robot did not say properly keeps the default of HostFacts.
+    """
+    said = _read(replies)
+    identity: Identity = said["identity"]
+    files: Files = said["files"]
+    docker, problem, engine_arch = _docker(replies)
+    # A 32-bit system on a 64-bit kernel runs 32-bit containers: the engine's word wins over the kernel's.
+    arch = engine_arch or docker_arch(identity.machine)
+    speeds = {**_speeds(files), **{k: v for k, v in said["wireless"].items() if v > 0}}
+    speeds |= {k: v for k, v in (measures.link_speed_mbit if measures else {}).items() if v > 0}
+    links = tuple(replace(link, speed_mbit=speeds.get(link.name, 0.0)) for link in said["links"])
+    underlay = find_underlay(host, links, said["routes"], identity.reached_at)
+    detected = detect_tags(said["devices"], files, links, tuple(said["wireless"]), arch)
+    devices = said["devices"]
+    disk = _docker_disk(said["disk"], docker.root if docker else "")
+    return HostFacts(
+        name=host.name,
+        hostname=_first_line(files, "/proc/sys/kernel/hostname"),
+        arch=arch,
+        kernel=_first_line(files, "/proc/sys/kernel/osrelease"),
+        os=_os_name(files),
+        tags=tuple(sorted({*host.tags, *detected})),
+        devices=tuple(sorted({*host.devices, *devices.known, *devices.aliases})),
+        docker=docker,
+        docker_problem=problem,
+        disk_total=disk.total,
+        disk_free=disk.free,
+        links=links,
+        routes=said["routes"].destinations,
+        underlay_link=underlay.link,
+        underlay_address=underlay.address,
+        underlay_mtu=underlay.mtu,
+        speed_mbit=host.bandwidth_mbit if host.bandwidth_mbit is not None else speeds.get(underlay.link, 0.0),
+        traffic_mbit=_traffic_mbit(said["traffic"], underlay, underlay.link in said["wireless"]),
+        slots=host.slots if host.slots is not None else slots_default,
+        clock_offset_s=round(identity.clock_s - now, 3) if now is not None and identity.clock_s is not None else 0.0,
+        user=identity.user or host.user or "",
+        privileged=identity.uid == 0,
+        **_amounts(files, said["cpus"], measures),
+    )
+
+
+def _read(replies: Sequence[Reply]) -> dict[str, Any]:
+    """Give each probe's value by its name; what a command said before it failed counts."""
+    shell = replies[: len(PROBES)]
+    outs = [shell[i].out if i < len(shell) else "" for i in range(len(PROBES))]
+    said = {probe.name: probe.parse(out) for probe, out in zip(PROBES, outs, strict=True)}
+    sampled = replies[len(PROBES) + len(ENGINE) :]
+    return {**said, SAMPLE.name: SAMPLE.parse(sampled[0].out if sampled else "")}
+
+
+def _first_line(files: Files, path: str) -> str:
+    return text(files.get(path, ("",))[0])
+
+
+def _os_name(files: Files) -> str:
+    for path in ("/etc/os-release", "/usr/lib/os-release"):
+        for line in files.get(path, ()):
+            if line.startswith("PRETTY_NAME="):
+                return text(line.partition("=")[2].strip().strip("\"'"))
+    return ""
+
+
+def _amounts(files: Files, counted: int, measures: Measures | None) -> dict[str, Any]:
+    """Give CPUs, load, memory and swap, consistent with each other: free is never more than total."""
+    raw: Mapping[str, object]
+    if measures is not None:
+        raw = {
+            "cpus": measures.cpus,
+            "load1": measures.load1,
+            "memory_total": measures.memory_total,
+            "memory_available": measures.memory_available,
+            "swap_total": measures.swap_total,
+            "swap_free": measures.swap_free,
+        }
+    else:
+        load = files.get("/proc/loadavg", ("",))[0].partition(" ")[0]
+        raw = {"cpus": counted or _online(files), "load1": load, **_memory(files)}
+    bounded = {
+        key: integer(raw[key], low=0, high=_MOST_BYTES, default=0) for key in raw if key not in ("cpus", "load1")
+    }
+    return {
+        "cpus": integer(raw["cpus"], low=1, high=4096, default=1),
+        "load1": decimal(raw["load1"], low=0.0, high=100_000.0, default=0.0),
+        "memory_total": bounded["memory_total"],
+        "memory_available": min(bounded["memory_available"], bounded["memory_total"]),
+        "swap_total": bounded["swap_total"],
+        "swap_free": min(bounded["swap_free"], bounded["swap_total"]),
+    }
+
+
+def _memory(files: Files) -> dict[str, int]:
+    kib = {}
+    for line in files.get("/proc/meminfo", ()):
+        name, _, amount = line.partition(":")
+        kib[name] = integer(amount.removesuffix("kB").strip(), low=0, high=_MOST_BYTES // 1024, default=0)
+    # MemAvailable came with Linux 3.14; this sum is what tools used before.
+    before = sum(kib.get(name, 0) for name in ("MemFree", "Buffers", "Cached"))
+    return {
+        "memory_total": kib.get("MemTotal", 0) * 1024,
+        "memory_available": kib.get("MemAvailable", before) * 1024,
+        "swap_total": kib.get("SwapTotal", 0) * 1024,
+        "swap_free": kib.get("SwapFree", 0) * 1024,
+    }
+
+
+def _online(files: Files) -> int:
+    """Count `0-3,6` of /sys, for kernels whose /proc/cpuinfo numbers no processors."""
+    total = 0
+    for part in files.get("/sys/devices/system/cpu/online", ("",))[0].strip().split(",")[:4096]:
+        first, _, last = part.partition("-")
+        low = integer(first, low=0, high=4095, default=-1)
+        high = integer(last or first, low=0, high=4095, default=-1)
+        total += high - low + 1 if 0 <= low <= high else 0
+    return total
+
+
+def _speeds(files: Files) -> dict[str, float]:
+    """Give Mbit/s by interface; -1 means unknown, and so does 4294967295, the same in old drivers."""
+    found = {}
+    for path, lines in files.items():
+        if name := re.fullmatch(r"/sys/class/net/([^/]{1,15})/speed", path):
+            speed = integer(lines[0], low=-1, high=2**40, default=-1)
+            found[name[1]] = float(speed) if 0 < speed < 10_000_000 else 0.0
+    return found
+
+
+def _traffic_mbit(counters: Mapping[str, Counters], underlay: Underlay, shared_air: bool) -> float:
+    """Give Mbit/s on the underlay: the busier direction of a cable, both directions of a radio, which share the air."""
+    seen = counters.get(underlay.link)
+    if seen is None:
+        return 0.0
+    both = (seen.received_bps, seen.sent_bps)
+    return round(min((sum(both) if shared_air else max(both)) * 8 / 1e6, 1e6), 3)
+
+
+def _docker(replies: Sequence[Reply]) -> tuple[Docker | None, str, str]:
+    """Give the engine, or why there is none; and its architecture."""
+    asked = replies[len(PROBES) : len(PROBES) + len(ENGINE)]
+    if len(asked) < len(ENGINE):
+        return None, "was not asked", ""
+    version, info = (mapping(parsed(reply.out)) if reply.ok and reply.status == 200 else {} for reply in asked)
+    name, api = text(version.get("Version"), length=64), text(version.get("ApiVersion"), length=16)
+    if not name or not re.fullmatch(r"[0-9]{1,3}\.[0-9]{1,4}", api):
+        said = text(asked[0].err)
+        return (
+            None,
+            said or (f"the engine answered {asked[0].status}" if asked[0].status else "no Docker Engine answers"),
+            "",
+        )
+    options = info.get("SecurityOptions")
+    root = info.get("DockerRootDir")
+    docker = Docker(
+        version=name,
+        api_version=api,
+        root=text(root) if isinstance(root, str) and root.startswith("/") else "",
+        storage_driver=text(info.get("Driver"), length=32),
+        rootless=isinstance(options, list)
+        and any("rootless" in option for option in options if isinstance(option, str)),
+    )
+    return docker, "", docker_arch(text(version.get("Arch"), length=20))
+
+
+def _docker_disk(mounts: Sequence[Filesystem], root: str) -> Filesystem:
+    """Give the filesystem that holds Docker's root: of those asked about, the one mounted deepest above it."""
+    folder = (root or "/var/lib/docker").rstrip("/") + "/"
+    above = [mount for mount in mounts if folder.startswith(mount.mount.rstrip("/") + "/")]
+    return max(above, key=lambda m: len(m.mount), default=Filesystem(mount="", total=0, free=0))

@@ -1,0 +1,167 @@
+"""Interfaces, routes, and the underlay: which of a robot's addresses other robots reach.
+
+Takes what `ip -j` says and the inventory's wishes; gives Links and an Underlay. Pure. The underlay carries the
+overlay's VXLAN, so its address must be one that other robots can send to: never loopback, never Docker's networks,
+never our own.
+Source: ip-address(8), ip-route(8), RFC 7348 (VTEP).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from ipaddress import IPv4Address, IPv4Network, IPv6Address, ip_address, ip_interface
+from typing import Any
+
+from srprov.definitions.model import Host
+from srprov.facts.model import Link
+from srprov.facts.untrusted import integer, mapping, mappings, parsed, text
+
+_NAME = re.compile(r"[^\s/\x00-\x1f\x7f]{1,15}")
+_MAC = re.compile(r"[0-9a-f]{2}(:[0-9a-f]{2}){5}")
+_FOREIGN = re.compile(r"lo|docker[0-9]*|docker_gwbridge|br-[0-9a-f]{12}|srp[vb].*")
+"""Names of loopback, of Docker's bridges, of ours (which the alias also tells)."""
+_FOREIGN_KINDS = ("vxlan", "dummy", "ifb")
+
+Address = IPv4Address | IPv6Address
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Underlay:
+    """The interface and address (no prefix) that other robots reach; empty where none was found."""
+
+    link: str = ""
+    address: str = ""
+    mtu: int = 1500
+
+
+@dataclass(frozen=True, slots=True)
+class _Candidate:
+    link: Link
+    address: Address
+
+
+def parse_links(out: str) -> tuple[Link, ...]:
+    """Read `ip -j -d addr show`, sorted by name, speeds not yet known; what has no proper name is left out."""
+    found: dict[str, Link] = {}
+    for item in mappings(parsed(out)):
+        name = item.get("ifname")
+        if isinstance(name, str) and _NAME.fullmatch(name) and name.isprintable():
+            found.setdefault(name, _link(name, item))
+    return tuple(found[name] for name in sorted(found))
+
+
+def _link(name: str, item: Mapping[str, Any]) -> Link:
+    flags, info = item.get("flags"), mapping(item.get("linkinfo"))
+    mac, data = text(item.get("address"), length=17), mapping(info.get("info_data"))
+    kind = text(info.get("info_kind"), length=16)
+    return Link(
+        name=name,
+        mtu=integer(item.get("mtu"), low=0, high=2**24, default=1500),
+        up=isinstance(flags, list) and "UP" in flags,
+        mac=mac if _MAC.fullmatch(mac) else "",
+        kind=kind,
+        addresses=tuple(_addresses(item.get("addr_info"))),
+        vni=integer(data.get("id"), low=0, high=2**24 - 1, default=0) if kind == "vxlan" else 0,
+        port=integer(data.get("port"), low=0, high=65535, default=0) if kind == "vxlan" else 0,
+        alias=text(item.get("ifalias")),
+    )
+
+
+def _addresses(items: object) -> Iterable[str]:
+    for item in mappings(items):
+        whole = f"{text(item.get('local'), length=45)}/{integer(item.get('prefixlen'), low=0, high=128, default=-1)}"
+        # An address that is not usable yet, or being phased out, is none to build on.
+        if item.get("tentative") or item.get("deprecated") or item.get("dadfailed"):
+            continue
+        try:
+            yield str(ip_interface(whole))
+        except ValueError:
+            continue
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Routes:
+    """The main table, IPv4."""
+
+    destinations: tuple[str, ...] = ()
+    """As CIDR, sorted; the default route is `0.0.0.0/0`."""
+    default_links: tuple[str, ...] = ()
+    """Interfaces of default routes, best metric first."""
+
+
+def parse_routes(out: str) -> Routes:
+    """Read `ip -j -4 route show`; entries that are no network are left out."""
+    destinations: set[IPv4Network] = set()
+    defaults: list[tuple[int, int, str]] = []
+    for item in mappings(parsed(out)):
+        target = item.get("dst")
+        target = "0.0.0.0/0" if target == "default" else text(target, length=18)
+        try:
+            destinations.add(IPv4Network(target, strict=False))
+        except ValueError:
+            continue
+        if target == "0.0.0.0/0":
+            metric = integer(item.get("metric"), low=0, high=2**32, default=0)
+            defaults.append((metric, len(defaults), text(item.get("dev"), length=15)))
+    return Routes(
+        destinations=tuple(str(network) for network in sorted(destinations)),
+        default_links=tuple(link for _, _, link in sorted(defaults)),
+    )
+
+
+def find_underlay(host: Host, links: Sequence[Link], routes: Routes, reached_at: str) -> Underlay:
+    """Choose the underlay.
+
+    In this order: what the inventory says; where SSH reached it (`reached_at`, the robot's end of the connection); the
+    inventory's address of it; the interface of the default route; the only interface that qualifies. What the inventory
+    says is never overruled: when that is not there, or is loopback, Docker's or ours, the answer is empty.
+    """
+    usable = [link for link in links if _qualifies(link)]
+    all_of = [_Candidate(link, address) for link in usable for address in _usable_addresses(link)]
+    if host.underlay:
+        return _first(_named(all_of, host.underlay))
+    by_route = [c for name in routes.default_links for c in all_of if c.link.name == name and c.link.up]
+    alone = [c for c in all_of if c.link.up]
+    choices: tuple[Callable[[], list[_Candidate]], ...] = (
+        lambda: [] if host.connection == "local" else _holding(all_of, reached_at),
+        lambda: _holding(all_of, host.address),
+        lambda: by_route,
+        lambda: alone if len({c.link.name for c in alone}) == 1 else [],
+    )
+    return next((_first(found) for choice in choices if (found := choice())), Underlay())
+
+
+def _qualifies(link: Link) -> bool:
+    ours = link.alias.startswith("srprov:") or link.kind in _FOREIGN_KINDS
+    return not (ours or _FOREIGN.fullmatch(link.name))
+
+
+def _usable_addresses(link: Link) -> list[Address]:
+    found = [ip_interface(address).ip for address in link.addresses]
+    # A link-local IPv6 address means nothing without its interface; IPv4's is all that robots without DHCP have: last.
+    fit = [a for a in found if not (a.is_loopback or a.is_multicast or (a.version == 6 and a.is_link_local))]
+    return sorted(fit, key=lambda a: (a.version, a.is_link_local))
+
+
+def _named(candidates: list[_Candidate], wish: str) -> list[_Candidate]:
+    by_link = [c for c in candidates if c.link.name == wish]
+    return by_link or _holding(candidates, wish.partition("/")[0])
+
+
+def _holding(candidates: list[_Candidate], address: str) -> list[_Candidate]:
+    try:
+        wanted = ip_address(address.partition("%")[0])
+    except ValueError:
+        return []
+    if isinstance(wanted, IPv6Address) and wanted.ipv4_mapped:
+        wanted = wanted.ipv4_mapped  # sshd on a dual-stack socket
+    return [c for c in candidates if c.address == wanted]
+
+
+def _first(candidates: list[_Candidate]) -> Underlay:
+    if not candidates:
+        return Underlay()
+    best = candidates[0]
+    return Underlay(link=best.link.name, address=str(best.address), mtu=best.link.mtu)

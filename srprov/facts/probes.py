@@ -1,0 +1,105 @@
+"""The probes: what a robot is asked, as a table of shell commands, each with the function that reads its answer.
+
+Gives the queries; `answers.py` has the parsers and `host.py` puts their values together. Pure: the commands are text.
+A robot needs `sh` (dash or busybox), `grep`, `tr`, `sed`, coreutils and iproute2.
+
+A slow robot pays for every process, so most of the work is done by what the shell has built in: globs find devices,
+and one `grep` reads all files of /proc and /sys, each line after its file's name (what cannot be read stays silent).
+Source: proc(5), sysfs-class-net, ip-address(8), the busybox manual.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from srprov.facts.answers import (
+    parse_count,
+    parse_devices,
+    parse_disk,
+    parse_files,
+    parse_identity,
+    parse_traffic,
+    parse_wireless,
+)
+from srprov.facts.links import parse_links, parse_routes
+
+DEVICE_GLOBS = (
+    "video* media* ttyUSB* ttyACM* ttyAMA* ttyTHS* serial[0-9]* i2c-* spidev* gpiochip* gpiomem* hidraw* vchiq "
+    "nvidia* nvhost-* nvmap kvm fuse uinput net/tun input/js* input/event* dri/* snd/* serial/by-id/*"
+)
+"""Below /dev: what a service may ask for."""
+
+_FILES = (
+    "/proc/loadavg /proc/meminfo /proc/sys/kernel/hostname /proc/sys/kernel/osrelease /proc/sys/kernel/version "
+    "/sys/kernel/realtime /sys/devices/system/cpu/online /etc/os-release /usr/lib/os-release "
+    "/sys/firmware/devicetree/base/model /proc/device-tree/model /sys/class/net/*/speed /sys/class/video4linux/*/name"
+)
+# The clock comes first: every later command would only add to its error. sudo takes SSH_CONNECTION away, but itself
+# still has it in its environment, and is an ancestor of this shell.
+_IDENTITY = """\
+printf 'clock %s\\n' "$(date +%s.%N)"
+printf 'machine %s\\n' "$(uname -m)"
+printf 'uid %s\\n' "$(id -u)"
+c=${SSH_CONNECTION:-} u=${SUDO_USER:-} p=$PPID n=0
+while [ -n "$u" ] && [ -z "$c" ] && [ "${p:-0}" -gt 1 ] && [ $n -lt 6 ]; do
+  n=$((n + 1))
+  [ -r /proc/$p/environ ] && c=$(tr '\\0' '\\n' 2>/dev/null </proc/$p/environ | sed -n 's/^SSH_CONNECTION=//p')
+  q= ; while read -r k v; do [ "$k" = PPid: ] && q=$v && break; done 2>/dev/null </proc/$p/status
+  p=$q
+done
+printf 'connection %s\\n' "$c"
+printf 'user %s\\n' "${u:-$(id -un)}"
+"""
+# udev rules of robots give their devices names: /dev/rplidar -> ttyUSB0. Those are the links to a character device.
+_DEVICES = f"""\
+for f in {" ".join("/dev/" + glob for glob in DEVICE_GLOBS.split())}; do
+  [ -e "$f" ] && printf 'dev %s\\n' "$f"
+done
+for f in /dev/*; do [ -L "$f" ] && [ -c "$f" ] && printf 'alias %s\\n' "$f"; done
+:"""
+_WIRELESS = """\
+for d in /sys/class/net/*; do
+  [ -e "$d/wireless" ] || [ -e "$d/phy80211" ] || continue
+  printf 'wireless %s\\n' "${d##*/}"
+  command -v iw >/dev/null 2>&1 && iw dev "${d##*/}" link 2>/dev/null
+done
+:"""
+# df takes the folders that Docker's root may be; which one it is, the engine says in the same round trip
+_DISK = """\
+r=
+while IFS= read -r l; do
+  case $l in *'"data-root"'*) r=${l#*'"data-root"'}; r=${r#*'"'}; r=${r%%'"'*};; esac
+done 2>/dev/null </etc/docker/daemon.json
+df -Pk / /var/lib/docker "${HOME:-/}" "${r:-/}" 2>/dev/null
+:"""
+_COUNT_CPUS = "grep -c '^processor[[:space:]]*:' /proc/cpuinfo"
+_COUNTERS = "cat /proc/uptime /proc/net/dev"
+_TRAFFIC = f"{_COUNTERS}; sleep 0.3 2>/dev/null || sleep 1; {_COUNTERS}"
+
+
+@dataclass(frozen=True, slots=True)
+class Probe:
+    """One question of the shell, and who reads its answer."""
+
+    name: str
+    command: str
+    parse: Callable[[str], Any] = field(repr=False)
+
+
+PROBES = (
+    Probe("identity", _IDENTITY, parse_identity),
+    Probe("files", f"grep -sHa '' {_FILES}\n:", parse_files),
+    Probe("cpus", _COUNT_CPUS, parse_count),
+    Probe("links", "ip -j -d addr show", parse_links),
+    Probe("routes", "ip -j -4 route show table main", parse_routes),
+    Probe("devices", _DEVICES, parse_devices),
+    Probe("wireless", _WIRELESS, parse_wireless),
+    Probe("disk", _DISK, parse_disk),
+)
+"""In the order of asking."""
+ENGINE = ("/version", "/info")
+"""What the engine is asked, after the probes."""
+SAMPLE = Probe("traffic", _TRAFFIC, parse_traffic)
+"""Asked last, and only when wanted: it takes 0.3 s (1 s where `sleep` takes no fractions)."""

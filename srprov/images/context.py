@@ -1,0 +1,142 @@
+"""The build context: which files go in, and the tar that Docker takes.
+
+Takes entries, or a folder's listing with `.dockerignore`; gives entries and bytes. Pure: files are read by the
+functions that the caller gives. The tar is the same on every machine: sorted, no times, no owners, modes reduced to
+"executable or not".
+Source: Docker's `.dockerignore` rules (moby/patternmatcher); POSIX pax format.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import tarfile
+from collections.abc import Callable, Iterable, Sequence
+
+from srprov.images.plan import Entry, Listed
+
+Read = Callable[[str], bytes]
+"""Absolute path -> content; raises OSError."""
+Listing = Callable[[str], Iterable[Listed]]
+"""Absolute path of a file or folder -> every file in it, at any depth, symbolic links not followed; raises OSError."""
+
+DOCKERFILE = "Dockerfile"
+# What never belongs to an image but would change its tag from one clone, or one edit of the experiment, to the next.
+# A `.dockerignore` can take it back with `!`.
+_ALWAYS = ("**/.git", "**/*.edf", "**/*.cdf", "**/experiment.lock")
+
+
+def entries_of(prefix: str, source: str, mode: str, listing: Listing, read: Read) -> list[Entry]:
+    """Give the entries of one file or folder under the name `prefix`; an octal `mode` holds for every file in it.
+
+    Raises:
+        OSError: It cannot be read.
+        ValueError: The mode is no octal number, or a name has control characters.
+    """
+    if mode and not re.fullmatch(r"0?[0-7]{3,4}", mode):
+        raise ValueError(f"mode '{mode}' is no octal number such as 0755")
+    fixed = int(mode, 8) if mode else None
+    return [_entry(prefix, source, item, fixed, read) for item in listing(source)]
+
+
+def _entry(prefix: str, source: str, item: Listed, mode: int | None, read: Read) -> Entry:
+    if any(ord(c) < 32 for c in item.path) or ".." in item.path.split("/"):
+        raise ValueError(f"a file's name cannot be {item.path!r}")
+    path = "/".join(part for part in (prefix, item.path) if part)
+    if item.link is not None:
+        return Entry(path=path, link=item.link, mode=0o777)
+    content = read(f"{source.rstrip('/')}/{item.path}" if item.path else source)
+    return Entry(path=path, content=content, mode=mode if mode is not None else 0o755 if item.executable else 0o644)
+
+
+def folder_entries(folder: str, listing: Listing, read: Read) -> list[Entry]:
+    """Give the entries of a Dockerfile's folder, without what its `.dockerignore` leaves out.
+
+    Raises:
+        OSError: Something cannot be read.
+        ValueError: A name that cannot be, or a pattern that is none.
+    """
+    items = list(listing(folder))
+    ignore = ""
+    if any(item.path == ".dockerignore" and item.link is None for item in items):
+        ignore = read(f"{folder.rstrip('/')}/.dockerignore").decode("utf-8", "replace")
+    ignored = ignore_rule([*_ALWAYS, *ignore.splitlines()])
+    return [_entry("", folder, item, None, read) for item in items if not ignored(item.path)]
+
+
+def ignore_rule(patterns: Iterable[str]) -> Callable[[str], bool]:
+    """Give a function that says whether a path is left out; the last pattern for it, or for a folder above, decides."""
+    rules: list[tuple[re.Pattern[str], bool]] = []
+    for raw in patterns:
+        pattern = raw.strip().removeprefix("\ufeff")
+        if not pattern or pattern.startswith("#"):
+            continue
+        keep = pattern.startswith("!")
+        parts = [p for p in pattern.removeprefix("!").strip().split("/") if p not in ("", ".")]
+        if parts:
+            # whatever lies below a match is matched too
+            rules.append((re.compile(_regex(parts) + r"(/.*)?", re.DOTALL), keep))
+
+    def ignored(path: str) -> bool:
+        verdict = False
+        for rule, keep in rules:
+            if rule.fullmatch(path):
+                verdict = not keep
+        return verdict
+
+    return ignored
+
+
+def _regex(parts: Sequence[str]) -> str:
+    """Translate Go's filepath.Match with `**`, which stands for any number of folders."""
+    out = ""
+    for i, part in enumerate(parts):
+        last = i == len(parts) - 1
+        if part == "**":
+            out += ".*" if last else "(.*/)?"
+        else:
+            out += _segment(part) + ("" if last else "/")
+    return out
+
+
+def _segment(part: str) -> str:
+    out, rest = "", part
+    while rest:
+        if group := re.match(r"\[(\^?)((?:\\.|[^\]\\])+)\]", rest):
+            body = re.sub(r"\\(.)", r"\1", group[2])
+            low_high = re.sub(r"([\[\]\\^&~|])", r"\\\1", body)
+            out, rest = out + f"[{group[1]}{low_high}]", rest[group.end() :]
+            continue
+        char, rest = rest[0], rest[1:]
+        if char == "\\" and rest:
+            out, rest = out + re.escape(rest[0]), rest[1:]
+        else:
+            out += {"*": "[^/]*", "?": "[^/]"}.get(char, re.escape(char))
+    return out
+
+
+def context_tar(dockerfile: str, entries: Iterable[Entry]) -> bytes:
+    """Give the tar, the same bytes for equal entries in whatever order they come.
+
+    `dockerfile` is in it under the name `Dockerfile`, in place of an entry that has this name.
+    """
+    own = Entry(path=DOCKERFILE, content=dockerfile.encode())
+    by_path = {**{entry.path: entry for entry in entries}, DOCKERFILE: own}
+    folders = {"/".join(path.split("/")[:depth]) for path in by_path for depth in range(1, path.count("/") + 1)}
+    out = io.BytesIO()
+    with tarfile.open(fileobj=out, mode="w", format=tarfile.PAX_FORMAT) as tar:
+        for path in sorted(folders | by_path.keys()):
+            info = tarfile.TarInfo(path)  # its defaults: time 0, owner 0, no names
+            entry = by_path.get(path)
+            if entry is None:
+                info.type, info.mode = tarfile.DIRTYPE, 0o755
+                tar.addfile(info)
+                continue
+            info.mode = entry.mode
+            if entry.link is not None:
+                info.type, info.linkname = tarfile.SYMTYPE, entry.link
+                tar.addfile(info)
+                continue
+            info.size = len(entry.content)
+            tar.addfile(info, io.BytesIO(entry.content))
+    return out.getvalue()

@@ -1,0 +1,231 @@
+"""ContainerDefinition -> Dockerfile text.
+
+Takes a CDF with `base`; gives the text and a line map. Pure. The order of instructions is the order of reuse: base,
+then packages, then what differs from CDF to CDF, so that definitions with one base and equal packages share these
+layers on every robot. Packages are sorted for the same reason, and are installed without the CDF's environment.
+
+Every value comes in through `words.py`; `run` lines travel as JSON to `/bin/sh -ec`, so that several lines are one
+instruction, the first failing command fails the build, and no line can become an instruction of its own.
+Source: Dockerfile reference; PEP 668; deb's apt-get(8).
+"""
+
+from __future__ import annotations
+
+import posixpath
+from collections.abc import Callable, Iterator
+from functools import cache, partial
+from typing import TypeVar
+
+import jinja2
+
+from srprov.definitions.model import ContainerDefinition
+from srprov.errors import DefinitionError, Location, Problem
+from srprov.images import words
+from srprov.images.plan import Dockerfile
+from srprov.images.reference import Reference, parse_reference
+from srprov.wire import quote
+
+_T = TypeVar("_T")
+
+# `at(field)` marks where the lines of a field of the CDF begin; the marks are taken out again for the line map.
+_TEMPLATE = """\
+{% macro install(packages) -%}
+apt-get -o Acquire::Retries=3 update \\
+ && DEBIAN_FRONTEND=noninteractive apt-get -o Acquire::Retries=3 install -y --no-install-recommends {{ packages }} \\
+ && rm -rf /var/lib/apt/lists/* /var/cache/apt/archives/*.deb
+{%- endmacro -%}
+{{ at("base") }}FROM {{ base }}
+{% if apt %}
+{{ at("packages.apt") }}RUN {{ install(apt) }}
+{% endif %}
+{% if pip %}
+{{ at("packages.pip") }}RUN { python3 -m pip -V >/dev/null 2>&1 || { {{ install("python3 python3-pip") }}; }; } \\
+ && PIP_BREAK_SYSTEM_PACKAGES=1 PIP_ROOT_USER_ACTION=ignore PIP_DISABLE_PIP_VERSION_CHECK=1 \\
+    python3 -m pip install --no-cache-dir {{ pip }}
+{% endif %}
+{% if npm %}
+{{ at("packages.npm") }}RUN { command -v npm >/dev/null 2>&1 || { {{ install("nodejs npm") }}; }; } \\
+ && npm install --global --no-fund --no-audit {{ npm }} \\
+ && npm cache clean --force
+{% endif %}
+{% if environment %}
+{{ at("environment") }}ENV {{ environment | join(" \\\\\\n    ") }}
+{% endif %}
+{% if working_dir %}
+{{ at("working_dir") }}WORKDIR {{ working_dir }}
+{% endif %}
+{% for copy in files %}
+{{ at("files." ~ loop.index0) }}COPY {{ copy }}
+{% endfor %}
+{% for script in run %}
+{{ at("run." ~ loop.index0) }}RUN {{ script }}
+{% endfor %}
+{% if user %}
+{{ at("user") }}USER {{ user }}
+{% endif %}
+{% if stop_signal %}
+{{ at("stop_signal") }}STOPSIGNAL {{ stop_signal }}
+{% endif %}
+{% if entrypoint %}
+{{ at("entrypoint") }}ENTRYPOINT {{ entrypoint }}
+{% endif %}
+{% if command %}
+{{ at("command") }}CMD {{ command }}
+{% endif %}
+{{ at("name") }}{{ label }}
+"""
+_MARK = "\x01"
+
+
+class Checked:
+    """Collects what is wrong with a CDF's fields, so that all of it is said at once."""
+
+    def __init__(self, cdf: ContainerDefinition) -> None:
+        """Take the CDF whose lines the problems point to."""
+        self.cdf = cdf
+        self.problems: list[Problem] = []
+
+    def __call__(self, field: str, make: Callable[[], _T], otherwise: _T) -> _T:
+        """Give what `make` gives; its ValueError or OSError becomes a problem of this field."""
+        try:
+            return make()
+        except (ValueError, OSError) as error:
+            reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+            self.problems.append(Problem(location_of(self.cdf, field), reason, path=field))
+            return otherwise
+
+    def finish(self) -> None:
+        """Raise DefinitionError with everything that was found, if anything was."""
+        if self.problems:
+            raise DefinitionError(self.problems)
+
+
+def location_of(cdf: ContainerDefinition, field: str) -> Location:
+    """Give the place of a field in the CDF, or of the nearest field around it."""
+    while field not in cdf.lines and "." in field:
+        field = field.rpartition(".")[0]
+    return Location(cdf.location.file or cdf.file, cdf.lines.get(field, cdf.location.line))
+
+
+def label_line(cdf: ContainerDefinition) -> str:
+    """Give the instruction that marks an image as ours, without which nothing is ever pruned.
+
+    Raises:
+        ValueError: The name has control characters.
+    """
+    return f"LABEL {words.variable('srprov.cdf', cdf.name)}"
+
+
+def context_name(index: int) -> str:
+    """Give the name that the CDF's file of this number has in the build context; the user's own never reaches COPY."""
+    return f"files/{index}"
+
+
+def render_dockerfile(cdf: ContainerDefinition) -> Dockerfile:
+    """Render a CDF that has a `base`.
+
+    Raises:
+        DefinitionError: Values that a Dockerfile cannot hold; all of them, at their lines.
+    """
+    checked = Checked(cdf)
+    base = checked("base", lambda: _base(cdf.base), None)
+    values = {
+        "base": base.familiar if base else "scratch",
+        **{kind: _packages(checked, kind, getattr(cdf, kind)) for kind in ("apt", "pip", "npm")},
+        "environment": _environment(checked),
+        "files": [
+            checked(f"files.{i}", partial(_copy, i, file.source, file.dest), "") for i, file in enumerate(cdf.files)
+        ],
+        "run": [words.exec_form(("/bin/sh", "-ec", script)) for script in cdf.run],
+        **_process(checked),
+        "label": checked("name", lambda: label_line(cdf), ""),
+    }
+    text, fields = _unmark(_template().render(values, at=lambda field: f"{_MARK}{field}{_MARK}"))
+    for number, line in enumerate(text.split("\n"), 1):
+        if len(line.encode()) > words.LONGEST_LINE:
+            message = f"it is longer than Docker's builder takes ({words.LONGEST_LINE} bytes); put it into a file"
+            checked.problems.append(Problem(location_of(cdf, fields[number]), message, path=fields[number]))
+    checked.finish()
+    return Dockerfile(
+        text=text,
+        lines={number: location_of(cdf, field) for number, field in fields.items()},
+        base=base.canonical if base else "scratch",
+        pinned=base.pinned if base else True,
+    )
+
+
+@cache
+def _template() -> jinja2.Template:
+    environment = jinja2.Environment(  # noqa: S701 - no HTML; values come in escaped for Dockerfiles
+        undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
+    )
+    return environment.from_string(_TEMPLATE)
+
+
+def _base(text: str) -> Reference | None:
+    """`scratch` is no image: a Dockerfile says it to begin with nothing."""
+    return None if text == "scratch" else parse_reference(text)
+
+
+def _package(kind: str, name: str) -> str:
+    return quote(words.package(kind, name))
+
+
+def _packages(checked: Checked, kind: str, names: tuple[str, ...]) -> str:
+    found = {checked(f"packages.{kind}.{i}", partial(_package, kind, name), "") for i, name in enumerate(names)}
+    return " ".join(sorted(found))
+
+
+def _environment(checked: Checked) -> list[str]:
+    pairs = sorted(checked.cdf.build_environment.items())
+    return [checked(f"environment.{name}", partial(words.variable, name, value), "") for name, value in pairs]
+
+
+def _copy(index: int, source: str, dest: str) -> str:
+    # with a slash at its end it is a folder to copy into, for files and folders alike
+    target = dest + posixpath.basename(source.rstrip("/")) if dest.endswith("/") else dest
+    return words.exec_form((context_name(index), words.path("the destination", target)))
+
+
+def _process(checked: Checked) -> dict[str, str]:
+    runtime = checked.cdf.runtime
+
+    def one(field: str, value: str, form: Callable[[str], str]) -> str:
+        return checked(field, lambda: form(value), "") if value else ""
+
+    return {
+        "working_dir": one("working_dir", runtime.working_dir, lambda v: words.path("the working directory", v)),
+        "user": one("user", runtime.user, words.user),
+        "stop_signal": one("stop_signal", runtime.stop_signal, words.signal),
+        "entrypoint": "" if runtime.entrypoint is None else words.exec_form(runtime.entrypoint),
+        "command": "" if runtime.command is None else words.exec_form(runtime.command),
+    }
+
+
+def _unmark(marked: str) -> tuple[str, dict[int, str]]:
+    """Give the text without marks, and the field of each line. No value has control characters, so none can mark."""
+    lines: list[str] = []
+    fields: dict[int, str] = {}
+    field = "base"
+    for number, marked_line in enumerate(marked.rstrip("\n").split("\n"), 1):
+        line = marked_line
+        if line.startswith(_MARK):
+            _, field, line = line.split(_MARK, 2)
+        lines.append(line)
+        fields[number] = field
+    return "\n".join(lines) + "\n", fields
+
+
+def instruction_lines(text: str) -> Iterator[int]:
+    """Give the line at which each instruction begins: Docker's `Step 3` is the third of them."""
+    escape, inside, seen = "\\", False, False
+    for number, line in enumerate(text.split("\n"), 1):
+        stripped = line.strip()
+        if not seen and stripped.replace(" ", "").lower() == "#escape=`":
+            escape = "`"
+        if not stripped or stripped.startswith("#"):
+            continue
+        seen = True
+        if not inside:
+            yield number
+        inside = stripped.endswith(escape)

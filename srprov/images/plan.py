@@ -1,0 +1,60 @@
+"""What is known of an image before it is built."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+from srprov.errors import Location
+
+
+@dataclass(frozen=True, slots=True)
+class Listed:
+    """One file below a folder, or the file itself that was listed (`path` is then empty)."""
+
+    path: str
+    """Relative to what was listed, with `/`."""
+    executable: bool = False
+    link: str | None = None
+    """Where a symbolic link points to; None for a file."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Entry:
+    """One file of a build context."""
+
+    path: str
+    """Relative to the context's root."""
+    content: bytes = b""
+    mode: int = 0o644
+    link: str | None = None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Dockerfile:
+    """A Dockerfile as text, and where each of its lines comes from."""
+
+    text: str
+    lines: Mapping[int, Location] = field(default_factory=lambda: MappingProxyType({}))
+    """Line of the text, from 1 -> place in the user's file."""
+    base: str = ""
+    """Canonical reference that the last stage starts from; as written where it holds a variable."""
+    pinned: bool = False
+    """Every image that it starts from is named by digest."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ImagePlan:
+    """One image to be built: complete, and known without building."""
+
+    tag: str
+    """`srprov/<name>:<16 hex digits>`, a hash of all that goes in."""
+    dockerfile: str
+    context: bytes = field(repr=False)
+    """An uncompressed tar; the Dockerfile in it is named `Dockerfile`."""
+    base: str
+    pinned: bool
+    platforms: tuple[str, ...] = ()
+    lines: Mapping[int, Location] = field(default_factory=lambda: MappingProxyType({}))
+    """Line of `dockerfile`, from 1 -> place in the user's file."""

@@ -1,0 +1,88 @@
+"""Image references in one form, so that `debian` and `docker.io/library/debian:latest` are one image.
+
+Takes text; gives a Reference. Pure. Source: the reference grammar of the Docker distribution project
+(reference/regexp.go) and its normalisation (reference/normalize.go).
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+_DEFAULT_DOMAIN = "docker.io"
+_OLD_DOMAINS = ("index.docker.io", "registry-1.docker.io")
+_DOMAIN = re.compile(
+    r"(?:\[[0-9a-fA-F:]+\]|[A-Za-z0-9](?:[A-Za-z0-9-]*[A-Za-z0-9])?(?:\.[A-Za-z0-9](?:[A-Za-z0-9-]*[A-Za-z0-9])?)*)"
+    r"(?::[0-9]+)?"
+)
+_PATH = re.compile(r"[a-z0-9]+(?:(?:\.|_|__|-+)[a-z0-9]+)*(?:/[a-z0-9]+(?:(?:\.|_|__|-+)[a-z0-9]+)*)*")
+_TAG = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,127}")
+_DIGEST = re.compile(r"sha256:[0-9a-f]{64}|sha512:[0-9a-f]{128}")
+_LONGEST = 255
+
+
+@dataclass(frozen=True, order=True, slots=True)
+class Reference:
+    """One image by name; `tag` is empty only where a digest names it."""
+
+    domain: str
+    path: str
+    tag: str = ""
+    digest: str = ""
+
+    @property
+    def pinned(self) -> bool:
+        """True when it names content, not a tag that may move."""
+        return bool(self.digest)
+
+    @property
+    def canonical(self) -> str:
+        """The full form: `docker.io/library/debian:bookworm`; with a digest the tag says nothing and is left out."""
+        return f"{self.domain}/{self.path}" + (f"@{self.digest}" if self.digest else f":{self.tag}")
+
+    @property
+    def familiar(self) -> str:
+        """The form that Docker shows and takes: `debian:bookworm`, tag and digest both if both were given."""
+        name = f"{self.domain}/{self.path}"
+        if self.domain == _DEFAULT_DOMAIN:
+            name = self.path.removeprefix("library/") if self.path.count("/") == 1 else self.path
+        return name + (f":{self.tag}" if self.tag else "") + (f"@{self.digest}" if self.digest else "")
+
+
+def parse_reference(text: str) -> Reference:
+    """Read an image reference as Docker does.
+
+    Raises:
+        ValueError: It is none; the message says which part is wrong.
+    """
+    rest, at, digest = text.partition("@")
+    if at and not _DIGEST.fullmatch(digest):
+        raise ValueError(f"'{text}' has no valid digest: `@sha256:` and 64 hex digits are wanted")
+    name, tag = _split_tag(rest)
+    if tag is not None and not _TAG.fullmatch(tag):
+        raise ValueError(f"'{text}' has no valid tag")
+    domain, path = _split_domain(name)
+    if not _DOMAIN.fullmatch(domain):
+        raise ValueError(f"'{text}' has no valid registry name")
+    if not _PATH.fullmatch(path) or len(path) > _LONGEST:
+        reason = " (it must be lower case)" if path != path.lower() else ""
+        raise ValueError(f"'{text}' has no valid image name{reason}")
+    return Reference(domain, path, tag or ("" if digest else "latest"), digest)
+
+
+def _split_tag(name: str) -> tuple[str, str | None]:
+    """A colon after the last slash begins the tag; one before it belongs to the registry's port."""
+    head, colon, tag = name.rpartition(":")
+    return (head, tag) if colon and "/" not in tag else (name, None)
+
+
+def _split_domain(name: str) -> tuple[str, str]:
+    first, slash, rest = name.partition("/")
+    # `a/b` is a user's image on Docker Hub; only a dot, a port or `localhost` makes the first part a registry
+    is_domain = bool(slash) and (any(c in first for c in ".:") or first == "localhost" or first != first.lower())
+    domain, path = (first, rest) if is_domain else (_DEFAULT_DOMAIN, name)
+    if domain in _OLD_DOMAINS:
+        domain = _DEFAULT_DOMAIN
+    if domain == _DEFAULT_DOMAIN and "/" not in path:
+        path = f"library/{path}"
+    return domain, path

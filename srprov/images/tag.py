@@ -1,0 +1,127 @@
+"""The content tag, and the plan of an image: everything that goes in, known before anything is built.
+
+Takes a ContainerDefinition and functions that read the controller's files; gives an ImagePlan. Pure. The tag is a
+hash of content only: no absolute path, no time, no owner. So equal definitions have equal tags on any machine and
+from any folder, and a robot that has the tag needs no build. Platforms are not part of it: one tag names the same
+content on every architecture.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import posixpath
+import re
+from collections.abc import Iterable, Sequence
+from functools import partial
+
+from srprov.definitions.model import ContainerDefinition
+from srprov.errors import Location
+from srprov.images.context import DOCKERFILE, Listing, Read, context_tar, entries_of, folder_entries
+from srprov.images.dockerfile import Checked, context_name, instruction_lines, label_line, render_dockerfile
+from srprov.images.plan import Dockerfile, Entry, ImagePlan
+from srprov.images.reference import parse_reference
+
+_FORMAT = 1
+"""Counts up when the same definition shall build something else than before."""
+
+
+def plan_image(cdf: ContainerDefinition, listing: Listing, read: Read) -> ImagePlan:
+    """Plan the image of a CDF that has a `base` or a `dockerfile`.
+
+    Args:
+        cdf: the definition; one with `image` has nothing to build.
+        listing: gives the files below a path of the controller.
+        read: gives one file's content.
+
+    Raises:
+        DefinitionError: Fields that cannot become an image, files that cannot be read; all of them, at their lines.
+        ValueError: The CDF names a ready image.
+    """
+    if cdf.image:
+        raise ValueError(f"{cdf.name} names a ready image: nothing is built")
+    dockerfile, entries = _from_folder(cdf, listing, read) if cdf.dockerfile else _from_base(cdf, listing, read)
+    return ImagePlan(
+        tag=f"srprov/{_slug(cdf.name)}:{content_hash(dockerfile, entries)[:16]}",
+        dockerfile=dockerfile.text,
+        context=context_tar(dockerfile.text, entries),
+        base=dockerfile.base,
+        pinned=dockerfile.pinned,
+        platforms=cdf.platforms,
+        lines=dockerfile.lines,
+    )
+
+
+def content_hash(dockerfile: Dockerfile, entries: Iterable[Entry]) -> str:
+    """Give the sha256 in hex over the Dockerfile, its base, and every file's name, mode and content."""
+    files = sorted(
+        [entry.path, f"{entry.mode:04o}", entry.link or "", hashlib.sha256(entry.content).hexdigest()]
+        for entry in entries
+        if entry.path != DOCKERFILE
+    )
+    whole = {"format": _FORMAT, "dockerfile": dockerfile.text, "base": dockerfile.base, "files": files}
+    return hashlib.sha256(json.dumps(whole, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+
+
+def locate_failure(plan: ImagePlan, output: str) -> Location | None:
+    """Give the user's line behind a failed build, from what the builder said; None when it does not tell."""
+    if parse := re.findall(r"(?:parse error (?:on )?line |Dockerfile:)([0-9]{1,6})", output):
+        return plan.lines.get(int(parse[-1]))
+    steps = re.findall(r"^Step ([0-9]{1,6})/[0-9]+ :", output, re.MULTILINE)
+    starts = list(instruction_lines(plan.dockerfile))
+    if steps and 0 < int(steps[-1]) <= len(starts):
+        return plan.lines.get(starts[int(steps[-1]) - 1])
+    return None
+
+
+def _slug(name: str) -> str:
+    """Give the name as Docker allows it in a repository: lower case, single separators, never empty."""
+    return re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")[:100] or "cdf"
+
+
+def _from_base(cdf: ContainerDefinition, listing: Listing, read: Read) -> tuple[Dockerfile, Sequence[Entry]]:
+    dockerfile, checked = render_dockerfile(cdf), Checked(cdf)
+    entries: list[Entry] = []
+    for index, file in enumerate(cdf.files):
+        found = partial(entries_of, context_name(index), file.source, file.mode, listing, read)
+        entries += checked(f"files.{index}", found, entries[:0])
+    checked.finish()
+    return dockerfile, entries
+
+
+def _from_folder(cdf: ContainerDefinition, listing: Listing, read: Read) -> tuple[Dockerfile, Sequence[Entry]]:
+    checked = Checked(cdf)
+    for field in ("apt", "pip", "npm", "files", "run"):
+        if getattr(cdf, field):
+            name = f"packages.{field}" if field in ("apt", "pip", "npm") else field
+            checked(name, _refuse, None)
+    text = checked("dockerfile", lambda: read(cdf.dockerfile).decode("utf-8"), "")
+    label = checked("name", lambda: label_line(cdf), "")
+    entries: list[Entry] = []
+    entries = checked("dockerfile", lambda: folder_entries(posixpath.dirname(cdf.dockerfile), listing, read), entries)
+    checked.finish()
+    text = text.replace("\r\n", "\n").rstrip("\n") + "\n"
+    lines = {number: Location(cdf.dockerfile, number) for number in range(1, text.count("\n") + 1)}
+    base, pinned = _bases(text)
+    return Dockerfile(text=f"{text}{label}\n", lines=lines, base=base, pinned=pinned), entries
+
+
+def _refuse() -> None:
+    raise ValueError("a Dockerfile is built as it is: write this into it, or use `base` instead of `dockerfile`")
+
+
+def _bases(text: str) -> tuple[str, bool]:
+    """Give what the last stage starts from, and whether all stages start from digests."""
+    stages: dict[str, str] = {}
+    base, pinned = "", True
+    for match in re.finditer(r"(?im)^[ \t]*FROM[ \t]+(?:--\S+[ \t]+)*(\S+)(?:[ \t]+AS[ \t]+(\S+))?", text):
+        base = stages.get(match[1].lower(), match[1])
+        if match[1].lower() not in stages and base != "scratch":
+            try:
+                reference = parse_reference(base)
+                base, pinned = reference.canonical, pinned and reference.pinned
+            except ValueError:
+                pinned = False  # a variable stands in it; only the builder knows
+        if match[2]:
+            stages[match[2].lower()] = base
+    return base, pinned and bool(base)

@@ -1,0 +1,180 @@
+"""The identity of an instance's overlay: VNI, UDP port, link names, Docker network and subnet.
+
+Takes the instance id, the EDF's wishes and all robots as they are; gives an Identity that stays the same for the
+instance's life. Pure: the controller alone decides, robots agree on nothing at run time.
+
+Source: VXLAN, RFC 7348 (a VNI has 24 bits). Who decides, first hit wins: the EDF; what the instance uses already; a
+hash, and the next candidate while that is taken on any robot. The hash is `number(kind, instance, name)`, documented in
+docs/network.md.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from ipaddress import IPv4Network
+from typing import TypeGuard, TypeVar
+
+from srprov.definitions.model import NetworkWishes
+from srprov.errors import UsageError
+from srprov.facts.model import Found
+from srprov.network.claims import LARGEST, Claim, find_claims, overlap, to_network
+from srprov.network.record import Record
+
+POOL = IPv4Network("10.128.0.0/9")
+"""Where subnets are taken from: the upper half of 10/8, which Docker's own pools leave alone."""
+PREFIX = 20
+"""4094 addresses per instance, 2048 instances."""
+SMALLEST = 29
+"""Longest prefix that an overlay's subnet may have: six addresses."""
+_ALIAS = "srprov:"
+"""Before the instance id, in the alias of a link that is ours."""
+VNI_FIRST, VNI_LAST = 0x100000, 0xFFFFFF
+"""Above what people number by hand, and what other overlays count up to from 1."""
+
+_T = TypeVar("_T", int, IPv4Network)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Identity:
+    """What tells one instance's overlay from all others."""
+
+    instance: str
+    vni: int
+    port: int
+    bridge: str
+    """At most 15 characters, as the kernel wants."""
+    link: str
+    """The VXLAN port of that bridge."""
+    network: str
+    """The Docker network's name."""
+    subnet: IPv4Network
+
+
+def number(kind: str, instance: str, name: str = "") -> int:
+    """Give the documented hash: the first 8 bytes, big-endian, of SHA-256 of `srprov/KIND/INSTANCE/NAME` in UTF-8."""
+    return int.from_bytes(hashlib.sha256(f"srprov/{kind}/{instance}/{name}".encode()).digest()[:8], "big")
+
+
+def link_names(instance: str) -> tuple[str, str]:
+    """Give the names of an instance's bridge and of its VXLAN link, e.g. `srpb0a1b2c3d` and `srpv0a1b2c3d`."""
+    digits = f"{number('link', instance) >> 32:08x}"
+    return f"srpb{digits}", f"srpv{digits}"
+
+
+def identify(instance: str, wishes: NetworkWishes, found: Found, record: Record | None = None) -> Identity:
+    """Give the identity of an instance's overlay.
+
+    Args:
+        instance: The instance id.
+        wishes: What the EDF asks for.
+        found: All robots as they are; what others use is avoided, also where this instance runs nothing (yet).
+        record: The last placement of this instance, if any robot holds one.
+
+    Raises:
+        UsageError: A wish that makes no sense or that something else on a robot has, or nothing is left to choose.
+    """
+    bridge, link = link_names(instance)
+    _check_names(instance, (bridge, link), found)
+    ours, vni = _in_use(instance, found, record or Record())
+    claims = tuple(find_claims(instance, (bridge, link), found, ours))
+    return Identity(
+        instance=instance,
+        vni=_vni(instance, wishes, vni, claims),
+        port=wishes.port,
+        bridge=bridge,
+        link=link,
+        network=f"srprov.{instance}",
+        subnet=_subnet(instance, wishes, ours, claims),
+    )
+
+
+def _vni(instance: str, wishes: NetworkWishes, used: int, claims: Iterable[Claim]) -> int:
+    """Give the VNI; two VXLANs of one robot may share it only on different ports."""
+    taken = {claim.vni: claim.where for claim in claims if claim.vni and claim.port in (0, wishes.port)}
+    if wishes.vni is not None:
+        hint = "leave it out to have one chosen"
+        if not _is_vni(wishes.vni):
+            raise UsageError(f"network.vni {wishes.vni} is not in 1..{VNI_LAST}", hint=hint)
+        if wishes.vni in taken:
+            raise UsageError(f"network.vni {wishes.vni} is used by {taken[wishes.vni]}", hint=hint)
+        return wishes.vni
+    if used:
+        return used
+    count = VNI_LAST - VNI_FIRST + 1
+    start = number("vni", instance) % count
+    return next(vni for i in range(count) if (vni := VNI_FIRST + (start + i) % count) not in taken)
+
+
+def _subnet(instance: str, wishes: NetworkWishes, used: IPv4Network | None, claims: tuple[Claim, ...]) -> IPv4Network:
+    """Give the subnet; nothing on any robot that is not ours may overlap it."""
+    if wishes.subnet is not None:
+        wanted = to_network(wishes.subnet)
+        if not _fits(wanted):
+            hint = "write it as 10.200.0.0/20, or leave it out to have one chosen"
+            raise UsageError(
+                f"network.subnet '{wishes.subnet}' is not an IPv4 network of size /{LARGEST} to /{SMALLEST}", hint=hint
+            )
+        conflict = overlap(wanted, claims) if wanted != used else None
+        if conflict:
+            hint = "choose another, or leave it out to have one chosen"
+            raise UsageError(f"network.subnet {wanted} overlaps {conflict.where}", hint=hint)
+        return wanted
+    if used is not None:
+        return used
+    count = 1 << (PREFIX - POOL.prefixlen)
+    start = number("subnet", instance) % count
+    for i in range(count):
+        base = int(POOL.network_address) + ((start + i) % count << (32 - PREFIX))
+        candidate = IPv4Network((base, PREFIX))
+        if not overlap(candidate, claims):
+            return candidate
+    raise UsageError(f"no /{PREFIX} of {POOL} is free on all robots", hint="name one as network.subnet in the EDF")
+
+
+def _in_use(instance: str, found: Found, record: Record) -> tuple[IPv4Network | None, int]:
+    """Give the subnet and VNI that the instance has now: by most of its Docker networks, else by the last placement.
+
+    What robots say is untrusted: a subnet that would swallow some robot's own address, and a VNI out of range, are not
+    used.
+    """
+    states = [
+        thing.state
+        for things in found.existing.values()
+        for thing in things
+        if thing.module == "network" and thing.instance == instance
+    ]
+    hosts = [to_network(facts.underlay_address) for facts in found.facts.values()]
+    subnets = [
+        network
+        for text in ([state.get("subnet") for state in states] or [record.subnet])
+        if _fits(network := to_network(text)) and not any(host and network.overlaps(host) for host in hosts)
+    ]
+    vnis = [v for v in ([state.get("vni") for state in states] or [record.vni]) if isinstance(v, int) and _is_vni(v)]
+    return _most_frequent(subnets), _most_frequent(vnis) or 0
+
+
+def _most_frequent(values: Sequence[_T]) -> _T | None:
+    """Give the most frequent value, the smallest of several; robots differ only when a change was interrupted."""
+    counts = Counter(values)
+    return min(counts, key=lambda value: (-counts[value], value), default=None)
+
+
+def _check_names(instance: str, names: tuple[str, str], found: Found) -> None:
+    """Refuse when a link of our name is another instance's: 32 bits of hash, so this is next to impossible."""
+    for robot, facts in sorted(found.facts.items()):
+        for link in facts.links:
+            if link.name in names and link.alias not in ("", _ALIAS + instance):
+                message = f"link {link.name} on {robot} belongs to '{link.alias.removeprefix(_ALIAS)}'"
+                raise UsageError(message, hint="choose another --instance")
+
+
+def _is_vni(number: int) -> bool:
+    return 0 < number <= VNI_LAST
+
+
+def _fits(network: IPv4Network | None) -> TypeGuard[IPv4Network]:
+    """Tell whether a network can be an overlay's: no slip of the pen for half the Internet, and not too small."""
+    return network is not None and LARGEST <= network.prefixlen <= SMALLEST

@@ -1,0 +1,175 @@
+"""The overlay of one instance: who is where, and what every robot must know to reach everybody.
+
+Takes the experiment, where its services run and all robots as they are; gives an Overlay. Pure.
+
+Source: VXLAN (RFC 7348) with head-end replication: each robot has, per other member, one all-zero forwarding entry that
+carries broadcast and multicast, and one entry per remote service. What VXLAN adds to a packet is 50 bytes over IPv4
+(inner Ethernet 14, VXLAN 8, UDP 8, IP 20) and 70 over IPv6.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from ipaddress import ip_address
+from types import MappingProxyType
+
+from srprov.definitions.model import Experiment
+from srprov.errors import UsageError
+from srprov.facts.model import Found
+from srprov.network.addresses import allocate
+from srprov.network.identity import identify
+from srprov.network.record import Record, read_record
+
+OVERHEAD = {4: 50, 6: 70}
+"""Bytes that VXLAN adds, by IP version of the underlay."""
+_LEAST_MTU = 576
+"""bytes; what the EDF's schema allows. A record that says less is not believed."""
+ON_OVERLAY = ("overlay", "both")
+"""Network modes of services that have an address there."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Overlay:
+    """One instance's network. With no service on the overlay, only the first three fields say anything."""
+
+    instance: str
+    names: Mapping[str, str]
+    """Service -> the address its name resolves to, on every robot; not in it: services without network."""
+    underlays: Mapping[str, str]
+    """Robot that runs anything -> its underlay address, as far as known."""
+    vni: int = 0
+    port: int = 0
+    bridge: str = ""
+    link: str = ""
+    network: str = ""
+    """The Docker network's name."""
+    subnet: str = ""
+    mtu: int = 0
+    """bytes, of the bridge, the VXLAN link and what is inside containers"""
+    addresses: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    """Service on the overlay -> its address there."""
+    macs: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    """Service with an interface of its own -> its MAC; `both` has none, its address is on the robot's bridge."""
+    gateways: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    """Member robot -> its bridge's address."""
+    vteps: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    """Member robot -> its underlay address."""
+    flood: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    """Member robot -> the VTEPs of all other members: its all-zero forwarding entries."""
+    fdb: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=lambda: MappingProxyType({}))
+    """Member robot -> (MAC, VTEP) of every service on another member."""
+
+    @property
+    def active(self) -> bool:
+        """True when some service is on the overlay, so that there is a network to make."""
+        return bool(self.vteps)
+
+
+def layout(experiment: Experiment, placed: Mapping[str, str], found: Found, *, instance: str = "") -> Overlay:
+    """Give the overlay for a placement.
+
+    Args:
+        experiment: Whose services, wishes and name.
+        placed: Service -> robot, also robots that cannot be reached and keep their services.
+        found: All robots as they are, with the placement records they hold.
+        instance: The instance id; the experiment's name when empty.
+
+    Raises:
+        UsageError: A wish that can't be met, or robots that have no address, the same one, or different IP versions.
+    """
+    instance = instance or experiment.name
+    record = read_record(found.placements.get(instance))
+    underlays = _underlays(placed, found, record)
+    on_overlay = sorted(name for name in placed if experiment.services[name].network in ON_OVERLAY)
+    members = sorted({placed[name] for name in on_overlay})
+    vteps = {robot: underlays[robot] for robot in members if robot in underlays}
+    if not on_overlay:
+        return Overlay(instance=instance, underlays=underlays, names=_names(experiment, placed, underlays, {}))
+    _check_vteps(members, vteps, found)
+    identity = identify(instance, experiment.network, found, record)
+    given = allocate(instance, identity.subnet, on_overlay, members, record)
+    macs = {name: mac for name, mac in given.macs.items() if experiment.services[name].network == "overlay"}
+    return Overlay(
+        instance=instance,
+        names=_names(experiment, placed, underlays, given.services),
+        underlays=underlays,
+        vni=identity.vni,
+        port=identity.port,
+        bridge=identity.bridge,
+        link=identity.link,
+        network=identity.network,
+        subnet=str(identity.subnet),
+        mtu=_mtu(experiment.network.mtu, vteps, found, record),
+        addresses=given.services,
+        macs=macs,
+        gateways=given.gateways,
+        vteps=vteps,
+        flood={robot: tuple(sorted(vtep for other, vtep in vteps.items() if other != robot)) for robot in vteps},
+        fdb={robot: _entries(robot, placed, macs, vteps) for robot in vteps},
+    )
+
+
+def _underlays(placed: Mapping[str, str], found: Found, record: Record | None) -> dict[str, str]:
+    """Give each robot's underlay address: as it says itself, or for one out of reach as the last placement says."""
+    known = dict(record.vteps) if record else {}
+    known |= {robot: facts.underlay_address for robot, facts in found.facts.items()}
+    return {robot: known[robot] for robot in sorted(set(placed.values())) if known.get(robot)}
+
+
+def _check_vteps(members: list[str], vteps: Mapping[str, str], found: Found) -> None:
+    """Refuse what cannot be one VXLAN segment."""
+    hint = "set srprov_underlay in the inventory to the interface or address that the other robots reach"
+    for robot in members:
+        if robot in found.facts and robot not in vteps:
+            raise UsageError(f"{robot} has no address that other robots reach", hint=hint)
+    owner: dict[str, str] = {}
+    for robot, vtep in vteps.items():
+        if vtep in owner:
+            raise UsageError(f"{owner[vtep]} and {robot} have the same underlay address {vtep}", hint=hint)
+        owner[vtep] = robot
+    versions = {ip_address(vtep).version: robot for robot, vtep in vteps.items()}
+    if len(versions) > 1:
+        raise UsageError(f"{versions[4]} has an IPv4 underlay address, {versions[6]} an IPv6 one", hint=hint)
+
+
+def _mtu(wish: int | None, vteps: Mapping[str, str], found: Found, record: Record | None) -> int:
+    """Give the overlay's MTU: what the smallest underlay MTU leaves, or less if the EDF says so.
+
+    The MTU of a robot out of reach is not known; the last placement's stands for it, so that losing a robot changes
+    nothing.
+    """
+    possible = {
+        robot: found.facts[robot].underlay_mtu - OVERHEAD[ip_address(vtep).version]
+        for robot, vtep in vteps.items()
+        if robot in found.facts
+    }
+    narrow = min(possible, key=lambda robot: (possible[robot], robot), default="")
+    if wish is not None:
+        if narrow and wish > possible[narrow]:
+            message = f"network.mtu {wish} is more than {narrow}'s underlay leaves: {possible[narrow]}"
+            raise UsageError(message, hint="lower it, or leave it out")
+        return wish
+    remembered = [record.mtu] if record and record.mtu >= _LEAST_MTU and len(possible) < len(vteps) else []
+    return min([*possible.values(), *remembered], default=1500 - max(OVERHEAD.values()))
+
+
+def _entries(
+    robot: str, placed: Mapping[str, str], macs: Mapping[str, str], vteps: Mapping[str, str]
+) -> tuple[tuple[str, str], ...]:
+    remote = {name for name in macs if placed[name] != robot and placed[name] in vteps}
+    return tuple(sorted((macs[name], vteps[placed[name]]) for name in remote))
+
+
+def _names(
+    experiment: Experiment,
+    placed: Mapping[str, str],
+    underlays: Mapping[str, str],
+    addresses: Mapping[str, str],
+) -> dict[str, str]:
+    """Give service -> address; a service on the host's network answers at its robot's underlay address."""
+    names = dict(addresses)
+    for name, robot in placed.items():
+        if experiment.services[name].network == "host" and robot in underlays:
+            names[name] = underlays[robot]
+    return dict(sorted(names.items()))

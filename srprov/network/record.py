@@ -1,0 +1,139 @@
+"""The placement record: what every robot remembers of the whole instance, as /var/lib/srprov/INSTANCE/placement.json.
+
+Takes an Overlay and where services run, gives JSON; and back. Pure. With it, what ran on a dead robot is known from any
+other, and services keep their addresses for the instance's life. It holds no time; `serial` tells the newest among
+robots.
+
+What comes back from a robot is untrusted: whatever is not of the right shape counts as not there.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from ipaddress import IPv4Address, ip_address
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from srprov.definitions.model import Experiment
+
+if TYPE_CHECKING:
+    from srprov.network.layout import Overlay
+
+_MAC = re.compile(r"[0-9a-f]{2}(:[0-9a-f]{2}){5}")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Record:
+    """The last placement of an instance; maps hold only what the record says in the right shape."""
+
+    robots: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    """Service -> robot."""
+    addresses: Mapping[str, IPv4Address] = field(default_factory=lambda: MappingProxyType({}))
+    """Service -> its address on the overlay."""
+    macs: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    vteps: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    """Robot -> the underlay address that others reach."""
+    gateways: Mapping[str, IPv4Address] = field(default_factory=lambda: MappingProxyType({}))
+    """Robot -> its bridge's address."""
+    vni: int = 0
+    subnet: str = ""
+    mtu: int = 0
+    source: str = ""
+    serial: int = 0
+
+
+def record(
+    overlay: Overlay,
+    experiment: Experiment,
+    placed: Mapping[str, str],
+    source: str,
+    before: Mapping[str, Any] | None = None,
+) -> dict[str, Any]:
+    """Give the record to write on every robot: JSON values only, keys sorted.
+
+    Args:
+        overlay: Where everything is on the network.
+        experiment: For each service's network mode.
+        placed: Service -> robot.
+        source: Where the EDF comes from (git remote and path, else user@host:path).
+        before: The newest record that was found. `serial` is one more than its own when anything else differs.
+    """
+    services = {
+        name: {
+            "ip": overlay.addresses.get(name, ""),
+            "mac": overlay.macs.get(name, ""),
+            "network": experiment.services[name].network,
+            "robot": robot,
+        }
+        for name, robot in sorted(placed.items())
+    }
+    robots = {
+        robot: {"gateway": overlay.gateways.get(robot, ""), "vtep": overlay.underlays.get(robot, "")}
+        for robot in sorted(set(placed.values()))
+    }
+    content: dict[str, Any] = {
+        "instance": overlay.instance,
+        "mtu": overlay.mtu,
+        "port": overlay.port,
+        "robots": robots,
+        "services": services,
+        "source": source,
+        "subnet": overlay.subnet,
+        "vni": overlay.vni,
+    }
+    serial = _int(before or {}, "serial")
+    same = before is not None and {k: v for k, v in before.items() if k != "serial"} == content
+    return dict(sorted({**content, "serial": serial if same else serial + 1}.items()))
+
+
+def read_record(value: Mapping[str, Any] | None) -> Record | None:
+    """Give what a record says; None when there is none."""
+    if value is None:
+        return None
+    services, robots = _maps(value, "services"), _maps(value, "robots")
+    return Record(
+        robots={name: robot for name, entry in services.items() if (robot := _str(entry, "robot"))},
+        addresses={name: ip for name, entry in services.items() if (ip := _ipv4(entry, "ip"))},
+        macs={name: mac for name, entry in services.items() if _MAC.fullmatch(mac := _str(entry, "mac"))},
+        vteps={name: vtep for name, entry in robots.items() if _is_address(vtep := _str(entry, "vtep"))},
+        gateways={name: ip for name, entry in robots.items() if (ip := _ipv4(entry, "gateway"))},
+        vni=_int(value, "vni"),
+        subnet=_str(value, "subnet"),
+        mtu=_int(value, "mtu"),
+        source=_str(value, "source"),
+        serial=_int(value, "serial"),
+    )
+
+
+def _maps(value: Mapping[str, Any], key: str) -> dict[str, Mapping[str, Any]]:
+    entries = value.get(key)
+    if not isinstance(entries, Mapping):
+        return {}
+    return {str(name): entry for name, entry in sorted(entries.items()) if isinstance(entry, Mapping)}
+
+
+def _str(value: Mapping[str, Any], key: str) -> str:
+    text = value.get(key)
+    return text if isinstance(text, str) else ""
+
+
+def _int(value: Mapping[str, Any], key: str) -> int:
+    whole = value.get(key)
+    return whole if isinstance(whole, int) and not isinstance(whole, bool) and whole >= 0 else 0
+
+
+def _ipv4(value: Mapping[str, Any], key: str) -> IPv4Address | None:
+    try:
+        return IPv4Address(_str(value, key))
+    except ValueError:
+        return None
+
+
+def _is_address(text: str) -> bool:
+    try:
+        ip_address(text)
+    except ValueError:
+        return False
+    return True

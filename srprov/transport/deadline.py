@@ -1,0 +1,28 @@
+"""One moment by which something must be done, shared by all the steps that lead there.
+
+Takes seconds, gives seconds; touches nothing but the monotonic clock.
+"""
+
+from __future__ import annotations
+
+import time
+
+
+class Deadline:
+    """A moment in the future: `Deadline(10)` is ten seconds from now."""
+
+    __slots__ = ("at", "seconds")
+
+    def __init__(self, seconds: float) -> None:
+        """Take the seconds from now."""
+        self.seconds = seconds
+        self.at = time.monotonic() + seconds
+
+    def left(self, floor: float = 0.0) -> float:
+        """Give the seconds that are left, at least `floor`."""
+        return max(floor, self.at - time.monotonic())
+
+    @property
+    def passed(self) -> bool:
+        """Tell whether the moment is over."""
+        return time.monotonic() >= self.at

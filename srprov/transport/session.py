@@ -1,0 +1,217 @@
+"""What every session has in common: a shell, an engine, and which question or command goes to which of them.
+
+Takes a running `Shell` and a way to dial the engine; `ssh.py` and `local.py` add the connection. Safe for several
+threads: the shell does one batch at a time, the engine up to four requests, and neither waits for the other.
+"""
+
+from __future__ import annotations
+
+import functools
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING
+
+from srprov.errors import TransportError
+from srprov.transport.shell import Shell
+from srprov.wire import (
+    AnyQuery,
+    Command,
+    CopyImage,
+    EngineCall,
+    EngineQuery,
+    Measures,
+    Progress,
+    Put,
+    Query,
+    Reply,
+    Run,
+    Traffic,
+    no_progress,
+)  # fmt: skip
+
+if TYPE_CHECKING:
+    from srprov.transport import Peers
+    from srprov.transport.engine import Engine
+    from srprov.transport.engine_http import EngineSocket
+
+_COPY_STEP = 16 << 20
+
+
+@functools.lru_cache(maxsize=1)
+def prefetch() -> threading.Thread:
+    """Import the docker SDK (0.2 s) in the background, once, while connections come up."""
+
+    def load() -> None:
+        import srprov.transport.engine
+
+        del srprov
+
+    thread = threading.Thread(target=load, name="import docker", daemon=True)
+    thread.start()
+    return thread
+
+
+class BaseSession:
+    """A session without its connection; subclasses say how to dial the engine, whether they live, and how to end."""
+
+    def __init__(self, host: str, shell: Shell, traffic: Traffic, peers: Peers | None) -> None:
+        """Take the robot's name, its shell, where to count, and how to reach other robots."""
+        self._host = host
+        self._shell = shell
+        self._traffic = traffic
+        self._peers = peers
+        self._engine_lock = threading.Lock()
+        self._engine: Engine | None = None
+
+    @property
+    def host(self) -> str:
+        """The robot's name in the inventory."""
+        return self._host
+
+    @property
+    def traffic(self) -> Traffic:
+        """What was used so far, by all threads."""
+        return self._traffic
+
+    @property
+    def alive(self) -> bool:
+        """Tell whether the connection still stands."""
+        raise NotImplementedError
+
+    @property
+    def engine(self) -> Engine:
+        """The robot's Docker Engine, whether it is there or not."""
+        with self._engine_lock:
+            if self._engine is None:
+                from srprov.transport.engine import Engine
+
+                self._engine = Engine(self._host, self._dial_engine, self._traffic, lambda: self.alive)
+            return self._engine
+
+    def warm(self) -> None:
+        """Get the engine ready; for a thread of its own."""
+        self.engine.warm()
+
+    def ask(self, queries: Sequence[AnyQuery]) -> Sequence[Reply]:
+        """Ask the shell everything in one round trip, and meanwhile the engine; replies in the same order.
+
+        Raises:
+            TransportError: The robot cannot be talked to any more.
+        """
+        shell = {at: query for at, query in enumerate(queries) if isinstance(query, Query)}
+        engine = {at: query for at, query in enumerate(queries) if isinstance(query, EngineQuery)}
+        if not shell or not engine:
+            replies = self._ask_engine(engine) or self._ask_shell(shell)
+        else:
+            background = _Background(lambda: self._ask_engine(engine))
+            replies = self._ask_shell(shell) | background.result()
+        return [replies[at] for at in range(len(queries))]
+
+    def _ask_shell(self, queries: dict[int, Query]) -> dict[int, Reply]:
+        """Ask the shell, by position."""
+        return dict(zip(queries, self._shell.ask(list(queries.values())), strict=True))
+
+    def _ask_engine(self, queries: dict[int, EngineQuery]) -> dict[int, Reply]:
+        """Ask the engine one by one on one kept connection; once there is no engine, there is none for the rest."""
+        replies: dict[int, Reply] = {}
+        gone: Reply | None = None
+        for at, query in queries.items():
+            replies[at] = gone or self.engine.query(query)
+            gone = replies[at] if replies[at].status == 0 else None
+        return replies
+
+    def execute(self, command: Command, progress: Progress = no_progress) -> Reply:
+        """Do one thing and wait for its end; a failure is a reply with `ok` false and the reason in `err`.
+
+        Raises:
+            TransportError: The robot cannot be talked to any more.
+        """
+        if isinstance(command, Run):
+            return self._shell.run(command, progress)
+        if isinstance(command, Put):
+            return self._shell.run(Run(script=command.script(), timeout_s=command.timeout_s), no_progress)
+        if isinstance(command, EngineCall):
+            return self.engine.call(command, progress)
+        return self._copy(command, progress)
+
+    def _copy(self, copy: CopyImage, progress: Progress) -> Reply:
+        """Load an image here while another robot saves it; never more of it in memory than one piece."""
+        if self._peers is None:
+            return Reply(status=0, ok=False, err=f"no way to {copy.source_host} from here")
+        try:
+            chunks = self._peers(copy.source_host).save_image(copy.image, copy.timeout_s)
+            return self.engine.load(_counted(chunks, copy.image, progress), copy.timeout_s, progress)
+        except TransportError as error:
+            if error.host == self._host:
+                raise
+            return Reply(status=0, ok=False, err=f"{error.host}: {error.message}")
+
+    def save_image(self, image: str, timeout_s: float) -> Iterator[bytes]:
+        """Stream the image as `docker save` writes it.
+
+        Raises:
+            TransportError: The engine does not have it, or went away.
+        """
+        return self.engine.save(image, timeout_s)
+
+    def container_log(self, container: str, *, tail: int, follow: bool) -> Iterator[str]:
+        """Give a container's log line by line, standard output and error together; with `follow` until it ends.
+
+        Raises:
+            TransportError: The engine or the robot cannot be talked to any more.
+        """
+        return self.engine.log(container, tail=tail, follow=follow)
+
+    def measure(self) -> Measures | None:
+        """Give load and memory when that needs no shell, else None."""
+        return None
+
+    def close(self) -> None:
+        """End the session; safe to call twice, and from another thread to end a wait."""
+        self._shell.close()
+        if self._engine is not None:
+            self._engine.close()
+        self._close_connection()
+
+    def _dial_engine(self, seconds: float) -> EngineSocket:
+        """Open a stream to the engine; raises EngineGone in words."""
+        raise NotImplementedError
+
+    def _close_connection(self) -> None:
+        """End what the session runs on."""
+        raise NotImplementedError
+
+
+def _counted(chunks: Iterator[bytes], image: str, progress: Progress) -> Iterator[bytes]:
+    """Pass chunks on and tell how much went by."""
+    total = step = 0
+    for chunk in chunks:
+        yield chunk
+        total += len(chunk)
+        if total >= step:
+            progress(f"{image}: {total / (1 << 20):.0f} MiB copied")
+            step = total + _COPY_STEP
+    progress(f"{image}: {total / (1 << 20):.1f} MiB copied, loading")
+
+
+class _Background:
+    """A function that runs in a thread; `result()` gives its value or raises its error."""
+
+    def __init__(self, function: Callable[[], dict[int, Reply]]) -> None:
+        self._value: dict[int, Reply] = {}
+        self._error: BaseException | None = None
+        self._function = function
+        self._thread = threading.Thread(target=self._run, name="engine queries", daemon=True)
+        self._thread.start()
+
+    def _run(self) -> None:
+        try:
+            self._value = self._function()
+        except BaseException as error:  # handed to whoever waits
+            self._error = error
+
+    def result(self) -> dict[int, Reply]:
+        self._thread.join()
+        if self._error is not None:
+            raise self._error
+        return self._value

@@ -1,0 +1,206 @@
+"""A robot over SSH: one connection for everything, its shell and its Docker Engine.
+
+Takes a `Host`, gives a `Session`. The connection is a `StrictConnection` (`connection.py`); the shell runs on one
+channel of it, the engine on up to four more (`docker system dial-stdio`).
+"""
+
+from __future__ import annotations
+
+import contextlib
+import secrets
+import select
+import threading
+from typing import TYPE_CHECKING
+
+import paramiko
+
+from srprov.definitions.model import Host
+from srprov.errors import ConnectError, DeadlineError, TransportError
+from srprov.transport.connection import StrictConnection, guard, open_connection
+from srprov.transport.deadline import Deadline
+from srprov.transport.frames import ready_line, start_command
+from srprov.transport.options import settle
+from srprov.transport.session import BaseSession, prefetch
+from srprov.transport.shell import Shell
+from srprov.wire import Traffic
+
+if TYPE_CHECKING:
+    from srprov.transport import ConnectOptions, Peers
+    from srprov.transport.engine_http import EngineSocket
+
+_CHUNK = 1 << 20
+_BLOCKED_WRITE_POLL_S = 0.002
+
+
+class ChannelStreams:
+    """The streams of a command on an SSH channel, for `Shell`."""
+
+    def __init__(self, channel: paramiko.Channel) -> None:
+        """Take a channel whose command was started."""
+        self._channel = channel
+        # fileno() is paramiko's public way to wait for both streams at once; it costs two descriptors per robot.
+        self._poll = select.poll()
+        self._poll.register(channel.fileno(), select.POLLIN)
+
+    def write(self, data: memoryview) -> int:
+        """Send what the channel's window takes; as its only writer, `send` does not block behind `send_ready`."""
+        if not self._channel.send_ready():
+            return 0
+        try:
+            return self._channel.send(bytes(data[:_CHUNK]))
+        except OSError:
+            return 0  # closed: `ended` says so in a moment
+
+    def read(self) -> tuple[bytes, bytes]:
+        """Give what is here of both streams."""
+        channel = self._channel
+        out = channel.recv(_CHUNK) if channel.recv_ready() else b""
+        err = channel.recv_stderr(_CHUNK) if channel.recv_stderr_ready() else b""
+        return out, err
+
+    def wait(self, seconds: float, *, writing: bool) -> None:
+        """Sleep until there is something to read; a window that opens makes no sound, so writing looks again soon."""
+        with contextlib.suppress(OSError, ValueError):
+            self._poll.poll(1000 * (min(seconds, _BLOCKED_WRITE_POLL_S) if writing else seconds))
+
+    @property
+    def ended(self) -> bool:
+        """Tell whether the channel is at its end and empty."""
+        channel = self._channel
+        over = channel.eof_received or channel.closed
+        return bool(over) and not channel.recv_ready() and not channel.recv_stderr_ready()
+
+    def reason(self) -> str:
+        """Say what ended it: the connection, or the command."""
+        transport = self._channel.get_transport()
+        if not transport.is_active():
+            error = transport.get_exception()
+            return (
+                str(error) if error and str(error) else "the robot closed the connection, or does not answer any more"
+            )
+        # recv_exit_status() has no timeout, and a server need not send one.
+        if self._channel.status_event.wait(0.2):
+            return f"the shell ended with status {self._channel.exit_status}"
+        return "the shell ended"
+
+    def close(self) -> None:
+        """Close the channel."""
+        with contextlib.suppress(OSError, EOFError, paramiko.SSHException):
+            self._channel.close()
+
+
+def start(connection: StrictConnection, command: str, deadline: Deadline) -> paramiko.Channel:
+    """Run a command on a new channel.
+
+    Raises:
+        ConnectError: sshd opens no more channels (MaxSessions), or the connection died.
+        DeadlineError: It did not answer in time.
+    """
+    assert connection.settings
+    name = connection.settings.name
+    timer = guard(connection.transport, deadline)
+    try:
+        channel: paramiko.Channel = connection.transport.open_session(timeout=deadline.left(0.05))
+        channel.exec_command(command)
+    except paramiko.ChannelException as error:
+        raise ConnectError(
+            name, f"sshd opens no session: {error.text}", hint="raise MaxSessions to 6 or more"
+        ) from None
+    except (paramiko.SSHException, OSError, EOFError) as error:
+        if deadline.passed:
+            raise DeadlineError(
+                name, f"sshd opened no session within {deadline.seconds:g} s", hint="is the robot overloaded?"
+            ) from None
+        raise ConnectError(name, f"sshd opens no session: {error}", hint="raise MaxSessions to 6 or more") from None
+    finally:
+        timer.cancel()
+    return channel
+
+
+class SshSession(BaseSession):
+    """A `Session` over one SSH connection."""
+
+    def __init__(
+        self, host: str, connection: StrictConnection, shell: Shell, traffic: Traffic, peers: Peers | None
+    ) -> None:
+        """Take what `open` made."""
+        super().__init__(host, shell, traffic, peers)
+        self.connection = connection
+        """The fabric connection, for port forwards."""
+
+    @classmethod
+    def open(cls, host: Host, options: ConnectOptions, peers: Peers | None = None) -> SshSession:
+        """Connect and start the shell.
+
+        Raises:
+            TransportError: As `srprov.transport.connect`.
+        """
+        prefetch()
+        traffic = Traffic()
+        settings = settle(host, ssh_config=options.ssh_config)
+        deadline = Deadline(settings.connect_timeout_s or options.connect_timeout_s)
+        connection = open_connection(settings, deadline, traffic, options.attempts)
+        try:
+            nonce = secrets.token_hex(16)
+            channel = start(connection, start_command(nonce, "sh", root=settings.user == "root"), deadline)
+            shell = Shell(host.name, ChannelStreams(channel), traffic, user=settings.user)
+            session = cls(host.name, connection, shell, traffic, peers)
+            if options.warm_engine:
+                threading.Thread(target=session.warm, name="warm engine", daemon=True).start()
+            shell.wait_ready(nonce, deadline)
+        except BaseException:
+            connection.close()
+            raise
+        return session
+
+    @property
+    def alive(self) -> bool:
+        """Tell whether the connection still stands."""
+        transport = self.connection.transport
+        return transport is not None and transport.is_active()
+
+    def _dial_engine(self, seconds: float) -> EngineSocket:
+        """Start `docker system dial-stdio` on a channel of its own, and skip what a `.bashrc` prints before it."""
+        from srprov.transport.engine_http import EngineGone, EngineSocket
+
+        assert self.connection.settings
+        deadline, nonce = Deadline(seconds), secrets.token_hex(16)
+        root = self.connection.settings.user == "root"
+        try:
+            channel = start(self.connection, start_command(nonce, "docker system dial-stdio", root=root), deadline)
+        except TransportError as error:
+            raise EngineGone(error.message) from error
+        seen, mark = bytearray(), ready_line(nonce)
+        try:
+            while not seen.endswith(mark):
+                channel.settimeout(deadline.left(0.001))
+                # The engine speaks only when spoken to, so nothing can follow the mark.
+                if not (piece := channel.recv(4096)):
+                    raise EngineGone(_complaint(channel) or "no way to run docker on the robot")
+                seen += piece
+        except BaseException:
+            channel.close()
+            raise
+
+        def waiting() -> bool:
+            return bool(channel.recv_ready() or channel.eof_received or channel.closed)
+
+        return EngineSocket(channel, lambda: _complaint(channel), waiting)
+
+    def _close_connection(self) -> None:
+        """End the SSH connection."""
+        self.connection.close()
+
+
+def _complaint(channel: paramiko.Channel) -> str:
+    """Give what a command wrote to standard error before it died, and what it means; nothing when it wrote nothing."""
+    channel.status_event.wait(0.5)  # stderr and the exit status follow the end of stdout
+    said = bytearray()
+    while channel.recv_stderr_ready():
+        said += channel.recv_stderr(_CHUNK)
+    text = " ".join(said.decode("utf-8", "replace").split())[-300:]
+    if "not found" in text:
+        return f"docker is not installed ({text})"
+    if "sudo:" in text:
+        return f"docker needs root, and sudo refuses ({text})"
+    return text

@@ -1,0 +1,235 @@
+"""A robot's network links and files in memory, driven by the very scripts that modules give.
+
+`Kernel` runs the few forms of `ip` and `bridge` that a vxlan resource uses and prints what the real tools print; `Disk` knows
+`Put`, and the scripts that unpack a tree and remove a path. What they do not know is an AssertionError.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import re
+import shlex
+import tarfile
+from dataclasses import dataclass, field
+from typing import Any
+
+from srprov.modules.module import STATE_ROOT
+from srprov.wire import Put, Reply
+
+
+@dataclass
+class Link:
+    """One interface."""
+
+    name: str
+    kind: str
+    mtu: int = 1500
+    up: bool = False
+    master: str = ""
+    alias: str = ""
+    vni: int = 0
+    local: str = ""
+    port: int = 0
+    learning: bool = True
+    snooping: int = 1
+
+
+@dataclass
+class Kernel:
+    """Links by name, and the forwarding entries of VXLANs as (device, MAC, destination)."""
+
+    address: str
+    links: dict[str, Link] = field(default_factory=dict)
+    fdb: set[tuple[str, str, str]] = field(default_factory=set)
+
+    def add_bridge(self, name: str, mtu: int) -> None:
+        """What the engine does when it makes a network."""
+        self.links[name] = Link(name, "bridge", mtu=mtu, up=True)
+
+    def del_bridge(self, name: str) -> None:
+        """What the engine does when it removes one: its ports stay, without a master."""
+        self.links.pop(name, None)
+        for link in self.links.values():
+            link.master = "" if link.master == name else link.master
+
+    def reboot(self) -> None:
+        """Links that nobody makes anew are gone; the engine makes its bridges again."""
+        self.links = {name: Link(name, "bridge", mtu=l.mtu, up=True) for name, l in self.links.items() if l.kind == "bridge"}
+        self.fdb = set()
+
+    def show(self, kind: str) -> str:
+        """Print `ip -j -d link show type KIND`."""
+        shown = [self._json(i, link) for i, link in enumerate(self.links.values(), start=3) if link.kind == kind]
+        return json.dumps(shown)
+
+    def show_addresses(self) -> str:
+        """Print `ip -j -d addr show`."""
+        first: list[dict[str, Any]] = [
+            {
+                "ifindex": 2,
+                "ifname": "eth0",
+                "flags": ["BROADCAST", "MULTICAST", "UP", "LOWER_UP"],
+                "mtu": 1500,
+                "link_type": "ether",
+                "address": "52:54:00:00:00:01",
+                "addr_info": [{"family": "inet", "local": self.address, "prefixlen": 24, "scope": "global"}],
+            }
+        ]
+        rest = [self._json(i, link) | {"addr_info": []} for i, link in enumerate(self.links.values(), start=3)]
+        return json.dumps(first + rest)
+
+    def show_fdb(self) -> str:
+        """Print `bridge -j fdb show`: entries of ours, and those that the kernel makes by itself."""
+        shown: list[dict[str, Any]] = [
+            {"mac": "33:33:00:00:00:01", "ifname": "eth0", "flags": ["self"], "state": "permanent"}
+        ]
+        for link in self.links.values():
+            if link.master:
+                own = {"mac": "32:c9:e1:a4:4d:e8", "ifname": link.name, "flags": [], "master": link.master}
+                shown.append({**own, "state": "permanent"})
+        for device, mac, dst in sorted(self.fdb):
+            shown.append({"mac": mac, "ifname": device, "dst": dst, "flags": ["self"], "state": "permanent"})
+        return json.dumps(shown)
+
+    def _json(self, index: int, link: Link) -> dict[str, Any]:
+        flags = ["BROADCAST", "MULTICAST", *(["UP", "LOWER_UP"] if link.up else [])]
+        shown: dict[str, Any] = {"ifindex": index, "ifname": link.name, "flags": flags, "mtu": link.mtu}
+        shown |= {"master": link.master} if link.master else {}
+        data: dict[str, Any] = {"mcast_snooping": link.snooping, "stp_state": 0}
+        if link.kind == "vxlan":
+            local = {"local6" if ":" in link.local else "local": link.local}
+            data = {"id": link.vni, **local, "port": link.port, "learning": link.learning, "ttl": 0, "ageing": 300}
+        shown |= {"linkinfo": {"info_kind": link.kind, "info_data": data}, "link_type": "ether"}
+        return shown | ({"ifalias": link.alias} if link.alias else {})
+
+    def run(self, line: str) -> str:
+        """Run one line of a script; give what it complains, or nothing."""
+        words = shlex.split(line)
+        match words:
+            case ["set", "-e"]:
+                return ""
+            case ["ip", "link", "show", "dev", name, ">/dev/null", "2>&1", "||", "exit", "0;", *rest]:
+                return self.run(shlex.join(rest)) if name in self.links else ""
+            case ["ip", "link", "del", "dev", name]:
+                if self.links.pop(name, None) is None:
+                    return f'Cannot find device "{name}"'
+                self.fdb = {entry for entry in self.fdb if entry[0] != name}
+                return ""
+            case ["ip", "link", "add", name, "type", "vxlan", "id", vni, "local", ip, "dstport", port, "nolearning"]:
+                same = [l for l in self.links.values() if l.kind == "vxlan" and (l.vni, l.port) == (int(vni), int(port))]
+                if name in self.links or same:
+                    return "RTNETLINK answers: File exists"
+                self.links[name] = Link(name, "vxlan", vni=int(vni), local=ip, port=int(port), learning=False)
+                return ""
+            case ["ip", "link", "set", "dev", name, *rest] if name in self.links:
+                return self._set(self.links[name], rest)
+            case ["printf", "%s\\n", *lines, "|", "bridge", "-batch", "-"]:
+                return next((bad for one in lines if (bad := self._fdb(one))), "")
+        if words[:4] == ["ip", "link", "set", "dev"]:
+            return f'Cannot find device "{words[4]}"'
+        raise AssertionError(f"the fake kernel knows no {line!r}")
+
+    def _set(self, link: Link, words: list[str]) -> str:
+        match words:
+            case ["alias", alias]:
+                link.alias = alias
+            case ["mtu", mtu, "master", master, "up"]:
+                if master not in self.links:
+                    return f'Error: argument "{master}" is wrong: Device does not exist'
+                link.mtu, link.master, link.up = int(mtu), master, True
+            case ["type", "bridge", "mcast_snooping", value]:
+                link.snooping = int(value)
+            case _:
+                raise AssertionError(f"the fake kernel knows no ip link set {words}")
+        return ""
+
+    def _fdb(self, line: str) -> str:
+        match line.split():
+            case ["fdb", verb, mac, "dev", device, "dst", dst, "self", *_]:
+                if device not in self.links:
+                    return f'Cannot find device "{device}"'
+                if verb == "del":
+                    if (device, mac, dst) not in self.fdb:
+                        return "RTNETLINK answers: No such file or directory"
+                    self.fdb.discard((device, mac, dst))
+                elif verb == "append":
+                    self.fdb.add((device, mac, dst))
+                elif verb == "replace":
+                    self.fdb = {e for e in self.fdb if e[:2] != (device, mac)} | {(device, mac, dst)}
+                else:
+                    raise AssertionError(line)
+                return ""
+        raise AssertionError(f"the fake kernel knows no bridge {line!r}")
+
+
+@dataclass
+class Disk:
+    """Files by path, and shipped trees by path with the names in them. Folders are where something lies in them."""
+
+    files: dict[str, bytes] = field(default_factory=dict)
+    modes: dict[str, int] = field(default_factory=dict)
+    inodes: dict[str, int] = field(default_factory=dict)
+    trees: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    serial: int = 0
+
+    def put(self, put: Put) -> None:
+        """Write a file as `Put.script` does."""
+        if not (put.in_place and put.path in self.files):
+            self.serial += 1
+            self.inodes[put.path] = self.serial
+        self.files[put.path], self.modes[put.path] = put.content, put.mode
+
+    def exists(self, path: str) -> bool:
+        """Tell whether a path is there; what is not below our root is the robot's own and is there."""
+        if not path.startswith(STATE_ROOT + "/"):
+            return True
+        inside = {f"{tree}/{name}" for tree, names in self.trees.items() for name in names}
+        return path in self.files or path in self.trees or path in inside
+
+    def hashes(self) -> str:
+        """Print what the query of file resources prints."""
+        lines = []
+        for path, content in sorted(self.files.items()):
+            short = path.removeprefix(STATE_ROOT + "/")
+            if path.startswith(STATE_ROOT + "/") and short.count("/") == 1 and not path.endswith(".part"):
+                lines.append(f"{hashlib.sha256(content).hexdigest()}  ./{short}\n")
+        return "".join(lines)
+
+    def list_trees(self) -> str:
+        """Print what the query of tree resources prints."""
+        at = re.compile(re.escape(STATE_ROOT) + r"/[^/]+/trees/[^/]+")
+        return "".join(f"{path}\n" for path in sorted({*self.files, *self.trees}) if at.fullmatch(path))
+
+    def records(self) -> str:
+        """Print what the question for placement records prints."""
+        texts = [c.decode() for p, c in sorted(self.files.items()) if p.endswith("/placement.json")]
+        return "".join(f"{text}\n" for text in texts)
+
+    def run(self, script: str) -> str | None:
+        """Run a script of a file or tree resource; None when it is none of those, else what it complains."""
+        words = shlex.split(script)
+        if words[:2] == ["rm", "-rf"] and words[3:6] == ["||", "exit", "1;"]:
+            self._remove(words[2])
+            return ""
+        if words[:2] == ["rm", "-rf"] and "tar" in words:
+            final, tar = words[-1], words[words.index("-xf") + 1]
+            assert words[-2] == final + ".part" and tar == final + ".tar"
+            if tar not in self.files:
+                return f"tar: {tar}: Cannot open: No such file or directory"
+            with tarfile.open(fileobj=io.BytesIO(self.files[tar])) as archive:
+                self.trees[final] = tuple(sorted(archive.getnames()))
+            self._remove(tar)
+            return ""
+        return None
+
+    def _remove(self, path: str) -> None:
+        for mapping in (self.files, self.modes, self.inodes, self.trees):
+            for one in [p for p in mapping if p == path or p.startswith(path + "/")]:
+                del mapping[one]  # type: ignore[attr-defined]
+
+
+def shell_reply(complaint: str, out: str = "") -> Reply:
+    """Give the reply of a shell: failed when it complained."""
+    return Reply(status=1 if complaint else 0, out=out, err=complaint, ok=not complaint)

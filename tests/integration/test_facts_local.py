@@ -1,0 +1,98 @@
+"""The probes, run by real shells on this machine, against what psutil says of it."""
+
+import shutil
+import socket
+import subprocess
+import time
+
+import psutil
+import pytest
+
+from srprov.definitions.model import Host
+from srprov.facts.host import host_queries, parse_host
+from srprov.facts.model import HostFacts
+from srprov.wire import Query, Reply
+
+IP = shutil.which("ip", path="/usr/sbin:/sbin:/usr/bin:/bin")
+# Debian's busybox prefers its own `ip`, which knows no JSON; on a robot with busybox `ip` is iproute2's, from PATH.
+SHELLS = {"dash": ["dash"], "busybox": ["busybox", "sh"]}
+PRELUDE = f'ip() {{ {IP} "$@"; }}\n'
+
+pytestmark = pytest.mark.skipif(IP is None or not psutil.LINUX, reason="needs Linux and iproute2")
+
+
+def ask(shell: list[str], query: object, prelude: str = PRELUDE) -> Reply:
+    if not isinstance(query, Query):
+        return Reply(status=0, err="no engine here", ok=False)
+    # the way of a robot: one shell that reads its script from standard input
+    done = subprocess.run(shell, input=prelude + query.command, capture_output=True, text=True, timeout=30)
+    assert done.stderr == "", query.command
+    return Reply(status=done.returncode, out=done.stdout, err=done.stderr, ok=done.returncode == 0)
+
+
+@pytest.fixture(scope="module", params=SHELLS)
+def facts(request: pytest.FixtureRequest) -> HostFacts:
+    shell = SHELLS[request.param]
+    if shutil.which(shell[0]) is None:
+        pytest.skip(f"{shell[0]} is not installed")
+    now = time.time()
+    replies = [ask(shell, query) for query in host_queries(sample=True)]
+    return parse_host(Host(name="here", address="localhost"), replies, None, now=now)
+
+
+def test_processors_and_memory(facts: HostFacts) -> None:
+    memory, swap = psutil.virtual_memory(), psutil.swap_memory()
+    assert facts.cpus == psutil.cpu_count()
+    assert facts.memory_total == memory.total
+    assert facts.memory_available == pytest.approx(memory.available, rel=0.1)
+    assert facts.swap_total == swap.total
+    assert facts.load1 == pytest.approx(psutil.getloadavg()[0], abs=2.0)
+
+
+def test_links(facts: HostFacts) -> None:
+    links = {link.name: link for link in facts.links}
+    addresses = psutil.net_if_addrs()
+    for name, stats in psutil.net_if_stats().items():
+        if name not in links:
+            continue  # interfaces of other programs come and go
+        assert links[name].mtu == stats.mtu
+        told = {address.split("/")[0] for address in links[name].addresses}
+        known = {
+            entry.address.split("%")[0]
+            for entry in addresses.get(name, ())
+            if entry.family in (socket.AF_INET, socket.AF_INET6)
+        }
+        assert told == known
+    assert "lo" in links
+
+
+def test_identity(facts: HostFacts) -> None:
+    assert facts.hostname == socket.gethostname()
+    assert abs(facts.clock_offset_s) < 2
+    assert facts.arch
+    assert facts.kernel
+    assert facts.docker_problem == "no engine here"
+
+
+def test_disk(facts: HostFacts) -> None:
+    assert facts.disk_total == pytest.approx(psutil.disk_usage("/").total, rel=0.2)
+
+
+def test_the_address_where_ssh_came_in_is_found_behind_sudo() -> None:
+    identity = host_queries(sample=False)[0]
+    assert isinstance(identity, Query)
+    # what sudo does: an ancestor still has the variable, the shell has SUDO_USER only
+    script = f"env -u SSH_CONNECTION SUDO_USER=robot dash <<'EOF'\n{identity.command}\nEOF\n:"
+    environment = {"SSH_CONNECTION": "10.0.0.1 50022 10.0.0.5 22", "PATH": "/usr/sbin:/usr/bin:/sbin:/bin"}
+    done = subprocess.run(["dash", "-c", script], env=environment, capture_output=True, text=True, timeout=30)
+    assert "connection 10.0.0.1 50022 10.0.0.5 22\n" in done.stdout
+    assert "user robot\n" in done.stdout
+
+
+def test_sleep_without_fractions_falls_back() -> None:
+    sample = host_queries(sample=True)[-1]
+    coarse = 'sleep() { case $1 in *.*) return 1;; esac; command sleep "$1"; }\n'
+    begin = time.monotonic()
+    reply = ask(["dash"], sample, coarse)
+    assert time.monotonic() - begin >= 1.0
+    assert reply.out.count("Inter-|") == 2

@@ -1,0 +1,175 @@
+"""A lab of real robots, the command line as users have it, and ways to look at a robot that do not go through srprov.
+
+The lab is one per machine. The session fixture brings it up and takes it down in the end; each test leaves its robots clean.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+ROBOTS = 13
+COMMAND_LIMIT_S = 280
+
+
+@dataclass(frozen=True)
+class Done:
+    """What a command line left behind."""
+
+    code: int
+    out: str
+    err: str
+
+    @property
+    def json(self) -> Any:
+        return json.loads(self.out)
+
+    def __str__(self) -> str:
+        return f"exit {self.code}\n--- out\n{self.out}\n--- err\n{self.err}"
+
+
+def run_srprov(*arguments: str, cwd: Path, stdin: str | None = None, env: dict[str, str] | None = None) -> Done:
+    """Run `srprov` as a user does: a process of its own, no terminal."""
+    done = subprocess.run(
+        [sys.executable, "-m", "srprov", *arguments],
+        cwd=cwd,
+        env={**os.environ, "PYTHONPATH": str(ROOT), **(env or {})},
+        input=stdin if stdin is not None else "",
+        capture_output=True,
+        text=True,
+        timeout=COMMAND_LIMIT_S,
+        check=False,
+    )
+    return Done(done.returncode, done.stdout, done.stderr)
+
+
+class Lab:
+    """The robots, by independent means: a shell in their namespaces, and Docker's own command line there."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.inventory = folder / "inventory" / "lab.yml"
+
+    def srprov(self, *arguments: str, **more: Any) -> Done:
+        """Run `srprov` from the lab's folder, where inventory/lab.yml is."""
+        return run_srprov(*arguments, cwd=self.folder, **more)
+
+    def shell(self, robot: str, *words: str, check: bool = True) -> Done:
+        """Run a command on a robot through its namespaces, not through SSH."""
+        done = self.srprov("lab", "shell", robot, *words)
+        assert not check or done.code == 0, f"{robot}: {' '.join(words)}: {done}"
+        return done
+
+    def inspect(self, robot: str, name: str) -> dict[str, Any]:
+        """Give `docker inspect` of a container."""
+        found = json.loads(self.shell(robot, "docker", "inspect", name).out)
+        assert isinstance(found[0], dict)
+        return found[0]
+
+    def containers(self, robot: str, *, running: bool = False) -> dict[str, str]:
+        """Give name -> id of a robot's containers."""
+        every = [] if running else ["--all"]
+        out = self.shell(robot, "docker", "ps", *every, "--no-trunc", "--format", "{{.Names}} {{.ID}}").out
+        return dict(line.split() for line in out.splitlines())
+
+    def everywhere(self, robots: Sequence[str]) -> dict[str, dict[str, str]]:
+        """Give robot -> its containers by name and id."""
+        return {robot: self.containers(robot) for robot in robots}
+
+    def leftovers(self, robot: str) -> dict[str, list[str]]:
+        """Give all that srprov could have left on a robot, by Docker's, the kernel's and the disk's own word."""
+        script = (
+            "docker ps -a --format {{.Names}} --filter label=srprov.instance; echo --; "
+            "docker network ls --format {{.Name}} --filter label=srprov.instance; echo --; "
+            "docker volume ls --format {{.Name}} --filter label=srprov.instance; echo --; "
+            "ls /sys/class/net | grep ^srp; echo --; find /var/lib/srprov -mindepth 1 2>/dev/null; true"
+        )
+        parts = self.shell(robot, "sh", "-c", script).out.split("--\n")
+        return dict(
+            zip(("containers", "networks", "volumes", "links", "files"), (p.split() for p in parts), strict=True)
+        )
+
+
+NOTHING: dict[str, list[str]] = {"containers": [], "networks": [], "volumes": [], "links": [], "files": []}
+
+
+@pytest.fixture(scope="session")
+def lab_session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
+    """Bring the lab up once for all tests, and down after them."""
+    folder = tmp_path_factory.mktemp("lab")
+    lab = Lab(folder)
+    with open("/run/lock/srprov-lab-tests", "w", encoding="utf-8") as guard:
+        # two test runs at once would clean each other's robots away
+        fcntl.flock(guard, fcntl.LOCK_EX)
+        up = lab.srprov("lab", "up", "-n", str(ROBOTS))
+        assert up.code == 0, up
+        yield lab
+        down = lab.srprov("lab", "down")
+        assert down.code == 0, down
+
+
+def scrub(lab: Lab) -> None:
+    """Remove what tests may have left on robots, by Docker's and the kernel's own means."""
+    script = (
+        'c=$(docker ps -aq); test -z "$c" || docker rm -f $c >/dev/null; '
+        'n=$(docker network ls -q --filter type=custom); test -z "$n" || docker network rm $n >/dev/null; '
+        'v=$(docker volume ls -q); test -z "$v" || docker volume rm -f $v >/dev/null; '
+        "for l in $(ls /sys/class/net | grep ^srp); do ip link del $l; done; rm -rf /var/lib/srprov"
+    )
+    status = lab.srprov("lab", "status", "--json").json
+    processes = [
+        subprocess.Popen(
+            [sys.executable, "-m", "srprov", "lab", "shell", robot, "sh", "-c", script],
+            cwd=lab.folder,
+            env={**os.environ, "PYTHONPATH": str(ROOT)},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        for robot in status["robots"]
+    ]
+    for process in processes:
+        _, err = process.communicate(timeout=120)
+        assert process.returncode == 0, err
+
+
+@pytest.fixture
+def lab(lab_session: Lab) -> Iterator[Lab]:
+    """Give the lab with clean robots, all of them up with the default inventory; clean them again afterwards."""
+    up = lab_session.srprov("lab", "up", "-n", str(ROBOTS))
+    assert up.code == 0, up
+    yield lab_session
+    scrub(lab_session)
+
+
+@pytest.fixture
+def write(tmp_path: Path) -> Any:
+    """Give a function that writes a file of an experiment and gives its path."""
+
+    def _write(name: str, text: str) -> str:
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+        return str(path)
+
+    return _write
+
+
+def part_of_lab(lab: Lab, robots: Sequence[str], path: Path, **extra: dict[str, Any]) -> str:
+    """Write an inventory with only some robots of the lab, and more variables for some; give its path."""
+    import yaml
+
+    whole = yaml.safe_load(lab.inventory.read_text(encoding="utf-8"))
+    hosts = {name: {**whole["all"]["hosts"][name], **extra.get(name, {})} for name in robots}
+    path.write_text(yaml.safe_dump({"all": {"hosts": hosts, "vars": whole["all"].get("vars", {})}}), encoding="utf-8")
+    return str(path)

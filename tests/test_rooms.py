@@ -1,0 +1,284 @@
+"""The house keeps its order: each room imports only what its line of the table allows, and stays small.
+
+Everything is read with `ast`; nothing of srprov is imported. A new room, or a new import, needs a line here, where
+whoever reads the change can judge it.
+"""
+
+from __future__ import annotations
+
+import ast
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+PACKAGE = Path(__file__).resolve().parent.parent / "srprov"
+
+LONGEST_FILE = 300
+LONGEST_FUNCTION = 60
+LONG_BY_NECESSITY: dict[str, str] = {}
+"""File, or `file:function`, that may be longer -> the reason why cutting it would make it worse. Empty is best."""
+
+
+@dataclass(frozen=True)
+class Room:
+    """What one room may import besides itself and the standard library."""
+
+    ours: frozenset[str] | None = frozenset()
+    """Rooms, modules or names below `srprov.`; None: all of them."""
+    foreign: frozenset[str] | None = frozenset()
+    """Top-level names of installed libraries; None: any."""
+
+
+def room(ours: str = "", foreign: str = "") -> Room:
+    """Write a line of the table as words."""
+    return Room(frozenset(ours.split()), frozenset(foreign.split()))
+
+
+ROOMS: Mapping[str, Room] = {
+    "__init__": room(),
+    "__main__": room("cli"),
+    "cli": Room(ours=None, foreign=None),
+    "controller": room(
+        "errors wire resource data disk context definitions transport facts assignment network images rendering"
+        " modules planning execution lab"
+    ),
+    # The values of every room side by side, as the playbooks see them: the controller's other half.
+    "context": room("errors wire resource disk definitions.model facts.model assignment.model network images modules"),
+    "disk": room("images.plan"),
+    "definitions": room("errors wire.Secret data", "yaml jsonschema"),
+    "transport": room("errors wire definitions.model", "paramiko fabric docker requests urllib3 psutil"),
+    "facts": room("errors wire resource modules definitions.model"),
+    "assignment": room("errors definitions.model facts.model"),
+    "network": room("errors definitions.model facts.model"),
+    "images": room("errors wire definitions.model", "jinja2"),
+    "rendering": room("errors resource data", "jinja2 yaml"),
+    "modules": room("errors wire resource facts.model"),
+    "planning": room("errors resource wire modules facts.model definitions.model"),
+    "execution": room("errors resource wire modules planning facts"),
+    "lab": room("errors", "yaml"),
+    "data": room("errors"),
+    "errors": room(),
+    "wire": room("errors resource"),
+    "resource": room("errors wire"),
+}
+
+FILES: Mapping[str, Room] = {
+    "assignment/solve.py": room("errors definitions.model facts.model", "ortools"),
+}
+"""Files whose line differs from their room's."""
+
+PROCESSES_AND_SOCKETS = frozenset(
+    {"socket", "socketserver", "subprocess", "asyncio", "multiprocessing", "pty", "http", "ftplib"}
+)
+PROCESS_CALLS = frozenset({"system", "popen", "fork", "forkpty", "posix_spawn", "posix_spawnp"})
+MAY_REACH_OUT = ("transport/", "lab/", "definitions/inventory.py", "definitions/script.py")
+"""Where sockets and programs belong; of `definitions`, only the inventory that is itself a program."""
+
+MAY_TALK = ("cli/", "__main__.py")
+"""Where the user is spoken to: output, questions, exit codes."""
+
+
+def room_of(path: str) -> str:
+    """Give the room of a file, named as below `srprov/`."""
+    return path.split("/", 1)[0].removesuffix(".py")
+
+
+def imports(tree: ast.AST, path: str) -> Iterator[tuple[int, str]]:
+    """Give line and full dotted target of every import, those inside functions and TYPE_CHECKING too."""
+    folder = ["srprov", *path.split("/")[:-1]]
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            for alias in node.names:
+                yield node.lineno, alias.name
+        elif isinstance(node, ast.ImportFrom):
+            base = [*folder[: len(folder) - node.level + 1]] if node.level else []
+            base += node.module.split(".") if node.module else []
+            for alias in node.names:
+                yield node.lineno, ".".join([*base, alias.name])
+
+
+def allows(allowed: frozenset[str] | None, target: str) -> bool:
+    """Tell whether a dotted target is one of the allowed names or lies below one."""
+    return allowed is None or any(target == name or target.startswith(f"{name}.") for name in allowed)
+
+
+def import_problem(path: str, target: str) -> str:
+    """Say what is wrong with one import of one file, or nothing."""
+    name = room_of(path)
+    rule = FILES.get(path, ROOMS[name])
+    top, _, rest = target.partition(".")
+    if top == "srprov":
+        fine = room_of(rest.replace(".", "/")) in ("", name, "__version__") or allows(rule.ours, rest)
+        return "" if fine else f"the room {name} may not import {target}"
+    if top in PROCESSES_AND_SOCKETS or target.startswith("urllib.request"):
+        fine = path.startswith(MAY_REACH_OUT)
+        return "" if fine else f"{top}: only {', '.join(MAY_REACH_OUT)} may open sockets or start programs"
+    if top in sys.stdlib_module_names:
+        return ""
+    return "" if allows(rule.foreign, top) else f"{path if path in FILES else f'the room {name}'} may not import {top}"
+
+
+def name_of(node: ast.AST) -> str:
+    """Give `a` for a name and `a.b` for an attribute of one."""
+    if isinstance(node, ast.Name):
+        return node.id
+    if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):
+        return f"{node.value.id}.{node.attr}"
+    return ""
+
+
+def use_problem(path: str, node: ast.AST) -> str:
+    """Say what is wrong with one expression or statement, or nothing."""
+    called = name_of(node.func) if isinstance(node, ast.Call) else ""
+    if path.startswith(MAY_TALK):
+        return ""
+    if called in ("print", "input", "breakpoint", "exit", "quit", "os._exit") or name_of(node) in (
+        "sys.exit",
+        "sys.stdin",
+        "sys.stdout",
+        "sys.stderr",
+    ):
+        return f"{called or name_of(node)}: only cli prints, asks or exits"
+    if isinstance(node, ast.Raise) and node.exc is not None:
+        raised = node.exc.func if isinstance(node.exc, ast.Call) else node.exc
+        if name_of(raised) in ("SystemExit", "KeyboardInterrupt"):
+            return f"raise {name_of(raised)}: only cli ends the program"
+    if called in ("__import__", "importlib.import_module"):
+        return f"{called}: an import that this test cannot read"
+    owner, _, attribute = called.partition(".")
+    if owner == "os" and (attribute in PROCESS_CALLS or attribute.startswith(("exec", "spawn"))):
+        return "" if path.startswith(MAY_REACH_OUT) else f"{called}: only {', '.join(MAY_REACH_OUT)} may start programs"
+    return ""
+
+
+def problems(path: str, source: str) -> list[str]:
+    """List, as `file:line: what`, where a file breaks the order of the house; `path` is as below `srprov/`."""
+    if room_of(path) not in ROOMS:
+        return [f"srprov/{path}:1: the room {room_of(path)} is not in the table of tests/test_rooms.py"]
+    tree = ast.parse(source, filename=path)
+    found = [(line, import_problem(path, target)) for line, target in imports(tree, path)]
+    found += [(getattr(node, "lineno", 1), use_problem(path, node)) for node in ast.walk(tree)]
+    return [f"srprov/{path}:{line}: {what}" for line, what in sorted(set(found)) if what]
+
+
+def size_problems(path: str, source: str, excused: Mapping[str, str] = LONG_BY_NECESSITY) -> list[str]:
+    """List what is too long in a file; `path` is as below `srprov/`."""
+    found = []
+    count = len(source.splitlines())
+    if count > LONGEST_FILE and path not in excused:
+        found.append(f"srprov/{path}: {count} lines, more than {LONGEST_FILE}: two things live here")
+    for node in ast.walk(ast.parse(source, filename=path)):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+            length = (node.end_lineno or node.lineno) - node.lineno + 1
+            if length > LONGEST_FUNCTION and f"{path}:{node.name}" not in excused:
+                what = f"{node.name} has {length} lines, more than {LONGEST_FUNCTION}: split it"
+                found.append(f"srprov/{path}:{node.lineno}: {what}")
+    return found
+
+
+def sources() -> dict[str, str]:
+    """Read the whole package; keys are paths below `srprov/`."""
+    return {file.relative_to(PACKAGE).as_posix(): file.read_text() for file in sorted(PACKAGE.rglob("*.py"))}
+
+
+def test_the_rooms_import_what_the_table_allows() -> None:
+    """Sockets, printing and foreign libraries included."""
+    found = [line for path, source in sources().items() for line in problems(path, source)]
+    assert not found, "\n".join(found)
+
+
+def test_files_and_functions_are_small() -> None:
+    """A function that passes the limit nearly always decides and does."""
+    found = [line for path, source in sources().items() for line in size_problems(path, source)]
+    assert not found, "\n".join(found)
+
+
+def test_every_line_of_the_table_is_a_room_that_exists() -> None:
+    """A table that names what is gone hides what is new."""
+    paths = sources()
+    assert sorted(set(ROOMS) - {room_of(path) for path in paths}) == []
+    assert sorted(set(FILES) - set(paths)) == []
+
+
+def test_every_excuse_for_length_has_a_reason_and_a_file() -> None:
+    """An excuse ends with the file that it was for."""
+    assert [
+        key for key, reason in LONG_BY_NECESSITY.items() if not reason or not (PACKAGE / key.split(":")[0]).exists()
+    ] == []
+
+
+BROKEN = [
+    ("planning/plan.py", "from srprov.transport import ssh", "the room planning may not import srprov.transport.ssh"),
+    ("planning/plan.py", "from srprov import transport", "the room planning may not import srprov.transport"),
+    ("planning/plan.py", "import srprov.cli.main", "the room planning may not import srprov.cli.main"),
+    ("planning/plan.py", "from ..execution import run", "the room planning may not import srprov.execution.run"),
+    ("controller.py", "from srprov.cli import output", "the room controller may not import srprov.cli.output"),
+    ("facts/gather.py", "def f():\n    import paramiko", "the room facts may not import paramiko"),
+    (
+        "network/layout.py",
+        "from srprov.facts.gather import gather",
+        "the room network may not import srprov.facts.gather.gather",
+    ),
+    ("definitions/load.py", "from srprov.wire import Run", "the room definitions may not import srprov.wire.Run"),
+    (
+        "assignment/cost.py",
+        "from ortools.graph.python import min_cost_flow",
+        "the room assignment may not import ortools",
+    ),
+    ("assignment/solve.py", "import numpy", "assignment/solve.py may not import numpy"),
+    ("execution/run.py", "import subprocess", "subprocess: only transport/"),
+    ("definitions/yamlfile.py", "import socket", "socket: only transport/"),
+    ("facts/host.py", "from urllib.request import urlopen", "urllib: only transport/"),
+    ("modules/file.py", "import os\nos.system('true')", "os.system: only transport/"),
+    ("rendering/render.py", "print('x')", "print: only cli"),
+    ("lab/lab.py", "import sys\nsys.exit(1)", "sys.exit: only cli"),
+    ("execution/run.py", "import sys\nsys.stdout.write('x')", "sys.stdout: only cli"),
+    ("facts/host.py", "raise SystemExit(1)", "raise SystemExit: only cli"),
+    (
+        "modules/registry.py",
+        "import importlib\nimportlib.import_module('docker')",
+        "importlib.import_module: an import that",
+    ),
+    ("execution/ask.py", "import click", "the room execution may not import click"),
+    ("attic/old.py", "", "the room attic is not in the table"),
+]
+
+
+@pytest.mark.parametrize(("path", "source", "said"), BROKEN)
+def test_the_checker_sees_a_violation(path: str, source: str, said: str) -> None:
+    """The law is only as good as the eye that watches it."""
+    found = problems(path, source)
+    assert len(found) == 1, found
+    assert said in found[0]
+
+
+ORDERLY = [
+    ("transport/ssh.py", "import socket, subprocess, paramiko\nfrom srprov.wire import Reader"),
+    ("assignment/solve.py", "def f():\n    from ortools.graph.python import min_cost_flow"),
+    ("assignment/solve.py", "from srprov.assignment.problem import Problem"),
+    ("definitions/load.py", "import yaml\nfrom srprov.wire import Secret\nfrom . import model"),
+    ("cli/plan.py", "import click, rich, sys\nfrom srprov import controller\nprint('x')\nsys.exit(0)"),
+    ("network/layout.py", "from srprov.facts.model import HostFacts\nfrom srprov.facts import model"),
+    ("definitions/inventory.py", "import subprocess"),
+    ("cli/version.py", "from srprov import __version__"),
+    ("execution/run.py", "import sys\nraise ValueError(sys.version)"),
+]
+
+
+@pytest.mark.parametrize(("path", "source"), ORDERLY)
+def test_the_checker_lets_the_orderly_pass(path: str, source: str) -> None:
+    """It finds fault with nothing that the table allows."""
+    assert problems(path, source) == []
+
+
+def test_the_checker_sees_what_is_too_long() -> None:
+    """And takes an excuse only for the one thing that it names."""
+    function = "def f():\n" + "    pass\n" * LONGEST_FUNCTION
+    assert len(size_problems("data.py", function)) == 1
+    assert size_problems("data.py", function, {"data.py:f": "one table"}) == []
+    assert size_problems("data.py", "def f():\n" + "    pass\n" * (LONGEST_FUNCTION - 1)) == []
+    assert len(size_problems("data.py", "x = 1\n" * (LONGEST_FILE + 1))) == 1
+    assert size_problems("data.py", "x = 1\n" * LONGEST_FILE) == []

@@ -1,0 +1,116 @@
+"""What the user reads: why there is no assignment, and why this one."""
+
+import pytest
+
+from srprov.assignment import explain
+from srprov.definitions.model import Experiment, Placement, Requirements, Weights
+from srprov.errors import NoAssignment
+from srprov.facts.model import Found
+from tests.unit.assignment.worlds import GIB, assign, experiment, found, robot, service
+
+
+def refusal(what: Experiment, where: Found, previous: dict[str, str] | None = None) -> NoAssignment:
+    with pytest.raises(NoAssignment) as caught:
+        assign(what, where, previous)
+    return caught.value
+
+
+def test_one_service_that_no_robot_can_run() -> None:
+    needs = Requirements(tags=("lidar",), memory=16 * GIB)
+    what = experiment(service("a", requires=needs), service("b"))
+    error = refusal(what, found(robot("r1", tags=("arm", "lidar")), robot("r2"), robot("r3")))
+    assert error.message == "no robot can run 'a'"
+    assert error.misses == {
+        "a": {
+            "r1": "needs 16 GiB of memory (has 8 GiB)",
+            "r2": "needs tag 'lidar' (has: none); needs 16 GiB of memory (has 8 GiB)",
+            "r3": "needs tag 'lidar' (has: none); needs 16 GiB of memory (has 8 GiB)",
+        }
+    }
+    assert error.hint == "lower requires.memory, so that r1 can run 'a'"
+    assert error.exit_code == 8
+
+
+def test_two_services_compete_for_one_robot_and_the_rest_is_not_named() -> None:
+    what = experiment(service("a", tags=("x",)), service("b", tags=("x",)), service("c"))
+    error = refusal(what, found(robot("r1", tags=("x",)), robot("r2", tags=("y",)), robot("r3")))
+    assert error.message == "'a' and 'b' can run only on r1 (1 slot): 2 places needed, 1 there"
+    assert error.hint == (
+        "give r1 one more slot (srprov_slots in the inventory); "
+        "or give r2 the tag 'x' (srprov_tags in the inventory), so that r2 can run 'a'; "
+        "or put a and b in relations.same_robot, they then share one slot"
+    )
+    assert error.misses["b"] == {"r2": "needs tag 'x' (has: y)", "r3": "needs tag 'x' (has: none)"}
+
+
+def test_more_services_than_robots() -> None:
+    error = refusal(experiment(*(service(name) for name in "abc")), found(robot("r1"), robot("r2")))
+    assert error.message == "'a', 'b' and 'c' can run only on r1 (1 slot) and r2 (1 slot): 3 places needed, 2 there"
+    assert error.hint.startswith("give r1 or r2 one more slot")
+
+
+def test_a_long_list_is_cut() -> None:
+    error = refusal(experiment(*(service(f"s{i:02}") for i in range(40))), found(robot("r1")))
+    assert error.message.startswith("'s00' and 's01' can run only on r1")
+    many = found(*(robot(f"r{i:02}") for i in range(20)))
+    error = refusal(experiment(*(service(f"s{i:02}") for i in range(21))), many)
+    assert "'s07' and 13 more can run only on r00 (1 slot), " in error.message
+    assert "r07 (1 slot) and 12 more: 21 places needed, 20 there" in error.message
+    assert len(error.misses) == 21
+
+
+def test_a_group_that_no_robot_can_run() -> None:
+    what = experiment(service("a", tags=("x",)), service("b", tags=("y",)), same_robot=(("a", "b"),))
+    error = refusal(what, found(robot("r1", tags=("x",)), robot("r2", tags=("y",))))
+    assert error.message == "no robot can run 'a' and 'b' together"
+    assert error.misses["a"]["r1"] == "must run with 'b': needs tag 'y' (has: x)"
+    assert error.hint == "give r1 the tag 'y' (srprov_tags in the inventory), so that r1 can run 'a' and 'b'"
+
+
+def test_a_pin_to_a_robot_that_cannot() -> None:
+    error = refusal(experiment(service("a", robot="r1", tags=("x",))), found(robot("r1"), robot("r2", tags=("x",))))
+    assert error.misses == {"a": {"r1": "needs tag 'x' (has: none)", "r2": "pinned to r1"}}
+
+
+def test_a_pin_to_a_robot_nobody_knows() -> None:
+    error = refusal(experiment(service("a", robot="r9")), found(robot("r1")))
+    assert error.misses == {"a": {"r1": "pinned to r9"}}
+    assert error.hint == "remove 'robot: r9' from service 'a', so that r1 can run 'a'"
+
+
+def test_only_unreachable_robots() -> None:
+    error = refusal(experiment(service("a")), found(unreachable={"r1": "timed out"}))
+    assert error.message == "no robot can run 'a'"
+    assert error.misses == {"a": {"r1": "unreachable: timed out"}}
+    assert error.hint == "make r1 reachable, so that r1 can run 'a'"
+
+
+def test_no_robot_at_all() -> None:
+    error = refusal(experiment(service("a")), found())
+    assert error.message == "there is no robot to place anything on"
+    assert error.hint
+
+
+def test_a_slot_that_a_frozen_service_holds() -> None:
+    what = experiment(service("a"), service("b"), service("c", robot="r1"), same_robot=(("a", "b"),))
+    error = refusal(what, found(robot("r1"), unreachable={"r2": ""}), {"a": "r2", "b": "r1"})
+    assert error.message == "'c' can run only on r1, where no slot is left"
+
+
+def test_reasons_as_lines() -> None:
+    lines = explain.reasons({"b": {"r2": "pinned to r1"}, "a": {"r3": "no Docker", "r1": "unreachable"}})
+    assert lines == ["a not on r1: unreachable", "a not on r3: no Docker", "b not on r2: pinned to r1"]
+
+
+def test_the_plans_lines() -> None:
+    cpu = Weights(cpu=1.0, memory=0.0, swap=0.0, bandwidth=0.0)
+    what = experiment(service("talker"), service("map"), weights=cpu, placement=Placement(sticky=False))
+    where = found(robot("r1", load1=2.0), robot("robot2", load1=1.0, speed_mbit=0.0), robot("r3", speed_mbit=0.0))
+    rest = "memory 0.000, swap 0.000, bandwidth 0.000"
+    assert explain.describe(assign(what, where, {"map": "r1", "talker": "r3"})) == [
+        f"map    -> robot2  cost 0.039 (cpu 0.039, {rest}); next r3 -0.039 but is full",
+        f"talker -> r3      cost 0.000 (cpu 0.000, {rest}); next robot2 +0.039 but is full",
+        "cost 0.039, the least possible",
+        "map moves from r1 to robot2",
+        "r3, robot2: link speed unknown: counted as the reference, no cost for bandwidth (set srprov_bandwidth_mbit)",
+    ]

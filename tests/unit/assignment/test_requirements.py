@@ -1,0 +1,88 @@
+"""Every reason for a 0 in the capability matrix names what is required and what the robot has."""
+
+from typing import Any
+
+import pytest
+
+from srprov.assignment.requirements import kernel_fits, missing
+from srprov.definitions.model import Requirements
+from srprov.errors import UsageError
+from tests.unit.assignment.worlds import GIB, robot, service
+
+
+@pytest.mark.parametrize(
+    ("wants", "has", "texts"),
+    [
+        ({}, {}, []),
+        ({"tags": ("lidar",)}, {"tags": ("arm", "camera", "lidar")}, []),
+        ({"tags": ("lidar",)}, {"tags": ("arm", "camera")}, ["needs tag 'lidar' (has: arm, camera)"]),
+        ({"tags": ("arm", "gpio", "lidar")}, {"tags": ("arm",)}, ["needs tags 'gpio', 'lidar' (has: arm)"]),
+        ({"tags": ("lidar",)}, {}, ["needs tag 'lidar' (has: none)"]),
+        ({"devices": ("/dev/video0",)}, {"devices": ("/dev/video0", "/dev/video1")}, []),
+        ({"devices": ("/dev/snd",)}, {"devices": ("/dev/snd/pcmC0D0p",)}, []),
+        ({"devices": ("/dev/video1",)}, {"devices": ("/dev/video10",)}, ["needs device '/dev/video1' (not there)"]),
+        ({"arch": ("arm64", "amd64")}, {}, []),
+        ({"arch": ("arm64", "arm")}, {}, ["needs architecture arm64 or arm (has amd64)"]),
+        ({"memory": 8 * GIB}, {"memory_available": 0}, []),
+        ({"memory": 8 * GIB + (200 << 20)}, {}, ["needs 8.195 GiB of memory (has 8 GiB)"]),
+        ({"disk": 64 * GIB}, {"disk_total": 300 << 20}, ["needs 64 GiB of disk (has 300 MiB)"]),
+        ({"cpus": 4.0}, {"load1": 9.0}, []),
+        ({"cpus": 4.5}, {}, ["needs 4.5 CPUs (has 4)"]),
+        ({"gpu": True}, {"tags": ("gpu",)}, []),
+        ({"gpu": True}, {"tags": ("camera",)}, ["needs a GPU (none found)"]),
+        ({"kernel": ">=5.10"}, {}, []),
+        ({"kernel": ">=6.6"}, {}, ["needs kernel >=6.6 (has 6.1.0-18-amd64)"]),
+        ({"kernel": ">=6.6"}, {"kernel": ""}, ["needs kernel >=6.6 (has unknown)"]),
+        ({}, {"docker": None}, ["no Docker"]),
+        ({}, {"docker": None, "docker_problem": "not installed"}, ["no Docker (not installed)"]),
+        ({"tags": ("a",), "cpus": 9.0}, {}, ["needs tag 'a' (has: none)", "needs 9 CPUs (has 4)"]),
+    ],
+)
+def test_reasons(wants: dict[str, Any], has: dict[str, Any], texts: list[str]) -> None:
+    lacks = missing(service("s", requires=Requirements(**wants)), (), robot("r", **has))
+    assert [miss.text for miss in lacks] == texts
+    assert all(miss.remedy for miss in lacks)
+
+
+def test_a_pin_excludes_all_others() -> None:
+    pinned = service("s", robot="r2")
+    assert [miss.text for miss in missing(pinned, (), robot("r1"))] == ["pinned to r2"]
+    assert missing(pinned, (), robot("r2")) == ()
+
+
+@pytest.mark.parametrize(
+    ("platforms", "arch", "fits"),
+    [
+        ((), "riscv64", True),
+        (("linux/amd64", "linux/arm64"), "arm64", True),
+        (("linux/arm/v7",), "arm", True),
+        (("linux/arm/v7",), "arm64", False),
+    ],
+)
+def test_platforms_of_the_cdf(platforms: tuple[str, ...], arch: str, fits: bool) -> None:
+    lacks = missing(service("s"), platforms, robot("r", arch=arch))
+    assert (lacks == ()) is fits
+    assert all(arch in miss.text and miss.text.startswith("its CDF is only for linux/") for miss in lacks)
+
+
+@pytest.mark.parametrize(
+    ("bound", "kernel", "fits"),
+    [
+        (">=5.10", "5.10.0-rpi7", True),
+        (">=5.10", "5.9.16", False),
+        (">=5.10", "6.1", True),
+        ("5.10", "5.4.0", False),
+        (">= 5.10.3", "5.10", False),
+        (">=5.10.0", "5.10", True),
+        (">=5", "5.15.0-1025-raspi+", True),
+        (">=5.4, >=6.1", "5.15", False),
+        (">=5", "custom", False),
+    ],
+)
+def test_kernel_bounds(bound: str, kernel: str, fits: bool) -> None:
+    assert kernel_fits(bound, kernel) is fits
+
+
+def test_a_bound_that_is_none_is_refused() -> None:
+    with pytest.raises(UsageError, match="not a version bound"):
+        kernel_fits("newest", "6.1")

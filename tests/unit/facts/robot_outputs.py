@@ -1,0 +1,191 @@
+"""What real robots answer, as the probes ask: an x86 computer, a Raspberry Pi on Wi-Fi, a minimal busybox system."""
+
+import json
+
+from srprov.facts.host import host_queries
+from srprov.facts.probes import ENGINE, PROBES
+from srprov.wire import Reply
+
+MEMINFO = """\
+/proc/meminfo:MemTotal:       24684096 kB
+/proc/meminfo:MemFree:        24337516 kB
+/proc/meminfo:MemAvailable:   24307996 kB
+/proc/meminfo:Buffers:            8880 kB
+/proc/meminfo:Cached:            94972 kB
+/proc/meminfo:SwapCached:            0 kB
+/proc/meminfo:SwapTotal:             0 kB
+/proc/meminfo:SwapFree:              0 kB
+"""
+
+ETH0 = {
+    "ifindex": 4,
+    "ifname": "eth0",
+    "flags": ["BROADCAST", "MULTICAST", "UP", "LOWER_UP"],
+    "mtu": 1400,
+    "operstate": "UP",
+    "link_type": "ether",
+    "address": "02:fc:00:00:00:01",
+    "addr_info": [
+        {"family": "inet", "local": "192.0.2.2", "prefixlen": 24, "scope": "global", "label": "eth0"},
+        {"family": "inet6", "local": "fd00::2", "prefixlen": 64, "scope": "global", "nodad": True},
+        {"family": "inet6", "local": "fe80::fc:ff:fe00:1", "prefixlen": 64, "scope": "link"},
+    ],
+}
+LO = {
+    "ifindex": 1,
+    "ifname": "lo",
+    "flags": ["LOOPBACK", "UP", "LOWER_UP"],
+    "mtu": 65536,
+    "link_type": "loopback",
+    "address": "00:00:00:00:00:00",
+    "addr_info": [
+        {"family": "inet", "local": "127.0.0.1", "prefixlen": 8, "scope": "host"},
+        {"family": "inet6", "local": "::1", "prefixlen": 128, "scope": "host"},
+    ],
+}
+DOCKER0 = {
+    "ifname": "docker0",
+    "flags": ["NO-CARRIER", "BROADCAST", "MULTICAST", "UP"],
+    "mtu": 1500,
+    "address": "02:42:5c:6c:9a:3f",
+    "linkinfo": {"info_kind": "bridge", "info_data": {"forward_delay": 1500}},
+    "addr_info": [{"family": "inet", "local": "172.17.0.1", "prefixlen": 16, "scope": "global"}],
+}
+VXLAN = {
+    "ifname": "srpv7",
+    "flags": ["BROADCAST", "MULTICAST", "UP", "LOWER_UP"],
+    "mtu": 1350,
+    "address": "9a:eb:bc:c5:b1:cd",
+    "linkinfo": {"info_kind": "vxlan", "info_data": {"id": 77, "local": "192.0.2.2", "port": 4789, "learning": False}},
+    "ifalias": "srprov:hello",
+    "addr_info": [{"family": "inet", "local": "10.77.0.1", "prefixlen": 24, "scope": "global"}],
+}
+WLAN0 = {
+    "ifname": "wlan0",
+    "flags": ["BROADCAST", "MULTICAST", "UP", "LOWER_UP"],
+    "mtu": 1500,
+    "address": "d8:3a:dd:00:00:02",
+    "addr_info": [{"family": "inet", "local": "10.0.0.5", "prefixlen": 24, "scope": "global", "dynamic": True}],
+}
+ROUTES = [
+    {"dst": "default", "gateway": "192.0.2.1", "dev": "eth0", "flags": []},
+    {"dst": "192.0.2.0/24", "dev": "eth0", "protocol": "kernel", "scope": "link", "prefsrc": "192.0.2.2", "flags": []},
+    {"dst": "172.17.0.0/16", "dev": "docker0", "protocol": "kernel", "scope": "link", "flags": ["linkdown"]},
+]
+
+VERSION = {"Version": "20.10.24+dfsg1", "ApiVersion": "1.41", "MinAPIVersion": "1.12", "Os": "linux", "Arch": "amd64"}
+INFO = {
+    "ServerVersion": "20.10.24+dfsg1",
+    "Driver": "overlay2",
+    "DockerRootDir": "/var/lib/docker",
+    "SecurityOptions": ["name=apparmor", "name=seccomp,profile=default"],
+    "Architecture": "x86_64",
+}
+
+NET_DEV = """\
+Inter-|   Receive                                      |  Transmit
+ face |bytes packets errs drop fifo frame compressed multicast|bytes packets errs drop fifo colls carrier compressed
+    lo:    3193      29    0    0    0     0          0         0     3193      29    0    0    0     0       0       0
+  eth0: {received}    8577    0    0    0     0       0         0   {sent}    6776    0    0    0     0       0       0
+"""
+TRAFFIC = (
+    "1070.46 1976.31\n"
+    + NET_DEV.format(received=279775767, sent=576529)
+    + "1070.76 1976.90\n"
+    + NET_DEV.format(received=279775767 + 375_000, sent=576529 + 750_000)
+)
+
+COMPUTER = {
+    "identity": "clock 1795223387.500000000\nmachine x86_64\nuid 0\nconnection 192.0.2.1 5 192.0.2.2 22\nuser root\n",
+    "files": "/proc/loadavg:0.17 0.12 0.09 2/95 13306\n"
+    + MEMINFO
+    + """\
+/proc/sys/kernel/hostname:vm
+/proc/sys/kernel/osrelease:6.1.0-37-amd64
+/proc/sys/kernel/version:#1 SMP PREEMPT_DYNAMIC Debian 6.1.140-1
+/sys/devices/system/cpu/online:0-1
+/etc/os-release:PRETTY_NAME="Debian GNU/Linux 12 (bookworm)"
+/etc/os-release:NAME="Debian GNU/Linux"
+/usr/lib/os-release:PRETTY_NAME="not this one"
+/sys/class/net/eth0/speed:1000
+""",
+    "cpus": "2\n",
+    "links": json.dumps([LO, ETH0, DOCKER0, VXLAN]),
+    "routes": json.dumps(ROUTES),
+    "devices": "dev /dev/kvm\ndev /dev/net/tun\ndev /dev/video0\nalias /dev/stderr\nalias /dev/rplidar\n",
+    "wireless": "",
+    "disk": """\
+Filesystem     1024-blocks     Used Available Capacity Mounted on
+/dev/vda1        264212084 24175904  82215008      23% /
+/dev/vdb1          1000000   400000    500000      45% /var/lib/docker
+/dev/vda1        264212084 24175904  82215008      23% /
+/dev/vda1        264212084 24175904  82215008      23% /
+""",
+}
+
+PI = {
+    "identity": "clock 1795223388.25\nmachine aarch64\nuid 0\nconnection 10.0.0.1 50022 10.0.0.5 22\nuser pi\n",
+    "files": """\
+/proc/loadavg:1.52 0.90 0.40 3/201 2345
+/proc/meminfo:MemTotal:        3884408 kB
+/proc/meminfo:MemFree:         2337516 kB
+/proc/meminfo:MemAvailable:    2942204 kB
+/proc/meminfo:SwapTotal:        102396 kB
+/proc/meminfo:SwapFree:          51198 kB
+/proc/sys/kernel/hostname:turtle7
+/proc/sys/kernel/osrelease:6.6.31-v8+
+/proc/sys/kernel/version:#1 SMP PREEMPT_RT Debian 1:6.6.31-1+rpt1 (2024-05-29)
+/etc/os-release:PRETTY_NAME="Debian GNU/Linux 12 (bookworm)"
+/proc/device-tree/model:Raspberry Pi 4 Model B Rev 1.4\0
+/sys/class/video4linux/video0/name:UVC Camera (046d:0825)
+/sys/class/video4linux/video10/name:bcm2835-codec-decode
+/sys/class/video4linux/video13/name:bcm2835-isp-output0
+""",
+    "cpus": "4\n",
+    "links": json.dumps([LO, {**ETH0, "addr_info": [], "flags": ["BROADCAST"]}, WLAN0]),
+    "routes": json.dumps([{"dst": "default", "gateway": "10.0.0.1", "dev": "wlan0", "metric": 600}]),
+    "devices": """\
+dev /dev/video0
+dev /dev/video10
+dev /dev/ttyUSB0
+dev /dev/ttyAMA0
+dev /dev/i2c-1
+dev /dev/spidev0.0
+dev /dev/gpiochip0
+dev /dev/input/js0
+dev /dev/dri/card0
+dev /dev/dri/renderD128
+dev /dev/snd/pcmC0D0p
+dev /dev/serial/by-id/usb-Silicon_Labs_CP2102_0001-if00-port0
+""",
+    "wireless": "wireless wlan0\nConnected to 3c:28:6d:00:00:01 (on wlan0)\n\tSSID: lab\n\ttx bitrate: 72.2 MBit/s\n",
+    "disk": """\
+Filesystem     1024-blocks    Used Available Capacity Mounted on
+/dev/root         30358728 5120644  23966784      18% /
+/dev/root         30358728 5120644  23966784      18% /
+""",
+}
+
+BUSYBOX = {
+    **COMPUTER,
+    "identity": "clock 1795223387.%N\nmachine armv7l\nuid 1000\nconnection \nuser robot\n",
+    "disk": """\
+Filesystem           1024-blocks    Used Available Capacity Mounted on
+/dev/mmcblk0p2       264212084 24175900  82215012  23% /
+""",
+    "devices": "",
+}
+
+
+def replies(
+    robot: dict[str, str], version: object = VERSION, info: object = INFO, traffic: str | None = None
+) -> list[Reply]:
+    """Give the replies in the order of `host_queries`; with `version` None there is no engine."""
+    shell = [Reply(status=0, out=robot[probe.name]) for probe in PROBES]
+    if version is None:
+        engine = [Reply(status=0, err="no Docker Engine listens on /var/run/docker.sock", ok=False)] * len(ENGINE)
+    else:
+        engine = [Reply(status=200, out=json.dumps(value)) for value in (version, info)]
+    found = [*shell, *engine, *([Reply(status=0, out=traffic)] if traffic is not None else [])]
+    assert len(found) == len(host_queries(sample=traffic is not None))
+    return found

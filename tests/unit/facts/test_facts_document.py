@@ -1,0 +1,61 @@
+"""`facts --json` and the table."""
+
+import dataclasses
+import json
+from pathlib import Path
+
+import jsonschema
+from robot_outputs import COMPUTER, PI, TRAFFIC, replies
+
+from srprov import data
+from srprov.cli.facts_table import facts_table
+from srprov.definitions.model import Host
+from srprov.facts.document import facts_document, facts_json
+from srprov.facts.hardware import TAGS
+from srprov.facts.host import parse_host
+from srprov.facts.model import Docker, HostFacts, Link
+
+ROOT = Path(__file__).parents[3]
+ONE = parse_host(Host(name="robot1", address="a"), replies(COMPUTER, traffic=TRAFFIC), None)
+PI7 = parse_host(Host(name="turtle7", address="a"), replies(PI, None), None)
+
+
+def test_the_document_is_what_its_schema_says() -> None:
+    document = facts_document({"turtle7": PI7, "robot1": ONE}, {"robot3": "connection refused"})
+    schema = data.schema("facts")
+    jsonschema.Draft202012Validator.check_schema(schema)
+    jsonschema.validate(json.loads(json.dumps(document)), schema)
+    assert list(document["robots"]) == ["robot1", "turtle7"]
+    assert document["robots"]["turtle7"]["docker"] is None
+
+
+def test_the_schema_names_every_field_and_describes_it() -> None:
+    definitions = data.schema("facts")["$defs"]
+    for kind, name in ((HostFacts, "robot"), (Docker, "docker"), (Link, "link")):
+        properties = definitions[name]["properties"]
+        assert list(properties) == [field.name for field in dataclasses.fields(kind)]
+        assert all(value["description"].endswith(".") for value in properties.values())
+
+
+def test_json_has_lists_not_tuples() -> None:
+    assert facts_json(ONE)["links"][1]["addresses"] == ["192.0.2.2/24", "fd00::2/64", "fe80::fc:ff:fe00:1/64"]
+
+
+def test_the_table() -> None:
+    reason = "connection refused\n  is the robot on?"
+    golden = (ROOT / "tests" / "golden" / "facts-table.txt").read_text(encoding="utf-8")
+    assert facts_table({"turtle7": PI7, "robot1": ONE}, {"robot3": reason}) == golden
+
+
+def test_an_unknown_speed_is_a_question_mark() -> None:
+    assert "  ?  " in facts_table({"r": dataclasses.replace(ONE, speed_mbit=0.0)}, {})
+
+
+def test_no_robots_is_a_heading() -> None:
+    assert facts_table({}, {}).count("\n") == 1
+
+
+def test_every_tag_is_in_the_manual() -> None:
+    manual = (ROOT / "docs" / "facts.md").read_text(encoding="utf-8")
+    for tag, how in TAGS.items():
+        assert f"| `{tag}` | {how} |" in manual

@@ -1,0 +1,310 @@
+"""One robot's facts, from what real robots answer."""
+
+import dataclasses
+import json
+
+import pytest
+from robot_outputs import (
+    BUSYBOX,
+    COMPUTER,
+    DOCKER0,
+    ETH0,
+    INFO,
+    LO,
+    PI,
+    ROUTES,
+    TRAFFIC,
+    VERSION,
+    VXLAN,
+    WLAN0,
+    replies,
+)
+
+from srprov.definitions.model import Host
+from srprov.facts.host import docker_arch, host_queries, parse_host
+from srprov.wire import EngineQuery, Measures, Query, Reply
+
+HOST = Host(name="robot1", address="robot1.example")
+KIB = 1024
+
+
+def test_the_questions_are_one_batch_with_the_engine_in_it() -> None:
+    plain, sampled = host_queries(sample=False), host_queries(sample=True)
+    assert sampled[:-1] == plain
+    assert [q.path for q in plain if isinstance(q, EngineQuery)] == ["/version", "/info"]
+    assert sum(isinstance(q, Query) for q in plain) <= 10
+    assert "date" in plain[0].command
+
+
+def test_a_computer() -> None:
+    facts = parse_host(HOST, replies(COMPUTER, traffic=TRAFFIC), None, now=1795223385.25)
+    assert (facts.name, facts.hostname, facts.arch, facts.cpus, facts.load1) == ("robot1", "vm", "amd64", 2, 0.17)
+    assert (facts.memory_total, facts.memory_available) == (24684096 * KIB, 24307996 * KIB)
+    assert (facts.swap_total, facts.swap_free) == (0, 0)
+    assert (facts.kernel, facts.os) == ("6.1.0-37-amd64", "Debian GNU/Linux 12 (bookworm)")
+    assert facts.docker is not None
+    assert (facts.docker.version, facts.docker.api_version) == ("20.10.24+dfsg1", "1.41")
+    assert (facts.docker.root, facts.docker.storage_driver) == ("/var/lib/docker", "overlay2")
+    assert not facts.docker.rootless
+    assert facts.docker_problem == ""
+    assert (facts.disk_total, facts.disk_free) == (1000000 * KIB, 500000 * KIB)
+    assert (facts.underlay_link, facts.underlay_address, facts.underlay_mtu) == ("eth0", "192.0.2.2", 1400)
+    assert (facts.speed_mbit, facts.traffic_mbit) == (1000.0, 20.0)
+    assert facts.routes == ("0.0.0.0/0", "172.17.0.0/16", "192.0.2.0/24")
+    assert facts.devices == ("/dev/kvm", "/dev/net/tun", "/dev/rplidar", "/dev/video0")
+    assert facts.tags == ("amd64", "camera")
+    assert facts.clock_offset_s == 2.25
+    assert (facts.user, facts.privileged, facts.slots) == ("root", True, 1)
+
+
+def test_links_say_what_the_overlay_must_know() -> None:
+    links = {link.name: link for link in parse_host(HOST, replies(COMPUTER), None).links}
+    assert list(links) == ["docker0", "eth0", "lo", "srpv7"]
+    assert links["eth0"].addresses == ("192.0.2.2/24", "fd00::2/64", "fe80::fc:ff:fe00:1/64")
+    assert (links["eth0"].mtu, links["eth0"].speed_mbit, links["eth0"].kind) == (1400, 1000.0, "")
+    vxlan = links["srpv7"]
+    assert (vxlan.kind, vxlan.vni, vxlan.port, vxlan.alias) == ("vxlan", 77, 4789, "srprov:hello")
+
+
+def test_a_raspberry_pi_on_wifi() -> None:
+    facts = parse_host(HOST, replies(PI, {**VERSION, "Arch": "arm64"}), None, now=1795223388.25)
+    assert (facts.arch, facts.cpus, facts.load1) == ("arm64", 4, 1.52)
+    assert (facts.swap_total, facts.swap_free) == (102396 * KIB, 51198 * KIB)
+    assert (facts.underlay_link, facts.underlay_address) == ("wlan0", "10.0.0.5")
+    assert facts.speed_mbit == 72.2
+    assert facts.clock_offset_s == 0
+    assert facts.tags == tuple(
+        sorted(
+            ["arm64", "audio", "camera", "gpio", "gpu", "i2c", "joystick", "raspberrypi", "rt", "serial", "spi", "wifi"]
+        )
+    )
+    assert facts.user == "pi"
+
+
+def test_wifi_without_a_known_speed() -> None:
+    facts = parse_host(HOST, replies({**PI, "wireless": "wireless wlan0\n"}), None)
+    assert facts.speed_mbit == 0
+    assert "wifi" in facts.tags
+
+
+def test_a_board_that_only_decodes_video_has_no_camera() -> None:
+    devices = "dev /dev/video10\ndev /dev/video13\n"
+    assert "camera" not in parse_host(HOST, replies({**PI, "devices": devices}), None).tags
+
+
+def test_a_jetson() -> None:
+    model = "/proc/device-tree/model:NVIDIA Jetson Orin Nano Developer Kit\0\n/sys/kernel/realtime:1\n"
+    robot = {**PI, "files": model, "devices": "dev /dev/nvhost-gpu\n"}
+    tags = parse_host(HOST, replies(robot), None).tags
+    assert {"jetson", "gpu", "nvidia", "rt"} <= set(tags)
+    assert "raspberrypi" not in tags
+
+
+def test_a_32_bit_engine_on_a_64_bit_kernel_runs_32_bit_containers() -> None:
+    assert parse_host(HOST, replies(PI, {**VERSION, "Arch": "arm"}), None).arch == "arm"
+
+
+def test_busybox_knows_no_fractions_of_a_second() -> None:
+    facts = parse_host(HOST, replies(BUSYBOX, None), None, now=1795223387.0)
+    assert facts.clock_offset_s == 0.5
+    assert (facts.arch, facts.privileged, facts.user) == ("arm", False, "robot")
+    assert facts.docker is None
+    assert facts.docker_problem == "no Docker Engine listens on /var/run/docker.sock"
+    assert facts.disk_free == 82215012 * KIB
+
+
+@pytest.mark.parametrize(
+    ("version", "problem"),
+    [
+        ({}, "the engine answered 200"),
+        ([], "the engine answered 200"),
+        ({"Version": "20.10", "ApiVersion": "../../etc"}, "the engine answered 200"),
+        ({"Version": 3, "ApiVersion": "1.41"}, "the engine answered 200"),
+    ],
+)
+def test_an_engine_that_talks_nonsense_is_none(version: object, problem: str) -> None:
+    facts = parse_host(HOST, replies(COMPUTER, version), None)
+    assert (facts.docker, facts.docker_problem) == (None, problem)
+
+
+def test_a_rootless_engine_with_its_data_elsewhere() -> None:
+    info = {**INFO, "SecurityOptions": ["name=rootless"], "DockerRootDir": "/home/robot/.local/share/docker"}
+    disk = COMPUTER["disk"] + "/dev/vdc1 2000 500 1000 50% /home\n"
+    facts = parse_host(HOST, replies({**COMPUTER, "disk": disk}, info=info), None)
+    assert facts.docker is not None
+    assert facts.docker.rootless
+    assert facts.disk_total == 2000 * KIB
+
+
+def test_the_inventory_wins_and_adds() -> None:
+    host = dataclasses.replace(
+        HOST, tags=("lidar", "amd64"), slots=3, devices=("/dev/ttyS3",), bandwidth_mbit=54.0, user="robot"
+    )
+    facts = parse_host(host, replies(COMPUTER), None, slots_default=2)
+    assert facts.tags == ("amd64", "camera", "lidar")
+    assert "/dev/ttyS3" in facts.devices
+    assert (facts.slots, facts.speed_mbit) == (3, 54.0)
+    assert parse_host(HOST, replies(COMPUTER), None, slots_default=2).slots == 2
+
+
+def test_the_controller_itself_is_measured_by_psutil() -> None:
+    measures = Measures(
+        cpus=8,
+        load1=2.0,
+        memory_total=100,
+        memory_available=60,
+        swap_total=10,
+        swap_free=5,
+        link_speed_mbit={"eth0": 2500.0, "lo": 0.0},
+    )
+    facts = parse_host(HOST, replies(COMPUTER), measures)
+    assert (facts.cpus, facts.load1, facts.memory_total, facts.memory_available) == (8, 2.0, 100, 60)
+    assert (facts.swap_total, facts.swap_free, facts.speed_mbit) == (10, 5, 2500.0)
+
+
+def test_processors_come_from_sys_where_cpuinfo_numbers_none() -> None:
+    files = "/sys/devices/system/cpu/online:0-3,6\n"
+    assert parse_host(HOST, replies({**COMPUTER, "cpus": "0\n", "files": files}), None).cpus == 5
+
+
+def test_an_old_kernel_without_memavailable() -> None:
+    files = "".join(line for line in COMPUTER["files"].splitlines(True) if "MemAvailable" not in line)
+    facts = parse_host(HOST, replies({**COMPUTER, "files": files}), None)
+    assert facts.memory_available == (24337516 + 8880 + 94972) * KIB
+
+
+def test_absurd_numbers_are_kept_in_bounds() -> None:
+    files = """\
+/proc/loadavg:99999999999 nan inf
+/proc/meminfo:MemTotal: 1000 kB
+/proc/meminfo:MemAvailable: 999999999999999999 kB
+/proc/meminfo:SwapTotal: -5 kB
+/proc/meminfo:SwapFree: 7 kB
+/sys/class/net/eth0/speed:4294967295
+"""
+    facts = parse_host(HOST, replies({**COMPUTER, "files": files, "cpus": "123456789\n"}), None)
+    assert facts.load1 == 100_000.0
+    assert facts.memory_available == facts.memory_total == 1000 * KIB
+    assert (facts.swap_total, facts.swap_free) == (0, 0)
+    assert facts.cpus == 4096
+    assert facts.speed_mbit == 0
+
+
+def test_nothing_at_all_is_still_a_robot() -> None:
+    facts = parse_host(HOST, [], None, now=5.0)
+    assert (facts.name, facts.cpus, facts.docker, facts.clock_offset_s) == ("robot1", 1, None, 0.0)
+    assert facts.docker_problem
+    assert not facts.privileged
+
+
+def test_control_characters_never_come_through() -> None:
+    files = '/proc/sys/kernel/hostname:\x1b[31mred\u202e\x07\n/etc/os-release:PRETTY_NAME="x\x1b]0;t\x07"\n'
+    facts = parse_host(HOST, replies({**COMPUTER, "files": files}), None)
+    assert facts.hostname == "[31mred"
+    assert facts.os == "x]0;t"
+
+
+def test_one_file_cannot_speak_for_another() -> None:
+    files = "/etc/os-release:NAME=x\x0c/proc/loadavg:55.0 1 1\n/proc/loadavg:1.0 1 1\n"
+    assert parse_host(HOST, replies({**COMPUTER, "files": files}), None).load1 == 1.0
+
+
+@pytest.mark.parametrize(
+    ("machine", "arch"),
+    [
+        ("x86_64", "amd64"),
+        ("AMD64", "amd64"),
+        ("aarch64", "arm64"),
+        ("armv7l", "arm"),
+        ("armv6l", "arm"),
+        ("i686", "386"),
+        ("riscv64", "riscv64"),
+        ("loongarch64", "loongarch64"),
+        ("", ""),
+        ("a b", ""),
+        ("$(x)", ""),
+    ],
+)
+def test_architectures_by_dockers_names(machine: str, arch: str) -> None:
+    assert docker_arch(machine) == arch
+
+
+UP = ["UP"]
+BRIDGE = {"ifname": "br-0123456789ab", "flags": UP, "addr_info": [{"local": "172.18.0.1", "prefixlen": 16}]}
+VPN = {"ifname": "tun0", "flags": UP, "mtu": 1420, "addr_info": [{"local": "10.9.0.2", "prefixlen": 24}]}
+SIX = {"ifname": "eth6", "flags": UP, "mtu": 1500, "addr_info": [{"local": "2001:db8::7", "prefixlen": 64}]}
+LINKLOCAL = {"ifname": "eth9", "flags": UP, "addr_info": [{"local": "169.254.3.4", "prefixlen": 16}]}
+
+
+@pytest.mark.parametrize(
+    ("wish", "connection", "address", "reached", "links", "routes", "expected"),
+    [
+        pytest.param(
+            None, "ssh", "r", "192.0.2.2", [LO, ETH0, VPN], ROUTES, ("eth0", "192.0.2.2"), id="where SSH reached it"
+        ),
+        pytest.param(None, "ssh", "r", "::ffff:10.9.0.2", [ETH0, VPN], ROUTES, ("tun0", "10.9.0.2"), id="IPv4 in IPv6"),
+        pytest.param(None, "ssh", "r", "2001:db8::7", [ETH0, SIX], ROUTES, ("eth6", "2001:db8::7"), id="IPv6"),
+        pytest.param(
+            None, "ssh", "r", "fe80::fc:ff:fe00:1", [ETH0], ROUTES, ("eth0", "192.0.2.2"), id="link-local IPv6"
+        ),
+        pytest.param(
+            None, "ssh", "r", "127.0.0.1", [LO, ETH0], ROUTES, ("eth0", "192.0.2.2"), id="through a tunnel to loopback"
+        ),
+        pytest.param(
+            None, "ssh", "r", "172.17.0.1", [DOCKER0, ETH0], ROUTES, ("eth0", "192.0.2.2"), id="never Docker's"
+        ),
+        pytest.param(
+            None, "ssh", "r", "172.18.0.1", [BRIDGE, ETH0], ROUTES, ("eth0", "192.0.2.2"), id="never Docker's bridge"
+        ),
+        pytest.param(None, "ssh", "r", "10.77.0.1", [VXLAN, ETH0], ROUTES, ("eth0", "192.0.2.2"), id="never ours"),
+        pytest.param(
+            None, "ssh", "10.9.0.2", "", [ETH0, VPN], ROUTES, ("tun0", "10.9.0.2"), id="the inventory's address"
+        ),
+        pytest.param(
+            None, "local", "r", "10.9.0.2", [ETH0, VPN], ROUTES, ("eth0", "192.0.2.2"), id="local: not the user's SSH"
+        ),
+        pytest.param(None, "ssh", "r", "", [ETH0], [], ("eth0", "192.0.2.2"), id="no route, one interface"),
+        pytest.param(None, "ssh", "r", "", [ETH0, VPN], [], ("", ""), id="no route, two interfaces"),
+        pytest.param(None, "ssh", "r", "169.254.3.4", [LINKLOCAL], [], ("eth9", "169.254.3.4"), id="no DHCP"),
+        pytest.param("tun0", "ssh", "r", "192.0.2.2", [ETH0, VPN], ROUTES, ("tun0", "10.9.0.2"), id="wish: interface"),
+        pytest.param(
+            "10.9.0.2", "ssh", "r", "192.0.2.2", [ETH0, VPN], ROUTES, ("tun0", "10.9.0.2"), id="wish: address"
+        ),
+        pytest.param("10.9.0.2/24", "ssh", "r", "", [ETH0, VPN], ROUTES, ("tun0", "10.9.0.2"), id="wish: with prefix"),
+        pytest.param("wlan7", "ssh", "r", "192.0.2.2", [ETH0], ROUTES, ("", ""), id="wish: not there"),
+        pytest.param("lo", "ssh", "r", "192.0.2.2", [LO, ETH0], ROUTES, ("", ""), id="wish: loopback"),
+    ],
+)
+def test_underlay(
+    wish: str | None,
+    connection: str,
+    address: str,
+    reached: str,
+    links: list[object],
+    routes: list[object],
+    expected: tuple[str, str],
+) -> None:
+    host = Host(name="r", address=address, underlay=wish, connection=connection)
+    identity = f"clock 1.0\nmachine x86_64\nuid 0\nconnection 1.1.1.1 5 {reached} 22\nuser root\n"
+    robot = {**COMPUTER, "identity": identity, "links": json.dumps(links), "routes": json.dumps(routes)}
+    facts = parse_host(host, replies(robot), None)
+    assert (facts.underlay_link, facts.underlay_address) == expected
+
+
+def test_the_better_default_route_wins() -> None:
+    routes = [{"dst": "default", "dev": "wlan0", "metric": 600}, {"dst": "default", "dev": "eth0", "metric": 100}]
+    robot = {**BUSYBOX, "links": json.dumps([ETH0, WLAN0]), "routes": json.dumps(routes)}
+    assert parse_host(HOST, replies(robot), None).underlay_link == "eth0"
+
+
+def test_a_radio_counts_both_directions_and_a_cable_the_busier() -> None:
+    shared = {**COMPUTER, "wireless": "wireless eth0\n"}
+    assert parse_host(HOST, replies(shared, traffic=TRAFFIC), None).traffic_mbit == 30.0
+    assert parse_host(HOST, replies(COMPUTER, traffic=TRAFFIC), None).traffic_mbit == 20.0
+    assert parse_host(HOST, replies(COMPUTER), None).traffic_mbit == 0.0
+
+
+def test_a_failed_command_still_counts_with_what_it_said() -> None:
+    answers = replies(COMPUTER)
+    answers[0] = Reply(status=1, out=answers[0].out, err="x", ok=False)
+    assert parse_host(HOST, answers, None).arch == "amd64"

@@ -1,0 +1,95 @@
+"""The build context: what goes in, and the same bytes everywhere."""
+
+import io
+import tarfile
+
+import pytest
+
+from srprov.images.context import context_tar, entries_of, folder_entries, ignore_rule
+from srprov.images.plan import Entry
+
+
+def members(blob: bytes) -> dict[str, tarfile.TarInfo]:
+    with tarfile.open(fileobj=io.BytesIO(blob)) as tar:
+        return {member.name: member for member in tar.getmembers()}
+
+
+def test_the_tar_is_the_same_whatever_the_order() -> None:
+    entries = [Entry(path="b/c/x", content=b"1", mode=0o755), Entry(path="a", content=b"2"), Entry(path="l", link="a")]
+    blob = context_tar("FROM x\n", entries)
+    assert blob == context_tar("FROM x\n", list(reversed(entries)))
+    found = members(blob)
+    assert list(found) == ["Dockerfile", "a", "b", "b/c", "b/c/x", "l"]
+    assert {(m.mtime, m.uid, m.gid, m.uname, m.gname) for m in found.values()} == {(0, 0, 0, "", "")}
+    assert [oct(found[name].mode) for name in ("a", "b", "b/c/x")] == ["0o644", "0o755", "0o755"]
+    assert (found["l"].issym(), found["l"].linkname) == (True, "a")
+
+
+def test_our_dockerfile_takes_the_place_of_another() -> None:
+    with tarfile.open(fileobj=io.BytesIO(context_tar("ours", [Entry(path="Dockerfile", content=b"theirs")]))) as tar:
+        file = tar.extractfile("Dockerfile")
+        assert file is not None
+        assert file.read() == b"ours"
+
+
+def test_long_and_foreign_names() -> None:
+    names = ["x" * 150 + "/" + "y" * 150, "grüße"]
+    assert set(names) <= members(context_tar("", [Entry(path=name) for name in names])).keys()
+
+
+def test_a_file_and_its_mode(disk) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
+    lab = disk({"/lab/a": b"1", "/lab/b": b"2"}, x=("/lab/b",))
+    assert entries_of("files/0", "/lab/a", "", lab.listing, lab.read) == [Entry(path="files/0", content=b"1")]
+    assert entries_of("files/0", "/lab/b", "", lab.listing, lab.read)[0].mode == 0o755
+    assert entries_of("files/0", "/lab/b", "0640", lab.listing, lab.read)[0].mode == 0o640
+    for mode in ("rwx", "99", "0o755", "7 5 5", "77777"):
+        with pytest.raises(ValueError, match="octal"):
+            entries_of("files/0", "/lab/b", mode, lab.listing, lab.read)
+
+
+def test_a_folder(disk) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
+    lab = disk({"/lab/t/a": b"1", "/lab/t/s/b": b"2"}, links={"/lab/t/l": "a"})
+    found = {entry.path: entry for entry in entries_of("files/3", "/lab/t", "0600", lab.listing, lab.read)}
+    assert set(found) == {"files/3/a", "files/3/s/b", "files/3/l"}
+    assert found["files/3/s/b"].mode == 0o600
+    assert found["files/3/l"].link == "a"
+
+
+@pytest.mark.parametrize("name", ["../x", "a/../b", "a\nb"])
+def test_names_that_cannot_be(disk, name: str) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
+    lab = disk({f"/lab/t/{name}": b""})
+    with pytest.raises(ValueError, match="name"):
+        entries_of("f", "/lab/t", "", lab.listing, lab.read)
+
+
+@pytest.mark.parametrize(
+    ("patterns", "out", "kept"),
+    [
+        ("*.log", ["a.log"], ["d/a.log", "a.txt"]),
+        ("**/*.log", ["a.log", "d/e/a.log"], ["a.txt"]),
+        ("build", ["build", "build/x/y"], ["src/build/x"]),
+        ("/build/", ["build/x"], ["src/build"]),
+        ("a/*/c", ["a/b/c"], ["a/c", "a/b/d/c"]),
+        ("a/**", ["a/b", "a/b/c"], ["b"]),
+        ("a/**/z", ["a/z", "a/b/c/z"], ["z"]),
+        ("?.py", ["a.py"], ["ab.py", ".py/x"]),
+        ("[a-c].py", ["b.py"], ["d.py"]),
+        ("[^a-c].py", ["d.py"], ["b.py"]),
+        (r"\*.py", ["*.py"], ["a.py"]),
+        ("*\n!keep.txt", ["a"], ["keep.txt"]),
+        ("*\n!src\nsrc/*.o", ["a", "src/a.o"], ["src/a.c"]),
+        ("# a comment\n\n  x  ", ["x"], ["# a comment"]),
+        ("./x", ["x"], ["y"]),
+        ("a.b+(c)", ["a.b+(c)"], ["axb+(c)"]),
+    ],
+)
+def test_dockerignore(patterns: str, out: list[str], kept: list[str]) -> None:
+    rule = ignore_rule(patterns.splitlines())
+    assert [path for path in [*out, *kept] if rule(path)] == out
+
+
+def test_a_dockerfiles_folder(disk) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
+    names = ["Dockerfile", ".dockerignore", "src/a.c", "src/a.o", ".git/HEAD", "talker.edf", "experiment.lock", "x.cdf"]
+    lab = disk({f"/lab/{name}": b"" for name in names} | {"/lab/.dockerignore": b"**/*.o\n!x.cdf\n"})
+    found = {entry.path for entry in folder_entries("/lab", lab.listing, lab.read)}
+    assert found == {"Dockerfile", ".dockerignore", "src/a.c", "x.cdf"}

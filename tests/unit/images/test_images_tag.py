@@ -1,0 +1,182 @@
+"""The content tag: equal content, equal tag; anything that goes in, another one."""
+
+import dataclasses
+import io
+import tarfile
+
+import pytest
+
+from srprov.definitions.model import BuildFile, ContainerDefinition, Requirements, Runtime
+from srprov.errors import DefinitionError, Location
+from srprov.images.plan import ImagePlan
+from srprov.images.tag import locate_failure, plan_image
+
+FILES = {"/lab/talker.py": b"print(1)", "/lab/conf/a.yml": b"a: 1"}
+CDF = ContainerDefinition(
+    name="talker",
+    file="/lab/talker.cdf",
+    folder="/lab",
+    base="debian:bookworm",
+    apt=("curl",),
+    files=(
+        BuildFile(source="/lab/talker.py", dest="/opt/talker.py", mode="0755"),
+        BuildFile(source="/lab/conf", dest="/etc/talker"),
+    ),
+    run=("true", "false"),
+    lines={"base": 2, "run.0": 7, "run.1": 8, "files.1": 5},
+)
+DOCKERFILE = b"ARG TAG=12\nFROM debian:${TAG} AS build\nRUN make\nFROM scratch\nCOPY --from=build /x /x\n"
+
+
+@pytest.fixture
+def lab(disk):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
+    return disk(FILES)
+
+
+def plan(cdf: ContainerDefinition, lab) -> ImagePlan:  # type: ignore[no-untyped-def]  # noqa: ANN001
+    return plan_image(cdf, lab.listing, lab.read)
+
+
+def test_the_plan_is_complete(lab) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
+    found = plan(dataclasses.replace(CDF, platforms=("linux/arm64",)), lab)
+    assert found.tag == "srprov/talker:86ec3a6eab5ca0cd"
+    assert (found.base, found.pinned, found.platforms) == ("docker.io/library/debian:bookworm", False, ("linux/arm64",))
+    with tarfile.open(fileobj=io.BytesIO(found.context)) as tar:
+        assert tar.getnames() == ["Dockerfile", "files", "files/0", "files/1", "files/1/a.yml"]
+        assert tar.getmember("files/0").mode == 0o755
+        dockerfile = tar.extractfile("Dockerfile")
+        assert dockerfile is not None
+        assert dockerfile.read().decode() == found.dockerfile
+
+
+def test_equal_definitions_in_other_folders_have_one_tag(lab, disk) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
+    moved = dataclasses.replace(
+        CDF,
+        file="/home/x/t.cdf",
+        folder="/home/x",
+        lines={},
+        location=Location("t.cdf", 9),
+        base="docker.io/library/debian:bookworm",
+        description="another word",
+        requires=Requirements(tags=("lidar",)),
+        files=tuple(
+            dataclasses.replace(f, source=f.source.replace("/lab", "/home/x"), mode=f.mode.lstrip("0"))
+            for f in CDF.files
+        ),
+    )
+    there = disk({name.replace("/lab", "/home/x"): content for name, content in FILES.items()})
+    one, two = plan(CDF, lab), plan(moved, there)
+    assert one.tag == two.tag
+    assert one.context == two.context
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"base": "debian:trixie"},
+        {"base": "debian:bookworm@sha256:" + "0" * 64},
+        {"apt": ("curl", "jq")},
+        {"pip": ("numpy",)},
+        {"run": ("true",)},
+        {"build_environment": {"A": "1"}},
+        {"runtime": Runtime(command=("x",))},
+        {"files": CDF.files[:1]},
+        {"files": (dataclasses.replace(CDF.files[0], mode="0644"), CDF.files[1])},
+        {"name": "listener"},
+    ],
+    ids=str,
+)
+def test_whatever_goes_in_changes_the_tag(lab, change: dict[str, object]) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
+    assert plan(dataclasses.replace(CDF, **change), lab).tag != plan(CDF, lab).tag  # type: ignore[arg-type]
+
+
+def test_a_files_content_and_executable_bit_change_the_tag(lab, disk) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
+    tags = {
+        plan(CDF, lab).tag,
+        plan(CDF, disk({**FILES, "/lab/conf/a.yml": b"a: 2"})).tag,
+        plan(CDF, disk(FILES, x=("/lab/conf/a.yml",))).tag,
+        plan(CDF, disk({**FILES, "/lab/conf/b.yml": b""})).tag,
+    }
+    assert len(tags) == 4
+
+
+@pytest.mark.parametrize(
+    ("name", "repository"),
+    [("talker", "talker"), ("My Talker_2", "my-talker-2"), ("--", "cdf"), ("grüße", "gr-e"), ("a" * 200, "a" * 100)],
+)
+def test_names_become_repositories(lab, name: str, repository: str) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
+    assert plan(dataclasses.replace(CDF, name=name), lab).tag.split(":")[0] == f"srprov/{repository}"
+
+
+def test_files_that_are_not_there_are_problems_at_their_lines(disk) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
+    with pytest.raises(DefinitionError) as caught:
+        plan(CDF, disk({"/other": b""}))
+    assert [(p.location.line, p.path, p.message) for p in caught.value.problems] == [
+        (1, "files.0", "No such file or directory"),
+        (5, "files.1", "No such file or directory"),
+    ]
+
+
+def test_a_ready_image_has_nothing_to_build(lab) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
+    with pytest.raises(ValueError, match="ready image"):
+        plan(dataclasses.replace(CDF, base="", image="debian"), lab)
+
+
+def from_dockerfile(disk, text: bytes, **change: object) -> ImagePlan:  # type: ignore[no-untyped-def]  # noqa: ANN001
+    cdf = ContainerDefinition(
+        name="lidar",
+        file="/lab/lidar.cdf",
+        folder="/lab",
+        dockerfile="/lab/lidar/Dockerfile",
+        **change,  # type: ignore[arg-type]
+    )
+    return plan(cdf, disk({"/lab/lidar/Dockerfile": text, "/lab/lidar/src/x.c": b"x"}))
+
+
+def test_a_dockerfile_is_built_as_it_is_and_marked_as_ours(disk) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
+    found = from_dockerfile(disk, DOCKERFILE)
+    assert found.dockerfile == DOCKERFILE.decode() + 'LABEL srprov.cdf="lidar"\n'
+    with tarfile.open(fileobj=io.BytesIO(found.context)) as tar:
+        assert tar.getnames() == ["Dockerfile", "src", "src/x.c"]
+    assert found.lines[3] == Location("/lab/lidar/Dockerfile", 3)
+    assert from_dockerfile(disk, DOCKERFILE.replace(b"\n", b"\r\n")).tag == found.tag
+
+
+@pytest.mark.parametrize(
+    ("text", "base", "pinned"),
+    [
+        (b"FROM debian:12\n", "docker.io/library/debian:12", False),
+        (b"from --platform=linux/arm64 ghcr.io/a/b@sha256:" + b"0" * 64, "ghcr.io/a/b@sha256:" + "0" * 64, True),
+        (b"FROM a AS x\nFROM b\nFROM x\n", "docker.io/library/a:latest", False),
+        (b"FROM scratch\n", "scratch", True),
+        (DOCKERFILE, "scratch", False),
+        (b"FROM ${BASE}\n", "${BASE}", False),
+        (b"", "", False),
+    ],
+)
+def test_what_a_dockerfile_starts_from(disk, text: bytes, base: str, pinned: bool) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
+    found = from_dockerfile(disk, text)
+    assert (found.base, found.pinned) == (base, pinned)
+
+
+def test_what_a_dockerfile_cannot_take_is_refused(disk) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
+    with pytest.raises(DefinitionError) as caught:
+        from_dockerfile(disk, b"FROM a\n", apt=("curl",), run=("true",))
+    assert [problem.path for problem in caught.value.problems] == ["packages.apt", "run"]
+
+
+@pytest.mark.parametrize(
+    ("output", "line"),
+    [
+        ('Step 1/7 : FROM debian:bookworm\nStep 6/7 : RUN ["/bin/sh"]\nThe command returned a non-zero code: 1', 8),
+        ("Step 1/7 : FROM debian:bookworm\npull access denied", 2),
+        ("dockerfile parse error line 1: unknown instruction", 2),
+        ("dockerfile parse error on line 8: unknown", 8),
+        ("Dockerfile:7\n--------------------", 7),
+        ("no space left on device", None),
+        ("Step 99/7 : x", None),
+    ],
+)
+def test_a_failed_build_points_to_the_definition(lab, output: str, line: int | None) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
+    found = locate_failure(plan(CDF, lab), output)
+    assert (found.line if found else None) == line

@@ -1,0 +1,185 @@
+"""VNI, names and subnet: a documented hash, what is in use, what the EDF wants, and what others have."""
+
+from __future__ import annotations
+
+import hashlib
+from ipaddress import IPv4Network
+
+import pytest
+
+from srprov.definitions.model import NetworkWishes
+from srprov.errors import UsageError
+from srprov.facts.model import Existing, Found, Link
+from srprov.network.identity import POOL, identify, link_names, number
+from srprov.network.record import Record
+from tests.unit.assignment.worlds import found, robot
+
+NO_WISH = NetworkWishes()
+HELLO = identify("hello", NO_WISH, Found(facts={}, existing={}))
+
+
+def network(instance: str, **state: object) -> Existing:
+    return Existing(module="network", name=f"srprov.{instance}", instance=instance, state=state)
+
+
+def with_networks(*per_robot: Existing) -> Found:
+    robots = [robot(f"r{index}") for index in range(len(per_robot))]
+    return found(*robots, existing={one.name: (thing,) for one, thing in zip(robots, per_robot, strict=True)})
+
+
+def test_the_hash_is_the_documented_one() -> None:
+    digest = hashlib.sha256(b"srprov/vni/hello/").hexdigest()
+    assert number("vni", "hello") == int(digest[:16], 16)
+    assert number("service", "hello", "talker") == int(
+        hashlib.sha256(b"srprov/service/hello/talker").hexdigest()[:16], 16
+    )
+
+
+def test_what_hello_gets_never_changes() -> None:
+    assert HELLO.vni == 0x100000 + number("vni", "hello") % 0xF00000
+    assert (HELLO.vni, str(HELLO.subnet)) == (8602346, "10.231.112.0/20")
+    assert (HELLO.bridge, HELLO.link, HELLO.network) == ("srpbabf8c589", "srpvabf8c589", "srprov.hello")
+    assert HELLO.port == 4789
+
+
+@pytest.mark.parametrize("instance", ["a", "hello", "x" * 32, "hello-2"])
+def test_everything_has_its_bounds(instance: str) -> None:
+    identity = identify(instance, NO_WISH, Found(facts={}, existing={}))
+    assert 0x100000 <= identity.vni <= 0xFFFFFF
+    assert identity.subnet.subnet_of(POOL)
+    assert identity.subnet.prefixlen == 20
+    assert all(len(name) == 12 for name in link_names(instance))
+
+
+@pytest.mark.parametrize(
+    "facts",
+    [
+        {"routes": ("0.0.0.0/0", "10.231.113.0/24")},
+        {"routes": ("10.231.0.0/18", "10.231.64.0/18")},
+        {"links": (Link(name="br-1", addresses=("fe80::1/64", "10.231.120.1/24")),)},
+        {"underlay_address": "10.231.127.254"},
+    ],
+)
+def test_a_taken_subnet_gives_way_to_the_next(facts: dict[str, object]) -> None:
+    assert identify("hello", NO_WISH, found(robot("r1"), robot("r2", **facts))).subnet == IPv4Network("10.231.128.0/20")
+
+
+def test_routes_that_lead_everywhere_claim_nothing() -> None:
+    vpn = robot("r1", routes=("0.0.0.0/0", "0.0.0.0/1", "128.0.0.0/1", "default", "fd00::/8", "nonsense"))
+    assert identify("hello", NO_WISH, found(vpn)).subnet == HELLO.subnet
+
+
+def test_no_subnet_left() -> None:
+    with pytest.raises(UsageError, match=r"no /20 of 10\.128\.0\.0/9 is free"):
+        identify("hello", NO_WISH, found(robot("r1", routes=("10.0.0.0/8",))))
+
+
+@pytest.mark.parametrize(
+    ("link", "vni"),
+    [
+        (Link(name="vx0", kind="vxlan", vni=8602346, port=4789), 8602347),
+        (Link(name="vx0", kind="vxlan", vni=8602346, port=8472), 8602346),
+        (Link(name="srpvabf8c589", kind="vxlan", vni=8602346, port=4789, alias="srprov:hello"), 8602346),
+        (Link(name="srpvabf8c589", kind="vxlan", vni=8602346, port=4789), 8602346),
+    ],
+)
+def test_a_vni_gives_way_on_the_same_port_only(link: Link, vni: int) -> None:
+    assert identify("hello", NO_WISH, found(robot("r1", links=(link,)))).vni == vni
+
+
+def test_other_instances_are_avoided_also_where_only_their_record_is_known() -> None:
+    theirs = {"subnet": "10.231.112.0/20", "vni": 8602346, "port": 4789}
+    for there in (with_networks(network("other", **theirs)), found(robot("r1"), placements={"other": theirs})):
+        identity = identify("hello", NO_WISH, there)
+        assert (identity.vni, str(identity.subnet)) == (8602347, "10.231.128.0/20")
+
+
+def test_what_the_instance_uses_wins_over_the_hash_and_over_claims() -> None:
+    used = network("hello", subnet="10.140.16.0/20", vni=1234567, port=4789)
+    mine = Link(name="srpbabf8c589", kind="bridge", addresses=("10.140.20.1/20",))
+    there = found(robot("r1", routes=("10.140.16.0/20",), links=(mine,)), existing={"r1": (used,)})
+    identity = identify("hello", NO_WISH, there)
+    assert (identity.vni, str(identity.subnet)) == (1234567, "10.140.16.0/20")
+
+
+def test_the_record_speaks_when_no_network_is_there() -> None:
+    record = Record(subnet="10.140.16.0/20", vni=1234567)
+    identity = identify("hello", NO_WISH, found(robot("r1")), record)
+    assert (identity.vni, str(identity.subnet)) == (1234567, "10.140.16.0/20")
+
+
+def test_our_own_bridge_claims_nothing_even_when_all_else_is_lost() -> None:
+    mine = Link(name="srpbabf8c589", kind="bridge", addresses=("10.231.114.1/20",))
+    there = found(robot("r1", routes=("10.231.112.0/20",), links=(mine,)))
+    assert identify("hello", NO_WISH, there).subnet == HELLO.subnet
+
+
+def test_robots_that_differ_follow_most_of_them() -> None:
+    nets = [network("hello", subnet=f"10.{second}.0.0/20", vni=vni) for second, vni in ((200, 9), (130, 7), (130, 7))]
+    identity = identify("hello", NO_WISH, with_networks(*nets))
+    assert (identity.vni, str(identity.subnet)) == (7, "10.130.0.0/20")
+    identity = identify("hello", NO_WISH, with_networks(*nets[:2]))
+    assert (identity.vni, str(identity.subnet)) == (7, "10.130.0.0/20")
+
+
+@pytest.mark.parametrize(
+    "state",
+    [
+        {"subnet": "0.0.0.0/0", "vni": 1 << 24},
+        {"subnet": "192.168.0.0/24", "vni": -1},
+        {"subnet": "fd00::/64", "vni": "8602346"},
+        {"subnet": 7, "vni": None},
+        {},
+    ],
+)
+def test_what_a_robot_says_is_not_believed_when_it_cannot_be(state: dict[str, object]) -> None:
+    there = found(robot("r1", underlay_address="192.168.0.7"), existing={"r1": (network("hello", **state),)})
+    identity = identify("hello", NO_WISH, there)
+    assert (identity.vni, identity.subnet) == (HELLO.vni, HELLO.subnet)
+
+
+def test_wishes_win() -> None:
+    wishes = NetworkWishes(subnet="172.30.0.0/24", vni=42, port=8472)
+    used = network("hello", subnet="10.140.16.0/20", vni=1234567, port=4789)
+    identity = identify("hello", wishes, with_networks(used))
+    assert (identity.vni, str(identity.subnet), identity.port) == (42, "172.30.0.0/24", 8472)
+
+
+def test_a_wish_for_what_we_have_is_no_conflict() -> None:
+    used = network("hello", subnet="172.30.0.0/24", vni=42, port=4789)
+    mine = Link(name="srpvabf8c589", kind="vxlan", vni=42, port=4789, alias="srprov:hello")
+    there = found(robot("r1", routes=("172.30.0.0/24",), links=(mine,)), existing={"r1": (used,)})
+    for subnet in ("172.30.0.0/24", "172.30.0.0/16"):
+        assert str(identify("hello", NetworkWishes(subnet=subnet, vni=42), there).subnet) == subnet
+
+
+@pytest.mark.parametrize(
+    ("wishes", "message"),
+    [
+        (NetworkWishes(subnet="192.168.0.0/16"), r"192\.168\.0\.0/16 overlaps the route to 192\.168\.7\.0/24 on r1"),
+        (NetworkWishes(subnet="172.17.0.0/24"), "overlaps link docker0 on r1"),
+        (NetworkWishes(subnet="10.200.0.0/20"), "overlaps instance 'other'"),
+        (NetworkWishes(subnet="fd00::/64"), "is not an IPv4 network"),
+        (NetworkWishes(subnet="10.0.0.0/30"), "of size /8 to /29"),
+        (NetworkWishes(subnet="big"), "is not an IPv4 network"),
+        (NetworkWishes(vni=77), "vni 77 is used by link vx0 on r1"),
+        (NetworkWishes(vni=78), "vni 78 is used by instance 'other'"),
+        (NetworkWishes(vni=0), r"vni 0 is not in 1\.\.16777215"),
+    ],
+)
+def test_wishes_that_meet_something_foreign(wishes: NetworkWishes, message: str) -> None:
+    links = (
+        Link(name="docker0", kind="bridge", addresses=("172.17.0.1/16",)),
+        Link(name="vx0", kind="vxlan", vni=77, port=4789),
+    )
+    other = {"other": {"subnet": "10.200.0.0/20", "vni": 78, "port": 4789}}
+    there = found(robot("r1", routes=("192.168.7.0/24",), links=links), placements=other)
+    with pytest.raises(UsageError, match=message) as caught:
+        identify("hello", wishes, there)
+    assert caught.value.hint
+
+
+def test_a_link_of_our_name_that_is_anothers() -> None:
+    link = Link(name="srpvabf8c589", kind="vxlan", alias="srprov:twin")
+    with pytest.raises(UsageError, match="link srpvabf8c589 on r1 belongs to 'twin'"):
+        identify("hello", NO_WISH, found(robot("r1", links=(link,))))

@@ -1,0 +1,232 @@
+"""Who is where on the overlay, and what each robot must know."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import pytest
+
+from srprov.definitions.model import Experiment, NetworkWishes
+from srprov.errors import UsageError
+from srprov.facts.model import Found
+from srprov.network.hosts import hosts_file
+from srprov.network.layout import Overlay, layout
+from srprov.network.record import read_record, record
+from tests.unit.assignment.worlds import experiment, found, robot, service
+
+PLACED = {"map": "r1", "talker": "r2", "listener": "r3"}
+
+
+def lab(**per_robot: Mapping[str, object]) -> Found:
+    names = ("r1", "r2", "r3")
+    return found(*(robot(n, **{"underlay_address": f"192.168.0.{n[1]}", **per_robot.get(n, {})}) for n in names))
+
+
+def three(**fields: object) -> Experiment:
+    return experiment(*(service(name) for name in PLACED), **fields)
+
+
+def test_every_member_knows_all_others() -> None:
+    overlay = layout(three(), PLACED, lab())
+    assert overlay.active
+    assert overlay.vteps == {"r1": "192.168.0.1", "r2": "192.168.0.2", "r3": "192.168.0.3"}
+    assert overlay.flood["r2"] == ("192.168.0.1", "192.168.0.3")
+    assert set(overlay.fdb["r2"]) == {
+        (overlay.macs["map"], "192.168.0.1"),
+        (overlay.macs["listener"], "192.168.0.3"),
+    }
+    assert overlay.fdb["r2"] == tuple(sorted(overlay.fdb["r2"]))
+    assert len({*overlay.addresses.values(), *overlay.gateways.values()}) == 6
+    assert overlay.names == overlay.addresses
+
+
+def test_several_services_on_one_robot_need_no_entries_there() -> None:
+    overlay = layout(three(), dict.fromkeys(PLACED, "r1"), lab())
+    assert overlay.vteps == {"r1": "192.168.0.1"}
+    assert overlay.flood == {"r1": ()}
+    assert overlay.fdb == {"r1": ()}
+
+
+def test_a_robot_with_nothing_on_the_overlay_is_no_member() -> None:
+    what = experiment(service("map"), service("talker", network="host"), service("listener", network="none"))
+    overlay = layout(what, PLACED, lab())
+    assert list(overlay.vteps) == ["r1"]
+    assert overlay.underlays == {"r1": "192.168.0.1", "r2": "192.168.0.2", "r3": "192.168.0.3"}
+    assert overlay.names == {"map": overlay.addresses["map"], "talker": "192.168.0.2"}
+
+
+def test_both_has_an_address_but_no_interface_of_its_own() -> None:
+    what = experiment(service("map"), service("talker", network="both"), service("listener"))
+    overlay = layout(what, PLACED, lab())
+    assert overlay.names["talker"] == overlay.addresses["talker"]
+    assert sorted(overlay.macs) == ["listener", "map"]
+    assert "r2" in overlay.vteps
+    assert [vtep for _, vtep in overlay.fdb["r1"]] == ["192.168.0.3"]
+
+
+def test_without_the_overlay_names_remain() -> None:
+    what = experiment(*(service(name, network="host") for name in PLACED))
+    overlay = layout(what, PLACED, lab())
+    assert not overlay.active
+    assert (overlay.vni, overlay.subnet, overlay.mtu, overlay.bridge) == (0, "", 0, "")
+    assert overlay.names == {"map": "192.168.0.1", "talker": "192.168.0.2", "listener": "192.168.0.3"}
+
+
+def test_the_instance_is_the_experiments_name_unless_given() -> None:
+    assert layout(three(), PLACED, lab()).network == "srprov.hello"
+    other = layout(three(), PLACED, lab(), instance="second")
+    assert (other.instance, other.network) == ("second", "srprov.second")
+    assert other.vni != layout(three(), PLACED, lab()).vni
+
+
+@pytest.mark.parametrize(
+    ("per_robot", "wish", "mtu"),
+    [
+        ({}, None, 1450),
+        ({"r2": {"underlay_mtu": 1420}}, None, 1370),
+        ({"r1": {"underlay_mtu": 9000}, "r2": {"underlay_mtu": 9000}, "r3": {"underlay_mtu": 9000}}, None, 8950),
+        ({f"r{i}": {"underlay_address": f"fd00::{i}"} for i in (1, 2, 3)}, None, 1430),
+        ({}, 1300, 1300),
+        ({}, 1450, 1450),
+    ],
+)
+def test_mtu(per_robot: dict[str, dict[str, object]], wish: int | None, mtu: int) -> None:
+    assert layout(three(network=NetworkWishes(mtu=wish)), PLACED, lab(**per_robot)).mtu == mtu
+
+
+@pytest.mark.parametrize(
+    ("per_robot", "wishes", "message"),
+    [
+        ({"r2": {"underlay_mtu": 1400}}, {"mtu": 1400}, "network.mtu 1400 is more than r2's underlay leaves: 1350"),
+        ({"r2": {"underlay_address": ""}}, {}, "r2 has no address that other robots reach"),
+        ({"r3": {"underlay_address": "192.168.0.1"}}, {}, "r1 and r3 have the same underlay address 192.168.0.1"),
+        ({"r2": {"underlay_address": "fd00::2"}}, {}, "r3 has an IPv4 underlay address, r2 an IPv6 one"),
+        ({}, {"subnet": "10.200.0.0/29", "vni": 1}, None),
+    ],
+)
+def test_what_cannot_be_a_segment(
+    per_robot: dict[str, dict[str, object]], wishes: dict[str, object], message: str | None
+) -> None:
+    what = three(network=NetworkWishes(**wishes))
+    if message is None:
+        assert layout(what, PLACED, lab(**per_robot)).subnet == "10.200.0.0/29"
+        return
+    with pytest.raises(UsageError, match=message) as caught:
+        layout(what, PLACED, lab(**per_robot))
+    assert caught.value.hint
+
+
+def test_a_robot_out_of_reach_stays_a_member_with_all_it_had() -> None:
+    what, before = three(), layout(three(), PLACED, lab(r2={"underlay_mtu": 1400}))
+    remembered = record(before, what, PLACED, "here")
+    rest = [one for name, one in lab().facts.items() if name != "r2"]
+    there = found(*rest, unreachable={"r2": "no route to host"}, placements={"hello": remembered})
+    assert layout(what, PLACED, there) == before
+
+
+def test_a_robot_out_of_reach_that_nobody_remembers_is_left_out() -> None:
+    rest = [one for name, one in lab().facts.items() if name != "r2"]
+    overlay = layout(three(), PLACED, found(*rest, unreachable={"r2": ""}))
+    assert list(overlay.vteps) == ["r1", "r3"]
+    assert overlay.flood == {"r1": ("192.168.0.3",), "r3": ("192.168.0.1",)}
+    assert "talker" in overlay.addresses
+
+
+def test_a_service_keeps_its_addresses_when_it_moves() -> None:
+    before = layout(three(), PLACED, lab())
+    after = layout(three(), {**PLACED, "map": "r3"}, lab())
+    assert after.addresses == before.addresses
+    assert after.macs == before.macs
+    assert after.gateways.items() <= before.gateways.items()
+
+
+def test_hosts_file() -> None:
+    overlay = Overlay(instance="x", underlays={}, names={"talker": "10.0.0.9", "cam": "fd00::1", "map": "10.0.0.10"})
+    assert hosts_file(overlay) == (
+        "127.0.0.1\tlocalhost\n"
+        "::1\tlocalhost ip6-localhost ip6-loopback\n"
+        "ff02::1\tip6-allnodes\n"
+        "ff02::2\tip6-allrouters\n"
+        "fd00::1\tcam\n"
+        "10.0.0.10\tmap\n"
+        "10.0.0.9\ttalker\n"
+    )
+
+
+def test_the_record_holds_the_whole_placement() -> None:
+    what = experiment(service("map"), service("talker", network="host"))
+    placed = {"talker": "r2", "map": "r1"}
+    overlay = layout(what, placed, lab())
+    value = record(overlay, what, placed, "git@example.org:lab/hello.git hello.edf")
+    assert value == {
+        "instance": "hello",
+        "mtu": 1450,
+        "port": 4789,
+        "robots": {
+            "r1": {"gateway": overlay.gateways["r1"], "vtep": "192.168.0.1"},
+            "r2": {"gateway": "", "vtep": "192.168.0.2"},
+        },
+        "serial": 1,
+        "services": {
+            "map": {"ip": overlay.addresses["map"], "mac": overlay.macs["map"], "network": "overlay", "robot": "r1"},
+            "talker": {"ip": "", "mac": "", "network": "host", "robot": "r2"},
+        },
+        "source": "git@example.org:lab/hello.git hello.edf",
+        "subnet": overlay.subnet,
+        "vni": overlay.vni,
+    }
+    assert list(value) == sorted(value)
+
+
+def test_the_serial_counts_changes_only() -> None:
+    what, overlay = three(), layout(three(), PLACED, lab())
+    first = record(overlay, what, PLACED, "here")
+    assert record(overlay, what, PLACED, "here", first) == first
+    moved = {**PLACED, "map": "r2"}
+    second = record(layout(what, moved, lab()), what, moved, "here", {**first, "serial": 41})
+    assert second["serial"] == 42
+
+
+def test_read_record_gives_back_what_was_written() -> None:
+    what, overlay = three(), layout(three(), PLACED, lab())
+    read = read_record(record(overlay, what, PLACED, "here"))
+    assert read is not None
+    assert read.robots == PLACED
+    assert {name: str(ip) for name, ip in read.addresses.items()} == overlay.addresses
+    assert read.macs == overlay.macs
+    assert read.vteps == overlay.vteps
+    assert (read.vni, read.subnet, read.mtu, read.source, read.serial) == (
+        overlay.vni,
+        overlay.subnet,
+        1450,
+        "here",
+        1,
+    )
+    assert read_record(None) is None
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        {},
+        {"services": [], "robots": "x", "vni": True, "serial": -3, "mtu": "1450", "subnet": None},
+        {
+            "services": {"a": {"robot": 1, "ip": "10.0.0.999", "mac": "02:zz"}, "b": 7},
+            "robots": {"r": {"vtep": "$(id)"}},
+        },
+    ],
+)
+def test_read_record_believes_nothing_odd(value: dict[str, object]) -> None:
+    read = read_record(value)
+    assert read is not None
+    assert not (read.robots or read.addresses or read.macs or read.vteps or read.gateways)
+    assert (read.vni, read.subnet, read.mtu, read.source, read.serial) == (0, "", 0, "", 0)
+
+
+@pytest.mark.parametrize(("wish", "remembered", "mtu"), [(None, 1200, 1200), (None, 5, 1450), (1400, 1200, 1400)])
+def test_the_mtu_of_a_robot_out_of_reach_is_the_last_placements(wish: int | None, remembered: int, mtu: int) -> None:
+    what = three(network=NetworkWishes(mtu=wish))
+    value = {**record(layout(what, PLACED, lab()), what, PLACED, "here"), "mtu": remembered}
+    rest = [one for name, one in lab().facts.items() if name != "r2"]
+    there = found(*rest, unreachable={"r2": ""}, placements={"hello": value})
+    assert layout(what, PLACED, there).mtu == mtu
