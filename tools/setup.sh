@@ -19,14 +19,15 @@ tc:iproute2
 iptables:iptables
 ping:iputils-ping
 debootstrap:debootstrap
+busybox:busybox
 docker-registry:docker-registry
 sudo:sudo
 unshare:util-linux
 nsenter:util-linux
 modprobe:kmod
 "
-# Packages by name: what they bring is no program of its own, or one that another package has too.
-PACKAGES="busybox-static ca-certificates"
+# Packages that bring no program of their own.
+PACKAGES="ca-certificates"
 
 # Services of these packages. Where they were not there before, they are disabled again: the lab starts its own.
 UNITS="docker.service docker.socket containerd.service ssh.service docker-registry.service"
@@ -120,7 +121,7 @@ install_packages() {
     apt="apt-get -q -o Dpkg::Use-Pty=0 -o DPkg::Lock::Timeout=300 -o Acquire::Retries=3"
     $apt update || fail "apt-get update failed; see the lines above"
     # shellcheck disable=SC2086 # a list of words
-    $apt install -y --no-install-recommends $missing || fail "apt-get install failed; see the lines above"
+    $apt install -y --no-install-recommends --no-remove $missing || fail "apt-get install failed; see the lines above"
     for unit in $(unit_files); do
         case " $(echo "$units_before" | tr '\n' ' ') " in
             *" $unit "*) ;;

@@ -34,7 +34,7 @@ class Problem:
     robots: tuple[str, ...]
     """All robots by name, also those that cannot be reached."""
     slots: Mapping[str, int]
-    """Free places per reachable robot; what `frozen` holds there is taken off."""
+    """Free places per reachable robot, at most one per node; what `frozen` holds there is taken off."""
     alphas: Mapping[str, float]
     """Pre-defined cost per service."""
     loads: Mapping[str, tuple[Load, ...]]

@@ -47,14 +47,15 @@ def build(
     before = {name: previous[name] for name in services if name in previous}
     groups = tuple(_contract(services, experiment.same_robot))
     frozen = {} if reassign_unreachable else _freeze(groups, before, found.unreachable)
-    free = _free_slots(found.facts, slots or {}, experiment.placement.slots_per_robot, frozen.values())
+    total = {robot: (slots or {}).get(robot, experiment.placement.slots_per_robot) for robot in sorted(found.facts)}
+    free = _free_slots(total, tuple(frozen.values()), len(groups))
     reference = experiment.placement.bandwidth_reference_mbit
     return Problem(
         nodes=tuple(group for group in groups if not frozen.keys() & set(group)),
         robots=tuple(sorted({*found.facts, *found.unreachable})),
-        slots={robot: left for robot, (left, _) in free.items()},
+        slots=free,
         alphas={name: service.cost for name, service in services.items()},
-        loads={robot: _per_slot(load(found.facts[robot], reference), *free[robot]) for robot in free},
+        loads={robot: _per_slot(load(found.facts[robot], reference), free[robot], total[robot]) for robot in free},
         misses=_with_groups(groups, _own_misses(services, containers, found)),
         weights=experiment.weights,
         previous=before,
@@ -84,13 +85,9 @@ def _freeze(groups: Sequence[Node], before: Mapping[str, str], unreachable: Mapp
     return frozen
 
 
-def _free_slots(
-    facts: Mapping[str, HostFacts], slots: Mapping[str, int], default: int, frozen: Iterable[str]
-) -> dict[str, tuple[int, int]]:
-    """Give (free, all) slots per reachable robot; frozen services that stand on a reachable one take theirs."""
-    taken = list(frozen)
-    total = {robot: slots.get(robot, default) for robot in sorted(facts)}
-    return {robot: (max(0, count - taken.count(robot)), count) for robot, count in total.items()}
+def _free_slots(total: Mapping[str, int], frozen: Sequence[str], nodes: int) -> dict[str, int]:
+    """Give the free slots per reachable robot, no more than could be used; what is frozen there takes its own."""
+    return {robot: max(0, min(nodes, count - frozen.count(robot))) for robot, count in total.items()}
 
 
 def _per_slot(idle: Load, free: int, slots: int) -> tuple[Load, ...]:

@@ -74,7 +74,7 @@ def _flow(problem: Problem, *, sticky: bool) -> Chosen | None:
 
     nodes, flow = problem.nodes, min_cost_flow.SimpleMinCostFlow()
     node_at = {node: index for index, node in enumerate(nodes)}
-    places = [(robot, slot) for robot in problem.slots for slot in range(min(problem.slots[robot], len(nodes)))]
+    places = [(robot, slot) for robot in problem.slots for slot in range(problem.slots[robot])]
     sink, place_at = len(nodes) + len(places), {place: len(nodes) + i for i, place in enumerate(places)}
     arcs = _arcs(problem, sticky=sticky)
     for (node, place), price in arcs.items():
@@ -89,17 +89,16 @@ def _flow(problem: Problem, *, sticky: bool) -> Chosen | None:
         return None
     if status != flow.OPTIMAL:
         raise SrprovError(f"the min-cost flow solver gave up: {status.name}", hint="this is a bug of srprov")
-    return _packed({node: place for i, (node, place) in enumerate(arcs) if flow.flow(i)})
+    return {node: place for i, (node, place) in enumerate(arcs) if flow.flow(i)}
 
 
 def _arcs(problem: Problem, *, sticky: bool) -> dict[tuple[Node, tuple[str, int]], int]:
     """Give the integer cost of every possible (node, (robot, slot)), in the order the solver gets them."""
-    slots = {robot: min(count, len(problem.nodes)) for robot, count in problem.slots.items()}
     units = {
         (node, (robot, slot)): round(problem.node_cost(node, robot, slot) * SCALE)
         for node in problem.nodes
         for robot in problem.eligible(node)
-        for slot in range(slots[robot])
+        for slot in range(problem.slots[robot])
     }
     services = sum(len(node) for node in problem.nodes)
     largest = 1 + len(problem.nodes) * max(units.values(), default=0)
@@ -107,16 +106,6 @@ def _arcs(problem: Problem, *, sticky: bool) -> dict[tuple[Node, tuple[str, int]
     if sticky:
         return {arc: moves[arc] * largest + unit for arc, unit in units.items()}
     return {arc: unit * (services + 1) + moves[arc] for arc, unit in units.items()}
-
-
-def _packed(chosen: Chosen) -> Chosen:
-    """Give the same with used slots numbered from 0: where slots cost the same, the solver may leave a hole."""
-    used: dict[str, int] = {}
-    packed: Chosen = {}
-    for node, (robot, _) in sorted(chosen.items(), key=lambda item: (item[1], item[0])):
-        packed[node] = (robot, used.get(robot, 0))
-        used[robot] = packed[node][1] + 1
-    return packed
 
 
 def _units(problem: Problem, chosen: Chosen) -> int:

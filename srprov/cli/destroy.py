@@ -71,12 +71,10 @@ def named_instance(file: str | None, instance: str) -> tuple[str, str]:
         return instance, ""
     from pathlib import Path
 
+    from srprov.definitions.named import experiment_name
     from srprov.definitions.source import source_of
 
-    definitions_name = instance
-    if not definitions_name:
-        definitions_name = options.load_experiment(file).experiment.name
-    return definitions_name, source_of(str(Path(file).resolve()))
+    return instance or experiment_name(file), source_of(str(Path(file).resolve()))
 
 
 def other_names(found: object, name: str, source: str) -> list[str]:

@@ -8,56 +8,19 @@ from __future__ import annotations
 import json
 import os
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
 
 import click
 
-from srprov.errors import DefinitionError, SrprovError, UsageError
+from srprov.cli.output import err as say
+from srprov.cli.output import out
+from srprov.errors import UsageError
 from srprov.lab import lab as labs
 from srprov.lab.places import MOST_ROBOTS
 
 
-def say(line: str) -> None:
-    """Progress goes to stderr, answers to stdout."""
-    click.echo(line, err=True)
-
-
-@contextmanager
-def errors_as_exit_codes() -> Iterator[None]:
-    """Turn srprov's errors into messages and documented exit codes."""
-    try:
-        yield
-    except DefinitionError as error:
-        for problem in error.problems:
-            say(f"{problem.location}: {problem.message}" + (f" ({problem.hint})" if problem.hint else ""))
-            if problem.excerpt:
-                say(f"    {problem.excerpt}\n    {' ' * (problem.location.column - 1)}^")
-        sys.exit(error.exit_code)
-    except SrprovError as error:
-        say(f"error: {error.message}" + (f"\n  {error.hint}" if error.hint else ""))
-        sys.exit(error.exit_code)
-    except KeyboardInterrupt:
-        say("interrupted; `srprov lab up` goes on from here, `srprov lab down` removes all")
-        sys.exit(130)
-
-
-class LabGroup(click.Group):
-    """A group whose usage errors are 5: click's own 2 would read as drift."""
-
-    def invoke(self, context: click.Context) -> object:
-        """Run the verb."""
-        try:
-            with errors_as_exit_codes():
-                return super().invoke(context)
-        except click.UsageError as error:
-            error.show()
-            sys.exit(5)
-
-
-@click.group(cls=LabGroup)
+@click.group()
 def lab() -> None:
     """Robots on this machine, for tests and demonstrations (Linux, root)."""
 
@@ -99,13 +62,13 @@ def status(as_json: bool) -> None:
     """Show the robots and whether they are ready."""
     seen = labs.status()
     if as_json:
-        click.echo(json.dumps({"robots": {each.name: asdict(each) for each in seen}}, indent=2))
+        out(json.dumps({"robots": {each.name: asdict(each) for each in seen}}, indent=2))
         return
     if not seen:
-        click.echo("the lab is down")
+        out("the lab is down")
     for each in seen:
         memory = "" if each.memory is None else f"{each.memory / 2**20:6.0f} MiB"
-        click.echo(f"{each.name:<10} {each.address:<15} {each.state:<8} {memory}")
+        out(f"{each.name:<10} {each.address:<15} {each.state:<8} {memory}")
 
 
 @lab.command()

@@ -108,7 +108,7 @@ def _bound(name: str) -> Any:  # noqa: ANN401 - a keyword function of jsonschema
 
     def keyword(validator: Any, limit: float, instance: Any, _schema: Any) -> Iterator[ValidationError]:  # noqa: ANN401
         if validator.is_type(instance, "number") and breaks(nodes.as_number(instance.node), limit):
-            yield ValidationError(f"{instance} is {words} {limit:g}")
+            yield ValidationError(f"{instance} is {words} {limit}")
 
     return keyword
 
@@ -231,7 +231,7 @@ def _misspelt(node: Node, wanted: list[str], rules: Mapping[str, Any]) -> bool:
     """Tell whether an unknown key of a map was meant to be one of the wanted: one mistake is told once."""
     known = rules.get("properties", {})
     unknown = [key for key in node.entries if key not in known] if isinstance(node, Map) else []
-    return any(did_you_mean(key, set(known) - set(unknown)) == f"did you mean '{one}'?" for key in unknown for one in wanted)
+    return any(did_you_mean(key, known) == f"did you mean '{one}'?" for key in unknown for one in wanted)
 
 
 def _at_root(error: Any, keyword: str) -> bool:  # noqa: ANN401

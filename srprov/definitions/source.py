@@ -15,7 +15,7 @@ from pathlib import Path
 
 def source_of(path: str) -> str:
     """Give the source text of an EDF at an absolute path."""
-    here = Path(path)
+    here = Path(path).resolve()
     for folder in here.parents:
         url = _remote(folder / ".git")
         if url:

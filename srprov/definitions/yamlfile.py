@@ -131,6 +131,8 @@ class _Composer:
         tag = _own_tag(event.tag)
         node: Node
         if name == "ScalarEvent":
+            if "\0" in event.value:
+                raise self._stop(event, "holds a NUL character, which no file, command or variable can")
             plain = (event.style in (None, "") and event.tag is None) or event.tag in _PLAIN_TAGS
             node = Scalar(self.source, line, column, event.value, plain, tag)
         elif name == "SequenceStartEvent":

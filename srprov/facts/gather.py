@@ -66,7 +66,7 @@ def _one(host: Host, readers: Readers, sample: bool) -> tuple[HostFacts, tuple[E
 
 def _placements(reply: Reply) -> list[Mapping[str, Any]]:
     """Read one JSON document per line; a record that is not of the right shape is as good as none."""
-    found = []
+    found: list[Mapping[str, Any]] = []
     for line in reply.out[:_SIZE_LIMIT].splitlines():
         try:
             record = json.loads(line)

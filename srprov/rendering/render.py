@@ -72,7 +72,7 @@ def _items(template: Any, name: str, host: str, context: Mapping[str, Any]) -> S
 def _resource(
     item: Mapping[str, Any], host: str, modules: Collection[str], blobs: Mapping[str, bytes], source: str
 ) -> Resource:
-    kind = next(iter(item), None)
+    kind = str(next(iter(item), ""))
     if kind not in modules:
         known = ", ".join(sorted(modules))
         raise RenderError(f"{source}: the first key of an item names its module, '{kind}' is none", hint=f"known: {known}")

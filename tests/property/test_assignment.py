@@ -209,18 +209,31 @@ def test_a_sticky_answer_does_not_follow_the_load(world: World, loads: list[floa
     assert later.solve().placed == first.placed
 
 
-@settings(max_examples=400, deadline=None)
-@given(worlds())
+@st.composite
+def crowds(draw: st.DrawFn) -> World:
+    """Give worlds of little else than requirements: most have conflicts, often several."""
+    names = "abcdefgh"[: draw(st.integers(2, 8))]
+    robots = ROBOTS[: draw(st.integers(1, 6))]
+    facts = [robot(one, tags=tuple(sorted(draw(st.sets(st.sampled_from(names)))))) for one in robots]
+    what = experiment(*(service(name, tags=(name,)) for name in names))
+    return World(what=what, where=found(*facts), slots={name: draw(st.integers(1, 2)) for name in robots})
+
+
+@settings(max_examples=1000, deadline=None)
+@given(st.one_of(worlds(), crowds()))
 def test_a_conflict_is_one_and_no_part_of_it_is(world: World) -> None:
     task = world.problem()
     conflict = explain.smallest_conflict(task)
-    assert bool(conflict) is not any(True for _ in brute_force(world))
+    eligible = {node: task.eligible(node) for node in task.nodes}
+    assert bool(conflict) is not fits(task.nodes, eligible, world.slots)
     if not conflict:
         return
-    eligible = {node: task.eligible(node) for node in conflict}
     assert not fits(conflict, eligible, world.slots)
     for node in conflict:
         assert fits([other for other in conflict if other != node], eligible, world.slots)
+    error = explain.no_assignment(task)
+    assert error.hint
+    assert sorted(error.misses) == sorted(name for node in conflict for name in node)
 
 
 def fits(

@@ -43,6 +43,13 @@ def test_two_services_compete_for_one_robot_and_the_rest_is_not_named() -> None:
     assert error.misses["b"] == {"r2": "needs tag 'x' (has: y)", "r3": "needs tag 'x' (has: none)"}
 
 
+def test_the_conflict_of_few_is_told_before_that_of_many() -> None:
+    many = [service(name) for name in "abcd"]
+    few = [service(name, tags=("x",)) for name in "yz"]
+    error = refusal(experiment(*many, *few), found(robot("r1", tags=("x",)), robot("r2"), robot("r3")))
+    assert error.message.startswith("'y' and 'z' can run only on r1 ")
+
+
 def test_more_services_than_robots() -> None:
     error = refusal(experiment(*(service(name) for name in "abc")), found(robot("r1"), robot("r2")))
     assert error.message == "'a', 'b' and 'c' can run only on r1 (1 slot) and r2 (1 slot): 3 places needed, 2 there"

@@ -1,4 +1,4 @@
-"""Every broken file in `tests/cases/broken/` through the real command line: exit 5, the right places, the right words."""
+"""Every broken file in `tests/cases/broken/` through the real command line: exit 5, the right places and words."""
 
 from __future__ import annotations
 

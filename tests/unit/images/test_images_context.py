@@ -4,6 +4,7 @@ import io
 import tarfile
 
 import pytest
+from controller_disk import Disk
 
 from srprov.images.context import context_tar, entries_of, folder_entries, ignore_rule
 from srprov.images.plan import Entry
@@ -37,8 +38,8 @@ def test_long_and_foreign_names() -> None:
     assert set(names) <= members(context_tar("", [Entry(path=name) for name in names])).keys()
 
 
-def test_a_file_and_its_mode(disk) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
-    lab = disk({"/lab/a": b"1", "/lab/b": b"2"}, x=("/lab/b",))
+def test_a_file_and_its_mode() -> None:
+    lab = Disk({"/lab/a": b"1", "/lab/b": b"2"}, x=("/lab/b",))
     assert entries_of("files/0", "/lab/a", "", lab.listing, lab.read) == [Entry(path="files/0", content=b"1")]
     assert entries_of("files/0", "/lab/b", "", lab.listing, lab.read)[0].mode == 0o755
     assert entries_of("files/0", "/lab/b", "0640", lab.listing, lab.read)[0].mode == 0o640
@@ -47,8 +48,8 @@ def test_a_file_and_its_mode(disk) -> None:  # type: ignore[no-untyped-def]  # n
             entries_of("files/0", "/lab/b", mode, lab.listing, lab.read)
 
 
-def test_a_folder(disk) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
-    lab = disk({"/lab/t/a": b"1", "/lab/t/s/b": b"2"}, links={"/lab/t/l": "a"})
+def test_a_folder() -> None:
+    lab = Disk({"/lab/t/a": b"1", "/lab/t/s/b": b"2"}, links={"/lab/t/l": "a"})
     found = {entry.path: entry for entry in entries_of("files/3", "/lab/t", "0600", lab.listing, lab.read)}
     assert set(found) == {"files/3/a", "files/3/s/b", "files/3/l"}
     assert found["files/3/s/b"].mode == 0o600
@@ -56,8 +57,8 @@ def test_a_folder(disk) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
 
 
 @pytest.mark.parametrize("name", ["../x", "a/../b", "a\nb"])
-def test_names_that_cannot_be(disk, name: str) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
-    lab = disk({f"/lab/t/{name}": b""})
+def test_names_that_cannot_be(name: str) -> None:
+    lab = Disk({f"/lab/t/{name}": b""})
     with pytest.raises(ValueError, match="name"):
         entries_of("f", "/lab/t", "", lab.listing, lab.read)
 
@@ -88,8 +89,8 @@ def test_dockerignore(patterns: str, out: list[str], kept: list[str]) -> None:
     assert [path for path in [*out, *kept] if rule(path)] == out
 
 
-def test_a_dockerfiles_folder(disk) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
+def test_a_dockerfiles_folder() -> None:
     names = ["Dockerfile", ".dockerignore", "src/a.c", "src/a.o", ".git/HEAD", "talker.edf", "experiment.lock", "x.cdf"]
-    lab = disk({f"/lab/{name}": b"" for name in names} | {"/lab/.dockerignore": b"**/*.o\n!x.cdf\n"})
+    lab = Disk({f"/lab/{name}": b"" for name in names} | {"/lab/.dockerignore": b"**/*.o\n!x.cdf\n"})
     found = {entry.path for entry in folder_entries("/lab", lab.listing, lab.read)}
     assert found == {"Dockerfile", ".dockerignore", "src/a.c", "x.cdf"}

@@ -5,6 +5,7 @@ import io
 import tarfile
 
 import pytest
+from controller_disk import Disk
 
 from srprov.definitions.model import BuildFile, ContainerDefinition, Requirements, Runtime
 from srprov.errors import DefinitionError, Location
@@ -29,17 +30,17 @@ DOCKERFILE = b"ARG TAG=12\nFROM debian:${TAG} AS build\nRUN make\nFROM scratch\n
 
 
 @pytest.fixture
-def lab(disk):  # type: ignore[no-untyped-def]  # noqa: ANN001, ANN201
-    return disk(FILES)
+def lab() -> Disk:
+    return Disk(FILES)
 
 
-def plan(cdf: ContainerDefinition, lab) -> ImagePlan:  # type: ignore[no-untyped-def]  # noqa: ANN001
+def plan(cdf: ContainerDefinition, lab: Disk) -> ImagePlan:
     return plan_image(cdf, lab.listing, lab.read)
 
 
-def test_the_plan_is_complete(lab) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
+def test_the_plan_is_complete(lab: Disk) -> None:
     found = plan(dataclasses.replace(CDF, platforms=("linux/arm64",)), lab)
-    assert found.tag == "srprov/talker:86ec3a6eab5ca0cd"
+    assert found.tag == "srprov/talker:90526724d44e49dc"
     assert (found.base, found.pinned, found.platforms) == ("docker.io/library/debian:bookworm", False, ("linux/arm64",))
     with tarfile.open(fileobj=io.BytesIO(found.context)) as tar:
         assert tar.getnames() == ["Dockerfile", "files", "files/0", "files/1", "files/1/a.yml"]
@@ -49,7 +50,7 @@ def test_the_plan_is_complete(lab) -> None:  # type: ignore[no-untyped-def]  # n
         assert dockerfile.read().decode() == found.dockerfile
 
 
-def test_equal_definitions_in_other_folders_have_one_tag(lab, disk) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
+def test_equal_definitions_in_other_folders_have_one_tag(lab: Disk) -> None:
     moved = dataclasses.replace(
         CDF,
         file="/home/x/t.cdf",
@@ -64,7 +65,7 @@ def test_equal_definitions_in_other_folders_have_one_tag(lab, disk) -> None:  # 
             for f in CDF.files
         ),
     )
-    there = disk({name.replace("/lab", "/home/x"): content for name, content in FILES.items()})
+    there = Disk({name.replace("/lab", "/home/x"): content for name, content in FILES.items()})
     one, two = plan(CDF, lab), plan(moved, there)
     assert one.tag == two.tag
     assert one.context == two.context
@@ -86,16 +87,16 @@ def test_equal_definitions_in_other_folders_have_one_tag(lab, disk) -> None:  # 
     ],
     ids=str,
 )
-def test_whatever_goes_in_changes_the_tag(lab, change: dict[str, object]) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
-    assert plan(dataclasses.replace(CDF, **change), lab).tag != plan(CDF, lab).tag  # type: ignore[arg-type]
+def test_whatever_goes_in_changes_the_tag(lab: Disk, change: dict[str, object]) -> None:
+    assert plan(dataclasses.replace(CDF, **change), lab).tag != plan(CDF, lab).tag
 
 
-def test_a_files_content_and_executable_bit_change_the_tag(lab, disk) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
+def test_a_files_content_and_executable_bit_change_the_tag(lab: Disk) -> None:
     tags = {
         plan(CDF, lab).tag,
-        plan(CDF, disk({**FILES, "/lab/conf/a.yml": b"a: 2"})).tag,
-        plan(CDF, disk(FILES, x=("/lab/conf/a.yml",))).tag,
-        plan(CDF, disk({**FILES, "/lab/conf/b.yml": b""})).tag,
+        plan(CDF, Disk({**FILES, "/lab/conf/a.yml": b"a: 2"})).tag,
+        plan(CDF, Disk(FILES, x=("/lab/conf/a.yml",))).tag,
+        plan(CDF, Disk({**FILES, "/lab/conf/b.yml": b""})).tag,
     }
     assert len(tags) == 4
 
@@ -104,42 +105,42 @@ def test_a_files_content_and_executable_bit_change_the_tag(lab, disk) -> None:  
     ("name", "repository"),
     [("talker", "talker"), ("My Talker_2", "my-talker-2"), ("--", "cdf"), ("grüße", "gr-e"), ("a" * 200, "a" * 100)],
 )
-def test_names_become_repositories(lab, name: str, repository: str) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
+def test_names_become_repositories(lab: Disk, name: str, repository: str) -> None:
     assert plan(dataclasses.replace(CDF, name=name), lab).tag.split(":")[0] == f"srprov/{repository}"
 
 
-def test_files_that_are_not_there_are_problems_at_their_lines(disk) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
+def test_files_that_are_not_there_are_problems_at_their_lines() -> None:
     with pytest.raises(DefinitionError) as caught:
-        plan(CDF, disk({"/other": b""}))
+        plan(CDF, Disk({"/other": b""}))
     assert [(p.location.line, p.path, p.message) for p in caught.value.problems] == [
         (1, "files.0", "No such file or directory"),
         (5, "files.1", "No such file or directory"),
     ]
 
 
-def test_a_ready_image_has_nothing_to_build(lab) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
+def test_a_ready_image_has_nothing_to_build(lab: Disk) -> None:
     with pytest.raises(ValueError, match="ready image"):
         plan(dataclasses.replace(CDF, base="", image="debian"), lab)
 
 
-def from_dockerfile(disk, text: bytes, **change: object) -> ImagePlan:  # type: ignore[no-untyped-def]  # noqa: ANN001
+def from_dockerfile(text: bytes, **change: object) -> ImagePlan:
     cdf = ContainerDefinition(
         name="lidar",
         file="/lab/lidar.cdf",
         folder="/lab",
         dockerfile="/lab/lidar/Dockerfile",
-        **change,  # type: ignore[arg-type]
+        **change,
     )
-    return plan(cdf, disk({"/lab/lidar/Dockerfile": text, "/lab/lidar/src/x.c": b"x"}))
+    return plan(cdf, Disk({"/lab/lidar/Dockerfile": text, "/lab/lidar/src/x.c": b"x"}))
 
 
-def test_a_dockerfile_is_built_as_it_is_and_marked_as_ours(disk) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
-    found = from_dockerfile(disk, DOCKERFILE)
+def test_a_dockerfile_is_built_as_it_is_and_marked_as_ours() -> None:
+    found = from_dockerfile(DOCKERFILE)
     assert found.dockerfile == DOCKERFILE.decode() + 'LABEL srprov.cdf="lidar"\n'
     with tarfile.open(fileobj=io.BytesIO(found.context)) as tar:
         assert tar.getnames() == ["Dockerfile", "src", "src/x.c"]
     assert found.lines[3] == Location("/lab/lidar/Dockerfile", 3)
-    assert from_dockerfile(disk, DOCKERFILE.replace(b"\n", b"\r\n")).tag == found.tag
+    assert from_dockerfile(DOCKERFILE.replace(b"\n", b"\r\n")).tag == found.tag
 
 
 @pytest.mark.parametrize(
@@ -154,14 +155,14 @@ def test_a_dockerfile_is_built_as_it_is_and_marked_as_ours(disk) -> None:  # typ
         (b"", "", False),
     ],
 )
-def test_what_a_dockerfile_starts_from(disk, text: bytes, base: str, pinned: bool) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
-    found = from_dockerfile(disk, text)
+def test_what_a_dockerfile_starts_from(text: bytes, base: str, pinned: bool) -> None:
+    found = from_dockerfile(text)
     assert (found.base, found.pinned) == (base, pinned)
 
 
-def test_what_a_dockerfile_cannot_take_is_refused(disk) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
+def test_what_a_dockerfile_cannot_take_is_refused() -> None:
     with pytest.raises(DefinitionError) as caught:
-        from_dockerfile(disk, b"FROM a\n", apt=("curl",), run=("true",))
+        from_dockerfile(b"FROM a\n", apt=("curl",), run=("true",))
     assert [problem.path for problem in caught.value.problems] == ["packages.apt", "run"]
 
 
@@ -177,6 +178,6 @@ def test_what_a_dockerfile_cannot_take_is_refused(disk) -> None:  # type: ignore
         ("Step 99/7 : x", None),
     ],
 )
-def test_a_failed_build_points_to_the_definition(lab, output: str, line: int | None) -> None:  # type: ignore[no-untyped-def]  # noqa: ANN001
+def test_a_failed_build_points_to_the_definition(lab: Disk, output: str, line: int | None) -> None:
     found = locate_failure(plan(CDF, lab), output)
     assert (found.line if found else None) == line

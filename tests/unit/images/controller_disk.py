@@ -2,8 +2,6 @@
 
 from collections.abc import Iterable
 
-import pytest
-
 from srprov.images.plan import Listed
 
 
@@ -28,8 +26,3 @@ class Disk:
         return below + [
             Listed(name[len(path) + 1 :], link=to) for name, to in self.links.items() if name.startswith(path)
         ]
-
-
-@pytest.fixture
-def disk() -> type[Disk]:
-    return Disk

@@ -1,0 +1,32 @@
+"""An EDF -> the name of its instance, and nothing else.
+
+`destroy`, `status` and `logs` must work when the EDF was edited in between, even when it is no longer valid: all
+they need of it is the name. Reads the file.
+"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from srprov.errors import UsageError
+
+_NAME = re.compile(
+    r"^name\s*:\s*(?:([a-z0-9-]{1,32})|\"([a-z0-9-]{1,32})\"|'([a-z0-9-]{1,32})')\s*(?:#.*)?$", re.MULTILINE
+)
+
+
+def experiment_name(path: str) -> str:
+    """Give the `name` at the top level of an EDF.
+
+    Raises:
+        UsageError: The file cannot be read, or no line of it is `name: …` with a valid name.
+    """
+    try:
+        text = Path(path).read_text(encoding="utf-8", errors="replace")
+    except OSError as error:
+        raise UsageError(f"cannot read {path}: {error.strerror}", hint="name an EDF, or --instance ID") from error
+    found = _NAME.search(text)
+    if found is None:
+        raise UsageError(f"{path} has no line `name: …` with a valid name", hint="name the instance with --instance ID")
+    return next(group for group in found.groups() if group)

@@ -1,0 +1,298 @@
+"""Robots in memory: what modules ask is answered as a real robot answers, what they command is really done.
+
+`FakeRobot` implements `wire.Session`, so the modules' own queries, parsers, scripts and engine bodies are what is tested. A `World`
+holds several robots and one log of everything that was asked and done, in order; it also notes when a service runs twice. Faults
+are injected by number: "the third command on this robot fails". Whatever the fake does not know raises.
+"""
+
+from __future__ import annotations
+
+import re
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from srprov.errors import TransportError
+from srprov.facts.gather import _PLACEMENTS
+from srprov.facts.probes import PROBES, SAMPLE
+from srprov.modules import MODULES
+from srprov.wire import (
+    AnyQuery,
+    Command,
+    CopyImage,
+    EngineCall,
+    EngineQuery,
+    Measures,
+    Progress,
+    Put,
+    Query,
+    Reply,
+    Run,
+    Traffic,
+    no_progress,
+)
+from tests.fake_engine import Behaviour, Container, Engine
+from tests.fake_kernel import Disk, Kernel, shell_reply
+
+__all__ = ["Behaviour", "Entry", "FakeRobot", "Fault", "World"]
+
+_LOGS = re.compile(r"docker logs --tail (\d+) (\S+) 2>&1")
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One thing that happened, for the log of a world."""
+
+    host: str
+    kind: str
+    """`ask`, `command`, `done` (a command that succeeded), or `started` (a container's process)"""
+    what: AnyQuery | Command | str
+    seen: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+    """For `started`: container -> (state with exit code, health) on all robots at that moment."""
+
+
+@dataclass
+class Fault:
+    """What goes wrong with the n-th command (from 1)."""
+
+    at: int
+    how: str = "refuse"
+    """`refuse`: nothing is done; `half`: a script stops in its middle; `lost`: the robot is gone before it, `lost-after`: after it."""
+
+
+@dataclass
+class World:
+    """Several robots and one log."""
+
+    robots: dict[str, FakeRobot] = field(default_factory=dict)
+    log: list[Entry] = field(default_factory=list)
+    doubles: list[str] = field(default_factory=list)
+    """Services that ran on two robots at once."""
+    lock: threading.RLock = field(default_factory=threading.RLock)
+    fault: Fault | None = None
+    """Counted over all robots."""
+    commands: int = 0
+    check_doubles: bool = True
+
+    def add(self, *names: str, **options: Any) -> World:
+        """Add robots; the n-th one has the address 10.0.0.n."""
+        for name in names:
+            address = options.get("address", f"10.0.0.{len(self.robots) + 1}")
+            self.robots[name] = FakeRobot(name, self, **{**options, "address": address})
+        return self
+
+    def reader(self, name: str) -> FakeRobot:
+        """Give a connection to a robot, as `Readers` wants it.
+
+        Raises:
+            TransportError: It is gone.
+        """
+        robot = self.robots[name]
+        robot.check()
+        return robot
+
+    def sessions(self) -> dict[str, FakeRobot]:
+        """Give the robots that can be reached."""
+        return {name: robot for name, robot in self.robots.items() if not robot.gone}
+
+    def done(self) -> list[Entry]:
+        """Give the commands that were sent."""
+        return [entry for entry in self.log if entry.kind == "command"]
+
+    def running(self) -> list[tuple[str, str]]:
+        """Give (service, host) of every running container."""
+        return sorted(
+            (c.service, h) for h, r in self.robots.items() for c in r.engine.containers.values() if c.state == "running"
+        )
+
+    def state(self) -> dict[str, Any]:
+        """Give everything that robots hold, comparable."""
+        return {name: robot.state() for name, robot in sorted(self.robots.items())}
+
+    def note_start(self, host: str, container: Container) -> None:
+        """Log the start of a process with all that could be seen of others then; note doubles."""
+        seen = {
+            one.name: (f"{one.state} {one.code}", robot.engine._health(one))
+            for robot in self.robots.values()
+            for one in robot.engine.containers.values()
+        }
+        self.log.append(Entry(host, "started", container.name, seen))
+        for other, robot in self.robots.items():
+            twin = robot.engine.containers.get(container.name)
+            if other != host and twin is not None and twin.state == "running":
+                self.doubles.append(container.name)
+
+
+class FakeRobot:
+    """One robot. `engine`, `kernel` and `disk` can be looked at and changed by a test at any time."""
+
+    def __init__(
+        self, host: str, world: World | None = None, *, address: str = "10.0.0.1", api: str = "1.41", arch: str = "x86_64"
+    ) -> None:
+        self._host = host
+        self.world = world or World()
+        self.arch = arch
+        self.kernel = Kernel(address)
+        self.disk = Disk()
+        self.engine = Engine(
+            host=host,
+            exists=self.disk.exists,
+            add_bridge=self.kernel.add_bridge,
+            del_bridge=self.kernel.del_bridge,
+            started=lambda container: self.world.note_start(host, container),
+            api=api,
+        )
+        self.fault: Fault | None = None
+        self.commands = 0
+        self.gone = False
+        self.before_command: Callable[[Command], None] = lambda _command: None
+        self._traffic = Traffic(connections=1)
+
+    @property
+    def host(self) -> str:
+        """The robot's name."""
+        return self._host
+
+    @property
+    def traffic(self) -> Traffic:
+        """What was used so far."""
+        return self._traffic
+
+    def measure(self) -> Measures | None:
+        """Nothing without a shell."""
+        return None
+
+    def close(self) -> None:
+        """Nothing to close."""
+
+    def save_image(self, image: str, timeout_s: float) -> Iterator[bytes]:
+        """Give an image as one piece."""
+        yield image.encode()
+
+    def container_log(self, container: str, *, tail: int, follow: bool) -> Iterator[str]:
+        """Give what the behaviour says."""
+        one = self.engine.containers[container]
+        yield from self.engine.behaviours.get(one.service, Behaviour()).log.splitlines()
+
+    def check(self) -> None:
+        """Raise TransportError when the robot is gone."""
+        if self.gone:
+            raise TransportError(self._host, "the connection was lost", hint="is the robot up?")
+
+    def state(self) -> dict[str, Any]:
+        """Give all that it holds, without what differs from run to run."""
+        return {
+            "containers": {n: (c.state, c.code, c.body) for n, c in sorted(self.engine.containers.items())},
+            "networks": dict(sorted(self.engine.networks.items())),
+            "volumes": dict(sorted(self.engine.volumes.items())),
+            "links": {n: vars(link).copy() for n, link in sorted(self.kernel.links.items())},
+            "fdb": sorted(self.kernel.fdb),
+            "files": dict(sorted(self.disk.files.items())),
+            "modes": dict(sorted(self.disk.modes.items())),
+            "trees": dict(sorted(self.disk.trees.items())),
+        }
+
+    # -- the session ---------------------------------------------------------------------------------------------------
+
+    def ask(self, queries: Sequence[AnyQuery]) -> Sequence[Reply]:
+        """Answer questions, one round trip."""
+        with self.world.lock:
+            self.check()
+            self._traffic.round_trips += 1
+            self.world.log += [Entry(self._host, "ask", query) for query in queries]
+            return [self.engine.query(q) if isinstance(q, EngineQuery) else self._answer(q) for q in queries]
+
+    def _answer(self, query: Query) -> Reply:
+        command = query.command
+        if match := _LOGS.fullmatch(command):
+            one = self.engine.containers.get(match[2])
+            text = self.engine.behaviours.get(one.service, Behaviour()).log if one else ""
+            return shell_reply("" if one else f"Error: No such container: {match[2]}", text)
+        answers = {
+            **{probe.command: self._probe(probe.name) for probe in PROBES},
+            SAMPLE.command: "",
+            _PLACEMENTS.command: self.disk.records(),
+            MODULES["file"].queries()[0].command: self.disk.hashes(),  # type: ignore[union-attr]
+            MODULES["tree"].queries()[0].command: self.disk.list_trees(),  # type: ignore[union-attr]
+            "ip -j -d link show type vxlan": self.kernel.show("vxlan"),
+            "ip -j -d link show type bridge": self.kernel.show("bridge"),
+            "bridge -j fdb show": self.kernel.show_fdb(),
+        }
+        assert command in answers, f"the fake robot knows no {command!r}"
+        return Reply(status=0, out=answers[command])
+
+    def _probe(self, name: str) -> str:
+        here = f"connection 10.0.0.254 50000 {self.kernel.address} 22"
+        routes = '[{"dst":"default","gateway":"10.0.0.254","dev":"eth0"},{"dst":"10.0.0.0/24","dev":"eth0"}]'
+        return {
+            "identity": f"clock {time.time():.9f}\nmachine {self.arch}\nuid 0\n{here}\nuser root\n",
+            "files": (
+                "/proc/loadavg:0.00 0.00 0.00 1/100 1000\n/proc/meminfo:MemTotal:       4000000 kB\n"
+                "/proc/meminfo:MemAvailable:   4000000 kB\n/proc/sys/kernel/hostname:" + self._host + "\n"
+                "/proc/sys/kernel/osrelease:6.1.0-18-amd64\n/sys/class/net/eth0/speed:1000\n"
+            ),
+            "cpus": "4\n",
+            "links": self.kernel.show_addresses(),
+            "routes": routes,
+            "disk": "Filesystem 1024-blocks Used Available Capacity Mounted on\n/dev/sda1 30000000 100 29999900 1% /\n",
+        }.get(name, "")
+
+    def execute(self, command: Command, progress: Progress = no_progress) -> Reply:
+        """Do one thing."""
+        self.before_command(command)
+        with self.world.lock:
+            self.check()
+            self.commands += 1
+            self.world.commands += 1
+            self._traffic.round_trips += 1
+            self.world.log.append(Entry(self._host, "command", command))
+            how = self._how()
+            if how == "lost":
+                self.gone = True
+                self.check()
+            if how == "refuse":
+                return Reply(status=500, ok=False, err="injected failure")
+            reply = self._do(command, half=how == "half")
+            if how == "lost-after":
+                self.gone = True
+                self.check()
+            if reply.ok:
+                self.world.log.append(Entry(self._host, "done", command))
+            return reply
+
+    def _how(self) -> str:
+        for fault, count in ((self.fault, self.commands), (self.world.fault, self.world.commands)):
+            if fault is not None and fault.at == count:
+                return fault.how
+        return ""
+
+    def _do(self, command: Command, *, half: bool) -> Reply:
+        if isinstance(command, EngineCall):
+            reply = self.engine.call(command)
+        elif isinstance(command, Put):
+            if half:
+                self.disk.files[command.path + ".part"] = command.content[: len(command.content) // 2]
+                return shell_reply("injected failure")
+            self.disk.put(command)
+            reply = shell_reply("")
+        elif isinstance(command, CopyImage):
+            source = self.world.robots[command.source_host]
+            there = command.image in source.engine.images
+            if there:
+                self.engine.images[command.image] = {}
+            reply = shell_reply("" if there else f"{source.host}: its engine cannot give {command.image}")
+        else:
+            reply = self._script(command, half)
+        return shell_reply("injected failure") if half and reply.ok else reply
+
+    def _script(self, run: Run, half: bool) -> Reply:
+        said = self.disk.run(run.script)
+        if said is not None:
+            return shell_reply(said)
+        lines = run.script.splitlines()
+        for line in lines[: len(lines) // 2 + 1] if half else lines:
+            if complaint := self.kernel.run(line):
+                return shell_reply(complaint)
+        return shell_reply("")
