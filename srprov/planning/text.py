@@ -21,7 +21,12 @@ _WORDS = {
 
 def plan_text(plan: Plan, *, commands: bool = False) -> str:
     """Give the plan as lines. `commands` adds what each step runs, exactly."""
-    return "\n".join(_lines(plan, commands)) + "\n"
+    return "\n".join(_visible(line) for line in _lines(plan, commands)) + "\n"
+
+
+def _visible(line: str) -> str:
+    """Show control characters by number: names and causes come from robots, and must not write lines of their own."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in line)
 
 
 def summary(plan: Plan) -> str:
@@ -52,7 +57,9 @@ def _lines(plan: Plan, commands: bool) -> Iterator[str]:
     if plan.unreachable or plan.notes:
         yield ""
     for host, reason in sorted(plan.unreachable.items()):
-        yield f"unreachable: {host}: {reason}"
+        first, *hints = reason.splitlines() or [""]
+        yield f"unreachable: {host}: {first}"
+        yield from hints
     for note in plan.notes:
         yield f"note: {note}"
     yield ""

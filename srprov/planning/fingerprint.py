@@ -1,0 +1,49 @@
+"""What a plan relies on, per robot: if any of it moved, the plan is stale. Pure.
+
+In: the engine and its API version, the facts that eligibility was judged by, addresses and MTU, and the state of
+the instance's resources and of those that the plan names. Out: load, free memory, clock, uptime, and texts that
+change by the minute.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from srprov.facts.model import Existing, Found, HostFacts
+from srprov.planning.plan import Plan
+
+_PASSING = ("status", "health", "labels", "id")
+"""Keys of a state that say nothing of whether it is the same: `Up 3 minutes`, a health that settles, an image's labels."""
+
+
+def fingerprints(plan: Plan, found: Found) -> dict[str, dict[str, Any]]:
+    """Give the fingerprint of every robot that the plan places a service on or has a step for."""
+    hosts = {*plan.assignment.values(), *(step.host for step in plan.steps)} & set(found.facts)
+    return {host: fingerprint(plan, host, found.facts[host], found.existing[host]) for host in sorted(hosts)}
+
+
+def fingerprint(plan: Plan, host: str, facts: HostFacts, existing: Iterable[Existing]) -> dict[str, Any]:
+    """Give one robot's fingerprint: JSON values only."""
+    named = {(step.module, step.name) for step in plan.steps if step.host == host}
+    ours = [e for e in existing if e.instance == plan.instance or (e.module, e.name) in named]
+    return {
+        "engine": {"version": facts.docker.version, "api": facts.docker.api_version} if facts.docker else None,
+        "host": {
+            "arch": facts.arch,
+            "cpus": facts.cpus,
+            "memory": facts.memory_total,
+            "disk": facts.disk_total,
+            "kernel": facts.kernel,
+            "tags": list(facts.tags),
+            "devices": list(facts.devices),
+        },
+        "underlay": {"address": facts.underlay_address, "mtu": facts.underlay_mtu},
+        "resources": {
+            f"{e.module}:{e.name}": _lasting(e.state) for e in sorted(ours, key=lambda e: (e.module, e.name))
+        },
+    }
+
+
+def _lasting(state: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: value for key, value in sorted(state.items()) if key not in _PASSING}

@@ -1,0 +1,216 @@
+"""The plan as a file that can be applied later: everything that the run needs, and what must not have moved by then.
+
+`dump` gives JSON text, `load` reads it back to the same plan; bytes (build contexts, shipped files) stand once
+each, in base64, under their sha256. A fingerprint per robot holds values, not only a hash, so that a refusal can
+name what moved.
+
+Equal plans give byte-equal files. Source of the idea: a saved plan is a contract, as in OpenTofu.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from srprov.errors import UsageError
+from srprov.facts.model import Existing
+from srprov.planning.plan import Permission, Plan, Step, command_json, plan_json
+from srprov.resource import Action, Change, Need, Resource
+from srprov.wire import Command, CopyImage, EngineCall, Put, Run
+
+FORMAT = 1
+
+Fingerprints = Mapping[str, Mapping[str, Any]]
+"""Robot -> what must not have moved, as nested JSON values."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PlanFile:
+    """A plan with what it was made from and what it relies on."""
+
+    plan: Plan
+    fingerprints: Fingerprints
+    inputs: Mapping[str, str] = field(default_factory=dict)
+    """File name -> text, of the definitions that it was made from."""
+    made_by: str = ""
+    """srprov's version."""
+
+
+def dump(saved: PlanFile) -> str:
+    """Give the file's text."""
+    blobs: dict[str, bytes] = {}
+    document = {
+        **plan_json(saved.plan),
+        "format": FORMAT,
+        "srprov": saved.made_by,
+        "costs": {service: round(cost, 6) for service, cost in sorted(saved.plan.costs.items())},
+        "steps": [_step_out(step, blobs) for step in saved.plan.steps],
+        "fingerprints": saved.fingerprints,
+        "inputs": dict(sorted(saved.inputs.items())),
+        "blobs": {sha: base64.b64encode(blobs[sha]).decode("ascii") for sha in sorted(blobs)},
+    }
+    return json.dumps(document, indent=2, sort_keys=False, ensure_ascii=True) + "\n"
+
+
+def load(text: str, name: str) -> PlanFile:
+    """Read a file's text.
+
+    Raises:
+        UsageError: It is no plan, it is of another format, or its bytes do not match their digests.
+    """
+    try:
+        document = json.loads(text)
+        if not isinstance(document, dict) or document.get("format") != FORMAT:
+            raise UsageError(
+                f"{name} is not a plan of format {FORMAT}", hint="make one with `srprov plan -o plan.json`"
+            )
+        return _load(document, name)
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        hint = "make it again with `srprov plan -o plan.json`"
+        raise UsageError(f"{name} is no plan that can be applied: {error!r}", hint=hint) from error
+
+
+def is_plan(text: str) -> bool:
+    """Tell whether a file's text is meant as a plan; an EDF never begins with a brace."""
+    return text.lstrip().startswith("{")
+
+
+def _load(document: Mapping[str, Any], name: str) -> PlanFile:
+    blobs = {sha: base64.b64decode(data, validate=True) for sha, data in document["blobs"].items()}
+    for sha, data in blobs.items():
+        if hashlib.sha256(data).hexdigest() != sha:
+            raise UsageError(f"{name}: the bytes of {sha[:12]} were changed", hint="make the plan again")
+    plan = Plan(
+        instance=document["instance"],
+        source=document["source"],
+        steps=tuple(_step_in(step, blobs) for step in document["steps"]),
+        unchanged=document["unchanged"],
+        assignment=document["assignment"],
+        cost=document["cost"],
+        costs=document["costs"],
+        permissions=tuple(Permission(**one) for one in document["permissions"]),
+        notes=tuple(document["notes"]),
+        unreachable=document["unreachable"],
+    )
+    return PlanFile(
+        plan=plan, fingerprints=document["fingerprints"], inputs=document["inputs"], made_by=document["srprov"]
+    )
+
+
+def _step_out(step: Step, blobs: dict[str, bytes]) -> dict[str, Any]:
+    return {
+        "number": step.number,
+        "robot": step.host,
+        "module": step.module,
+        "name": step.name,
+        "action": step.change.action.name.lower(),
+        "cause": step.change.cause,
+        "destructive": step.change.destructive,
+        "before": step.change.before,
+        "needs": list(step.needs),
+        "waits": [{"id": need.id, "condition": need.condition} for need in step.waits],
+        "commands": [_command_out(command, blobs) for command in step.commands],
+        "want": _want_out(step.want, blobs),
+        "found": {"instance": step.found.instance, "state": step.found.state} if step.found else None,
+    }
+
+
+def _want_out(want: Resource | None, blobs: dict[str, bytes]) -> dict[str, Any] | None:
+    if want is None:
+        return None
+    params = dict(want.params)
+    if "blob" in params:
+        params["blob"] = _keep(params["blob"], blobs)
+    needs = [{"id": need.id, "condition": need.condition} for need in want.needs]
+    return {"params": params, "needs": needs, "source": want.source}
+
+
+def _keep(data: bytes, blobs: dict[str, bytes]) -> str:
+    sha = hashlib.sha256(data).hexdigest()
+    blobs[sha] = data
+    return sha
+
+
+def _command_out(command: Command, blobs: dict[str, bytes]) -> dict[str, Any]:
+    """Give the command as `plan --json` shows it, with what else it takes to do it."""
+    shown = {**command_json(command), "timeout_s": command.timeout_s}
+    if isinstance(command, Put):
+        _keep(command.content, blobs)
+    if isinstance(command, EngineCall):
+        if command.blob:
+            _keep(command.blob, blobs)
+        shown |= {"accept": list(command.accept), "stream": command.stream}
+    return shown
+
+
+def _step_in(value: Mapping[str, Any], blobs: Mapping[str, bytes]) -> Step:
+    host, module, name = value["robot"], value["module"], value["name"]
+    want, found = value["want"], value["found"]
+    change = Change(
+        action=Action[value["action"].upper()],
+        cause=value["cause"],
+        destructive=value["destructive"],
+        before=value["before"],
+    )
+    return Step(
+        number=value["number"],
+        host=host,
+        module=module,
+        name=name,
+        change=change,
+        commands=tuple(_command_in(command, blobs) for command in value["commands"]),
+        needs=tuple(value["needs"]),
+        waits=tuple(Need(**need) for need in value["waits"]),
+        want=_want_in(want, blobs, host, module, name) if want else None,
+        found=Existing(module=module, name=name, **found) if found else None,
+    )
+
+
+def _want_in(value: Mapping[str, Any], blobs: Mapping[str, bytes], host: str, module: str, name: str) -> Resource:
+    params = dict(value["params"])
+    if "blob" in params:
+        params["blob"] = blobs[params["blob"]]
+    needs = tuple(Need(**need) for need in value["needs"])
+    return Resource(host=host, module=module, name=name, params=params, needs=needs, source=value["source"])
+
+
+def _command_in(value: Mapping[str, Any], blobs: Mapping[str, bytes]) -> Command:
+    timeout = float(value["timeout_s"])
+    if "run" in value:
+        return Run(script=value["run"], timeout_s=timeout)
+    if "put" in value:
+        content, mode = blobs[value["sha256"]], int(value["mode"], 8)
+        return Put(path=value["put"], content=content, mode=mode, in_place=value["in_place"], timeout_s=timeout)
+    if "copy_image" in value:
+        return CopyImage(image=value["copy_image"], source_host=value["from"], timeout_s=timeout)
+    return EngineCall(
+        method=value["engine"],
+        path=value["path"],
+        params=tuple(value["params"].items()),
+        body=value.get("body", ""),
+        blob=blobs[value["sha256"]] if "sha256" in value else b"",
+        accept=tuple(value["accept"]),
+        stream=value["stream"],
+        timeout_s=timeout,
+    )
+
+
+def differences(before: object, now: object, path: str = "") -> list[str]:
+    """Name what moved between two fingerprints, e.g. `resources.container:srprov.a.b.state was running, is exited`."""
+    if isinstance(before, Mapping) and isinstance(now, Mapping):
+        moved: list[str] = []
+        for key in sorted({*before, *now}, key=str):
+            moved += differences(before.get(key), now.get(key), f"{path} › {key}" if path else str(key))
+        return moved
+    return [] if before == now else [f"{path}: was {_short(before)}, is {_short(now)}"]
+
+
+def _short(value: object) -> str:
+    if value is None:
+        return "not there"
+    text = json.dumps(value, sort_keys=True) if not isinstance(value, str) else value
+    return text if len(text) <= 80 else text[:77] + "..."  # noqa: PLR2004 - the width of a line
