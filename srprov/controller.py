@@ -16,12 +16,13 @@ from srprov.assignment.model import Assignment
 from srprov.context import Parts, contexts
 from srprov.definitions.model import ContainerDefinition, Definitions, Inventory
 from srprov.definitions.source import source_of
-from srprov.errors import DefinitionError, RefusedError
+from srprov.errors import DefinitionError
 from srprov.execution import Listener, Options, RunResult, run_plan
 from srprov.facts.gather import Readers, gather
 from srprov.facts.model import Found
 from srprov.images.plan import ImagePlan
 from srprov.images.tag import plan_image
+from srprov.instance import check_source, previous_robots
 from srprov.modules import MODULES
 from srprov.network.layout import Overlay, layout
 from srprov.network.record import read_record, record
@@ -72,12 +73,12 @@ def make_plan(
     instance, source = wishes.instance or experiment.name, source_of(experiment.file)
     phase("facts")
     found = gather(lab, readers, sample=False, forks=wishes.forks)
-    previous = _previous(found, instance)
+    previous = previous_robots(found, instance)
     if wishes.reassign or any(service not in previous for service in experiment.services):
         # only a decision needs the traffic of this moment, which takes 0.3 s to see
         found = gather(lab, readers, sample=True, forks=wishes.forks)
-        previous = _previous(found, instance)
-    _check_source(found, instance, source, adopt=wishes.adopt)
+        previous = previous_robots(found, instance)
+    check_source(found, instance, source, adopt=wishes.adopt)
     phase("assignment")
     slots = {name: host.slots for name, host in lab.hosts.items() if host.slots is not None}
     choice = problem.build(experiment, definitions.containers, found, previous, slots=slots, reassign=wishes.reassign)
@@ -136,7 +137,7 @@ def make_removal(
     """
     found = gather(lab, readers, sample=False, forks=forks)
     if source:
-        _check_source(found, instance, source, adopt=adopt)
+        check_source(found, instance, source, adopt=adopt)
     steps = removal_plan(found.existing, instance, Removal(volumes=volumes))
     known = read_record(found.placements.get(instance))
     away = sorted({robot for robot in (known.robots.values() if known else ()) if robot in found.unreachable})
@@ -167,46 +168,6 @@ def apply(
 def playbooks() -> dict[str, str]:
     """Give the playbooks that ship with srprov: file name -> text."""
     return {path.name: path.read_text(encoding="utf-8") for path in sorted(data.playbooks_folder().glob("*.yml"))}
-
-
-def _previous(found: Found, instance: str) -> dict[str, str]:
-    """Give service -> robot as it is now: by the labels of containers, else by the record of the last placement.
-
-    The record speaks for robots that cannot be reached, and for a run that was cut off before it started a container.
-
-    A run that was cut off in the middle of a move can leave two containers; the one that runs counts.
-    """
-    known = read_record(found.placements.get(instance))
-    previous = dict(known.robots) if known else {}
-    seen: dict[str, tuple[int, str]] = {}
-    for host, items in found.existing.items():
-        for item in items:
-            if item.module == "container" and item.instance == instance and item.state["service"]:
-                service = item.state["service"]
-                recorded = bool(known and known.robots.get(service) == host)
-                rank = (0 if item.state["state"] == "running" else 1) * 2 + (0 if recorded else 1)
-                seen[service] = min(seen.get(service, (9, "")), (rank, host))
-    return previous | {service: host for service, (_, host) in seen.items()}
-
-
-def _check_source(found: Found, instance: str, source: str, *, adopt: bool) -> None:
-    """Refuse to take over what another experiment of the same name made."""
-    known = read_record(found.placements.get(instance))
-    labelled = sorted(
-        {
-            item.state["source"]
-            for items in found.existing.values()
-            for item in items
-            if item.module == "container" and item.instance == instance and item.state["source"]
-        }
-    )
-    owners = [known.source] if known and known.source else labelled
-    if adopt or not owners or source in owners:
-        return
-    raise RefusedError(
-        f"instance '{instance}' on these robots was made from {owners[0]}, not from {source}",
-        hint="run it under another name with --instance NAME, destroy the other one, or take it over with --adopt",
-    )
 
 
 def _images(containers: Mapping[str, ContainerDefinition]) -> tuple[dict[str, ImagePlan], dict[str, str]]:

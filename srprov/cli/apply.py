@@ -5,7 +5,8 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Mapping
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -13,8 +14,11 @@ from srprov.cli import options
 from srprov.cli.execute import carry_out, confirm
 from srprov.cli.output import err
 from srprov.cli.plan import show_plan
-from srprov.errors import RefusedError
+from srprov.errors import RefusedError, UsageError
 from srprov.planning.limit import limited
+
+if TYPE_CHECKING:
+    from srprov.planning.planfile import PlanFile
 
 
 @click.command()
@@ -43,23 +47,34 @@ def apply(
     exclude: str, yes: bool, allow: tuple[str, ...], reassign: bool, adopt: bool, wait_timeout: float, settle: float,
     events: str | None, verbose: bool, no_color: bool,
 ) -> int:  # fmt: skip
-    """Make the experiment true.
+    """Make the experiment true: FILE is an EDF, or a plan that `srprov plan -o` wrote.
 
-    Shows the plan and asks on a terminal, unless --yes. A second apply changes nothing.
+    Shows the plan and asks on a terminal, unless --yes. A second apply changes nothing. A plan from a file is done
+    exactly as it stands there, or refused with 6 when a robot changed since.
     """
     from srprov.controller import Wishes, make_plan
     from srprov.execution import Options
+    from srprov.saved import check_file
 
     refuse_without_terminal(yes)
     check_kinds(allow)
     phases = Phases()
-    definitions, inventory = options.load_experiment(file), options.load_inventory(inventories)
+    saved = saved_plan(file)
+    if saved and (instance or reassign or adopt):
+        raise UsageError("--instance, --reassign and --adopt are decided when a plan is made, not when it is applied")
+    definitions = None if saved else options.load_experiment(file)
+    inventory = options.load_inventory(inventories)
     chosen = options.selected(inventory, limit, exclude)
     wishes = Wishes(instance=instance, reassign=reassign, adopt=adopt, forks=forks)
     with options.open_lab(inventory, timeout, forks) as lab:
         err(f"asking {len(inventory.hosts)} robots for facts")
-        planned = make_plan(definitions, inventory, lab.sessions.get, wishes, phases.begin)
-        made = limited(planned.plan, chosen)
+        if saved:
+            phases.begin("facts")
+            made = check_file(saved, inventory, lab.sessions.get, forks=forks)
+        else:
+            assert definitions is not None
+            made = make_plan(definitions, inventory, lab.sessions.get, wishes, phases.begin).plan
+        made = limited(made, chosen)
         if not as_json:
             show_plan(made, None, verbose=verbose)
         check_permissions(made.permissions, allow)
@@ -95,6 +110,17 @@ class Phases:
         return time.monotonic() - self.begun
 
 
+def saved_plan(file: str) -> PlanFile | None:
+    """Give the plan that a file holds, or None when it is an EDF."""
+    from srprov.planning.planfile import is_plan, load
+
+    try:
+        text = Path(file).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return None  # the definitions say what is wrong with it
+    return load(text, file) if is_plan(text) else None
+
+
 def refuse_without_terminal(yes: bool) -> None:
     """A question that nobody can answer is refused before anything is done."""
     if not yes and not sys.stdin.isatty():
@@ -103,7 +129,6 @@ def refuse_without_terminal(yes: bool) -> None:
 
 def check_kinds(allow: tuple[str, ...]) -> None:
     """Refuse a kind that does not exist: a typing mistake must not look like a permission."""
-    from srprov.errors import UsageError
     from srprov.planning.policy import KINDS
 
     unknown = sorted(set(allow) - {*KINDS, "all"})

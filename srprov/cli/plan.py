@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import click
 
@@ -25,7 +26,9 @@ UNREACHABLE = 4
 @click.option("--adopt", is_flag=True, help="Take over an instance that another file made.")
 @click.option("--detailed-exitcode", is_flag=True, help="Exit with 2 when something would change.")
 @click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", show_default=True)
-@click.option("-o", "--out", "target", type=click.Path(dir_okay=False), help="Also write the plan as JSON to a file.")
+@click.option(
+    "-o", "--out", "target", type=click.Path(dir_okay=False), help="Also write the plan to a file that `apply` takes."
+)
 @click.option("-v", "--verbose", is_flag=True, help="Show the exact commands of each step.")
 def plan(
     file: str, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, instance: str, limit: str,
@@ -38,16 +41,18 @@ def plan(
     """
     from srprov.controller import Wishes, make_plan
     from srprov.planning.plan import plan_json
+    from srprov.planning.planfile import dump
+    from srprov.saved import to_file
 
     definitions, inventory = options.load_experiment(file), options.load_inventory(inventories)
     chosen = options.selected(inventory, limit, exclude)
     wishes = Wishes(instance=instance, reassign=reassign, adopt=adopt, forks=forks)
     with options.open_lab(inventory, timeout, forks) as lab:
-        made = limited(make_plan(definitions, inventory, lab.sessions.get, wishes).plan, chosen)
-    text = json.dumps(plan_json(made), indent=2)
+        planned = make_plan(definitions, inventory, lab.sessions.get, wishes)
+    made = limited(planned.plan, chosen)
     if target:
-        with open(target, "w", encoding="utf-8") as stream:
-            stream.write(text + "\n")
+        Path(target).write_text(dump(to_file(planned, made, definitions)), encoding="utf-8")
+    text = json.dumps(plan_json(made), indent=2)
     show_plan(made, text if as_json or form == "json" else None, verbose=verbose)
     if made.unreachable:
         return UNREACHABLE

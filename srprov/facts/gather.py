@@ -59,8 +59,9 @@ def _one(host: Host, readers: Readers, sample: bool) -> tuple[HostFacts, tuple[E
     reader = readers(host.name)
     mine = host_queries(sample=sample)
     ours = observe_queries()
+    asked_at = time.time()  # the robot's clock is read first of all
     replies = reader.ask([*mine, *ours, _PLACEMENTS])
-    facts = parse_host(host, replies[: len(mine)], measures=reader.measure(), now=time.time())
+    facts = parse_host(host, replies[: len(mine)], measures=reader.measure(), now=asked_at)
     return facts, parse_observed(replies[len(mine) : -1]), _placements(replies[-1])
 
 

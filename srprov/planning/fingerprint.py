@@ -14,7 +14,7 @@ from srprov.facts.model import Existing, Found, HostFacts
 from srprov.planning.plan import Plan
 
 _PASSING = ("status", "health", "labels", "id")
-"""Keys of a state that say nothing of whether it is the same: `Up 3 minutes`, a health that settles, an image's labels."""
+"""Keys of a state that say nothing of whether it is the same: `Up 3 minutes`, a health that settles, labels, an id."""
 
 
 def fingerprints(plan: Plan, found: Found) -> dict[str, dict[str, Any]]:
@@ -39,11 +39,10 @@ def fingerprint(plan: Plan, host: str, facts: HostFacts, existing: Iterable[Exis
             "devices": list(facts.devices),
         },
         "underlay": {"address": facts.underlay_address, "mtu": facts.underlay_mtu},
-        "resources": {
-            f"{e.module}:{e.name}": _lasting(e.state) for e in sorted(ours, key=lambda e: (e.module, e.name))
-        },
+        "resources": {f"{e.module}:{e.name}": lasting(e.state) for e in sorted(ours, key=lambda e: (e.module, e.name))},
     }
 
 
-def _lasting(state: Mapping[str, Any]) -> dict[str, Any]:
+def lasting(state: Mapping[str, Any]) -> dict[str, Any]:
+    """Give what of a found state does not change by itself."""
     return {key: value for key, value in sorted(state.items()) if key not in _PASSING}

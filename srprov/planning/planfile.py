@@ -18,6 +18,7 @@ from typing import Any
 
 from srprov.errors import UsageError
 from srprov.facts.model import Existing
+from srprov.planning.fingerprint import lasting
 from srprov.planning.plan import Permission, Plan, Step, command_json, plan_json
 from srprov.resource import Action, Change, Need, Resource
 from srprov.wire import Command, CopyImage, EngineCall, Put, Run
@@ -110,12 +111,12 @@ def _step_out(step: Step, blobs: dict[str, bytes]) -> dict[str, Any]:
         "action": step.change.action.name.lower(),
         "cause": step.change.cause,
         "destructive": step.change.destructive,
-        "before": step.change.before,
+        "before": lasting(step.change.before) if step.change.before is not None else None,
         "needs": list(step.needs),
         "waits": [{"id": need.id, "condition": need.condition} for need in step.waits],
         "commands": [_command_out(command, blobs) for command in step.commands],
         "want": _want_out(step.want, blobs),
-        "found": {"instance": step.found.instance, "state": step.found.state} if step.found else None,
+        "found": {"instance": step.found.instance, "state": lasting(step.found.state)} if step.found else None,
     }
 
 
@@ -200,11 +201,11 @@ def _command_in(value: Mapping[str, Any], blobs: Mapping[str, bytes]) -> Command
 
 
 def differences(before: object, now: object, path: str = "") -> list[str]:
-    """Name what moved between two fingerprints, e.g. `resources.container:srprov.a.b.state was running, is exited`."""
+    """Name what moved between two fingerprints, e.g. `resources container:srprov.a.b state: was running`."""
     if isinstance(before, Mapping) and isinstance(now, Mapping):
         moved: list[str] = []
         for key in sorted({*before, *now}, key=str):
-            moved += differences(before.get(key), now.get(key), f"{path} › {key}" if path else str(key))
+            moved += differences(before.get(key), now.get(key), f"{path} {key}" if path else str(key))
         return moved
     return [] if before == now else [f"{path}: was {_short(before)}, is {_short(now)}"]
 
@@ -213,4 +214,4 @@ def _short(value: object) -> str:
     if value is None:
         return "not there"
     text = json.dumps(value, sort_keys=True) if not isinstance(value, str) else value
-    return text if len(text) <= 80 else text[:77] + "..."  # noqa: PLR2004 - the width of a line
+    return text if len(text) <= 80 else text[:77] + "..."

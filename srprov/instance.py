@@ -1,0 +1,47 @@
+"""What robots say of an instance: where its services run now, and whose it is. Pure."""
+
+from __future__ import annotations
+
+from srprov.errors import RefusedError
+from srprov.facts.model import Found
+from srprov.network.record import read_record
+
+
+def previous_robots(found: Found, instance: str) -> dict[str, str]:
+    """Give service -> robot as it is now: by the labels of containers, else by the record of the last placement.
+
+    The record speaks for robots that cannot be reached, and for a run that was cut off before it started a container.
+
+    A run that was cut off in the middle of a move can leave two containers; the one that runs counts.
+    """
+    known = read_record(found.placements.get(instance))
+    previous = dict(known.robots) if known else {}
+    seen: dict[str, tuple[int, str]] = {}
+    for host, items in found.existing.items():
+        for item in items:
+            if item.module == "container" and item.instance == instance and item.state["service"]:
+                service = item.state["service"]
+                recorded = bool(known and known.robots.get(service) == host)
+                rank = (0 if item.state["state"] == "running" else 1) * 2 + (0 if recorded else 1)
+                seen[service] = min(seen.get(service, (9, "")), (rank, host))
+    return previous | {service: host for service, (_, host) in seen.items()}
+
+
+def check_source(found: Found, instance: str, source: str, *, adopt: bool) -> None:
+    """Refuse to take over what another experiment of the same name made."""
+    known = read_record(found.placements.get(instance))
+    labelled = sorted(
+        {
+            item.state["source"]
+            for items in found.existing.values()
+            for item in items
+            if item.module == "container" and item.instance == instance and item.state["source"]
+        }
+    )
+    owners = [known.source] if known and known.source else labelled
+    if adopt or not owners or source in owners:
+        return
+    raise RefusedError(
+        f"instance '{instance}' on these robots was made from {owners[0]}, not from {source}",
+        hint="run it under another name with --instance NAME, destroy the other one, or take it over with --adopt",
+    )
