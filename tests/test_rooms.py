@@ -42,12 +42,14 @@ ROOMS: Mapping[str, Room] = {
     "__main__": room("cli"),
     "cli": Room(ours=None, foreign=None),
     "controller": room(
-        "errors wire resource data disk context definitions transport facts assignment network images rendering"
-        " modules planning execution lab"
+        "errors wire resource data disk context instance definitions transport facts assignment network images"
+        " rendering modules planning execution lab"
     ),
     # The values of every room side by side, as the playbooks see them: the controller's other half.
     "context": room("errors wire resource disk definitions.model facts.model assignment.model network images modules"),
     "disk": room("images.plan"),
+    "instance": room("errors facts.model network.record"),
+    "saved": room("errors controller disk definitions facts planning"),
     "definitions": room("errors wire.Secret data", "yaml jsonschema"),
     "transport": room("errors wire definitions.model", "paramiko fabric docker requests urllib3 psutil"),
     "facts": room("errors wire resource modules definitions.model"),

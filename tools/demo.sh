@@ -17,7 +17,12 @@ run() {
 heard() { srprov logs "$EDF" -i "$INVENTORY" listener; }
 
 echo "demo 1/4: three robots on this machine, each with its own sshd, Docker and network (the first time makes their images)"
-run srprov lab up -n 3
+if [ "$(srprov lab status 2>/dev/null | grep -c '^robot')" -gt 3 ]; then
+    echo "a lab with more robots is up: it keeps them all"
+    run srprov lab up
+else
+    run srprov lab up -n 3
+fi
 
 echo
 echo "demo 2/4: the experiment: a ROS master, a talker and a listener, one on each robot"
@@ -49,5 +54,5 @@ It works. Try next:
   . .venv/bin/activate
   srprov plan $EDF -i $INVENTORY       # nothing to do; then edit the EDF and plan again
   srprov destroy $EDF -i $INVENTORY    # take the experiment off the robots
-  srprov lab down                                                    # take the robots away
+  srprov lab down    # take the robots away
 END

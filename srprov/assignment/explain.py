@@ -81,10 +81,10 @@ def reasons(misses: Mapping[str, Mapping[str, str]]) -> list[str]:
 
 def _insert(
     node: Node, eligible: Mapping[Node, Sequence[str]], holds: dict[str, list[Node]], slots: Mapping[str, int]
-) -> set[Node]:
+) -> list[Node]:
     """Place one more node, moving others as needed; else give the conflict: what alternating paths reach."""
     came_from: dict[str, Node] = {}
-    queue, reached = [node], {node}
+    queue = [node]  # every node is held by one robot and every robot visited once, so nothing comes twice
     for at in queue:
         for robot in eligible[at]:
             if robot in came_from:
@@ -92,10 +92,9 @@ def _insert(
             came_from[robot] = at
             if len(holds[robot]) < slots[robot]:
                 _shift(robot, node, came_from, holds)
-                return set()
-            queue += (other for other in holds[robot] if other not in reached)
-            reached.update(holds[robot])
-    return reached
+                return []
+            queue += holds[robot]
+    return queue
 
 
 def _shift(robot: str, start: Node, came_from: Mapping[str, Node], holds: dict[str, list[Node]]) -> None:

@@ -14,7 +14,7 @@ from srprov.assignment.cost import Load, at_slot, load
 from srprov.assignment.model import Miss, Node, Problem
 from srprov.assignment.requirements import missing
 from srprov.definitions.model import ContainerDefinition, Experiment, Service
-from srprov.facts.model import Found, HostFacts
+from srprov.facts.model import Found
 
 Misses = dict[str, dict[str, tuple[Miss, ...]]]
 

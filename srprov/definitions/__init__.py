@@ -105,9 +105,9 @@ def file_kind(path: str) -> str:
 
 
 def _experiment_folder(folder: str) -> str:
-    """Give the nearest folder from here upwards that holds an EDF, or else this one."""
+    """Give this folder or one of the two above it, the nearest that holds an EDF; or else this one."""
     current = folder
-    for _ in range(8):
+    for _ in range(3):
         try:
             if any(name.endswith(".edf") for name in os.listdir(current)):
                 return current

@@ -21,14 +21,12 @@ _PRIVATE = tuple(ipaddress.IPv4Network(block) for block in ("10.0.0.0/8", "172.1
 _SMALLEST_PREFIX = 28
 
 
-def service_maps(root: Map, findings: Findings) -> dict[str, Map]:
+def service_maps(root: Map) -> dict[str, Map]:
     """Give the services' entries by name, those that are maps at all."""
     services = root.entries.get("services")
     if not isinstance(services, Map):
         return {}
-    return {
-        name: entry for name, entry in services.entries.items() if isinstance(entry, Map) and not name.startswith("x-")
-    }
+    return {name: entry for name, entry in services.entries.items() if isinstance(entry, Map)}
 
 
 def service_key(root: Map, name: str) -> Scalar:
@@ -42,7 +40,7 @@ def check(
     root: Map, services: Mapping[str, Service], containers: Mapping[str, Container | None], findings: Findings
 ) -> None:
     """Add everything that is wrong beyond the schema."""
-    known = service_maps(root, findings)
+    known = service_maps(root)
     _references(root, known, findings)
     _cycles(known, findings)
     for name, one in services.items():
@@ -75,8 +73,7 @@ def _references(root: Map, known: Mapping[str, Map], findings: Findings) -> None
         for item in scalars(group):
             _known(item, known, findings, path)
     for item in results.keys.values() if isinstance(results, Map) else ():
-        if not item.text.startswith("x-"):
-            _known(item, known, findings, ("results",))
+        _known(item, known, findings, ("results",))
 
 
 def _known(item: Scalar, known: Mapping[str, Map], findings: Findings, path: Path) -> None:

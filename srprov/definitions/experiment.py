@@ -36,7 +36,7 @@ def load(path: str, environ: Mapping[str, str]) -> Definitions:
     folder = os.path.dirname(os.path.abspath(path))
     schema.check(root, "edf", findings)
     schema.check_tags(root, findings, merging.RUNTIME_MERGED)
-    entries = checks.service_maps(root, findings)
+    entries = checks.service_maps(root)
     containers = _containers(entries, folder, environ, findings)
     services = {}
     for name in sorted(entries):

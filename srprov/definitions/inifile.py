@@ -60,7 +60,7 @@ def _host(place: Scalar, group: str, lab: Lab) -> None:
         offset = max(place.text.find(f" {key}{sign}") + 1, 0)
         at = Scalar(place.source, place.line, place.column + offset, key)
         if not sign or not key:
-            lab.findings.add(at, f"'{pair[:60]}' is not key=value")
+            lab.findings.add(at, "is not key=value")
             continue
         where = Scalar(place.source, place.line, at.column + len(key) + 1, value)
         variables[key] = (at, _value(where))
@@ -70,7 +70,7 @@ def _host(place: Scalar, group: str, lab: Lab) -> None:
 def _variable(place: Scalar, group: str, lab: Lab) -> None:
     key, sign, value = place.text.partition("=")
     if not sign or not key.strip():
-        lab.findings.add(place, f"'{place.text[:60]}' is not key=value")
+        lab.findings.add(place, "is not key=value")
         return
     offset = len(key) + 1 + len(value) - len(value.lstrip())
     where = Scalar(place.source, place.line, place.column + offset, value.strip())

@@ -51,7 +51,7 @@ def _finish(lab: Lab, source: str) -> Inventory:
         effective = lab.effective(lab.hosts[name], groups, depths)
         hosts[name] = hostvars.host(name, effective, shown, lab.hosts[name].place, lab.findings)
     if lab.findings.problems:
-        raise DefinitionError(lab.findings.problems)
+        raise DefinitionError([nodes.hushed(one) for one in lab.findings.problems])
     by_group = {name: tuple(sorted(inside)) for name, inside in sorted(members.items())}
     return Inventory(hosts=MappingProxyType(hosts), groups=MappingProxyType(by_group), source=source)
 

@@ -9,24 +9,40 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from srprov.errors import UsageError
+from srprov.definitions import yamlfile
+from srprov.definitions.nodes import Map, Scalar
+from srprov.errors import DefinitionError, UsageError
 
-_NAME = re.compile(
+_VALID = re.compile(r"[a-z0-9-]{1,32}")
+_LINE = re.compile(
     r"^name\s*:\s*(?:([a-z0-9-]{1,32})|\"([a-z0-9-]{1,32})\"|'([a-z0-9-]{1,32})')\s*(?:#.*)?$", re.MULTILINE
 )
+"""What is looked for in a file that is no YAML any more."""
 
 
 def experiment_name(path: str) -> str:
     """Give the `name` at the top level of an EDF.
 
     Raises:
-        UsageError: The file cannot be read, or no line of it is `name: …` with a valid name.
+        UsageError: The file cannot be read, or holds no valid name, neither as YAML nor in a line `name: …`.
     """
     try:
         text = Path(path).read_text(encoding="utf-8", errors="replace")
     except OSError as error:
         raise UsageError(f"cannot read {path}: {error.strerror}", hint="name an EDF, or --instance ID") from error
-    found = _NAME.search(text)
+    name = _as_yaml(text, path)
+    if _VALID.fullmatch(name):
+        return name
+    found = _LINE.search(text)
     if found is None:
         raise UsageError(f"{path} has no line `name: …` with a valid name", hint="name the instance with --instance ID")
     return next(group for group in found.groups() if group)
+
+
+def _as_yaml(text: str, path: str) -> str:
+    try:
+        root = yamlfile.parse(text, path)
+    except DefinitionError:
+        return ""
+    name = root.entries.get("name") if isinstance(root, Map) else None
+    return name.text if isinstance(name, Scalar) else ""

@@ -10,7 +10,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from srprov.errors import Location, Problem
 
@@ -19,6 +19,7 @@ _FALSE = {"false", "no", "off"}
 _NULL = {"", "~", "null", "Null", "NULL"}
 _INTEGER = re.compile(r"[-+]?(0|[1-9][0-9]*)|0x[0-9a-fA-F]+|0o[0-7]+", re.ASCII)
 _NUMBER = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?", re.ASCII)
+_SECRET = re.compile(r"pass|secret|token|credential|api_?key", re.IGNORECASE)
 _LONGEST_NUMBER = 40
 """Longer digits are no sensible figure, and Python refuses to read very long ones."""
 
@@ -79,6 +80,11 @@ class Map:
 
 
 Node = Scalar | Seq | Map
+
+
+def hushed(one: Problem) -> Problem:
+    """Leave the source line out where it may hold a password: files with secrets are shown in terminals and CI logs."""
+    return replace(one, excerpt="") if _SECRET.search(one.excerpt) else one
 
 
 def location(node: Node) -> Location:

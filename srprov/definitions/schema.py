@@ -118,7 +118,7 @@ def _const(_validator: Any, wanted: Any, instance: Any, _schema: Any) -> Iterato
 
     found = nodes.as_int(instance.node) if isinstance(wanted, int) and isinstance(instance, Text) else instance
     if found != wanted:
-        yield ValidationError(f"expected {wanted}, not {instance}" if isinstance(instance, str) else f"expected {wanted}")
+        yield ValidationError(f"expected {wanted}" + (f", not {instance}" if isinstance(instance, str) else ""))
 
 
 def _tell(error: Any, root: Node, prefix: Path, findings: Findings) -> None:  # noqa: ANN401 - jsonschema's error

@@ -100,7 +100,7 @@ def _env_files(node: Node | None, folder: str, environ: Mapping[str, str], findi
             found, problems = envfile.parse(yamlfile.read_text(real, shown), shown, environ)
         except DefinitionError as error:
             found, problems = {}, list(error.problems)
-        findings.extend(problems)
+        findings.extend(map(nodes.hushed, problems))
         entries |= {
             key: Scalar(item.source, item.line, item.column, value, plain=False) for key, value in found.items()
         }

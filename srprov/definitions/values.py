@@ -44,7 +44,7 @@ def scalars(node: Node | None) -> tuple[Scalar, ...]:
 def text_map(node: Node | None) -> dict[str, str]:
     """Give a map of texts."""
     entries = node.entries if isinstance(node, Map) else {}
-    return {key: text(value) for key, value in entries.items() if not key.startswith("x-")}
+    return {key: text(value) for key, value in entries.items()}
 
 
 def duration(words: str) -> float:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
 from urllib.parse import quote as url_quote
 
 from srprov.resource import Condition, Need
@@ -12,6 +13,7 @@ from srprov.wire import EngineQuery, Session
 
 _FIRST_PAUSE_S = 0.15
 _LONGEST_PAUSE_S = 1.0
+_NOT_FOUND = 404
 
 
 def wait_for(
@@ -52,15 +54,15 @@ def _look(session: Session, container: str, condition: str) -> tuple[bool, str]:
     reply = session.ask([EngineQuery(path=f"/containers/{url_quote(container, safe='')}/json")])[0]
     body = reply.json()
     if not reply.ok or not isinstance(body, dict):
-        return False, "" if reply.status == 0 else f"container {container} is not there"
-    state = body.get("State") or {}
+        return False, f"container {container} is not there" if reply.status == _NOT_FOUND else ""
+    state = _mapping(body.get("State"))
     status, code = state.get("Status"), state.get("ExitCode")
     if condition == Condition.COMPLETED.value:
         failed = status == "exited" and code != 0
         return status == "exited" and code == 0, f"{container} exited with code {code}" if failed else ""
     if condition == Condition.STARTED.value:
         return status == "running", f"{container} exited with code {code}" if status == "exited" else ""
-    health = (state.get("Health") or {}).get("Status")
+    health = _mapping(state.get("Health")).get("Status")
     if status == "exited":
         return False, f"{container} exited with code {code} before it was healthy"
     if health == "unhealthy":
@@ -68,8 +70,12 @@ def _look(session: Session, container: str, condition: str) -> tuple[bool, str]:
     return health == "healthy", ""
 
 
-def _last_check(state: dict[str, object]) -> str:
-    health = state.get("Health")
-    log = health.get("Log") if isinstance(health, dict) else None
-    last = log[-1] if isinstance(log, list) and log else {}
+def _last_check(state: Mapping[str, object]) -> str:
+    log = _mapping(state.get("Health")).get("Log")
+    last = _mapping(log[-1]) if isinstance(log, list) and log else {}
     return " ".join(str(last.get("Output", "no output")).split())[:200]
+
+
+def _mapping(value: object) -> Mapping[str, Any]:
+    """Give a mapping that came from a robot; anything else counts as empty."""
+    return value if isinstance(value, Mapping) else {}

@@ -120,7 +120,9 @@ class _Run:
             if self.stop.is_set():
                 self._end(StepResult(step=step, outcome=Outcome.NOT_REACHED, message="interrupted"))
             elif blocked := self._blocked(step, acted):
-                self._end(StepResult(step=step, outcome=Outcome.SKIPPED, message=blocked))
+                # an interrupt while it waited is not the fault of what it waited for
+                outcome = Outcome.NOT_REACHED if self.stop.is_set() else Outcome.SKIPPED
+                self._end(StepResult(step=step, outcome=outcome, message=blocked))
             else:
                 if robot.seen is None:
                     robot.look(self.kinds[part.host])

@@ -15,9 +15,10 @@ import time
 from collections.abc import Collection
 from dataclasses import dataclass, field
 
+from srprov.errors import TransportError
 from srprov.execution.outcome import Event, Listener, Outcome, StepResult
 from srprov.facts.model import Existing
-from srprov.facts.observe import observe
+from srprov.facts.observe import observe_queries, parse_observed
 from srprov.modules import MODULES
 from srprov.planning import Step
 from srprov.resource import Action, Change
@@ -39,8 +40,20 @@ class Robot:
     """Ids that a step of this run made or changed."""
 
     def look(self, kinds: Collection[str]) -> None:
-        """Read again everything of these kinds."""
-        fresh = {(e.module, e.name): e for e in observe(self.session, sorted(kinds))}
+        """Read again everything of these kinds.
+
+        Raises:
+            TransportError: The robot or its engine does not answer. What cannot be read must not pass for gone: its
+                service would be started elsewhere, and run twice.
+        """
+        wanted = sorted(kinds)
+        replies = self.session.ask(observe_queries(wanted))
+        for reply in replies:
+            if not reply.ok:
+                why = " ".join((reply.err or reply.out).split()) or f"status {reply.status}"
+                message = f"its state cannot be read: {why}"
+                raise TransportError(self.session.host, message, hint="is its Docker Engine up?")
+        fresh = {(e.module, e.name): e for e in parse_observed(replies, wanted)}
         kept = {key: e for key, e in (self.seen or {}).items() if key[0] not in kinds}
         self.seen = kept | fresh
 

@@ -26,6 +26,7 @@ from srprov.modules.module import (
     SERVICE,
     SOURCE,
     STOP_GRACE,
+    as_int,
     as_labels,
     as_list,
     as_text,
@@ -35,7 +36,7 @@ from srprov.modules.module import (
 from srprov.resource import Action, Change, Resource, State
 from srprov.wire import AnyQuery, Command, EngineCall, EngineQuery, Reply
 
-_EXITED = re.compile(r"^Exited \((\d+)\)")
+_EXITED = re.compile(r"^Exited \((-?[0-9]{1,9})\)")
 _HEALTH = re.compile(r"\((healthy|unhealthy|health: starting)\)")
 
 
@@ -121,7 +122,7 @@ def _parse_one(item: Mapping[str, Any]) -> Existing | None:
         "source": labels.get(SOURCE, ""),
         "hash": labels.get(CONFIG_HASH, ""),
         "parts": dict(part.split("=", 1) for part in labels.get(CONFIG_PARTS, "").split(",") if "=" in part),
-        "stop_grace": _integer(labels.get(STOP_GRACE, "10"), 10),
+        "stop_grace": as_int(labels.get(STOP_GRACE, "10"), 10),
         "image": as_text(item.get("Image")),
         "id": as_text(item.get("Id"))[:12],
         "state": as_text(item.get("State")),
@@ -138,10 +139,6 @@ def _addresses(settings: object) -> dict[str, str]:
     if not isinstance(networks, Mapping):
         return {}
     return {str(name): as_text(end.get("IPAddress")) for name, end in networks.items() if isinstance(end, Mapping)}
-
-
-def _integer(text: str, default: int) -> int:
-    return int(text) if text.isdigit() else default
 
 
 def _hashes(params: Mapping[str, Any]) -> tuple[str, dict[str, str]]:

@@ -15,7 +15,8 @@ from srprov.resource import Action, Change, Resource, State
 from srprov.wire import AnyQuery, Command, Put, Query, Reply, Run, quote
 
 _LIST = (
-    f"cd {STATE_ROOT} 2>/dev/null || exit 0; find . -mindepth 2 -maxdepth 2 -type f ! -name '*.part' -exec sha256sum {{}} +"
+    f"cd {STATE_ROOT} 2>/dev/null || exit 0; "
+    "find . -mindepth 2 -maxdepth 2 -type f ! -name '*.part' -exec sha256sum {} +"
 )
 _MIN_PARTS = 2
 
@@ -32,7 +33,7 @@ class FileModule:
     def parse(self, replies: Sequence[Reply]) -> tuple[Existing, ...]:
         """Read `sha256  ./instance/name` lines."""
         found = []
-        for line in replies[0].out.splitlines():
+        for line in replies[0].out.split("\n"):
             sha, _, path = line.partition("  ")
             parts = path.removeprefix("./").split("/")
             if len(sha) == hashlib.sha256().digest_size * 2 and len(parts) == _MIN_PARTS:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
@@ -73,6 +74,11 @@ def as_list(value: object) -> list[Mapping[str, Any]]:
 def as_text(value: object) -> str:
     """Give a text that came from a robot; None becomes empty."""
     return "" if value is None else str(value)
+
+
+def as_int(text: str, default: int = 0) -> int:
+    """Give a whole number that came from a robot as text: ASCII digits, and no more than any real one has."""
+    return int(text) if re.fullmatch(r"[0-9]{1,18}", text) else default
 
 
 def as_labels(value: object) -> dict[str, str]:

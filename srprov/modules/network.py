@@ -18,6 +18,7 @@ from srprov.modules.module import (
     INSTANCE,
     LABEL_FILTER,
     SOURCE,
+    as_int,
     as_labels,
     as_list,
     as_text,
@@ -55,10 +56,10 @@ class NetworkModule:
             state = {
                 "hash": labels.get(CONFIG_HASH, ""),
                 "source": labels.get(SOURCE, ""),
-                "vni": int(labels[_VNI]) if labels.get(_VNI, "").isdigit() else 0,
-                "port": int(labels[_PORT]) if labels.get(_PORT, "").isdigit() else 0,
+                "vni": as_int(labels.get(_VNI, "")),
+                "port": as_int(labels.get(_PORT, "")),
                 "bridge": options.get(_BRIDGE_OPTION, ""),
-                "mtu": int(options[_MTU_OPTION]) if options.get(_MTU_OPTION, "").isdigit() else 0,
+                "mtu": as_int(options.get(_MTU_OPTION, "")),
                 "subnet": as_text(pool.get("Subnet")),
                 "gateway": as_text(pool.get("Gateway")),
             }

@@ -29,7 +29,7 @@ class TreeModule:
     def parse(self, replies: Sequence[Reply]) -> tuple[Existing, ...]:
         """Read one path per line; half-extracted ones (`.part`, `.tar`) are the instance's too and are cleaned up."""
         found = []
-        for line in replies[0].out.splitlines():
+        for line in replies[0].out.split("\n"):
             parts = line.removeprefix(STATE_ROOT + "/").split("/")
             if line.startswith(STATE_ROOT + "/") and len(parts) == _PARTS:
                 found.append(Existing(module="tree", name=line, instance=parts[0], state={}))

@@ -99,7 +99,7 @@ class VxlanModule:
 def _json(reply: Reply) -> object:
     try:
         return json.loads(reply.out) if reply.ok else []
-    except ValueError:
+    except (ValueError, RecursionError):
         return []
 
 

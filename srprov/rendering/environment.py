@@ -1,9 +1,9 @@
 """The Jinja2 environment of playbooks: sandboxed, StrictUndefined, every substitution a whole JSON value.
 
 Text that is put into YAML by a plain template changes its type ("yes" becomes true) or breaks the document ("a:
-b"). Here each `{{ … }}` writes its value as JSON, which is YAML too, so any text arrives as it was. The price is a
-rule for authors: a substitution is always a whole YAML value. `name: ros-{{ n }}` would slip through as the text
-`ros-"x"`; `check_whole_values` refuses it.
+b"). Here each `{{ … }}` writes its value as JSON in one tagged scalar, so any value arrives as it was. The price is a
+rule for authors: a substitution is always a whole YAML value. `check_whole_values` refuses `name: ros-{{ n }}` and
+names the line; what it cannot see, because a block or a line break is in between, `load` refuses.
 """
 
 from __future__ import annotations
@@ -11,11 +11,14 @@ from __future__ import annotations
 import json
 from typing import Any
 
+import yaml
 from jinja2 import StrictUndefined, Undefined
 from jinja2.sandbox import ImmutableSandboxedEnvironment
 
 from srprov.errors import RenderError
 
+_TAG = "!json"
+"""Of a substitution in the rendered text: JSON in one quoted scalar, since not all JSON means the same in YAML 1.1."""
 _VALUE_OPENERS = ("", ":", "-", "[", ",", "{")
 _VALUE_CLOSERS = ("", "]", ",", "}", "#")
 
@@ -24,7 +27,38 @@ def _finalize(value: object) -> str:
     """Write a value as JSON; an undefined one fails with its own message, which JSON would hide."""
     if isinstance(value, Undefined):
         return str(value)
-    return json.dumps(value, ensure_ascii=True, sort_keys=True)
+    text = json.dumps(value, ensure_ascii=True, sort_keys=True, default=_no_json)
+    return f"{_TAG} {json.dumps(text)}"
+
+
+def _no_json(value: object) -> str:
+    """Refuse what is no JSON; an undefined value inside a list fails with its own message too."""
+    if isinstance(value, Undefined):
+        return str(value)
+    raise TypeError(f"a {type(value).__name__} is no JSON value")
+
+
+class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[misc]
+    """Safe YAML in which a substitution is a value of its own; one that melted into other text is refused."""
+
+    def construct_scalar(self, node: yaml.ScalarNode) -> Any:  # noqa: ANN401 - as yaml has it
+        """Give the text of a scalar that the author wrote."""
+        if f'{_TAG} "' in str(node.value):
+            problem = "a substitution must be a whole YAML value"
+            raise yaml.constructor.ConstructorError(None, None, problem, node.start_mark)
+        return super().construct_scalar(node)
+
+
+_Loader.add_constructor(_TAG, lambda _loader, node: json.loads(node.value))
+
+
+def load(text: str) -> Any:  # noqa: ANN401 - whatever the playbook says
+    """Read what a playbook rendered to.
+
+    Raises:
+        yaml.YAMLError, ValueError: It is no YAML; or a substitution is only a part of a value.
+    """
+    return yaml.load(text, Loader=_Loader)  # noqa: S506 - a safe loader
 
 
 def environment() -> ImmutableSandboxedEnvironment:

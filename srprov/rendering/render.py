@@ -17,7 +17,7 @@ import yaml
 from jinja2 import TemplateError
 
 from srprov.errors import RenderError
-from srprov.rendering.environment import check_whole_values, environment
+from srprov.rendering.environment import check_whole_values, environment, load
 from srprov.resource import Condition, Need, Resource
 
 _CONDITIONS = {condition.value for condition in Condition}
@@ -46,8 +46,13 @@ def render(
     env = environment()
     resources: dict[str, Resource] = {}
     for name in sorted(playbooks):
-        check_whole_values(env, playbooks[name], name)
-        for number, item in enumerate(_items(env.from_string(playbooks[name]), name, host, context), start=1):
+        try:
+            check_whole_values(env, playbooks[name], name)
+            template = env.from_string(playbooks[name])
+        except TemplateError as error:
+            line = getattr(error, "lineno", None) or 1
+            raise RenderError(f"{name}:{line}: {error.message}", hint="mend the template") from error
+        for number, item in enumerate(_items(template, name, host, context), start=1):
             resource = _resource(item, host, modules, blobs, f"{name}, item {number}")
             if resource.id in resources:
                 raise RenderError(f"{resource.source}: {resource.id} stands twice", hint="give each resource one place")
@@ -58,11 +63,11 @@ def render(
 def _items(template: Any, name: str, host: str, context: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:  # noqa: ANN401 - jinja2's Template is untyped here
     try:
         text = template.render(**context)
-    except (TemplateError, TypeError, ValueError) as error:
+    except (TemplateError, TypeError, ValueError, ArithmeticError, LookupError, AttributeError) as error:
         raise RenderError(f"playbook {name}, robot {host}: {error}", hint="check the names in the template") from error
     try:
-        items = yaml.load(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader)) or []  # noqa: S506 - both are safe loaders
-    except yaml.YAMLError as error:
+        items = load(text) or []
+    except (yaml.YAMLError, ValueError) as error:
         raise RenderError(f"playbook {name}, robot {host} renders to broken YAML: {error}") from error
     if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
         raise RenderError(f"playbook {name}, robot {host}: a playbook is a list of resources")
@@ -75,20 +80,30 @@ def _resource(
     kind = str(next(iter(item), ""))
     if kind not in modules:
         known = ", ".join(sorted(modules))
-        raise RenderError(f"{source}: the first key of an item names its module, '{kind}' is none", hint=f"known: {known}")
+        message = f"{source}: the first key of an item names its module, '{kind}' is none"
+        raise RenderError(message, hint=f"known: {known}")
     params = {key: value for key, value in item.items() if key not in (kind, "needs")}
     if "blob" in params:
+        if not isinstance(params["blob"], str) or params["blob"] not in blobs:
+            message = f"{source}: there is no blob {params['blob']!r}"
+            raise RenderError(message, hint="name one that the context gives, such as {{ tree.blob }}")
         params["blob"] = blobs[params["blob"]]
-    needs = tuple(_need(need, host, source) for need in item.get("needs") or ())
-    return Resource(host=host, module=kind, name=str(item[kind]), params=params, needs=needs, source=source)
+    if not isinstance(item[kind], str) or not item[kind]:
+        raise RenderError(f"{source}: {item[kind]!r} is no name of a {kind}", hint="write the resource's name as text")
+    wishes = item.get("needs") or []
+    if not isinstance(wishes, list):
+        raise RenderError(f"{source}: needs is a list", hint="write needs: [module:name]")
+    needs = tuple(_need(need, host, source) for need in wishes)
+    return Resource(host=host, module=kind, name=item[kind], params=params, needs=needs, source=source)
 
 
 def _need(value: object, host: str, source: str) -> Need:
-    identity, condition = value, Condition.PRESENT.value
+    identity: object = value
+    condition: object = Condition.PRESENT.value
     if isinstance(value, Mapping):
         identity, condition = value.get("id"), value.get("condition", condition)
-    if not isinstance(identity, str) or condition not in _CONDITIONS:
+    if not isinstance(identity, str) or not isinstance(condition, str) or condition not in _CONDITIONS:
         raise RenderError(f"{source}: {value!r} is no need", hint="write module:name or {id: …, condition: healthy}")
     # a robot's name never holds a colon, a resource's name may hold a slash
     full = identity if "/" in identity.split(":", 1)[0] else f"{host}/{identity}"
-    return Need(full, str(condition))
+    return Need(full, condition)

@@ -17,14 +17,11 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import paramiko
-from cryptography.exceptions import UnsupportedAlgorithm
 from paramiko.auth_strategy import AuthResult, AuthStrategy
 
 from srprov.errors import AuthError, ConnectError, DeadlineError
 from srprov.transport.deadline import Deadline
 from srprov.transport.options import SshSettings
-
-_UNREADABLE = (OSError, ValueError, TypeError, UnsupportedAlgorithm, paramiko.SSHException)
 
 
 @functools.lru_cache(maxsize=64)
@@ -34,7 +31,7 @@ def _load(path: str, _mtime_ns: int) -> paramiko.PKey:
 
 
 def load_key(path: str) -> paramiko.PKey:
-    """Read a private key without a passphrase; raises one of the errors in `_UNREADABLE`."""
+    """Read a private key without a passphrase; raises what paramiko and cryptography raise for one they cannot use."""
     return _load(path, os.stat(path).st_mtime_ns)
 
 
@@ -149,9 +146,7 @@ class Login(AuthStrategy):
         """Read an identity file, or find it in the agent; one that cannot be used is noted."""
         try:
             return load_key(path)
-        except FileNotFoundError as error:
-            why: Exception = error
-        except _UNREADABLE as error:
+        except Exception as error:  # OSError, ValueError, TypeError, and three libraries' own kinds for unknown keys
             why = error
         blobs = {_public_part(path + ".pub"), _public_part(path)}
         for key in agent.get_keys():

@@ -33,8 +33,6 @@ _log.addHandler(logging.NullHandler())
 # Without this a lost robot prints paramiko's traceback on stderr: its threads log what we raise as an error in words.
 _log.propagate = False
 
-_MAX_HOPS = 8
-
 
 @functools.lru_cache(maxsize=1)
 def _fabric_config() -> Config:
@@ -56,7 +54,7 @@ class _Policy(paramiko.MissingHostKeyPolicy):
 
 
 class StrictConnection(Connection):  # type: ignore[misc]  # fabric is untyped
-    """A fabric connection that knows its robot; `open()` raises transport errors, `close()` ends the way there too."""
+    """A fabric connection that knows its robot; `open()` raises transport errors, `close()` ends jump hosts too."""
 
     # fabric stores attributes it does not know in its configuration: declared here, they stay on the object.
     settings: SshSettings | None = None
@@ -64,16 +62,18 @@ class StrictConnection(Connection):  # type: ignore[misc]  # fabric is untyped
     traffic: Traffic | None = None
     jump: StrictConnection | None = None
     proxy: sockets.ProxyProcess | None = None
+    wire: sockets.CountedSocket | None = None
+    trail: tuple[str, ...] = ()
 
-    depth: int = 0
-
-    def __init__(self, settings: SshSettings, deadline: Deadline, traffic: Traffic, depth: int = 0) -> None:
-        """Take where to connect to and by when, and how many hosts lie behind this jump host."""
+    def __init__(
+        self, settings: SshSettings, deadline: Deadline, traffic: Traffic, trail: tuple[str, ...] = ()
+    ) -> None:
+        """Take where to connect to and by when, and which jump hosts lie behind this one."""
         super().__init__(
             settings.hostname, user=settings.user, port=settings.port, config=_fabric_config(), gateway=False
         )
         self.settings, self.deadline, self.traffic = settings, deadline, traffic
-        self.depth = depth
+        self.trail = trail
 
     def open(self) -> None:
         """Connect, check the host key and log in.
@@ -91,9 +91,10 @@ class StrictConnection(Connection):  # type: ignore[misc]  # fabric is untyped
         self.client.set_missing_host_key_policy(_Policy(self.settings, known))
         try:
             left = self.deadline.left(0.05)
+            self.wire = sockets.CountedSocket(self._socket(), self.traffic)
             self.client.connect(
                 self.settings.hostname, self.settings.port, self.settings.user,
-                sock=sockets.CountedSocket(self._socket(), self.traffic),
+                sock=self.wire,
                 timeout=left, banner_timeout=left, channel_timeout=left,
                 auth_strategy=Login(self.settings, self.deadline),
                 transport_factory=functools.partial(transport_for, known=known, deadline=self.deadline),
@@ -118,7 +119,7 @@ class StrictConnection(Connection):  # type: ignore[misc]  # fabric is untyped
             return self.proxy.socket
         if not settings.proxy_jump:
             return sockets.dial(settings.name, settings.hostname, settings.port, self.deadline, settings.address_family)
-        self.jump = jump_host(settings, self.deadline, self.depth + 1)
+        self.jump = jump_host(settings, self.deadline, self.trail)
         try:
             return self.jump.transport.open_channel(
                 "direct-tcpip", (settings.hostname, settings.port), ("127.0.0.1", 0), timeout=self.deadline.left(0.05)
@@ -156,6 +157,8 @@ class StrictConnection(Connection):  # type: ignore[misc]  # fabric is untyped
     def close(self) -> None:
         """End the connection, its jump host and its proxy; safe to call twice."""
         self.client.close()
+        if self.wire:
+            self.wire.close()
         if self.jump:
             self.jump.close()
         if self.proxy:
@@ -167,7 +170,7 @@ class Dropped(ConnectError):
     """sshd hung up before the login, as it does at random beyond MaxStartups; worth another try."""
 
 
-def jump_host(settings: SshSettings, deadline: Deadline, depth: int) -> StrictConnection:
+def jump_host(settings: SshSettings, deadline: Deadline, trail: tuple[str, ...] = ()) -> StrictConnection:
     """Connect to the last of the jump hosts, through those before it.
 
     As `ssh -J` does, each has its own ssh_config entry, keys and user; unlike it, options that say where host keys are
@@ -177,16 +180,15 @@ def jump_host(settings: SshSettings, deadline: Deadline, depth: int) -> StrictCo
         TransportError: One of them cannot be reached; the message names it.
     """
     *before, last = settings.proxy_jump
-    if depth > _MAX_HOPS:
-        raise ConnectError(
-            settings.name, "more than 8 jump hosts", hint="does ProxyJump in ssh_config lead in a circle?"
-        )
+    if last in trail:
+        way = " > ".join((*trail, last))
+        raise ConnectError(settings.name, f"ProxyJump leads in a circle: {way}", hint="correct ProxyJump in ssh_config")
     user, address, port = parse_hop(last)
     options = (*settings.inherited, *((("proxyjump", ",".join(before)),) if before else ()))
     hop = settle(
         Host(name=address, address=address, port=port, user=user, ssh_options=options), ssh_config=settings.ssh_config
     )
-    connection = StrictConnection(hop, deadline, Traffic(), depth)
+    connection = StrictConnection(hop, deadline, Traffic(), (*trail, last))
     try:
         connection.open()
     except TransportError as error:

@@ -6,6 +6,7 @@ threads: the shell does one batch at a time, the engine up to four requests, and
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import threading
 from collections.abc import Callable, Iterator, Sequence
@@ -109,7 +110,17 @@ class BaseSession:
 
     def _ask_shell(self, queries: dict[int, Query]) -> dict[int, Reply]:
         """Ask the shell, by position."""
-        return dict(zip(queries, self._shell.ask(list(queries.values())), strict=True))
+        with self._ending_on_error():
+            return dict(zip(queries, self._shell.ask(list(queries.values())), strict=True))
+
+    @contextlib.contextmanager
+    def _ending_on_error(self) -> Iterator[None]:
+        """Close everything when the shell is lost: half a session would show a robot as reachable that is not."""
+        try:
+            yield
+        except TransportError:
+            self.close()
+            raise
 
     def _ask_engine(self, queries: dict[int, EngineQuery]) -> dict[int, Reply]:
         """Ask the engine one by one on one kept connection; once there is no engine, there is none for the rest."""
@@ -126,10 +137,10 @@ class BaseSession:
         Raises:
             TransportError: The robot cannot be talked to any more.
         """
-        if isinstance(command, Run):
-            return self._shell.run(command, progress)
-        if isinstance(command, Put):
-            return self._shell.run(Run(script=command.script(), timeout_s=command.timeout_s), no_progress)
+        if isinstance(command, Run | Put):
+            run = command if isinstance(command, Run) else Run(script=command.script(), timeout_s=command.timeout_s)
+            with self._ending_on_error():
+                return self._shell.run(run, progress)
         if isinstance(command, EngineCall):
             return self.engine.call(command, progress)
         return self._copy(command, progress)

@@ -41,6 +41,9 @@ class CountedSocket:
         self._traffic = traffic
         self.settimeout = inner.settimeout
         self.getpeername = inner.getpeername
+        self.acknowledge_at_once = isinstance(inner, socket.socket) and inner.family != socket.AF_UNIX
+        """Until the shell runs. sshd has Nagle's algorithm on until then and sends two small packets after the login:
+        the second would wait 40 ms for the acknowledgement of the first, which Linux delays."""
         self._closed = False  # paramiko looks at this name of a real socket while it waits for its thread to end
 
     def send(self, data: bytes) -> int:
@@ -52,6 +55,8 @@ class CountedSocket:
     def recv(self, size: int) -> bytes:
         """Receive up to `size` bytes; none at the end."""
         data: bytes = self._inner.recv(size)
+        if self.acknowledge_at_once and hasattr(socket, "TCP_QUICKACK"):
+            self._inner.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)  # holds for the next packets only
         self._traffic.bytes_received += len(data)
         return data
 

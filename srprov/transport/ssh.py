@@ -148,6 +148,8 @@ class SshSession(BaseSession):
             if options.warm_engine:
                 threading.Thread(target=session.warm, name="warm engine", daemon=True).start()
             shell.wait_ready(nonce, deadline)
+            if connection.wire:
+                connection.wire.acknowledge_at_once = False
         except BaseException:
             connection.close()
             raise

@@ -9,10 +9,10 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 import pytest
 
+from srprov.definitions.model import Host
 from srprov.errors import AuthError, ConnectError, DeadlineError, HostKeyError, TransportError
 from srprov.transport import ConnectOptions, connect
 from srprov.transport.pool import Sessions
@@ -30,8 +30,8 @@ MIB = 1 << 20
 def make(tmp_path: Path) -> Iterator[Make]:
     made: list[Sshd] = []
 
-    def build(**options: Any) -> Sshd:
-        server = Sshd(tmp_path / f"sshd{len(made)}", **options)
+    def build(**options: object) -> Sshd:
+        server = Sshd(tmp_path / f"sshd{len(made)}", **options)  # type: ignore[arg-type]
         made.append(server)
         return server.start()
 
@@ -45,16 +45,17 @@ def server(make: Make) -> Sshd:
     return make()
 
 
-def quick(**more: Any) -> ConnectOptions:
-    return ConnectOptions(**{"connect_timeout_s": 5.0, "warm_engine": False, "ssh_config": Path("/dev/null"), **more})
+def quick(**more: object) -> ConnectOptions:
+    values = {"connect_timeout_s": 5.0, "warm_engine": False, "ssh_config": Path("/dev/null"), **more}
+    return ConnectOptions(**values)  # type: ignore[arg-type]
 
 
 @pytest.fixture
 def opened() -> Iterator[Callable[..., Session]]:
     sessions: list[Session] = []
 
-    def build(server: Sshd, **more: Any) -> Session:
-        session = connect(server.host(**more), options=quick())
+    def build(server: Sshd, **more: object) -> Session:
+        session = connect(server.host(**more), options=quick())  # type: ignore[arg-type]
         sessions.append(session)
         return session
 
@@ -123,7 +124,9 @@ def test_ten_mib_on_both_streams_at_once(session: Session) -> None:
 
 def test_a_batch_larger_than_every_window_while_output_flows(session: Session) -> None:
     text = "x" * (3 * MIB)
-    replies = session.ask([Query(command=f"head -c {6 * MIB} /dev/zero; : {text}"), Query(command=f": {text}; echo end")])
+    replies = session.ask(
+        [Query(command=f"head -c {6 * MIB} /dev/zero; : {text}"), Query(command=f": {text}; echo end")]
+    )
     assert len(replies[0].out) == 6 * MIB
     assert replies[1].out == "end\n"
 
@@ -370,7 +373,7 @@ def test_nobody_listens(server: Sshd) -> None:
 
 
 def test_an_unknown_name_is_said_in_words(server: Sshd) -> None:
-    with pytest.raises(TransportError, match="no-such-host.invalid"):
+    with pytest.raises(TransportError, match=r"no-such-host\.invalid"):
         connect(server.host(address="no-such-host.invalid"), options=quick())
 
 
@@ -458,7 +461,7 @@ def test_max_startups_one_still_lets_all_in(make: Make) -> None:
         assert set(sessions.connected()) == set(hosts), sessions.failures()
 
 
-def test_max_sessions_one_leaves_the_shell_and_says_why_there_is_no_engine(make: Make, opened: Any) -> None:
+def test_max_sessions_one_leaves_the_shell_without_an_engine(make: Make, opened: Callable[..., Session]) -> None:
     session = opened(make(options={"MaxSessions": "1"}))
     shell, engine = session.ask([Query(command="echo ok"), EngineQuery(path="/version")])
     assert shell.out == "ok\n"
@@ -482,7 +485,7 @@ def entry(server: Sshd, name: str, more: str = "") -> str:
     )
 
 
-def by_name(server: Sshd, name: str) -> Any:
+def by_name(server: Sshd, name: str) -> Host:
     return server.host(name, address=name, port=None, user=None, identity_file=None, ssh_options=())
 
 
@@ -524,13 +527,13 @@ def test_a_jump_host_that_fails_is_named(make: Make, tmp_path: Path) -> None:
         connect(by_name(robot, "bot"), options=write_config(tmp_path, config))
     near.trust()
     robot.stop()
-    with pytest.raises(ConnectError, match="jump host near cannot reach 127.0.0.1"):
+    with pytest.raises(ConnectError, match=r"jump host near cannot reach 127\.0\.0\.1"):
         connect(by_name(robot, "bot"), options=write_config(tmp_path, config))
 
 
 def test_jump_hosts_in_a_circle(server: Sshd, tmp_path: Path) -> None:
     config = entry(server, "a", "  ProxyJump b\n") + entry(server, "b", "  ProxyJump a\n")
-    with pytest.raises(ConnectError, match="more than 8 jump hosts"):
+    with pytest.raises(ConnectError, match="in a circle: b > a > b"):
         connect(by_name(server, "a"), options=write_config(tmp_path, config))
 
 

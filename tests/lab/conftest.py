@@ -152,6 +152,15 @@ def lab(lab_session: Lab) -> Iterator[Lab]:
     scrub(lab_session)
 
 
+@pytest.fixture(scope="module")
+def lab_of_module(lab_session: Lab) -> Iterator[Lab]:
+    """Give the lab as `lab` does, but once for a whole file, whose tests then keep to robots of their own."""
+    up = lab_session.srprov("lab", "up", "-n", str(ROBOTS))
+    assert up.code == 0, up
+    yield lab_session
+    scrub(lab_session)
+
+
 @pytest.fixture
 def write(tmp_path: Path) -> Any:
     """Give a function that writes a file of an experiment and gives its path."""
@@ -173,3 +182,26 @@ def part_of_lab(lab: Lab, robots: Sequence[str], path: Path, **extra: dict[str, 
     hosts = {name: {**whole["all"]["hosts"][name], **extra.get(name, {})} for name in robots}
     path.write_text(yaml.safe_dump({"all": {"hosts": hosts, "vars": whole["all"].get("vars", {})}}), encoding="utf-8")
     return str(path)
+
+
+def busybox(*command: str, **more: Any) -> dict[str, Any]:
+    """Give a service that runs `command`, or sleeps; it ends at once when it is stopped."""
+    return {"image": "busybox", "command": list(command or ("sleep", "86400")), "stop_signal": "SIGKILL", **more}
+
+
+def edf(name: str, services: dict[str, dict[str, Any]], **more: Any) -> str:
+    """Give an EDF's text; JSON is YAML."""
+    return json.dumps({"edf": 1, "name": name, "services": services, **more}, indent=2)
+
+
+def causes(plan: dict[str, Any]) -> dict[str, str]:
+    """Give step id -> action and cause, of what `plan --json` printed."""
+    steps = plan["steps"]
+    found = {f"{s['robot']}/{s['module']}:{s['name']}": f"{s['action']}: {s['cause']}" for s in steps}
+    assert len(found) == len(steps), steps
+    return found
+
+
+def changed(report: dict[str, Any]) -> set[str]:
+    """Give the ids of the steps that `apply --json` reported as changed."""
+    return {step["id"] for step in report["steps"] if step["outcome"] == "changed"}

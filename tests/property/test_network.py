@@ -6,6 +6,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import replace
 from ipaddress import IPv4Address, IPv4Network, ip_address
+from random import Random
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -38,7 +39,7 @@ def as_record(given: Addresses) -> Record:
 @settings(deadline=None)
 @given(NAME, SUBNET, NAMES, NAMES, st.randoms(use_true_random=False))
 def test_addresses_are_unique_and_know_no_order(
-    instance: str, subnet: IPv4Network, services: list[str], robots: list[str], random: object
+    instance: str, subnet: IPv4Network, services: list[str], robots: list[str], random: Random
 ) -> None:
     addresses = allocate(instance, subnet, services, robots)
     every = [IPv4Address(ip) for ip in (*addresses.services.values(), *addresses.gateways.values())]
@@ -48,7 +49,7 @@ def test_addresses_are_unique_and_know_no_order(
     assert len(set(addresses.macs.values())) == len(services)
     assert all(mac.startswith("02:") and len(mac) == 17 for mac in addresses.macs.values())
     for names in (services, robots):
-        random.shuffle(names)  # type: ignore[attr-defined]
+        random.shuffle(names)
     assert repr(allocate(instance, subnet, services, robots)) == repr(addresses)
 
 

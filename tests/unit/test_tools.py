@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import subprocess
@@ -41,3 +42,11 @@ def test_make_help_lists_every_target() -> None:
     assert phony
     shown = subprocess.run(["make", "-C", str(ROOT), "help"], check=True, capture_output=True, text=True).stdout
     assert sorted(phony[1].split()) == sorted(re.findall(r"^\s+make ([a-z]+)", shown, re.MULTILINE))
+
+
+def test_the_configured_paths_find_every_test() -> None:
+    configured = re.search(r"^testpaths = (\[.*\])$", (ROOT / "pyproject.toml").read_text(), re.MULTILINE)
+    assert configured
+    folders = {path for pattern in json.loads(configured[1]) for path in ROOT.glob(pattern)}
+    tests = {path for path in (ROOT / "tests").rglob("test_*.py") if "cases" not in path.parts}
+    assert [path for path in sorted(tests) if not folders & {path, *path.parents}] == []

@@ -300,3 +300,9 @@ def test_every_problem_of_every_file_at_once(tmp_path: Path) -> None:
         load_experiment(tmp_path / "e.edf")
     assert len(error.value.problems) == 4
     assert "4 problems" in error.value.message
+
+
+def test_names_that_begin_with_x_are_services_and_variables(tmp_path: Path) -> None:
+    (tmp_path / "e.edf").write_text("edf: 1\nname: a\nservices: {x-ray: {image: x, environment: {x-y: 1}}}\n")
+    services = load_experiment(tmp_path / "e.edf").experiment.services
+    assert dict(services["x-ray"].runtime.environment) == {"x-y": "1"}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -12,13 +13,14 @@ from jsonschema import Draft202012Validator
 
 from srprov.cli.main import run
 from srprov.data import schema
+from srprov.definitions import check_files
 from srprov.definitions.runtime import RUNTIME_FIELDS
 from tests.unit.definitions.examples import BASE, CDF, EDF
 
 KINDS = ("cdf", "edf", "inventory-vars")
 
 
-def _properties(part: Any, root: dict[str, Any], path: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
+def _properties(part: object, root: dict[str, Any], path: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
     if isinstance(part, dict):
         for name, field in part.get("properties", {}).items():
             target = root["$defs"][field["$ref"].rsplit("/", 1)[-1]] if "$ref" in field else field
@@ -51,7 +53,7 @@ def test_shared_fields_are_the_same_in_both() -> None:
     cdf, edf = schema("cdf"), schema("edf")
     service = edf["properties"]["services"]["additionalProperties"]["properties"]
     assert cdf["$defs"] == edf["$defs"]
-    assert {name for name in cdf["properties"] if name in service} == RUNTIME_FIELDS | {"requires"} | {"image"}
+    assert {name for name in cdf["properties"] if name in service} == RUNTIME_FIELDS | {"requires", "image", "cdf"}
     assert set(cdf["$defs"]) == RUNTIME_FIELDS | {"requires", "git"}
 
 
@@ -69,3 +71,16 @@ def test_schema_verb_prints_it(capsys: pytest.CaptureFixture[str]) -> None:
 def test_schema_verb_refuses_an_unknown_kind(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["schema", "nothing"]) == 5
     assert "known: cdf, edf" in capsys.readouterr().err
+
+
+def test_the_manual_names_every_field_and_its_examples_are_valid(tmp_path: Path) -> None:
+    manual = (Path(__file__).parents[3] / "docs" / "definitions.md").read_text()
+    for kind in KINDS:
+        for name in schema(kind)["properties"]:
+            assert f"`{name}`" in manual, name
+    blocks = [block.split("```")[0] for block in manual.split("```yaml\n")[1:]]
+    (tmp_path / "talker.py").write_text("")
+    (tmp_path / "talker.cdf").write_text(next(block for block in blocks if block.startswith("cdf: 1\nbase")))
+    (tmp_path / "experiment.edf").write_text(next(block for block in blocks if block.startswith("edf: 1")))
+    (tmp_path / "inventory.yml").write_text(next(block for block in blocks if block.startswith("all:")))
+    assert check_files([tmp_path / "experiment.edf", tmp_path / "talker.cdf", tmp_path / "inventory.yml"]) == []

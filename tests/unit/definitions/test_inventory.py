@@ -1,0 +1,250 @@
+"""Ansible inventories as they are in real labs."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+
+import pytest
+
+from srprov.definitions import load_inventory
+from srprov.definitions.model import Inventory
+from srprov.errors import DefinitionError
+from srprov.wire import Secret
+
+REAL = """\
+---
+all:
+  vars:
+    ansible_user: "{{ undefined_in_srprov }}"
+    ansible_python_interpreter: /usr/bin/python3
+    ntp_servers: ["{{ gateway }}", 10.0.0.1]
+    vault_token: !vault |
+      $ANSIBLE_VAULT;1.1;AES256
+      3132
+    packages: !unsafe "{{ raw }}"
+    huge: 0777
+    when: 2026-01-01
+    nested: {a: {b: [1, 2, {c: null}]}}
+  children:
+    robots:
+      vars:
+        ansible_user: robot
+        ansible_become: yes
+        ansible_ssh_common_args: >-
+          -o ProxyJump=gw.lab -o "UserKnownHostsFile /lab/known hosts" -o StrictHostKeyChecking=yes
+      children:
+        turtlebots:
+          hosts:
+            turtle[01:03]:
+              ansible_host: "{{ inventory_hostname }}.lab"
+            turtle02:
+              srprov_slots: 2
+              ansible_port: "2222"
+        arms:
+          hosts:
+            arm[a:b]: {srprov_tags: [gripper, 42], srprov_devices: "/dev/arm0, /dev/arm1"}
+    builders:
+      hosts:
+        turtle01:
+        localhost: {ansible_connection: local, ansible_user: me}
+  hosts:
+    spare: {ansible_user: pi, ansible_password: s3cret, ansible_ssh_extra_args: -p 99 -i ~/key -C}
+"""
+
+
+def _load(folder: Path, text: str, name: str = "inventory.yml") -> Inventory:
+    path = folder / name
+    path.write_text(text)
+    return load_inventory([path])
+
+
+@pytest.fixture(scope="module")
+def real(tmp_path_factory: pytest.TempPathFactory) -> Inventory:
+    return _load(tmp_path_factory.mktemp("real"), REAL)
+
+
+def test_a_real_inventory_loads(real: Inventory) -> None:
+    assert list(real.hosts) == ["arma", "armb", "localhost", "spare", "turtle01", "turtle02", "turtle03"]
+    assert real.groups["robots"] == ("arma", "armb", "turtle01", "turtle02", "turtle03")
+    assert real.groups["builders"] == ("localhost", "turtle01")
+    assert real.groups["all"] == tuple(real.hosts)
+
+
+def test_variables_are_inherited_and_read(real: Inventory) -> None:
+    turtle = real.hosts["turtle02"]
+    assert (turtle.user, turtle.port, turtle.slots, turtle.become) == ("robot", 2222, 2, True)
+    assert turtle.address == "turtle02.lab"
+    assert turtle.groups == ("robots", "turtlebots")
+    assert turtle.ssh_options == (
+        ("proxyjump", "gw.lab"),
+        ("userknownhostsfile", "/lab/known hosts"),
+        ("stricthostkeychecking", "yes"),
+    )
+    assert turtle.location.line == 24
+
+
+def test_own_variables(real: Inventory) -> None:
+    assert real.hosts["arma"].tags == ("gripper", "42")
+    assert real.hosts["armb"].devices == ("/dev/arm0", "/dev/arm1")
+    assert real.hosts["localhost"].connection == "local"
+
+
+def test_password_is_a_secret_and_ssh_arguments_are_options(real: Inventory) -> None:
+    spare = real.hosts["spare"]
+    assert spare.password == Secret("s3cret")
+    assert "s3cret" not in repr(spare)
+    assert spare.ssh_options == (("port", "99"), ("identityfile", "~/key"))
+
+
+def test_child_group_wins_over_parent_and_host_over_group(tmp_path: Path) -> None:
+    lab = _load(
+        tmp_path,
+        """
+a_child: {vars: {ansible_user: child}, hosts: {r1: , r2: {ansible_user: host}}}
+z_parent: {vars: {ansible_user: parent, ansible_port: 7}, children: {a_child: }}
+""",
+    )
+    assert (lab.hosts["r1"].user, lab.hosts["r1"].port, lab.hosts["r2"].user) == ("child", 7, "host")
+
+
+def test_priority_decides_among_equal_groups(tmp_path: Path) -> None:
+    lab = _load(
+        tmp_path,
+        """
+a: {vars: {ansible_user: a, ansible_group_priority: 10}, hosts: {r: }}
+b: {vars: {ansible_user: b}, hosts: {r: }}
+""",
+    )
+    assert lab.hosts["r"].user == "a"
+
+
+def test_files_beside_the_inventory_win_over_it(tmp_path: Path) -> None:
+    (tmp_path / "group_vars" / "robots").mkdir(parents=True)
+    (tmp_path / "host_vars").mkdir()
+    (tmp_path / "group_vars" / "all.yml").write_text("srprov_slots: 2\nsrprov_underlay: eth0\n")
+    (tmp_path / "group_vars" / "robots" / "a.yaml").write_text("ansible_port: 1\n")
+    (tmp_path / "group_vars" / "robots" / "b.yml").write_text("ansible_port: 2\n")
+    (tmp_path / "group_vars" / "robots" / "vault.yml").write_text("$ANSIBLE_VAULT;1.1;AES256\n6162\n")
+    (tmp_path / "host_vars" / "r1").write_text("srprov_underlay: wlan0\nsrprov_bandwidth_mbit: 5.5\n")
+    lab = _load(tmp_path, "robots: {vars: {ansible_port: 9, srprov_slots: 1}, hosts: {r1: {srprov_slots: 3}, r2: }}\n")
+    r1, r2 = lab.hosts["r1"], lab.hosts["r2"]
+    assert (r1.port, r1.slots, r1.underlay, r1.bandwidth_mbit) == (2, 3, "wlan0", 5.5)
+    assert (r2.port, r2.slots, r2.underlay) == (2, 2, "eth0")
+
+
+def test_ini_inventory(tmp_path: Path) -> None:
+    lab = _load(
+        tmp_path,
+        """\
+# the lab
+spare ansible_host=10.0.0.9  ; not a comment in Ansible either=1
+[robots]
+robot[1:2]:2222 srprov_tags="['lidar', 'camera']" ansible_ssh_common_args='-o ProxyJump=gw -o User=x' # note
+robot3 ansible_connection=local
+
+[arms:children]
+grippers
+
+[grippers]
+arm1
+
+[robots:vars]
+ansible_user = robot
+srprov_slots=2
+anything = {{ not_read }}
+""".replace("  ; not a comment in Ansible either=1", ""),
+        name="hosts",
+    )
+    assert list(lab.hosts) == ["arm1", "robot1", "robot2", "robot3", "spare"]
+    robot = lab.hosts["robot1"]
+    assert (robot.port, robot.user, robot.slots, robot.tags) == (2222, "robot", 2, ("lidar", "camera"))
+    assert robot.ssh_options == (("proxyjump", "gw"), ("user", "x"))
+    assert lab.groups["arms"] == ("arm1",)
+    assert lab.hosts["arm1"].groups == ("arms", "grippers")
+
+
+def test_program_with_meta(tmp_path: Path) -> None:
+    answer = {
+        "_meta": {"hostvars": {"r1": {"ansible_host": "10.0.0.1", "ansible_port": 2222, "x": "{{ y }}"}}},
+        "robots": {"hosts": ["r1", "r2"], "vars": {"srprov_slots": 2}, "children": ["more"]},
+        "more": ["r3"],
+        "all": {"children": ["robots", "ungrouped"]},
+        "ungrouped": {},
+    }
+    path = tmp_path / "inventory.py"
+    path.write_text(f"#!/bin/sh\ncat <<'E'\n{json.dumps(answer)}\nE\n")
+    path.chmod(0o755)
+    lab = load_inventory([path])
+    assert lab.groups["robots"] == ("r1", "r2", "r3")
+    assert (lab.hosts["r1"].address, lab.hosts["r1"].port, lab.hosts["r3"].slots) == ("10.0.0.1", 2222, 2)
+
+
+def test_program_without_meta_is_asked_per_host(tmp_path: Path) -> None:
+    path = tmp_path / "inventory.sh"
+    path.write_text(
+        '#!/bin/sh\nif [ "$1" = --list ]; then\n  echo \'{"g": ["r1"]}\'\n'
+        'else\n  echo "{\\"ansible_user\\": \\"u-$2\\"}"\nfi\n'
+    )
+    path.chmod(0o755)
+    assert load_inventory([path]).hosts["r1"].user == "u-r1"
+
+
+def test_program_that_hangs_is_ended_with_all_it_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from srprov.definitions import script
+    from srprov.definitions.groups import Lab
+
+    path = tmp_path / "inventory.sh"
+    path.write_text("#!/bin/sh\nsleep 60 & sleep 60\n")
+    path.chmod(0o755)
+    begin = time.monotonic()
+    with pytest.raises(DefinitionError) as error:
+        script.read(str(path), Lab(), deadline_s=0.3)
+    assert time.monotonic() - begin < 5
+    assert "gave no answer in time" in error.value.problems[0].message
+
+
+def test_folder_and_several_inventories_and_names(tmp_path: Path) -> None:
+    (tmp_path / "lab").mkdir()
+    (tmp_path / "lab" / "a.yml").write_text("robots: {hosts: {r1: {ansible_user: a}}}\n")
+    (tmp_path / "lab" / "b.yml").write_text("robots: {hosts: {r2: }}\n")
+    (tmp_path / "lab" / "b.yml~").write_text("broken: [\n")
+    (tmp_path / "c.yml").write_text("robots: {hosts: {r1: {ansible_user: c}}}\n")
+    lab = load_inventory([tmp_path / "lab", tmp_path / "c.yml", "x1,x2,"])
+    assert list(lab.hosts) == ["r1", "r2", "x1", "x2"]
+    assert lab.hosts["r1"].user == "c"
+
+
+def test_an_empty_inventory_has_no_hosts(tmp_path: Path) -> None:
+    lab = _load(tmp_path, "")
+    assert dict(lab.hosts) == {}
+
+
+def test_a_problem_in_a_groups_variable_is_told_once(tmp_path: Path) -> None:
+    with pytest.raises(DefinitionError) as error:
+        _load(tmp_path, "robots: {vars: {ansible_port: many}, hosts: {'r[1:50]': }}\n")
+    assert len(error.value.problems) == 1
+
+
+def test_merge_keys_and_aliases(tmp_path: Path) -> None:
+    lab = _load(
+        tmp_path,
+        "x-common: &c {ansible_user: u, ansible_port: 5}\nrobots: {hosts: {r1: *c, r2: {<<: *c, ansible_port: 6}}}\n",
+    )
+    assert (lab.hosts["r1"].user, lab.hosts["r2"].user, lab.hosts["r2"].port) == ("u", "u", 6)
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("i.yml", "all: {hosts: {r1: {ansible_password: s3cret, srprov_slot: 1}}}\n"),
+        ("i.yml", "all:\n  hosts: {r1: {ansible_password: s3cret\n"),
+        ("i.ini", "r1 ansible_password = s3cret\n"),
+        ("i.ini", "[g:vars]\nansible_password s3cret\n"),
+    ],
+)
+def test_a_line_with_a_password_is_not_shown(tmp_path: Path, name: str, text: str) -> None:
+    with pytest.raises(DefinitionError) as error:
+        _load(tmp_path, text, name)
+    assert "s3cret" not in repr(error.value.problems)

@@ -1,0 +1,110 @@
+"""`srprov validate` as a user and as a CI job see it."""
+
+from __future__ import annotations
+
+import json
+import resource
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from srprov.cli.main import run
+from srprov.cli.problems import render_problems
+from srprov.errors import Location, Problem
+from tests.unit.definitions.examples import INVENTORY, write_full
+
+
+@pytest.fixture
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    write_full(tmp_path)
+    (tmp_path / "hosts.yml").write_text(INVENTORY)
+    (tmp_path / "bad.edf").write_text("edf: 1\nname: a\nservices: {a: {image: x, cots: 3}}\n")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_good_files_of_every_kind(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["validate", "experiment.edf", "talker.cdf", "hosts.yml"]) == 0
+    assert capsys.readouterr().out == "3 files valid\n"
+
+
+def test_json_is_all_of_stdout(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["validate", "--format", "json", "bad.edf"]) == 5
+    shown = capsys.readouterr()
+    assert json.loads(shown.out)["problems"] == [
+        {
+            "file": "bad.edf",
+            "line": 3,
+            "column": 26,
+            "message": "unknown key 'cots'",
+            "path": "services.a.cots",
+            "hint": "did you mean 'cost'?",
+        }
+    ]
+    assert shown.err == "1 problem in 1 file\n"
+
+
+def test_sarif_points_at_the_place(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["validate", "--format", "sarif", "bad.edf"]) == 5
+    log = json.loads(capsys.readouterr().out)
+    (result,) = log["runs"][0]["results"]
+    place = result["locations"][0]["physicalLocation"]
+    assert log["version"] == "2.1.0"
+    assert place["artifactLocation"]["uri"] == "bad.edf"
+    assert place["region"] == {"startLine": 3, "startColumn": 26}
+    assert result["ruleId"] == log["runs"][0]["tool"]["driver"]["rules"][0]["id"]
+
+
+def test_a_file_without_problems_gives_an_empty_log(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["validate", "--format", "sarif", "experiment.edf"]) == 0
+    assert json.loads(capsys.readouterr().out)["runs"][0]["results"] == []
+
+
+def test_no_files_is_a_usage_error(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["validate"]) == 5
+
+
+def test_a_problem_of_two_files_is_told_once(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (folder / "base.cdf").write_text("cdf: 1\nbase: x\nnope: 1\n")
+    assert run(["validate", "experiment.edf", "talker.cdf", "base.cdf"]) == 5
+    assert capsys.readouterr().out.count("unknown key 'nope'") == 1
+
+
+def test_control_characters_of_a_file_do_not_reach_the_terminal(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (folder / "bad.edf").write_text('edf: 1\nname: "a\\e[31m\\x07"\nservices: {a: {image: x}}\n')
+    assert run(["validate", "bad.edf"]) == 5
+    assert not {"\x1b", "\x07"} & set(capsys.readouterr().out)
+
+
+def test_a_long_line_is_cut_around_the_caret() -> None:
+    line = "k: [" + "a, " * 200 + "BAD, " + "b, " * 200 + "]"
+    column = line.index("BAD") + 1
+    shown = render_problems([Problem(Location("f", 1, column), "no", "", line)]).splitlines()
+    assert len(shown[1]) <= 130
+    assert shown[1][shown[2].index("^") :].startswith("BAD")
+
+
+def test_tabs_before_the_caret_stay_tabs() -> None:
+    shown = render_problems([Problem(Location("f", 1, 3), "no", "", "\t\tx: 1")]).splitlines()
+    assert shown[2] == "    \t\t^"
+
+
+def _children_s() -> float:
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def test_small_file_within_the_budget(folder: Path) -> None:
+    """0.4 s on an idle machine; processor time, since others may be busy."""
+    command = [sys.executable, "-m", "srprov.cli.main", "validate", "experiment.edf"]
+    best = 9.0
+    for _ in range(3):
+        begin = _children_s()
+        root = Path(__file__).parents[3]
+        subprocess.run(command, check=True, capture_output=True, env={"PYTHONPATH": str(root), "PATH": "/usr/bin:/bin"})
+        best = min(best, _children_s() - begin)
+    assert best < 0.4
