@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
+from unittest import mock
 
 from srprov import controller
 from srprov.definitions.model import (
@@ -53,7 +54,8 @@ def inventory(world: World) -> Inventory:
 def plan_for(world: World, what: Experiment, **wishes: Any) -> Plan:
     """Make the plan of an experiment on a world."""
     definitions = Definitions(experiment=what, containers={})
-    return controller.make_plan(definitions, inventory(world), world.reader, controller.Wishes(**wishes)).plan
+    with mock.patch.object(controller, "source_of", return_value=f"lab@desk:{what.file}"):
+        return controller.make_plan(definitions, inventory(world), world.reader, controller.Wishes(**wishes)).plan
 
 
 def removal_for(world: World, instance: str = "hello", *, volumes: bool = False) -> Plan:

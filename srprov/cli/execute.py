@@ -35,6 +35,9 @@ def carry_out(
     """Run the plan, show what happens, report, and give the exit code."""
     from srprov import controller
 
+    if as_json:  # the plan was not shown, and it is what says these
+        for note in made.notes:
+            err(f"note: {note}")
     with progress(made, events=events, color=color) as listener:
         result = controller.apply(made, lab.connected(), listener, run_options)
     report = run_json(made, result, lab, phases)

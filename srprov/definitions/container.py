@@ -119,6 +119,9 @@ class _Chain:
             self.unsupported.add(layer.keys["repositories"], "'repositories' is not supported yet", ("repositories",))
         if isinstance(packages, Map) and isinstance(npm, Seq) and npm.items:
             self.unsupported.add(packages.keys["npm"], "'packages.npm' is not supported yet", ("packages", "npm"))
+        policy = layer.entries.get("pull_policy")
+        if isinstance(policy, Scalar) and policy.text != "missing":
+            self.unsupported.add(policy, f"'pull_policy: {policy.text}' is not supported yet", ("pull_policy",))
 
 
 def _as_layer(path: str, shown: str) -> Map:

@@ -49,6 +49,11 @@ def _service(entry: Map, path: Path, findings: Findings) -> None:
         findings.add(entry.keys["replicas"], "'replicas' other than 1 is not supported yet", (*path, "replicas"))
     if "per_robot" in entry.entries:
         findings.add(entry.keys["per_robot"], "'per_robot' is not supported yet", (*path, "per_robot"))
+    policy = get("pull_policy")
+    if isinstance(policy, Scalar) and policy.text != "missing":
+        findings.add(
+            policy, f"'pull_policy: {policy.text}' is not supported yet", (*path, "pull_policy"), "only missing is"
+        )
     if isinstance(network, Scalar) and network.text == "both":
         findings.add(network, "'network: both' is not supported yet", (*path, "network"), "use overlay or host")
 

@@ -76,8 +76,14 @@ def load(text: str, name: str) -> PlanFile:
 
 
 def is_plan(text: str) -> bool:
-    """Tell whether a file's text is meant as a plan; an EDF never begins with a brace."""
-    return text.lstrip().startswith("{")
+    """Tell whether a file's text is meant as a plan. An EDF may be JSON too, which is YAML; it says `edf`."""
+    if not text.lstrip().startswith("{"):
+        return False
+    try:
+        document = json.loads(text)
+    except ValueError:
+        return '"plan":' in text[:200]  # cut off, perhaps; `load` says so
+    return isinstance(document, dict) and "edf" not in document
 
 
 def _load(document: Mapping[str, Any], name: str) -> PlanFile:

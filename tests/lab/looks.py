@@ -30,11 +30,9 @@ def log_of(lab: Lab, robot: str, container: str) -> list[str]:
 
 
 def reached(lab: Lab, robot: str, container: str, targets: Iterable[str]) -> set[str]:
-    """Give those addresses and names that answer a ping from inside a container; each has two tries of a second."""
-    # busybox's ping looks a name up for as long as the resolver likes: `timeout` ends that too
-    script = (
-        'for t in "$@"; do (timeout 4 ping -c 2 -W 1 "$t" >/dev/null 2>&1 && echo "$t") & done; wait; true'  #
-    )
+    """Give those addresses and names that answer a ping from inside a container within two seconds."""
+    # ping looks a name up for as long as the resolver likes: `timeout` ends that too
+    script = 'for t in "$@"; do (timeout 4 ping -c 1 -W 2 "$t" >/dev/null 2>&1 && echo "$t") & done; wait; true'
     return set(lab.shell(robot, "docker", "exec", container, "sh", "-c", script, "sh", *targets).out.split())
 
 

@@ -53,7 +53,7 @@ services:
     working_dir: /ws
     user: 1000:1000
     entrypoint: []
-    pull_policy: never
+    pull_policy: missing
     robot: robot1
   prepare: {image: "busybox:1.36", command: [sh, -c, "true"], network: none}
   recorder: {image: "recorder:1", network: host, depends_on: [talker], cost: 0}

@@ -1,0 +1,117 @@
+"""What makes a container another container, and what does not."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from srprov.definitions.model import HealthCheck, Mount, Runtime
+from srprov.modules import MODULES
+from srprov.resource import Action, Resource
+from tests.fakes import World
+from tests.worlds import experiment, plan_for, service
+
+OTHER: dict[str, Any] = {
+    "command": ("x",),
+    "entrypoint": ("x",),
+    "environment": {"A": "1"},
+    "working_dir": "/x",
+    "user": "x",
+    "stop_signal": "SIGINT",
+    "stop_grace_s": 3.0,
+    "healthcheck": HealthCheck(test=("CMD", "x")),
+    "mounts": (Mount(kind="tmpfs", source="", target="/x"),),
+    "devices": (("/dev/x", "/dev/x", "rwm"),),
+    "ports": (("", 1, 2, "tcp"),),
+    "ulimits": (("nofile", 1, 2),),
+    "cap_add": ("X",),
+    "privileged": True,
+    "sysctls": {"a": "1"},
+    "group_add": ("x",),
+    "security_opt": ("x",),
+    "device_cgroup_rules": ("x",),
+    "tty": True,
+    "shm_size": 1,
+    "ipc": "host",
+    "pid": "host",
+    "gpus": "all",
+    "restart": "always",
+}
+NO_PART = {"pull_policy", "job"}
+"""Not the container's: the first is about its image, the second about how its end is judged."""
+
+
+def wanted(**fields: Any) -> Resource:
+    """Give the container resource of an experiment with one service."""
+    plan = plan_for(World().add("r1"), experiment(service("a", **fields)))
+    return next(step.want for step in plan.steps if step.want is not None and step.module == "container")
+
+
+WANT = wanted().params
+
+
+def labels(resource: Resource) -> dict[str, str]:
+    """Give the labels that its container would carry."""
+    import json
+
+    module = MODULES["container"]
+    change = module.check(resource, None)
+    assert change is not None
+    body = json.loads(module.commands(resource, change)[0].body)  # type: ignore[union-attr]
+    return dict(body["Labels"])
+
+
+def test_every_run_time_field_is_covered() -> None:
+    """A new field of Runtime must be in the hash, or be named here as one that makes no difference."""
+    assert {field.name for field in dataclasses.fields(Runtime)} == set(OTHER) | NO_PART
+
+
+@pytest.mark.parametrize("field", OTHER)
+def test_every_field_makes_another_container(field: str) -> None:
+    """Whatever run-time field differs, the hash differs and exactly one part of it."""
+    before, after = labels(wanted()), labels(wanted(**{field: OTHER[field]}))
+    assert before["srprov.config-hash"] != after["srprov.config-hash"]
+    parts = [set(one["srprov.config-parts"].split(",")) for one in (before, after)]
+    assert len(parts[0] - parts[1]) == 1
+
+
+@pytest.mark.parametrize("fields", [{"job": True}, {"pull_policy": "always"}, {"cost": 50.0}, {"robot": "r1"}])
+def test_what_is_not_the_containers_makes_no_difference(fields: dict[str, Any]) -> None:
+    """How a service is placed and judged restarts nothing."""
+    assert labels(wanted()) == labels(wanted(**fields))
+
+
+@settings(max_examples=50, derandomize=True, deadline=None)
+@given(st.dictionaries(st.text(min_size=1), st.text(), max_size=5), st.randoms())
+def test_the_order_of_maps_says_nothing(environment: dict[str, str], random: Any) -> None:
+    """The order in which variables are written does not reach the hash."""
+    from srprov.modules.container_body import parts_of
+
+    items = list(environment.items())
+    random.shuffle(items)
+    one, two = ({**WANT, "run": {**WANT["run"], "environment": dict(e)}} for e in (environment.items(), items))
+    assert parts_of(one) == parts_of(two)
+
+
+def test_another_instance_or_source_is_a_label_and_no_restart() -> None:
+    """Taking an instance over from another source changes no container."""
+    here = wanted()
+    moved = dataclasses.replace(here, params={**here.params, "source": "elsewhere"})
+    assert labels(here)["srprov.config-hash"] == labels(moved)["srprov.config-hash"]
+    assert labels(moved)["srprov.source"] == "elsewhere"
+
+
+def test_the_stop_waits_for_the_containers_own_grace() -> None:
+    """The time to wait for a stop is the container's grace and a minute, also where the wish has changed since."""
+    from srprov.facts.model import Existing
+
+    state = {"stop_grace": 300}
+    stop, _ = MODULES["container"].removal(Existing(module="container", name="x", instance="i", state=state))
+    assert stop.timeout_s == 360
+    change = MODULES["container"].check(wanted(), {**state, "hash": "0", "parts": {}, "state": "running"})
+    assert change is not None and change.action is Action.REPLACE
+    assert MODULES["container"].commands(wanted(), change)[0].timeout_s == 360

@@ -1,0 +1,91 @@
+"""Whatever a robot answers: parsing and checking never raise, and nothing foreign is taken for ours."""
+
+from __future__ import annotations
+
+import copy
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from srprov.modules import MODULES
+from srprov.resource import Change, Resource
+from srprov.wire import Reply
+
+CASES = Path(__file__).parents[2] / "cases"
+JUNK = st.sampled_from(
+    [None, True, 0, -1, 10**30, 1.5, "", "x", "²", "9" * 5000, "\0", "\ud800", "Exited (" + "9" * 5000 + ") now", [], {}, [[]], [None], {"a": {}}]
+)  # fmt: skip
+LINES = st.sampled_from(["", "a", "/" * 50, "\x85\u2028", "0" * 64 + "  ./a/b", "0" * 64 + "  ./../b", "[", "{}", "null"])
+
+
+def real(kind: str) -> tuple[dict[str, Any], list[Any]]:
+    """Give a wanted resource and real replies of a robot that has it."""
+    defaults = yaml.safe_load((CASES / kind / "defaults.yaml").read_text())
+    return defaults["want"], list(defaults["replies"].values())[: len(MODULES[kind].queries())]
+
+
+def places(value: Any, at: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    """Give the path of every value inside a JSON value."""
+    inside = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
+    return [at] + [path for key, one in inside for path in places(one, (*at, key))]
+
+
+def replaced(value: Any, path: tuple[Any, ...], junk: Any) -> Any:
+    """Give the value with something else at a path."""
+    if not path:
+        return junk
+    value = copy.deepcopy(value)
+    inner = value
+    for key in path[:-1]:
+        inner = inner[key]
+    inner[path[-1]] = junk
+    return value
+
+
+def survives(kind: str, replies: list[Reply]) -> None:
+    """Parse, check every found thing against the wanted one, and take it away; nothing may raise."""
+    want, _ = real(kind)
+    params = {**want["params"], **({"blob": b"x"} if "blob" in want["params"] else {})}
+    module = MODULES[kind]
+    for found in module.parse(replies):
+        assert isinstance(found.name, str) and isinstance(found.instance, str)
+        change = module.check(Resource(host="r1", module=kind, name=found.name, params=params), found.state)
+        assert change is None or isinstance(change, Change)
+        json.dumps(found.state)
+
+
+@pytest.mark.parametrize("kind", MODULES)
+@settings(max_examples=150, derandomize=True, deadline=None)
+@given(data=st.data())
+def test_junk_in_a_real_answer_never_raises(kind: str, data: st.DataObject) -> None:
+    """A real answer in which any one value is something else is read without an error."""
+    _, raw = real(kind)
+    which = data.draw(st.integers(0, len(raw) - 1))
+    if isinstance(raw[which], str):
+        raw[which] += data.draw(LINES)
+    else:
+        raw[which] = replaced(raw[which], data.draw(st.sampled_from(places(raw[which]))), data.draw(JUNK))
+    survives(kind, [Reply(status=200, out=one if isinstance(one, str) else json.dumps(one)) for one in raw])
+
+
+@pytest.mark.parametrize("kind", MODULES)
+@settings(max_examples=60, derandomize=True, deadline=None)
+@given(data=st.data())
+def test_any_text_never_raises(kind: str, data: st.DataObject) -> None:
+    """Text that is no answer at all, with any status, is read as nothing of ours or as little."""
+    count = len(MODULES[kind].queries())
+    reply = st.builds(lambda out, status: Reply(status=status, out=out, ok=status == 0), st.text() | LINES, st.integers(0, 3))
+    survives(kind, data.draw(st.lists(reply, min_size=count, max_size=count)))
+
+
+@pytest.mark.parametrize("kind", ["container", "image", "network", "volume"])
+@pytest.mark.parametrize("status", [0, 404, 500])
+def test_an_error_of_the_engine_is_no_list(kind: str, status: int) -> None:
+    """The JSON of an error, or no answer, gives nothing."""
+    reply = Reply(status=status, out='{"message": "something is wrong"}', ok=False)
+    assert MODULES[kind].parse([reply]) == ()

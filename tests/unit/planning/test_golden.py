@@ -1,0 +1,146 @@
+"""Plans as text, compared byte for byte with `tests/golden/*.txt`.
+
+A golden file is what a user sees; a change of it is a change of behaviour and is reviewed as such. After a wanted change:
+
+    SRPROV_UPDATE_GOLDEN=1 pytest tests/unit/planning/test_golden.py
+
+writes the files anew, and `git diff tests/golden` shows what a user would see.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from srprov.planning import Plan
+from srprov.planning.text import plan_text
+from tests.fakes import World
+from tests.worlds import CHECK, Experiment, Mount, NetworkWishes, apply, experiment, plan_for, removal_for, service
+
+GOLDEN = Path(__file__).parents[2] / "golden"
+UPDATE = bool(os.environ.get("SRPROV_UPDATE_GOLDEN"))
+
+WEB = service("web", robot="r1", healthcheck=CHECK, mounts=(Mount(kind="volume", source="log", target="/log"),))
+GREETER = service("greeter", robot="r2", depends_on={"web": "started"})
+ONCE = service("once", robot="r3", job=True, depends_on={"web": "healthy"})
+
+
+def three(*more: object, **fields: object) -> Experiment:
+    """Give the experiment with three services on three robots."""
+    return experiment(WEB, GREETER, ONCE, *more, **fields)  # type: ignore[arg-type]
+
+
+def applied(what: Experiment | None = None) -> World:
+    """Give three robots on which the experiment is true."""
+    world = World().add("r1", "r2", "r3")
+    assert apply(world, what or three()).exit_code == 0
+    return world
+
+
+def fresh() -> Plan:
+    """A dependency that must be healthy crosses robots."""
+    return plan_for(World().add("r1", "r2", "r3"), three())
+
+
+def nothing() -> Plan:
+    """A second plan finds nothing to do."""
+    return plan_for(applied(), three())
+
+
+def move() -> Plan:
+    """A service that moves stops before it starts elsewhere; the others learn its new place and go on."""
+    return plan_for(applied(), experiment(WEB, service("greeter", robot="r3", depends_on={"web": "started"}), ONCE))
+
+
+def removal() -> Plan:
+    """All of an instance goes, volumes excepted."""
+    return removal_for(applied())
+
+
+def removal_with_volumes() -> Plan:
+    """With volumes, the plan says that data is lost."""
+    return removal_for(applied(), volumes=True)
+
+
+def network_replaced() -> Plan:
+    """What stands on a network that must be made anew goes before and comes back after."""
+    return plan_for(applied(), three(network=NetworkWishes(subnet="10.222.0.0/24")))
+
+
+def drift() -> Plan:
+    """What somebody changed by hand, one of each kind."""
+    world = applied()
+    r1, r2, r3 = (world.robots[name] for name in ("r1", "r2", "r3"))
+    r1.engine.containers["srprov.hello.web"].state = "paused"
+    r1.disk.files["/var/lib/srprov/hello/hosts"] = b"edited\n"
+    r1.engine.volumes.clear()
+    r2.engine.images.clear()
+    r2.kernel.reboot()
+    r2.engine.containers["srprov.hello.greeter"].state = "exited"
+    r2.disk.files["/var/lib/srprov/hello/stray"] = b"x"
+    r3.kernel.links[next(n for n in r3.kernel.links if n.startswith("srpv"))].mtu = 1200
+    r3.disk.files.pop("/var/lib/srprov/hello/placement.json")
+    r3.engine.networks["srprov.hello"]["Options"]["com.docker.network.driver.mtu"] = "900"
+    return plan_for(world, three())
+
+
+def permissions() -> Plan:
+    """What reaches beyond the experiment's own containers is listed first."""
+    greedy = service(
+        "greedy",
+        robot="r1",
+        network="host",
+        privileged=True,
+        pid="host",
+        devices=(("/dev/video0", "/dev/video0", "rw"),),
+        mounts=(
+            Mount(kind="bind", source="/var/run/docker.sock", target="/s"),
+            Mount(kind="bind", source="/data", target="/data", read_only=True),
+        ),
+    )
+    return plan_for(World().add("r1"), experiment(greedy))
+
+
+def unreachable() -> Plan:
+    """A robot that cannot be reached keeps its service; the others are planned all the same."""
+    world = applied()
+    world.robots["r3"].gone = True
+    changed = service("greeter", robot="r2", command=("greet", "twice"), depends_on={"web": "started"})
+    return plan_for(world, experiment(WEB, changed, ONCE))
+
+
+def new_and_gone() -> Plan:
+    """One service leaves the experiment and another one joins it."""
+    return plan_for(applied(), experiment(WEB, GREETER, service("logger", robot="r2")))
+
+
+SCENES: tuple[Callable[[], Plan], ...] = (
+    fresh, nothing, move, removal, removal_with_volumes, network_replaced, drift, permissions, unreachable, new_and_gone,
+)  # fmt: skip
+
+
+def compared(name: str, text: str) -> None:
+    """Compare with the file, or write it."""
+    path = GOLDEN / f"{name}.txt"
+    if UPDATE:
+        path.write_text(text, encoding="utf-8")
+    assert path.read_text(encoding="utf-8") == text
+
+
+@pytest.mark.parametrize("scene", SCENES, ids=lambda scene: scene.__name__)
+def test_plan_text(scene: Callable[[], Plan]) -> None:
+    """The plan's text is what the golden file says, byte for byte."""
+    compared(scene.__name__, plan_text(scene()))
+
+
+def test_plan_text_with_commands() -> None:
+    """With commands, every step shows exactly what it runs; long content by its digest."""
+    compared("fresh-commands", plan_text(fresh(), commands=True))
+
+
+def test_no_golden_file_is_left_over() -> None:
+    """Every golden file belongs to a scene."""
+    assert {path.stem for path in GOLDEN.glob("*.txt")} == {scene.__name__ for scene in SCENES} | {"fresh-commands"}
