@@ -14,7 +14,8 @@ from srprov import data, disk, rendering
 from srprov.assignment import problem, solve
 from srprov.assignment.model import Assignment
 from srprov.context import Parts, contexts
-from srprov.definitions.model import ContainerDefinition, Definitions, Inventory
+from srprov.definitions.model import ContainerDefinition, Definitions, Experiment, Inventory
+from srprov.definitions.pins import unknown_pins
 from srprov.definitions.source import source_of
 from srprov.errors import DefinitionError
 from srprov.execution import Listener, Options, RunResult, run_plan
@@ -28,6 +29,7 @@ from srprov.network.layout import Overlay, layout
 from srprov.network.record import read_record, record
 from srprov.planning import Plan, Removal, diff, removal_plan
 from srprov.planning.policy import permissions
+from srprov.resource import Resource
 from srprov.wire import Session
 
 
@@ -50,6 +52,8 @@ class Planned:
     found: Found
     assignment: Assignment
     overlay: Overlay
+    images: Mapping[str, ImagePlan]
+    """Tag -> what is built under it; a failed build can name the line of the CDF."""
 
 
 Timer = Callable[[str], None]
@@ -70,14 +74,11 @@ def make_plan(
     if definitions.unsupported:
         raise DefinitionError(definitions.unsupported)
     experiment = definitions.experiment
+    if unknown := unknown_pins(experiment, lab):
+        raise DefinitionError(unknown)
     instance, source = wishes.instance or experiment.name, source_of(experiment.file)
     phase("facts")
-    found = gather(lab, readers, sample=False, forks=wishes.forks)
-    previous = previous_robots(found, instance)
-    if wishes.reassign or any(service not in previous for service in experiment.services):
-        # only a decision needs the traffic of this moment, which takes 0.3 s to see
-        found = gather(lab, readers, sample=True, forks=wishes.forks)
-        previous = previous_robots(found, instance)
+    found, previous = _look(experiment, instance, lab, readers, wishes)
     check_source(found, instance, source, adopt=wishes.adopt)
     phase("assignment")
     slots = {name: host.slots for name, host in lab.hosts.items() if host.slots is not None}
@@ -97,14 +98,7 @@ def make_plan(
         record=record(overlay, experiment, placed.placed, source, found.placements.get(instance)),
         found=found,
     )
-    per_host, blobs = contexts(parts)
-    texts = playbooks()
-    desired = [
-        resource
-        for host, context in per_host.items()
-        for resource in rendering.render(texts, host, context, modules=MODULES, blobs=blobs)
-    ]
-    steps, unchanged = diff(desired, found.existing, instance)
+    steps, unchanged = diff(_desired(parts), found.existing, instance)
     plan = Plan(
         instance=instance,
         source=source,
@@ -117,7 +111,33 @@ def make_plan(
         notes=_notes(placed),
         unreachable=found.unreachable,
     )
-    return Planned(plan=plan, found=found, assignment=placed, overlay=overlay)
+    by_tag = {image.tag: image for image in built.values()}
+    return Planned(plan=plan, found=found, assignment=placed, overlay=overlay, images=by_tag)
+
+
+def _look(
+    experiment: Experiment, instance: str, lab: Inventory, readers: Readers, wishes: Wishes
+) -> tuple[Found, dict[str, str]]:
+    """Give all robots as they are, and where the instance's services run now."""
+    found = gather(lab, readers, sample=False, forks=wishes.forks)
+    previous = previous_robots(found, instance)
+    free = wishes.reassign or not experiment.placement.sticky
+    if free or any(service not in previous for service in experiment.services):
+        # only a decision needs the traffic of this moment, which takes 0.3 s to see
+        found = gather(lab, readers, sample=True, forks=wishes.forks)
+        previous = previous_robots(found, instance)
+    return found, previous
+
+
+def _desired(parts: Parts) -> list[Resource]:
+    """Give what should be true on all robots."""
+    per_host, blobs = contexts(parts)
+    texts = playbooks()
+    return [
+        resource
+        for host, context in per_host.items()
+        for resource in rendering.render(texts, host, context, modules=MODULES, blobs=blobs)
+    ]
 
 
 def make_removal(

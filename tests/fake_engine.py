@@ -98,6 +98,10 @@ class Engine:
             return self._inspect(unquote(path.split("/")[2]))
         raise AssertionError(f"the fake engine knows no GET {path}")
 
+    def run_foreign(self, name: str) -> None:
+        """Run a container that is nobody's of ours, as somebody might by hand."""
+        self.containers[name] = Container(name, {"Image": "redis", "HostConfig": {}, "Labels": {"app": "x"}}, "running")
+
     def _listed(self, one: Container) -> dict[str, Any]:
         self._tick(one)
         one.looks += 1
@@ -136,7 +140,7 @@ class Engine:
 
     def _status(self, one: Container) -> str:
         if one.state == "running":
-            health = self._health(one)
+            health = self.health(one)
             shown = {"starting": " (health: starting)"}.get(health, f" ({health})" if health else "")
             return "Up 2 seconds" + shown
         if one.state == "exited":
@@ -149,7 +153,8 @@ class Engine:
             "removing": "Removal In Progress",
         }[one.state]
 
-    def _health(self, one: Container) -> str:
+    def health(self, one: Container) -> str:
+        """Give what its health check says, or nothing."""
         if "Healthcheck" not in one.body or one.state != "running":
             return ""
         after = self.behaviours.get(one.service, Behaviour()).healthy_after
@@ -178,7 +183,7 @@ class Engine:
             "Dead": one.state == "dead",
             "ExitCode": one.code,
         }
-        if health := self._health(one):
+        if health := self.health(one):
             log = [{"ExitCode": 0 if health == "healthy" else 1, "Output": "connection refused\n"}]
             state["Health"] = {"Status": health, "FailingStreak": 0, "Log": log}
         return _answer({"Id": identity(name), "Name": "/" + name, "State": state})

@@ -50,7 +50,7 @@ class Entry:
     """`ask`, `command`, `done` (a command that succeeded), or `started` (a container's process)"""
     what: AnyQuery | Command | str
     seen: Mapping[str, tuple[str, str]] = field(default_factory=dict)
-    """For `started`: container -> (state with exit code, health) on all robots at that moment."""
+    """For `started`: robot/container -> (state with exit code, health) at that moment."""
 
 
 @dataclass
@@ -70,11 +70,12 @@ class World:
     log: list[Entry] = field(default_factory=list)
     doubles: list[str] = field(default_factory=list)
     """Services that ran on two robots at once."""
+    early: list[str] = field(default_factory=list)
+    """Containers that started before their robot was joined to the overlay."""
     lock: threading.RLock = field(default_factory=threading.RLock)
     fault: Fault | None = None
     """Counted over all robots."""
     commands: int = 0
-    check_doubles: bool = True
 
     def add(self, *names: str, **options: Any) -> World:
         """Add robots; the n-th one has the address 10.0.0.n."""
@@ -114,10 +115,13 @@ class World:
     def note_start(self, host: str, container: Container) -> None:
         """Log the start of a process with all that could be seen of others then; note doubles."""
         seen = {
-            one.name: (f"{one.state} {one.code}", robot.engine._health(one))
-            for robot in self.robots.values()
+            f"{name}/{one.name}": (f"{one.state} {one.code}", robot.engine.health(one))
+            for name, robot in self.robots.items()
             for one in robot.engine.containers.values()
         }
+        links = [link for link in self.robots[host].kernel.links.values() if link.kind == "vxlan" and link.master]
+        if "NetworkingConfig" in container.body and not links:
+            self.early.append(f"{host}/{container.name} before its link")
         self.log.append(Entry(host, "started", container.name, seen))
         for other, robot in self.robots.items():
             twin = robot.engine.containers.get(container.name)

@@ -18,6 +18,7 @@ from srprov.errors import RefusedError, UsageError
 from srprov.planning.limit import limited
 
 if TYPE_CHECKING:
+    from srprov.images.plan import ImagePlan
     from srprov.planning.planfile import PlanFile
 
 
@@ -66,6 +67,7 @@ def apply(
     inventory = options.load_inventory(inventories)
     chosen = options.selected(inventory, limit, exclude)
     wishes = Wishes(instance=instance, reassign=reassign, adopt=adopt, forks=forks)
+    images: Mapping[str, ImagePlan] = {}
     with options.open_lab(inventory, timeout, forks) as lab:
         err(f"asking {len(inventory.hosts)} robots for facts")
         if saved:
@@ -73,7 +75,8 @@ def apply(
             made = check_file(saved, inventory, lab.sessions.get, forks=forks)
         else:
             assert definitions is not None
-            made = make_plan(definitions, inventory, lab.sessions.get, wishes, phases.begin).plan
+            planned = make_plan(definitions, inventory, lab.sessions.get, wishes, phases.begin)
+            made, images = planned.plan, planned.images
         made = limited(made, chosen)
         if not as_json:
             show_plan(made, None, verbose=verbose)
@@ -81,7 +84,9 @@ def apply(
         confirm(made, yes)
         phases.begin("apply")
         run_options = Options(forks=forks, wait_timeout_s=wait_timeout, settle_s=settle)
-        return carry_out(made, lab, run_options, phases, as_json=as_json, events=events, color=not no_color)
+        return carry_out(
+            made, lab, run_options, phases, as_json=as_json, events=events, color=not no_color, images=images
+        )
 
 
 class Phases:

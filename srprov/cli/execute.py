@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import threading
 from collections.abc import Mapping
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import click
 
+from srprov.cli.interrupt import soft_interrupt
 from srprov.cli.options import Lab
 from srprov.cli.output import err, out
 from srprov.cli.progress import progress
@@ -17,6 +20,7 @@ from srprov.planning import Plan
 if TYPE_CHECKING:
     from srprov.cli.apply import Phases
     from srprov.execution import Options, RunResult
+    from srprov.images.plan import ImagePlan
 
 
 def confirm(made: Plan, yes: bool) -> None:
@@ -30,33 +34,46 @@ def confirm(made: Plan, yes: bool) -> None:
 
 
 def carry_out(
-    made: Plan, lab: Lab, run_options: Options, phases: Phases, *, as_json: bool, events: str | None, color: bool
+    made: Plan,
+    lab: Lab,
+    run_options: Options,
+    phases: Phases,
+    *,
+    as_json: bool,
+    events: str | None,
+    color: bool,
+    images: Mapping[str, ImagePlan] = MappingProxyType({}),
 ) -> int:
-    """Run the plan, show what happens, report, and give the exit code."""
+    """Run the plan, show what happens, report, and give the exit code; `images` tell where a failed build is from."""
     from srprov import controller
 
     if as_json:  # the plan was not shown, and it is what says these
         for note in made.notes:
             err(f"note: {note}")
-    with progress(made, events=events, color=color) as listener:
-        result = controller.apply(made, lab.connected(), listener, run_options)
+    stop = threading.Event()
+    with progress(made, events=events, color=color) as listener, soft_interrupt(stop):
+        result = controller.apply(made, lab.connected(), listener, run_options, stop)
     report = run_json(made, result, lab, phases)
     if as_json:
         out(json.dumps(report, indent=2))
-    for line in failures(result):
+    for line in failures(result, images):
         err(line)
     err(summary_line(report, result))
     return result.exit_code
 
 
-def failures(result: RunResult) -> list[str]:
+def failures(result: RunResult, images: Mapping[str, ImagePlan] = MappingProxyType({})) -> list[str]:
     """Give a line or more for every step that did not end well, and for every robot that could not be reached."""
     from srprov.execution import Outcome
+    from srprov.images.tag import locate_failure
 
     lines = []
     for one in result.results:
         if one.outcome not in (Outcome.CHANGED, Outcome.UNCHANGED):
             lines.append(f"{one.outcome.value}: #{one.step.number} {one.step.id}: {one.message}")
+            image = images.get(one.step.name) if one.step.module == "image" else None
+            if image and one.outcome is Outcome.FAILED and (place := locate_failure(image, one.message)):
+                lines.append(f"  it comes from {place}")
     lines += [f"unreachable: {host}: {reason}" for host, reason in sorted(result.unreachable.items())]
     return lines
 

@@ -22,13 +22,13 @@ UNREACHABLE = 4
 @click.command()
 @click.argument("file", metavar="FILE")
 @click.argument("services", nargs=-1)
-@options.robots
+@options.quietly_robots
 @options.INSTANCE
 @click.option("-n", "--tail", type=click.IntRange(min=0), default=100, show_default=True, help="Lines from the end.")
 @click.option("-f", "--follow", is_flag=True, help="Go on until Ctrl-C, or until all have ended.")
 def logs(
-    file: str, services: tuple[str, ...], inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float,
-    instance: str, tail: int, follow: bool,
+    file: str, services: tuple[str, ...], inventories: tuple[str, ...], forks: int, timeout: float, instance: str,
+    tail: int, follow: bool,
 ) -> int:  # fmt: skip
     """Show what services print (all, or those named)."""
     from srprov.facts.gather import gather

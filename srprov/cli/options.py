@@ -38,6 +38,16 @@ LIMIT = click.option("--limit", default="", metavar="PATTERN", help="Change only
 EXCLUDE = click.option("--exclude", default="", metavar="PATTERN", help="Do not change these robots.")
 
 
+def quietly_robots(function: _F) -> _F:
+    """Add the options of a verb that streams text from robots: no JSON, and `-f` is left for --follow."""
+    forks = click.option(
+        "--forks", type=click.IntRange(min=1), default=64, show_default=True, help="Robots at the same time."
+    )
+    for option in (TIMEOUT, forks, INVENTORY):
+        function = option(function)
+    return function
+
+
 def robots(function: _F) -> _F:
     """Add the options of every verb that talks to robots."""
     for option in (TIMEOUT, FORKS, JSON, INVENTORY):

@@ -98,7 +98,7 @@ class _Shown:
         self.done += 1
         word = event.outcome.value
         took = f" ({event.duration_s:.1f} s)" if event.duration_s >= 1 else ""
-        failed = f": {event.text}" if event.text and word not in ("changed", "unchanged") else ""
+        failed = f": {event.text.splitlines()[0]}" if event.text and word not in ("changed", "unchanged") else ""
         symbol = event.step.change.action.value
         what = f"{event.host}: {symbol} {event.step.module} {event.step.name}"
         err(

@@ -79,7 +79,8 @@ class _Run:
         waiting = {part.index: set(part.needs) for part in parts}
         running: dict[concurrent.futures.Future[None], int] = {}
         hosts = {part.host for part in parts}
-        with concurrent.futures.ThreadPoolExecutor(max(1, min(self.options.forks, len(hosts)))) as pool:
+        pool = concurrent.futures.ThreadPoolExecutor(max(1, min(self.options.forks, len(hosts))))
+        try:
             while waiting or running:
                 for index in [i for i, needs in waiting.items() if not needs]:
                     del waiting[index]
@@ -89,6 +90,9 @@ class _Run:
                     done.result()
                     for needs in waiting.values():
                         needs.discard(ended)
+        finally:
+            # whoever leaves at once does not wait for a build: it ends with its connection
+            pool.shutdown(wait=False, cancel_futures=True)
 
     def _next(self, running: Mapping[concurrent.futures.Future[None], int]) -> set[concurrent.futures.Future[None]]:
         """Wait for the next end. An interrupt here asks for a soft stop; a second one leaves at once."""

@@ -22,7 +22,7 @@ from srprov.facts.observe import observe_queries, parse_observed
 from srprov.modules import MODULES
 from srprov.planning import Step
 from srprov.resource import Action, Change
-from srprov.wire import Command, Query, Reply, Session, sh
+from srprov.wire import Command, EngineCall, Query, Reply, Session, sh
 
 _Key = tuple[str, str]
 
@@ -116,5 +116,7 @@ def last_words(session: Session, container: str, lines: int = 8) -> str:
 
 def _failure(command: Command, reply: Reply) -> str:
     text = command.text().splitlines()[0][:160]
-    said = (reply.err or reply.out).strip()
+    # the end of a build's output says more than its error
+    parts = (reply.out, reply.err) if isinstance(command, EngineCall) and command.stream else (reply.err or reply.out,)
+    said = "\n    ".join(line for part in parts for line in part.splitlines() if line.strip())
     return f"{text}\n  status {reply.status}: {said}" if said else f"{text}\n  status {reply.status}"

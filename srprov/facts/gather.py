@@ -40,8 +40,12 @@ def gather(lab: Inventory, readers: Readers, *, sample: bool, forks: int = 64) -
     existing: dict[str, tuple[Existing, ...]] = {}
     unreachable: dict[str, str] = {}
     records: dict[str, Mapping[str, Any]] = {}
-    with concurrent.futures.ThreadPoolExecutor(max(1, min(forks, len(lab.hosts)))) as pool:
-        futures = {name: pool.submit(_one, host, readers, sample) for name, host in lab.hosts.items()}
+    pool = concurrent.futures.ThreadPoolExecutor(max(1, min(forks, len(lab.hosts))))
+    futures = {name: pool.submit(_one, host, readers, sample) for name, host in lab.hosts.items()}
+    try:
+        concurrent.futures.wait(futures.values())
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)  # Ctrl-C does not wait for the slowest robot
     for name, future in sorted(futures.items()):
         try:
             facts[name], existing[name], placements = future.result()

@@ -67,7 +67,7 @@ def locate_failure(plan: ImagePlan, output: str) -> Location | None:
     """Give the user's line behind a failed build, from what the builder said; None when it does not tell."""
     if parse := re.findall(r"(?:parse error (?:on )?line |Dockerfile:)([0-9]{1,6})", output):
         return plan.lines.get(int(parse[-1]))
-    steps = re.findall(r"^Step ([0-9]{1,6})/[0-9]+ :", output, re.MULTILINE)
+    steps = re.findall(r"\bStep ([0-9]{1,6})/[0-9]{1,6} :", output)
     starts = list(instruction_lines(plan.dockerfile))
     if steps and 0 < int(steps[-1]) <= len(starts):
         return plan.lines.get(starts[int(steps[-1]) - 1])

@@ -179,15 +179,17 @@ def _in_order(drafts: Sequence[_Draft], wanted: Mapping[str, Resource]) -> tuple
         raise PlanError(
             f"these need each other in a circle: {circle}", hint="break the circle in depends_on or the playbook"
         )
-    return tuple(_step(by_key[key], numbers, needs[key]) for key in numbers)
+    return tuple(_step(by_key[key], numbers, needs[key], wanted) for key in numbers)
 
 
 def _step(
-    draft: _Draft, numbers: Mapping[tuple[str, int, int, str], int], needs: Iterable[tuple[str, int, int, str]]
+    draft: _Draft,
+    numbers: Mapping[tuple[str, int, int, str], int],
+    needs: Iterable[tuple[str, int, int, str]],
+    wanted: Mapping[str, Resource],
 ) -> Step:
     key = draft.key
-    waiting = {Condition.HEALTHY.value, Condition.COMPLETED.value}
-    waits = tuple(sorted(n for n in draft.want.needs if n.condition in waiting)) if draft.want else ()
+    waits = tuple(sorted(n for n in draft.want.needs if _waited_for(n, wanted))) if draft.want else ()
     return Step(
         number=numbers[key],
         host=draft.host,
@@ -200,6 +202,12 @@ def _step(
         want=draft.want,
         found=draft.found,
     )
+
+
+def _waited_for(need: Need, wanted: Mapping[str, Resource]) -> bool:
+    """Tell whether a need takes time; or a look, since what is on a robot out of reach is not among the wanted."""
+    away = need.condition == Condition.STARTED.value and need.id not in wanted
+    return away or need.condition in (Condition.HEALTHY.value, Condition.COMPLETED.value)
 
 
 def _needs(

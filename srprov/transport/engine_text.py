@@ -58,6 +58,7 @@ def message_of(text: str) -> str:
 def follow(response: requests.Response, progress: Progress) -> Reply:
     """Read a progress stream to its end; a line with `error` is a failure."""
     last: deque[str] = deque(maxlen=_LAST_LINES)
+    instruction = ""
     for raw in response.iter_lines(chunk_size=None, delimiter=b"\n"):
         try:
             event = json.loads(raw)
@@ -66,8 +67,11 @@ def follow(response: requests.Response, progress: Progress) -> Reply:
         if not isinstance(event, dict):
             continue
         if error := failure(event):
-            return Reply(status=response.status_code, out="\n".join(last), err=error, ok=False)
+            # which instruction failed may have been said long before its last lines
+            said = [instruction] if instruction and instruction not in last else []
+            return Reply(status=response.status_code, out="\n".join([*said, *last]), err=error, ok=False)
         for line in told(event):
+            instruction = line if line.startswith("Step ") else instruction
             last.append(line)
             progress(line)
     return Reply(status=response.status_code, out="\n".join(last))

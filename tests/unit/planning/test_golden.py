@@ -1,4 +1,4 @@
-"""Plans as text, compared byte for byte with `tests/golden/*.txt`.
+"""Plans as text, compared byte for byte with `tests/golden/plan-*.txt`.
 
 A golden file is what a user sees; a change of it is a change of behaviour and is reviewed as such. After a wanted change:
 
@@ -124,7 +124,7 @@ SCENES: tuple[Callable[[], Plan], ...] = (
 
 def compared(name: str, text: str) -> None:
     """Compare with the file, or write it."""
-    path = GOLDEN / f"{name}.txt"
+    path = GOLDEN / f"plan-{name}.txt"
     if UPDATE:
         path.write_text(text, encoding="utf-8")
     assert path.read_text(encoding="utf-8") == text
@@ -143,4 +143,5 @@ def test_plan_text_with_commands() -> None:
 
 def test_no_golden_file_is_left_over() -> None:
     """Every golden file belongs to a scene."""
-    assert {path.stem for path in GOLDEN.glob("*.txt")} == {scene.__name__ for scene in SCENES} | {"fresh-commands"}
+    names = {f"plan-{scene.__name__}" for scene in SCENES}
+    assert {path.stem for path in GOLDEN.glob("plan-*.txt")} == names | {"plan-fresh-commands"}

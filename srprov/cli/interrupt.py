@@ -1,0 +1,36 @@
+"""Ctrl-C during a run: the first one asks for a soft end, the second one leaves at once.
+
+A KeyboardInterrupt may be raised at any line of the main thread, and would take the report of what was done with it.
+So while robots are changed, the first one only sets an event.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+_SAID = b"\ninterrupted: running steps end, no new one begins; once more to leave at once\n"
+
+
+@contextmanager
+def soft_interrupt(stop: threading.Event) -> Iterator[None]:
+    """Set `stop` at the first SIGINT and raise KeyboardInterrupt at the second; elsewhere than in main, do nothing."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def ask(_number: int, _frame: FrameType | None) -> None:
+        if stop.is_set():
+            raise KeyboardInterrupt
+        stop.set()
+        os.write(2, _SAID)  # the signal may have come in the middle of a print, which allows no other
+
+    before = signal.signal(signal.SIGINT, ask)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)

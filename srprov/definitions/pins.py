@@ -1,0 +1,36 @@
+"""`robot:` of services against the inventory: a pin on a robot that nobody knows is a mistake in a file.
+
+Takes an Experiment and an Inventory; gives problems. Pure.
+"""
+
+from __future__ import annotations
+
+import difflib
+
+from srprov.definitions.model import Experiment, Inventory
+from srprov.errors import Problem
+
+_SHOWN = 12
+
+
+def unknown_pins(experiment: Experiment, inventory: Inventory) -> tuple[Problem, ...]:
+    """Give one problem for each service that is pinned to a robot which the inventory does not have."""
+    return tuple(
+        Problem(
+            location=service.location,
+            message=f"'{service.name}' is pinned to '{service.robot}', which is not in the inventory",
+            path=f"services.{service.name}.robot",
+            hint=_hint(service.robot, inventory),
+        )
+        for service in experiment.services.values()
+        if service.robot and service.robot not in inventory.hosts
+    )
+
+
+def _hint(wanted: str, inventory: Inventory) -> str:
+    close = difflib.get_close_matches(wanted, inventory.hosts, n=1)
+    if close:
+        return f"did you mean '{close[0]}'?"
+    names = list(inventory.hosts)
+    more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
+    return f"it has: {', '.join(names[:_SHOWN])}{more}"
