@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import importlib
+import os
 import sys
 import traceback
+from pathlib import Path
 
 import click
 
 from srprov import __version__
+from srprov.cli.config import default_map
 from srprov.cli.output import err
 from srprov.errors import DefinitionError, NoAssignment, SrprovError
 
@@ -60,7 +63,8 @@ def cli() -> None:
 def run(arguments: list[str] | None = None) -> int:
     """Run one command line and give its exit code; whatever goes wrong becomes a message and a documented code."""
     try:
-        result = cli.main(args=arguments, prog_name="srprov", standalone_mode=False)
+        defaults = default_map(_VERBS, Path.cwd(), os.environ)
+        result = cli.main(args=arguments, prog_name="srprov", standalone_mode=False, default_map=defaults)
     except click.exceptions.Exit as stop:
         return int(stop.exit_code)
     except (click.Abort, KeyboardInterrupt):
