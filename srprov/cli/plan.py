@@ -25,7 +25,7 @@ UNREACHABLE = 4
 @click.option("--reassign", is_flag=True, help="Let running services move when that is cheaper.")
 @click.option("--adopt", is_flag=True, help="Take over an instance that another file made.")
 @click.option("--detailed-exitcode", is_flag=True, help="Exit with 2 when something would change.")
-@click.option("--format", "form", type=click.Choice(["text", "json"]), default="text", show_default=True)
+@click.option("--format", "form", type=click.Choice(["text", "json", "markdown"]), default="text", show_default=True)
 @click.option(
     "-o", "--out", "target", type=click.Path(dir_okay=False), help="Also write the plan to a file that `apply` takes."
 )
@@ -40,6 +40,7 @@ def plan(
     reached.
     """
     from srprov.controller import Wishes, make_plan
+    from srprov.planning.markdown import plan_markdown
     from srprov.planning.plan import plan_json
     from srprov.planning.planfile import dump
     from srprov.saved import to_file
@@ -53,7 +54,10 @@ def plan(
     if target:
         Path(target).write_text(dump(to_file(planned, made, definitions)), encoding="utf-8")
     text = json.dumps(plan_json(made), indent=2)
-    show_plan(made, text if as_json or form == "json" else None, verbose=verbose)
+    if form == "markdown" and not as_json:
+        out(plan_markdown(made).rstrip())
+    else:
+        show_plan(made, text if as_json or form == "json" else None, verbose=verbose)
     if made.unreachable:
         return UNREACHABLE
     return DIFFERENCES if detailed_exitcode and not made.empty else 0

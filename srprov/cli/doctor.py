@@ -1,0 +1,81 @@
+"""`srprov doctor`: what is missing on each robot for srprov to work, each with its remedy."""
+
+from __future__ import annotations
+
+import concurrent.futures
+import json
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from srprov.cli import options
+from srprov.cli.output import err, out
+from srprov.errors import TransportError
+
+if TYPE_CHECKING:
+    from srprov.facts.preconditions import Check
+
+FAILED = 3
+UNREACHABLE = 4
+
+
+@click.command()
+@options.robots
+@options.LIMIT
+@options.EXCLUDE
+def doctor(inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, limit: str, exclude: str) -> int:
+    """Check what every robot must have, and say how to get what is missing.
+
+    Exits with 3 when something that is needed is missing, with 4 when a robot cannot be reached; warnings alone are 0.
+    """
+    import dataclasses
+
+    from srprov.facts.gather import gather
+    from srprov.facts.preconditions import Verdict, judge, precondition_queries
+
+    whole = options.load_inventory(inventories)
+    chosen = options.selected(whole, limit, exclude)
+    inventory = dataclasses.replace(whole, hosts={name: host for name, host in whole.hosts.items() if name in chosen})
+    with options.open_lab(inventory, timeout, forks) as lab:
+        found = gather(inventory, lab.sessions.get, sample=False, forks=forks)
+        unreachable = dict(found.unreachable)
+
+        def one(name: str) -> tuple[Check, ...]:
+            return judge(found.facts[name], lab.sessions.get(name).ask(precondition_queries()))
+
+        checks: dict[str, tuple[Check, ...]] = {}
+        with concurrent.futures.ThreadPoolExecutor(max(1, len(found.facts))) as pool:
+            for name, future in {name: pool.submit(one, name) for name in found.facts}.items():
+                try:
+                    checks[name] = future.result()
+                except TransportError as error:
+                    unreachable[name] = error.message
+    if as_json:
+        out(json.dumps(doctor_json(checks, unreachable), indent=2))
+    else:
+        out(doctor_text(checks))
+    for host, reason in sorted(unreachable.items()):
+        err(f"unreachable: {host}: {reason}")
+    if any(check.verdict is Verdict.FAILED for robot in checks.values() for check in robot):
+        return FAILED
+    return UNREACHABLE if unreachable else 0
+
+
+def doctor_text(checks: dict[str, tuple[Check, ...]]) -> str:
+    """Give a line per robot that is well, and for the others what is not."""
+    lines = []
+    for name, robot in sorted(checks.items()):
+        bad = [check for check in robot if check.remedy]
+        lines.append(f"{name}: {'all is well' if not bad else f'{len(bad)} of {len(robot)} checks'}")
+        for check in bad:
+            lines += [f"  {check.verdict.value}: {check.name}: {check.found}", f"    {check.remedy}"]
+    return "\n".join(lines)
+
+
+def doctor_json(checks: dict[str, tuple[Check, ...]], unreachable: dict[str, str]) -> dict[str, Any]:
+    """Give every check of every robot."""
+    robots = {
+        name: [{"check": c.name, "verdict": c.verdict.value, "found": c.found, "remedy": c.remedy} for c in robot]
+        for name, robot in sorted(checks.items())
+    }
+    return {"robots": robots, "unreachable": dict(sorted(unreachable.items()))}

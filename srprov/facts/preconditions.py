@@ -1,0 +1,145 @@
+"""What a robot must have for srprov to work, each with its remedy.
+
+Takes a robot's facts and the replies to a few more questions; gives checks. Pure. A check that cannot be decided
+from outside says so instead of guessing. `srprov doctor` shows them.
+
+Source: what the commands of `modules/` and the scripts of `transport/` and `execution/` call.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from srprov.facts.model import HostFacts
+from srprov.wire import Query, Reply
+
+_TOOLS = {
+    "ip": "iproute2",
+    "bridge": "iproute2",
+    "tar": "tar",
+    "base64": "coreutils",
+    "sha256sum": "coreutils",
+    "find": "findutils",
+    "timeout": "coreutils",
+    "flock": "util-linux",
+}
+"""Program -> Debian package."""
+_API = (1, 41)
+_DISK_MIB = 1024
+_CLOCK_S = 1.0
+_MTU = 1280
+
+
+class Verdict(enum.Enum):
+    """What came of a check."""
+
+    OK = "ok"
+    WARNING = "warning"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Check:
+    """One precondition of one robot."""
+
+    name: str
+    verdict: Verdict
+    found: str
+    """What is there, in words."""
+    remedy: str = ""
+    """What to do; empty when it is right."""
+
+
+def precondition_queries() -> tuple[Query, ...]:
+    """Give the questions that facts do not answer; they only read."""
+    programs = " ".join(_TOOLS)
+    return (
+        Query(command=f"for p in {programs}; do command -v $p >/dev/null 2>&1 || echo $p; done"),
+        Query(
+            command="test -d /sys/module/vxlan && echo loaded && exit; "
+            "grep -qs '/vxlan[.]ko' /lib/modules/$(uname -r)/modules.builtin && echo builtin && exit; "
+            "modprobe -n -q vxlan 2>/dev/null && echo loadable && exit; "
+            "ls /sys/class/net/*/type >/dev/null 2>&1; echo unknown"
+        ),
+        Query(command="cat /proc/sys/net/ipv4/ip_forward"),
+        Query(command="ip -j link show lo"),
+    )
+
+
+def judge(facts: HostFacts, replies: Sequence[Reply]) -> tuple[Check, ...]:
+    """Give all checks of one robot, in a fixed order.
+
+    Args:
+        facts: the robot as it is.
+        replies: to `precondition_queries`, in its order.
+    """
+    programs, vxlan, forwarding, as_json = replies
+    return (
+        _rights(facts),
+        *_programs(programs, as_json),
+        _engine(facts),
+        *_network(facts, vxlan, forwarding),
+        _disk(facts),
+        _clock(facts),
+    )
+
+
+def _check(name: str, right: bool, found: str, remedy: str, otherwise: Verdict = Verdict.FAILED) -> Check:
+    return Check(name=name, verdict=Verdict.OK if right else otherwise, found=found, remedy="" if right else remedy)
+
+
+def _rights(facts: HostFacts) -> Check:
+    found = f"{facts.user or 'user'} {'has' if facts.privileged else 'has no'} root's rights"
+    return _check("root", facts.privileged, found, "allow `sudo -n sh` for that user, or log in as root")
+
+
+def _programs(programs: Reply, as_json: Reply) -> Iterator[Check]:
+    missing = [name for name in programs.out.split() if name in _TOOLS]
+    packages = " ".join(sorted({_TOOLS[name] for name in missing}))
+    found = f"missing: {', '.join(missing)}" if missing else "all there"
+    yield _check("programs", not missing, found, f"apt-get install {packages}")
+    speaks = as_json.ok and as_json.out.lstrip().startswith("[")
+    found = "speaks JSON" if speaks else "`ip -j` does not answer in JSON"
+    yield _check("iproute2", speaks, found, "install iproute2 5.0 or newer")
+
+
+def _engine(facts: HostFacts) -> Check:
+    docker = facts.docker
+    if docker is None:
+        problem = facts.docker_problem or "no answer"
+        return _check("docker", False, problem, "install and start Docker: apt-get install docker.io")
+    version = tuple(int(part) if part.isdigit() else 0 for part in docker.api_version.split("."))
+    if docker.rootless:
+        remedy = "run a rootful engine: a rootless one cannot join a bridge of the host to a VXLAN link"
+        return _check("docker", False, f"{docker.version}, rootless", remedy)
+    wanted = ".".join(map(str, _API))
+    remedy = f"update Docker to 20.10 or newer (API {wanted})"
+    return _check("docker", version >= _API, f"{docker.version}, API {docker.api_version}", remedy)
+
+
+def _network(facts: HostFacts, vxlan: Reply, forwarding: Reply) -> Iterator[Check]:
+    state = vxlan.out.strip()
+    remedy = "load the module `vxlan`; on Ubuntu for Raspberry Pi it is in linux-modules-extra-raspi"
+    known = state in ("loaded", "builtin", "loadable")
+    yield _check("vxlan", known, state if known else "cannot tell", remedy, Verdict.WARNING)
+    remedy = "set srprov_underlay in the inventory to the interface or address that other robots reach"
+    yield _check("underlay", bool(facts.underlay_address), facts.underlay_address or "no address", remedy)
+    found = f"{facts.underlay_mtu} bytes on {facts.underlay_link or 'the underlay'}"
+    yield _check("mtu", facts.underlay_mtu >= _MTU, found, f"raise it to at least {_MTU}", Verdict.WARNING)
+    on = forwarding.out.strip() == "1"
+    remedy = "echo 1 > /proc/sys/net/ipv4/ip_forward (Docker does it when it starts)"
+    yield _check("forwarding", on, "on" if on else "off", remedy, Verdict.WARNING)
+
+
+def _disk(facts: HostFacts) -> Check:
+    free = facts.disk_free // 2**20
+    remedy = "make room: docker system prune, or a larger disk for Docker's root"
+    return _check("disk", free >= _DISK_MIB, f"{free} MiB free for Docker", remedy, Verdict.WARNING)
+
+
+def _clock(facts: HostFacts) -> Check:
+    offset = facts.clock_offset_s
+    remedy = "set the clock: apt-get install chrony; robots whose clocks differ cannot share transforms"
+    return _check("clock", abs(offset) <= _CLOCK_S, f"{offset:+.2f} s from the controller", remedy, Verdict.WARNING)

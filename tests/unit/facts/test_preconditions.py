@@ -1,0 +1,85 @@
+"""Doctor's judgement: every precondition has a verdict, and what is not right has a remedy."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+from srprov.facts.model import Docker, HostFacts
+from srprov.facts.preconditions import Check, Verdict, judge, precondition_queries
+from srprov.wire import Reply
+
+WELL = HostFacts(
+    name="r1",
+    docker=Docker(version="20.10.24", api_version="1.41"),
+    disk_free=50 * 2**30,
+    underlay_link="eth0",
+    underlay_address="10.0.0.1",
+    underlay_mtu=1500,
+    user="root",
+)
+GOOD = ("", "loaded\n", "1\n", '[{"ifname":"lo"}]')
+
+
+def replies(*texts: str) -> list[Reply]:
+    """Give shell replies that succeeded."""
+    return [Reply(status=0, out=text) for text in texts]
+
+
+def by_name(checks: tuple[Check, ...]) -> dict[str, Check]:
+    """Give checks by their name."""
+    return {check.name: check for check in checks}
+
+
+def test_there_is_one_reply_for_each_question() -> None:
+    """The table of good answers covers every question."""
+    assert len(precondition_queries()) == len(GOOD)
+
+
+def test_a_robot_that_has_all_is_well() -> None:
+    """Nothing to say about a robot that has all."""
+    checks = judge(WELL, replies(*GOOD))
+
+    assert [check.name for check in checks if check.verdict is not Verdict.OK] == []
+    assert all(not check.remedy for check in checks)
+
+
+@pytest.mark.parametrize(
+    ("change", "texts", "name", "verdict", "remedy"),
+    [
+        ({"privileged": False, "user": "pi"}, GOOD, "root", Verdict.FAILED, "sudo"),
+        ({}, ("bridge\nflock\n", *GOOD[1:]), "programs", Verdict.FAILED, "apt-get install iproute2 util-linux"),
+        ({}, (*GOOD[:3], "1: lo: <LOOPBACK>"), "iproute2", Verdict.FAILED, "iproute2 5.0"),
+        ({"docker": None, "docker_problem": "docker: not found"}, GOOD, "docker", Verdict.FAILED, "docker.io"),
+        ({"docker": Docker(version="19.03", api_version="1.40")}, GOOD, "docker", Verdict.FAILED, "update"),
+        (
+            {"docker": Docker(version="24.0", api_version="1.43", rootless=True)},
+            GOOD,
+            "docker",
+            Verdict.FAILED,
+            "rootful",
+        ),
+        ({}, (GOOD[0], "unknown\n", *GOOD[2:]), "vxlan", Verdict.WARNING, "linux-modules-extra-raspi"),
+        ({"underlay_address": ""}, GOOD, "underlay", Verdict.FAILED, "srprov_underlay"),
+        ({"underlay_mtu": 576}, GOOD, "mtu", Verdict.WARNING, "1280"),
+        ({}, (*GOOD[:2], "0\n", GOOD[3]), "forwarding", Verdict.WARNING, "ip_forward"),
+        ({"disk_free": 2**20}, GOOD, "disk", Verdict.WARNING, "prune"),
+        ({"clock_offset_s": -7.0}, GOOD, "clock", Verdict.WARNING, "chrony"),
+    ],
+)
+def test_what_is_missing_has_a_remedy(
+    change: dict[str, object], texts: tuple[str, ...], name: str, verdict: Verdict, remedy: str
+) -> None:
+    """Exactly the check that is about it complains, and says what to do."""
+    checks = by_name(judge(dataclasses.replace(WELL, **change), replies(*texts)))  # type: ignore[arg-type] # table of fields
+
+    assert (checks[name].verdict, [c.name for c in checks.values() if c.remedy]) == (verdict, [name])
+    assert remedy in checks[name].remedy
+
+
+def test_programs_that_nobody_asked_for_are_not_reported() -> None:
+    """A robot that answers with other words cannot put them into our remedy."""
+    checks = by_name(judge(WELL, replies("$(reboot)\n", *GOOD[1:])))
+
+    assert checks["programs"].verdict is Verdict.OK
