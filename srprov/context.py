@@ -18,8 +18,10 @@ from srprov.disk import tree_tar
 from srprov.facts.model import Found, HostFacts
 from srprov.images.plan import ImagePlan
 from srprov.images.reference import Reference, parse_reference
+from srprov.modules.container import container_name
 from srprov.modules.module import STATE_ROOT, canonical
 from srprov.modules.network import network_hash
+from srprov.modules.secret import secret_path
 from srprov.network.hosts import hosts_file
 from srprov.network.layout import Overlay
 from srprov.resource import resource_id
@@ -54,11 +56,6 @@ def contexts(parts: Parts) -> tuple[dict[str, dict[str, Any]], dict[str, bytes]]
     return {host: _one(parts, host, images.get(host, []), trees) for host in sorted(hosts)}, blobs
 
 
-def container_name(instance: str, service: str) -> str:
-    """Give the name of a service's container; an instance holds no dot, so two instances never meet."""
-    return f"srprov.{instance}.{service}"
-
-
 def _tree(path: str, blobs: dict[str, bytes]) -> dict[str, str]:
     blob = tree_tar(path)
     digest = hashlib.sha256(blob).hexdigest()
@@ -87,6 +84,7 @@ def _one(
             for source in sorted(used)
         ],
         "volumes": [_volume_name(parts.instance, name) for name in sorted(volumes)],
+        "secrets": _secrets(parts.instance, services),
         "services": [_service(parts, service, overlay, trees) for service in services],
     }
 
@@ -98,6 +96,12 @@ def _files(parts: Parts) -> list[dict[str, Any]]:
         {"path": f"{folder}/hosts", "content": hosts_file(parts.overlay), "mode": "0644", "in_place": True},
         {"path": f"{folder}/placement.json", "content": record, "mode": "0644", "in_place": False},
     ]
+
+
+def _secrets(instance: str, services: Sequence[Service]) -> list[dict[str, str]]:
+    """Give the secrets of a robot's services: names and places, never values."""
+    wanted = {(use.source, use.mode) for service in services for use in service.secrets}
+    return [{"path": secret_path(instance, name, mode), "name": name, "mode": mode} for name, mode in sorted(wanted)]
 
 
 def _overlay(overlay: Overlay, host: str) -> dict[str, Any] | None:
@@ -124,6 +128,10 @@ def _service(
     image = image_of(parts, service)
     mounts = [_mount(parts.instance, mount, trees) for mount in service.runtime.mounts]
     needs: list[Any] = [f"image:{image}"]
+    for use in service.secrets:
+        place = secret_path(parts.instance, use.source, use.mode)
+        mounts.append({"Type": "bind", "Source": place, "Target": use.target, "ReadOnly": True})
+        needs.append(f"secret:{place}")
     if service.network != "none":
         hosts = f"{STATE_ROOT}/{parts.instance}/hosts"
         mounts.append({"Type": "bind", "Source": hosts, "Target": "/etc/hosts", "ReadOnly": True})

@@ -12,10 +12,12 @@ from dataclasses import dataclass
 
 from srprov import data, disk, rendering
 from srprov.assignment import problem, solve
-from srprov.assignment.model import Assignment
+from srprov.assignment.model import Assignment, Problem
 from srprov.context import Parts, contexts
+from srprov.definitions.expand import expand
 from srprov.definitions.model import ContainerDefinition, Definitions, Experiment, Inventory
 from srprov.definitions.pins import unknown_pins
+from srprov.definitions.secretvalues import resolve, used
 from srprov.definitions.source import source_of
 from srprov.errors import DefinitionError
 from srprov.execution import Listener, Options, RunResult, run_plan
@@ -23,13 +25,15 @@ from srprov.facts.gather import Readers, gather
 from srprov.facts.model import Found
 from srprov.images.plan import ImagePlan
 from srprov.images.tag import plan_image
-from srprov.instance import check_source, previous_robots
+from srprov.instance import check_source, owned, previous_robots
 from srprov.modules import MODULES
+from srprov.modules.secret import with_value
 from srprov.network.layout import Overlay, layout
 from srprov.network.record import read_record, record
 from srprov.planning import Plan, Removal, diff, removal_plan
 from srprov.planning.policy import permissions
 from srprov.resource import Resource
+from srprov.secret import Vault
 from srprov.wire import Session
 
 
@@ -40,6 +44,8 @@ class Wishes:
     instance: str = ""
     """Empty: the experiment's name."""
     reassign: bool = False
+    history: tuple[Mapping[str, float], ...] = ()
+    """Earlier runs, each robot -> the cost that was allocated to it; for fairness."""
     adopt: bool = False
     forks: int = 64
 
@@ -52,6 +58,8 @@ class Planned:
     found: Found
     assignment: Assignment
     overlay: Overlay
+    desired: tuple[Resource, ...]
+    """What should be true on all robots."""
     images: Mapping[str, ImagePlan]
     """Tag -> what is built under it; a failed build can name the line of the CDF."""
 
@@ -61,9 +69,14 @@ Timer = Callable[[str], None]
 
 
 def make_plan(
-    definitions: Definitions, lab: Inventory, readers: Readers, wishes: Wishes, phase: Timer = lambda _name: None
+    definitions: Definitions,
+    lab: Inventory,
+    readers: Readers,
+    wishes: Wishes,
+    phase: Timer = lambda _name: None,
+    vault: Vault | None = None,
 ) -> Planned:
-    """Read the robots and say what would make the experiment true.
+    """Read the robots and say what would make the experiment true; `vault` holds the secrets (default: resolved here).
 
     Raises:
         DefinitionError: The files ask for what is not built yet, or for robots that are not in the inventory.
@@ -78,12 +91,10 @@ def make_plan(
         raise DefinitionError(unknown)
     instance, source = wishes.instance or experiment.name, source_of(experiment.file)
     phase("facts")
-    found, previous = _look(experiment, instance, lab, readers, wishes)
+    experiment, found, previous = _look(experiment, instance, lab, readers, wishes)
     check_source(found, instance, source, adopt=wishes.adopt)
     phase("assignment")
-    slots = {name: host.slots for name, host in lab.hosts.items() if host.slots is not None}
-    choice = problem.build(experiment, definitions.containers, found, previous, slots=slots, reassign=wishes.reassign)
-    placed = solve.solve(choice)
+    placed = solve.solve(choice_of(experiment, definitions, lab, found, previous, wishes))
     phase("plan")
     overlay = layout(experiment, placed.placed, found, instance=instance)
     built, references = _images(definitions.containers)
@@ -98,7 +109,8 @@ def make_plan(
         record=record(overlay, experiment, placed.placed, source, found.placements.get(instance)),
         found=found,
     )
-    steps, unchanged = diff(_desired(parts), found.existing, instance)
+    desired = _desired(parts, vault or resolve(used(experiment)))
+    steps, unchanged = diff(desired, owned(found, instance), instance)
     plan = Plan(
         instance=instance,
         source=source,
@@ -108,33 +120,60 @@ def make_plan(
         cost=placed.cost,
         costs={service: terms.total for service, terms in placed.terms.items()},
         permissions=permissions(experiment),
+        secrets=used(experiment),
         notes=_notes(placed),
         unreachable=found.unreachable,
     )
     by_tag = {image.tag: image for image in built.values()}
-    return Planned(plan=plan, found=found, assignment=placed, overlay=overlay, images=by_tag)
+    return Planned(plan=plan, found=found, assignment=placed, overlay=overlay, desired=tuple(desired), images=by_tag)
 
 
 def _look(
     experiment: Experiment, instance: str, lab: Inventory, readers: Readers, wishes: Wishes
-) -> tuple[Found, dict[str, str]]:
-    """Give all robots as they are, and where the instance's services run now."""
+) -> tuple[Experiment, Found, dict[str, str]]:
+    """Give the experiment with all instances, all robots as they are, and where the instance's services run now."""
     found = gather(lab, readers, sample=False, forks=wishes.forks)
     previous = previous_robots(found, instance)
     free = wishes.reassign or not experiment.placement.sticky
-    if free or any(service not in previous for service in experiment.services):
+    if free or any(service not in previous for service in with_instances(experiment, found, previous).services):
         # only a decision needs the traffic of this moment, which takes 0.3 s to see
         found = gather(lab, readers, sample=True, forks=wishes.forks)
         previous = previous_robots(found, instance)
-    return found, previous
+    return with_instances(experiment, found, previous), found, previous
 
 
-def _desired(parts: Parts) -> list[Resource]:
-    """Give what should be true on all robots."""
+def with_instances(experiment: Experiment, found: Found, previous: Mapping[str, str]) -> Experiment:
+    """Give the experiment with replicas and `per_robot` as services of their own, for the robots that were found."""
+    away = {service: robot for service, robot in previous.items() if robot in found.unreachable}
+    return expand(experiment, {robot: facts.tags for robot, facts in found.facts.items()}, away)
+
+
+def choice_of(
+    experiment: Experiment,
+    definitions: Definitions,
+    lab: Inventory,
+    found: Found,
+    previous: Mapping[str, str],
+    wishes: Wishes,
+) -> Problem:
+    """Give the assignment problem of an experiment that has all its instances."""
+    return problem.build(
+        experiment,
+        definitions.containers,
+        found,
+        previous,
+        slots={name: host.slots for name, host in lab.hosts.items() if host.slots is not None},
+        reassign=wishes.reassign,
+        history=wishes.history,
+    )
+
+
+def _desired(parts: Parts, vault: Vault) -> list[Resource]:
+    """Give what should be true on all robots; only after rendering a secret gets its value."""
     per_host, blobs = contexts(parts)
     texts = playbooks()
     return [
-        resource
+        with_value(resource, vault)
         for host, context in per_host.items()
         for resource in rendering.render(texts, host, context, modules=MODULES, blobs=blobs)
     ]
@@ -158,7 +197,7 @@ def make_removal(
     found = gather(lab, readers, sample=False, forks=forks)
     if source:
         check_source(found, instance, source, adopt=adopt)
-    steps = removal_plan(found.existing, instance, Removal(volumes=volumes))
+    steps = removal_plan(owned(found, instance), instance, Removal(volumes=volumes))
     known = read_record(found.placements.get(instance))
     away = sorted({robot for robot in (known.robots.values() if known else ()) if robot in found.unreachable})
     notes = tuple(

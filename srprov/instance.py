@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
+from collections.abc import Mapping
+
 from srprov.errors import RefusedError
-from srprov.facts.model import Found
+from srprov.facts.model import Existing, Found
+from srprov.network.identity import link_names
 from srprov.network.record import read_record
 
 
@@ -45,3 +49,14 @@ def check_source(found: Found, instance: str, source: str, *, adopt: bool) -> No
         f"instance '{instance}' on these robots was made from {owners[0]}, not from {source}",
         hint="run it under another name with --instance NAME, destroy the other one, or take it over with --adopt",
     )
+
+
+def owned(found: Found, instance: str) -> Mapping[str, tuple[Existing, ...]]:
+    """Give what exists per robot; a link that was half made (its name, but no alias yet) is the instance's too."""
+    names = link_names(instance)
+
+    def claimed(item: Existing) -> Existing:
+        half_made = item.module == "vxlan" and not item.instance and item.name in names
+        return dataclasses.replace(item, instance=instance) if half_made else item
+
+    return {host: tuple(claimed(item) for item in items) for host, items in found.existing.items()}

@@ -12,11 +12,15 @@ import srprov
 from srprov import disk
 from srprov.controller import Planned
 from srprov.definitions.model import Definitions, Inventory
+from srprov.definitions.secretmodel import SecretSource
 from srprov.errors import StalePlan, UsageError
 from srprov.facts.gather import Readers, gather
+from srprov.facts.model import Found
+from srprov.modules.secret import with_value
 from srprov.planning import Plan
 from srprov.planning.fingerprint import fingerprints
 from srprov.planning.planfile import PlanFile, differences
+from srprov.secret import Vault
 
 
 def to_file(planned: Planned, plan: Plan, definitions: Definitions) -> PlanFile:
@@ -32,8 +36,21 @@ def to_file(planned: Planned, plan: Plan, definitions: Definitions) -> PlanFile:
     )
 
 
-def check_file(saved: PlanFile, lab: Inventory, readers: Readers, *, forks: int = 64) -> Plan:
+def removal_file(plan: Plan, found: Found) -> PlanFile:
+    """Give a removal as a plan file, for the record; it has no inputs."""
+    return PlanFile(plan=plan, fingerprints=fingerprints(plan, found), made_by=srprov.__version__)
+
+
+def needed(saved: PlanFile) -> tuple[SecretSource, ...]:
+    """Give the sources of the secrets that the plan's steps write."""
+    written = {step.want.params["name"] for step in saved.plan.steps if step.module == "secret" and step.want}
+    return tuple(source for source in saved.plan.secrets if source.name in written)
+
+
+def check_file(saved: PlanFile, lab: Inventory, readers: Readers, *, vault: Vault, forks: int = 64) -> Plan:
     """Give the plan of a file when nothing that it relies on has moved; robots out of reach are noted in it.
+
+    The file holds no secret: its steps get the values of now from the vault.
 
     Raises:
         StalePlan: Names what moved on which robot.
@@ -58,4 +75,7 @@ def check_file(saved: PlanFile, lab: Inventory, readers: Readers, *, forks: int 
             "robots changed since the plan was made:\n" + "\n".join(f"  {line}" for line in moved),
             hint="plan again, review it again, then apply that",
         )
-    return dataclasses.replace(saved.plan, unreachable={**saved.plan.unreachable, **found.unreachable})
+    steps = tuple(
+        dataclasses.replace(step, want=with_value(step.want, vault)) if step.want else step for step in saved.plan.steps
+    )
+    return dataclasses.replace(saved.plan, steps=steps, unreachable={**saved.plan.unreachable, **found.unreachable})

@@ -19,34 +19,6 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 
-class Secret:
-    """A value that nothing prints: `str` and `repr` show `***`. `reveal()` gives it to the one place that needs it."""
-
-    __slots__ = ("_value",)
-
-    def __init__(self, value: str) -> None:
-        """Wrap a value as soon as it is read."""
-        self._value = value
-
-    def reveal(self) -> str:
-        """Give the value; only transport calls this."""
-        return self._value
-
-    def __repr__(self) -> str:
-        """Never the value."""
-        return "***"
-
-    __str__ = __repr__
-
-    def __eq__(self, other: object) -> bool:
-        """Equal when the hidden values are."""
-        return isinstance(other, Secret) and other._value == self._value
-
-    def __hash__(self) -> int:
-        """Hash as equal secrets demand."""
-        return hash(("Secret", self._value))
-
-
 def quote(word: str) -> str:
     """Give one POSIX shell word for any text.
 
@@ -94,33 +66,39 @@ class Run:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Put:
-    """Write a file. `in_place` keeps the inode, so that a bind mount of the file sees the new content."""
+    """Write a file. `in_place` keeps the inode, so that a bind mount of the file sees the new content.
+
+    With `secret`, the content is a placeholder: that secret's value, which only the transport's last step knows.
+    """
 
     path: str
-    content: bytes
+    content: bytes = b""
     mode: int = 0o644
     in_place: bool = False
+    secret: str = ""
     timeout_s: float = 60.0
 
     def digest(self) -> str:
-        """Give the content's sha256 in hex."""
-        return hashlib.sha256(self.content).hexdigest()
+        """Give the content's sha256 in hex; of a secret there is none."""
+        return "" if self.secret else hashlib.sha256(self.content).hexdigest()
 
     def text(self) -> str:
         """Show it as the plan does: never the content, which may be long."""
         how = "rewrite" if self.in_place else "write"
+        if self.secret:
+            return f"{how} {self.path} (<secret {self.secret}>, mode {self.mode:04o})"
         return f"{how} {self.path} ({len(self.content)} bytes, mode {self.mode:04o}, sha256 {self.digest()[:12]})"
 
-    def script(self) -> str:
-        """Give the shell script that does it: base64 inside a here-document, so any byte travels."""
+    def script(self, source: str = "") -> str:
+        """Give the shell script that does it: base64 inside a here-document, or from what `source` prints."""
         target, partial = quote(self.path), quote(self.path + ".part")
+        move = f"cat {partial} > {target} && rm -f {partial}" if self.in_place else f"mv -f {partial} {target}"
+        last = f"chmod {self.mode:04o} {partial} && {move} && chmod {self.mode:04o} {target}"
+        begin = f"umask 077; mkdir -p {quote(self.path.rsplit('/', 1)[0] or '/')}"
+        if source:
+            return f"{begin} && {source} | base64 -d > {partial} && {last}"
         lines = base64.encodebytes(self.content).decode("ascii")
-        folder = quote(self.path.rsplit("/", 1)[0] or "/")
-        finish = f"cat {partial} > {target} && rm -f {partial}" if self.in_place else f"mv -f {partial} {target}"
-        return (
-            f"umask 077; mkdir -p {folder} && base64 -d > {partial} <<'_END_OF_FILE_' && "
-            f"chmod {self.mode:04o} {partial} && {finish} && chmod {self.mode:04o} {target}\n{lines}_END_OF_FILE_\n"
-        )
+        return f"{begin} && base64 -d > {partial} <<'_END_OF_FILE_' && {last}\n{lines}_END_OF_FILE_\n"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -182,7 +160,7 @@ class Reply:
         """Give the body as JSON; an empty or broken one is None."""
         try:
             return json.loads(self.out)
-        except ValueError:
+        except (ValueError, RecursionError):
             return None
 
 
@@ -221,6 +199,38 @@ class Measures:
     """interface -> Mbit/s, 0 where it is unknown"""
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Pulse:
+    """How the two ends of a `Hold` notice that they lost each other; the controller always gives up first."""
+
+    beat_s: float = 5.0
+    """How often the controller says that it is there."""
+    controller_s: float = 20.0
+    """Without an echo for so long the controller ends the session."""
+    robot_s: int = 30
+    """Without a word for so long the robot's end stops what the session runs there, and itself."""
+
+    def __post_init__(self) -> None:
+        """Refuse (ValueError) an order in which the robot's end could be gone while the controller still acts."""
+        if not 0 < self.beat_s < self.controller_s < self.robot_s:
+            raise ValueError("a heartbeat needs 0 < beat < controller < robot, in seconds")
+
+
+class Hold(Protocol):
+    """A script on the robot that lives as long as both ends hear each other; each letter it gets, it answers."""
+
+    first: str
+    """The line that the script said by itself."""
+
+    def say(self, letter: str) -> str:
+        """Send one letter and give the line that answers it; TransportError when the contact is lost."""
+        ...
+
+    def close(self) -> None:
+        """Send `e` and wait a moment for the script's end; safe to call twice, and never raises."""
+        ...
+
+
 class Reader(Protocol):
     """A way to ask one robot; it has no way to change it."""
 
@@ -257,6 +267,19 @@ class Session(Reader, Protocol):
 
         Raises:
             TransportError: The robot cannot be talked to any more.
+        """
+        ...
+
+    def hold(self, script: str, words: Sequence[str], pulse: Pulse) -> Hold:
+        """Run a script beside the session's own shell, and keep it alive by a heartbeat; one round trip.
+
+        The script is a `sh` program of root. It says one line, then reads single letters and answers each with a
+        line: `b`, the heartbeat, with `b`; at `e` it ends. Its words are `$1`, which every process of this session
+        has as SRPROV_SESSION in its environment; `$2`, the seconds after which silence means that the controller is
+        gone; then `words`. When the contact is lost, this session is closed and everything it is asked for raises.
+
+        Raises:
+            TransportError: It cannot be started.
         """
         ...
 

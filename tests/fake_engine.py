@@ -1,7 +1,7 @@
 """A Docker Engine in memory that speaks the API's JSON, and refuses what a real one refuses.
 
-Takes the requests that modules make, changes its own state, gives statuses and bodies of API 1.41. What it does not know is an
-AssertionError: a test must not pass because the fake was lenient.
+Takes the requests that modules make, changes its own state, gives statuses and bodies of API 1.41. What it does not
+know is an AssertionError: a test must not pass because the fake was lenient.
 """
 
 from __future__ import annotations
@@ -227,7 +227,9 @@ class Engine:
                 return self._verb(one, verb) if one else _error(404, f"No such container: {name}")
             case ["DELETE", "containers", name]:
                 assert params["force"] == "true"
-                return Reply(status=204) if self.containers.pop(name, None) else _error(404, f"No such container: {name}")
+                return (
+                    Reply(status=204) if self.containers.pop(name, None) else _error(404, f"No such container: {name}")
+                )
         raise AssertionError(f"the fake engine knows no {call.method} {call.path}")
 
     def _create_network(self, body: dict[str, Any]) -> Reply:
@@ -276,7 +278,9 @@ class Engine:
             return _error(400, "conflicting options: hostname and the network mode")
         for mount in host.get("Mounts", []):
             if mount["Type"] == "bind" and not self.exists(mount["Source"]):
-                return _error(400, f'invalid mount config for type "bind": bind source path does not exist: {mount["Source"]}')
+                return _error(
+                    400, f'invalid mount config for type "bind": bind source path does not exist: {mount["Source"]}'
+                )
             if mount["Type"] == "volume":
                 self.volumes.setdefault(mount["Source"], {})
         self.containers[name] = Container(name, body)
@@ -305,14 +309,16 @@ class Engine:
             if name not in self.networks:
                 return _error(404, f"network {name} not found")
             if any(
-                other is not one and other.state == "running" and self._address(other, name) == end["IPAMConfig"]["IPv4Address"]
+                other is not one
+                and other.state == "running"
+                and self._address(other, name) == end["IPAMConfig"]["IPv4Address"]
                 for other in self.containers.values()
             ):
                 return _error(403, "Address already in use")
         for other in self.containers.values():
-            if other is not one and other.state == "running":
-                if taken := _ports(one.body) & _ports(other.body):
-                    return _error(500, f"Bind for 0.0.0.0:{min(taken)} failed: port is already allocated")
+            taken = _ports(one.body) & _ports(other.body)
+            if other is not one and other.state == "running" and taken:
+                return _error(500, f"Bind for 0.0.0.0:{min(taken)} failed: port is already allocated")
         one.state, one.code, one.looks, one.inspections = "running", 0, 0, 0
         self.started(one)
         self._tick(one)
@@ -359,7 +365,14 @@ def _network(name: str, body: Mapping[str, Any]) -> dict[str, Any]:
 
 def _volume(name: str, labels: Mapping[str, str]) -> dict[str, Any]:
     point = f"/var/lib/docker/volumes/{name}/_data"
-    return {"Name": name, "Driver": "local", "Mountpoint": point, "Labels": labels or None, "Options": None, "Scope": "local"}
+    return {
+        "Name": name,
+        "Driver": "local",
+        "Mountpoint": point,
+        "Labels": labels or None,
+        "Options": None,
+        "Scope": "local",
+    }
 
 
 def _image(name: str, labels: Mapping[str, str]) -> dict[str, Any]:

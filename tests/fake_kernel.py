@@ -1,7 +1,7 @@
 """A robot's network links and files in memory, driven by the very scripts that modules give.
 
-`Kernel` runs the few forms of `ip` and `bridge` that a vxlan resource uses and prints what the real tools print; `Disk` knows
-`Put`, and the scripts that unpack a tree and remove a path. What they do not know is an AssertionError.
+`Kernel` runs the few forms of `ip` and `bridge` that a vxlan resource uses and prints what the real tools print;
+`Disk` knows `Put`, and the scripts that unpack a tree and remove a path. What they do not know is an AssertionError.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import tarfile
 from dataclasses import dataclass, field
 from typing import Any
 
-from srprov.modules.module import STATE_ROOT
+from srprov.modules.module import MEMORY_ROOT, STATE_ROOT
 from srprov.wire import Put, Reply
 
 
@@ -56,7 +56,8 @@ class Kernel:
 
     def reboot(self) -> None:
         """Links that nobody makes anew are gone; the engine makes its bridges again."""
-        self.links = {name: Link(name, "bridge", mtu=l.mtu, up=True) for name, l in self.links.items() if l.kind == "bridge"}
+        bridges = [link for link in self.links.values() if link.kind == "bridge"]
+        self.links = {link.name: Link(link.name, "bridge", mtu=link.mtu, up=True) for link in bridges}
         self.fdb = set()
 
     def show(self, kind: str) -> str:
@@ -118,7 +119,8 @@ class Kernel:
                 self.fdb = {entry for entry in self.fdb if entry[0] != name}
                 return ""
             case ["ip", "link", "add", name, "type", "vxlan", "id", vni, "local", ip, "dstport", port, "nolearning"]:
-                same = [l for l in self.links.values() if l.kind == "vxlan" and (l.vni, l.port) == (int(vni), int(port))]
+                vxlans = [(one.vni, one.port) for one in self.links.values() if one.kind == "vxlan"]
+                same = (int(vni), int(port)) in vxlans
                 if name in self.links or same:
                     return "RTNETLINK answers: File exists"
                 self.links[name] = Link(name, "vxlan", vni=int(vni), local=ip, port=int(port), learning=False)
@@ -180,10 +182,11 @@ class Disk:
             self.serial += 1
             self.inodes[put.path] = self.serial
         self.files[put.path], self.modes[put.path] = put.content, put.mode
+        self.files.pop(put.path + ".part", None)
 
     def exists(self, path: str) -> bool:
         """Tell whether a path is there; what is not below our root is the robot's own and is there."""
-        if not path.startswith(STATE_ROOT + "/"):
+        if not path.startswith((STATE_ROOT + "/", MEMORY_ROOT + "/")):
             return True
         inside = {f"{tree}/{name}" for tree, names in self.trees.items() for name in names}
         return path in self.files or path in self.trees or path in inside
@@ -196,6 +199,19 @@ class Disk:
             if path.startswith(STATE_ROOT + "/") and short.count("/") == 1 and not path.endswith(".part"):
                 lines.append(f"{hashlib.sha256(content).hexdigest()}  ./{short}\n")
         return "".join(lines)
+
+    def secrets(self) -> str:
+        """Print what the query of secrets prints."""
+        at = re.compile(re.escape(MEMORY_ROOT) + r"/([^/]+/secrets/[^/]+)")
+        mine = {match[1]: path for path in sorted(self.files) if (match := at.fullmatch(path))}
+        modes = [f"{self.modes[path]:o} ./{short}\n" for short, path in mine.items()]
+        shas = [f"{hashlib.sha256(self.files[path]).hexdigest()}  ./{short}\n" for short, path in mine.items()]
+        return "".join([*modes, *shas])
+
+    def forget(self) -> None:
+        """What a reboot does to files in memory."""
+        for path in [path for path in self.files if path.startswith(MEMORY_ROOT + "/")]:
+            self._remove(path)
 
     def list_trees(self) -> str:
         """Print what the query of tree resources prints."""

@@ -1,23 +1,26 @@
 """Robots in memory: what modules ask is answered as a real robot answers, what they command is really done.
 
-`FakeRobot` implements `wire.Session`, so the modules' own queries, parsers, scripts and engine bodies are what is tested. A `World`
-holds several robots and one log of everything that was asked and done, in order; it also notes when a service runs twice. Faults
-are injected by number: "the third command on this robot fails". Whatever the fake does not know raises.
+`FakeRobot` implements `wire.Session`, so the modules' own queries, parsers, scripts and engine bodies are what is
+tested. A `World` holds several robots and one log of everything that was asked and done, in order; it also notes when a
+service runs twice. Faults are injected by number: "the third command on this robot fails". Whatever the fake does not
+know raises.
 """
 
 from __future__ import annotations
 
+import json
 import re
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from srprov.errors import TransportError
 from srprov.facts.gather import _PLACEMENTS
 from srprov.facts.probes import PROBES, SAMPLE
 from srprov.modules import MODULES
+from srprov.secret import Vault
 from srprov.wire import (
     AnyQuery,
     Command,
@@ -26,6 +29,7 @@ from srprov.wire import (
     EngineQuery,
     Measures,
     Progress,
+    Pulse,
     Put,
     Query,
     Reply,
@@ -59,7 +63,7 @@ class Fault:
 
     at: int
     how: str = "refuse"
-    """`refuse`: nothing is done; `half`: a script stops in its middle; `lost`: the robot is gone before it, `lost-after`: after it."""
+    """`refuse`: nothing is done; `half`: a script stops in its middle; `lost` and `lost-after`: the robot is gone."""
 
 
 @dataclass
@@ -76,6 +80,8 @@ class World:
     fault: Fault | None = None
     """Counted over all robots."""
     commands: int = 0
+    vault: Vault = field(default_factory=Vault)
+    """Values for the placeholders of secrets."""
 
     def add(self, *names: str, **options: Any) -> World:
         """Add robots; the n-th one has the address 10.0.0.n."""
@@ -129,11 +135,45 @@ class World:
                 self.doubles.append(container.name)
 
 
+class FakeHold:
+    """The lock's script on a fake robot: whoever is in `robot.holder` has the lock."""
+
+    def __init__(self, robot: FakeRobot, claim: str) -> None:
+        self.robot, self.claim = robot, claim
+        self.first = self.say("t")
+
+    def say(self, letter: str) -> str:
+        """Answer one letter."""
+        with self.robot.world.lock:
+            self.robot.check()
+            mine = self.robot.holder is self
+            if letter == "t" and (mine or self.robot.holder is None):
+                self.robot.holder = self
+                return "locked"
+            if letter == "f" and mine:
+                self.robot.holder = None
+            if letter != "t" or self.robot.holder is None:
+                return {"f": "free", "t": "busy"}.get(letter, letter)
+            told = json.dumps({**json.loads(self.robot.holder.claim), "since": "2026-11-21T02:00:00Z"})
+            return f"busy 2026-11-21T02:03:00Z {told}"
+
+    def close(self) -> None:
+        """Let go."""
+        if self.robot.holder is self:
+            self.robot.holder = None
+
+
 class FakeRobot:
     """One robot. `engine`, `kernel` and `disk` can be looked at and changed by a test at any time."""
 
     def __init__(
-        self, host: str, world: World | None = None, *, address: str = "10.0.0.1", api: str = "1.41", arch: str = "x86_64"
+        self,
+        host: str,
+        world: World | None = None,
+        *,
+        address: str = "10.0.0.1",
+        api: str = "1.41",
+        arch: str = "x86_64",
     ) -> None:
         self._host = host
         self.world = world or World()
@@ -151,6 +191,7 @@ class FakeRobot:
         self.fault: Fault | None = None
         self.commands = 0
         self.gone = False
+        self.holder: FakeHold | None = None
         self.before_command: Callable[[Command], None] = lambda _command: None
         self._traffic = Traffic(connections=1)
 
@@ -170,6 +211,13 @@ class FakeRobot:
 
     def close(self) -> None:
         """Nothing to close."""
+
+    def hold(self, script: str, words: Sequence[str], pulse: Pulse) -> FakeHold:
+        """Play the lock's script."""
+        with self.world.lock:
+            self.check()
+            self._traffic.round_trips += 1
+            return FakeHold(self, words[0])
 
     def save_image(self, image: str, timeout_s: float) -> Iterator[bytes]:
         """Give an image as one piece."""
@@ -220,6 +268,7 @@ class FakeRobot:
             _PLACEMENTS.command: self.disk.records(),
             MODULES["file"].queries()[0].command: self.disk.hashes(),  # type: ignore[union-attr]
             MODULES["tree"].queries()[0].command: self.disk.list_trees(),  # type: ignore[union-attr]
+            MODULES["secret"].queries()[0].command: self.disk.secrets(),  # type: ignore[union-attr]
             "ip -j -d link show type vxlan": self.kernel.show("vxlan"),
             "ip -j -d link show type bridge": self.kernel.show("bridge"),
             "bridge -j fdb show": self.kernel.show_fdb(),
@@ -276,6 +325,8 @@ class FakeRobot:
         if isinstance(command, EngineCall):
             reply = self.engine.call(command)
         elif isinstance(command, Put):
+            if command.secret:
+                command = replace(command, content=self.world.vault.content(command.secret), secret="")
             if half:
                 self.disk.files[command.path + ".part"] = command.content[: len(command.content) // 2]
                 return shell_reply("injected failure")

@@ -46,8 +46,9 @@ def experiment(*services: Service, name: str = "hello", slots: int = 8, **fields
 
 
 def inventory(world: World) -> Inventory:
-    """Give the inventory of a world's robots."""
-    hosts = {name: Host(name=name, address=robot.kernel.address) for name, robot in world.robots.items()}
+    """Give the inventory of a world's robots; each has a camera and a GPU."""
+    has = {"devices": ("/dev/video0", "/dev/x"), "tags": ("gpu",)}
+    hosts = {name: Host(name=name, address=robot.kernel.address, **has) for name, robot in world.robots.items()}
     return Inventory(hosts=hosts, groups={})
 
 

@@ -1,65 +1,118 @@
 """The values of this room: Problem goes into the solver, Assignment comes out.
 
 Touches nothing. Everything is keyed by the names of services and robots and walked in name order, so that equal inputs
-give one answer whatever the order of files and hosts.
+give one answer whatever the order of files and hosts. What is said for every pair of service and robot is worked out
+only when somebody asks for it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import TypeVar
 
 from srprov.assignment.cost import CostTerms, Load, terms
-from srprov.definitions.model import Weights
+from srprov.assignment.requirements import Miss
+from srprov.assignment.table import Array
+from srprov.definitions.model import Pool, Service, Weights
+from srprov.facts.model import HostFacts
 
 Node = tuple[str, ...]
 """Services that must share a robot, in name order; most often just one."""
+Choice = tuple[Node, str, int]
+"""What takes one slot (services in name order: a node, or nodes whose pool runs together), its robot, the slot."""
+
+_V = TypeVar("_V")
 
 
-@dataclass(frozen=True, order=True, slots=True)
-class Miss:
-    """One thing that a robot lacks for a service: what is required and what the robot has, and what would help."""
+@dataclass(frozen=True, slots=True)
+class Rows(Mapping[str, _V]):
+    """A mapping that works out a value when it is asked for; what is asked for once is kept."""
 
-    text: str
-    remedy: str
+    names: tuple[str, ...]
+    make: Callable[[str], _V]
+    made: dict[str, _V] = field(default_factory=dict)
+
+    def __getitem__(self, name: str) -> _V:
+        if name not in self.made:
+            if name not in self.names:
+                raise KeyError(name)
+            self.made[name] = self.make(name)
+        return self.made[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.names)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def __repr__(self) -> str:
+        return repr(dict(self))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Fairness:
+    """How much evenness counts, and what robots have carried before."""
+
+    weight: float = 0.0
+    """0: least cost; 1: most even."""
+    carried: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    """Robot -> the sum of what was allocated to it in earlier runs."""
+    runs: int = 0
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Problem:
     """Who could run what, at which cost. The paper's matrices A (`cost`), H (`misses`) and C (`slots`)."""
 
+    services: Mapping[str, Service]
+    """All of them, in name order."""
     nodes: tuple[Node, ...]
-    """What must be decided: every service once, except those that are frozen."""
+    """What must be decided: every service once, except those that are fixed or frozen."""
     robots: tuple[str, ...]
     """All robots by name, also those that cannot be reached."""
     slots: Mapping[str, int]
     """Free places per reachable robot, at most one per node; what `frozen` holds there is taken off."""
-    alphas: Mapping[str, float]
-    """Pre-defined cost per service."""
     loads: Mapping[str, tuple[Load, ...]]
-    """Reachable robot -> the loads in each of its slots."""
+    """Reachable robot -> the loads in each of its slots, at least in the first."""
+    capable: Array
+    """bool [services, reachable robots], both in name order: the robot lacks nothing for the service itself."""
     misses: Mapping[str, Mapping[str, tuple[Miss, ...]]]
     """Service -> robot -> what it lacks; a robot that lacks nothing is not listed."""
+    pools: tuple[Pool, ...] = ()
+    apart: tuple[tuple[str, ...], ...] = ()
+    """Groups of services of which a robot runs one at most."""
     weights: Weights = field(default_factory=Weights)
     previous: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     """Service -> the robot it runs on now."""
     frozen: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     """Service -> its robot; not decided here, because that robot (or one of its group) cannot be reached."""
+    fixed: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    """Service that is on each matching robot -> this one's robot; takes no slot."""
     sticky: bool = True
     """Moving nothing comes before a lower cost."""
+    fairness: Fairness = field(default_factory=Fairness)
+    facts: Mapping[str, HostFacts] = field(default_factory=lambda: MappingProxyType({}))
 
-    def cost(self, service: str, robot: str, slot: int = 0) -> CostTerms:
+    @property
+    def alphas(self) -> dict[str, float]:
+        """Give the pre-defined cost per service."""
+        return {name: service.cost for name, service in self.services.items()}
+
+    def cost(self, service: str, robot: str, slot: int = 0, discount: float = 1.0) -> CostTerms:
         """Give the terms of one service in one slot of a reachable robot."""
-        return terms(self.alphas[service], self.loads[robot][slot], self.weights)
+        return terms(self.services[service].cost * discount, self.loads[robot][slot], self.weights)
 
     def node_cost(self, node: Node, robot: str, slot: int = 0) -> float:
-        """Give what all services of a node cost together."""
+        """Give what all services of a node cost together, without any pool's discount."""
         return sum(self.cost(service, robot, slot).total for service in node)
 
     def eligible(self, node: Node) -> tuple[str, ...]:
-        """Give the robots that lack nothing for any service of the node, in name order."""
-        return tuple(r for r in self.robots if r in self.loads and not any(r in self.misses[s] for s in node))
+        """Give the reachable robots that lack nothing for any service of the node, in name order."""
+        rows = [index for index, name in enumerate(self.services) if name in node]
+        able = self.capable[rows].all(axis=0)
+        return tuple(robot for robot, fits in zip(self.loads, able, strict=True) if fits)
 
     def moved(self, node: Node, robot: str) -> int:
         """Count the services of a node that run on some other robot now."""
@@ -77,7 +130,7 @@ class Move:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class RunnerUp:
-    """The best other robot for a service and those that must share its robot."""
+    """The best other robot for a service and those that share its slot."""
 
     robot: str
     cost: float
@@ -92,24 +145,29 @@ class Assignment:
     """Who runs what, what it costs and why."""
 
     placed: Mapping[str, str]
-    """Service -> robot, frozen ones included."""
+    """Service -> robot, frozen and fixed ones included."""
     cost: float
     """Sum over all services on robots that could be reached; what a robot out of reach would cost is not known."""
     terms: Mapping[str, CostTerms]
+    """Service -> its share, a pool's discount taken off."""
     optimal: bool
     """No placement costs less (proved; compared in the solver's unit, a millionth). Stickiness may make it False."""
     least: float
     """What the cheapest placement costs: `--reassign` would reach it."""
+    gap: float = 0.0
+    """How much less a better placement might cost, where a time limit ended the search; else 0."""
     moves: tuple[Move, ...] = ()
     frozen: tuple[str, ...] = ()
     """Services that stay on a robot that cannot be reached, and those that wait for it with them."""
+    pools: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    """Pool -> `together` or `apart`."""
     matrix: Mapping[str, Mapping[str, float | None]]
-    """Service -> robot -> cost in the robot's first slot, None where it cannot run."""
+    """Service -> robot -> cost in the robot's first slot, alone, None where it cannot run."""
     why_not: Mapping[str, Mapping[str, str]]
     """Service -> robot -> reason, for every None of `matrix`."""
     runner_up: Mapping[str, RunnerUp]
     """Only for services that some other robot could run."""
     jain: float
-    """Jain's index over the cost per reachable robot."""
+    """Jain's index over the cost per reachable robot, summed with what they carried in earlier runs."""
     notes: tuple[str, ...] = ()
     """What had to be assumed of which robots."""

@@ -1,7 +1,8 @@
 """From definitions and facts to a Problem: what must be placed, where it could run, and why not elsewhere.
 
-Takes the experiment, its CDFs, all robots as they are and where services run now; gives the values the solver works on.
-Pure. `--limit` and `--exclude` filter what is changed, never what is decided, so they do not appear here.
+Takes the experiment (replicas and `per_robot` expanded), its CDFs, all robots as they are and where services run now;
+gives the values the solver works on. Pure. `--limit` and `--exclude` filter what is changed, never what is decided, so
+they do not appear here.
 
 Source: the paper's matrices A, H and C; contraction of `same_robot` groups: docs/assignment.md.
 """
@@ -9,14 +10,15 @@ Source: the paper's matrices A, H and C; contraction of `same_robot` groups: doc
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
+from srprov.assignment import capability
 from srprov.assignment.cost import Load, at_slot, load
-from srprov.assignment.model import Miss, Node, Problem
-from srprov.assignment.requirements import missing
-from srprov.definitions.model import ContainerDefinition, Experiment, Service
+from srprov.assignment.model import Fairness, Node, Problem, Rows
+from srprov.assignment.requirements import Miss, missing
+from srprov.definitions.model import ContainerDefinition, Experiment
+from srprov.errors import UsageError
 from srprov.facts.model import Found
-
-Misses = dict[str, dict[str, tuple[Miss, ...]]]
 
 
 def build(
@@ -28,6 +30,7 @@ def build(
     slots: Mapping[str, int] | None = None,
     reassign: bool = False,
     reassign_unreachable: bool = False,
+    history: Sequence[Mapping[str, float]] = (),
 ) -> Problem:
     """Give the assignment problem of an experiment.
 
@@ -39,38 +42,62 @@ def build(
         slots: Robots whose inventory says `srprov_slots`; the others have `placement.slots_per_robot`.
         reassign: Let running services move when that is cheaper (`--reassign`).
         reassign_unreachable: Place services of robots that cannot be reached elsewhere (`--unreachable=reassign`).
+        history: Earlier runs, each robot -> the cost that was allocated to it.
 
     Raises:
-        UsageError: A kernel bound that cannot be read.
+        UsageError: A kernel bound that cannot be read, or relations that contradict each other.
     """
     services = {name: experiment.services[name] for name in sorted(experiment.services)}
     before = {name: previous[name] for name in services if name in previous}
-    groups = tuple(_contract(services, experiment.same_robot))
+    fixed = {name: service.robot for name, service in services.items() if service.per_robot is not None}
+    groups = tuple(_contract((name for name in services if name not in fixed), experiment.same_robot))
+    _check_apart(groups, experiment.different_robot)
     frozen = {} if reassign_unreachable else _freeze(groups, before, found.unreachable)
+    frozen |= {name: robot for name, robot in fixed.items() if robot in found.unreachable}
     total = {robot: (slots or {}).get(robot, experiment.placement.slots_per_robot) for robot in sorted(found.facts)}
-    free = _free_slots(total, tuple(frozen.values()), len(groups))
-    reference = experiment.placement.bandwidth_reference_mbit
-    return Problem(
+    taken = [robot for name, robot in frozen.items() if name not in fixed]
+    free = _free_slots(total, taken, len(groups))
+    reference, facts = experiment.placement.bandwidth_reference_mbit, [found.facts[robot] for robot in free]
+    platforms = {name: containers[one.cdf].platforms for name, one in services.items() if one.cdf}
+    made = Problem(
+        services=services,
         nodes=tuple(group for group in groups if not frozen.keys() & set(group)),
         robots=tuple(sorted({*found.facts, *found.unreachable})),
         slots=free,
-        alphas={name: service.cost for name, service in services.items()},
         loads={robot: _per_slot(load(found.facts[robot], reference), free[robot], total[robot]) for robot in free},
-        misses=_with_groups(groups, _own_misses(services, containers, found)),
+        capable=capability.matrix(services, platforms, facts),
+        misses={},
+        pools=experiment.pools,
+        apart=experiment.different_robot,
         weights=experiment.weights,
         previous=before,
         frozen=frozen,
+        fixed={name: robot for name, robot in sorted(fixed.items()) if name not in frozen},
         sticky=experiment.placement.sticky and not reassign,
+        fairness=_fairness(experiment.placement.fairness, history),
+        facts=found.facts,
     )
+    own = Rows(tuple(services), lambda name: _own(made, name, platforms.get(name, ()), found.unreachable))
+    mates = {name: group for group in groups for name in group}
+    misses = Rows(tuple(services), lambda name: _with_group(own, name, mates.get(name, (name,))))
+    return replace(made, misses=misses)
 
 
 def _contract(services: Iterable[str], same_robot: Sequence[Sequence[str]]) -> Iterator[Node]:
     """Give each service in exactly one node; groups that share a service are one node."""
     node_of = {name: frozenset({name}) for name in services}
     for group in same_robot:
-        merged = frozenset().union(*(node_of[name] for name in group))
+        merged = frozenset().union(*(node_of[name] for name in group if name in node_of))
         node_of.update(dict.fromkeys(merged, merged))
     return iter(sorted({tuple(sorted(node)) for node in node_of.values()}))
+
+
+def _check_apart(groups: Sequence[Node], apart: Sequence[Sequence[str]]) -> None:
+    for group in groups:
+        for names in apart:
+            if len(both := sorted(set(group) & set(names))) > 1:
+                message = f"'{both[0]}' and '{both[1]}' must share a robot, and must not"
+                raise UsageError(message, hint="look at same_robot and different_robot under 'relations'")
 
 
 def _freeze(groups: Sequence[Node], before: Mapping[str, str], unreachable: Mapping[str, str]) -> dict[str, str]:
@@ -95,31 +122,40 @@ def _per_slot(idle: Load, free: int, slots: int) -> tuple[Load, ...]:
     return tuple(at_slot(idle, slot, slots) for slot in range(max(1, free)))
 
 
-def _own_misses(services: Mapping[str, Service], containers: Mapping[str, ContainerDefinition], found: Found) -> Misses:
-    """Give service -> robot -> what the robot lacks for that service alone; nothing for a robot that lacks nothing."""
-    misses: Misses = {}
-    for name, service in services.items():
-        platforms = containers[service.cdf].platforms if service.cdf else ()
-        lacks = {robot: missing(service, platforms, facts) for robot, facts in found.facts.items()}
-        lacks |= {robot: (_out_of_reach(robot, reason),) for robot, reason in found.unreachable.items()}
-        misses[name] = {robot: lacks[robot] for robot in sorted(lacks) if lacks[robot]}
-    return misses
+def _fairness(weight: float, history: Sequence[Mapping[str, float]]) -> Fairness:
+    carried: dict[str, float] = {}
+    for run in history:
+        for robot, cost in run.items():
+            carried[robot] = carried.get(robot, 0.0) + cost
+    return Fairness(weight=weight, carried=dict(sorted(carried.items())), runs=len(history))
+
+
+def _own(
+    problem: Problem, name: str, platforms: Sequence[str], unreachable: Mapping[str, str]
+) -> dict[str, tuple[Miss, ...]]:
+    """Give robot -> what it lacks for a service alone; nothing for a robot that lacks nothing."""
+    service, row = problem.services[name], problem.capable[list(problem.services).index(name)]
+    lacks = {
+        robot: missing(service, platforms, problem.facts[robot])
+        for robot, able in zip(problem.loads, row.tolist(), strict=True)
+        if not able
+    }
+    lacks |= {robot: (_out_of_reach(robot, reason),) for robot, reason in unreachable.items()}
+    return dict(sorted(lacks.items()))
 
 
 def _out_of_reach(robot: str, reason: str) -> Miss:
     return Miss(f"unreachable: {reason}" if reason else "unreachable", f"make {robot} reachable")
 
 
-def _with_groups(groups: Sequence[Node], own: Misses) -> Misses:
-    """Add to every service what robots lack for those that must share its robot; a robot serves all or none."""
-    misses: Misses = {name: dict(robots) for name, robots in own.items()}
-    for group in groups:
-        for name in group:
-            for other in group:
-                for robot, lacks in own[other].items():
-                    if other != name and robot not in own[name]:
-                        shared = tuple(Miss(f"must run with '{other}': {miss.text}", miss.remedy) for miss in lacks)
-                        misses[name][robot] = misses[name].get(robot, ()) + shared
-        for name in group:
-            misses[name] = dict(sorted(misses[name].items()))
-    return dict(sorted(misses.items()))
+def _with_group(
+    own: Mapping[str, Mapping[str, tuple[Miss, ...]]], name: str, group: Node
+) -> dict[str, tuple[Miss, ...]]:
+    """Add to a service what robots lack for those that must share its robot; a robot serves all or none."""
+    lacks = dict(own[name])
+    for other in group:
+        for robot, missed in own[other].items() if other != name else ():
+            if robot not in own[name]:
+                shared = tuple(Miss(f"must run with '{other}': {miss.text}", miss.remedy) for miss in missed)
+                lacks[robot] = lacks.get(robot, ()) + shared
+    return dict(sorted(lacks.items()))

@@ -10,13 +10,22 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 
-from srprov.assignment.model import Miss
 from srprov.definitions.model import Requirements, Service
 from srprov.errors import UsageError
 from srprov.facts.model import HostFacts
 
-_GPU_TAG = "gpu"
+
+@dataclass(frozen=True, order=True, slots=True)
+class Miss:
+    """One thing that a robot lacks for a service: what is required and what the robot has, and what would help."""
+
+    text: str
+    remedy: str
+
+
+GPU_TAG = "gpu"
 """As the facts detect it, or the inventory says."""
 _BOUND = re.compile(r"\s*(?:>=)?\s*(\d+(?:\.\d+)*)\s*")
 
@@ -36,7 +45,7 @@ def missing(service: Service, platforms: Sequence[str], facts: HostFacts) -> tup
     return (
         *_engine_and_pin(service, facts),
         *_architecture(wanted, platforms, facts),
-        *_presence(wanted, facts),
+        *_presence(wanted, devices(service), wants_gpu(service), facts),
         *_amounts(wanted, facts),
         *_kernel(wanted, facts),
     )
@@ -76,22 +85,32 @@ def _architecture(wanted: Requirements, platforms: Sequence[str], facts: HostFac
     if wanted.arch and facts.arch not in wanted.arch:
         yield Miss(f"needs architecture {_either(wanted.arch)} (has {has})", f"add {has} to requires.arch")
     # `linux/arm/v7`: the facts know the architecture, not its variant.
-    if platforms and facts.arch not in {_arch_of(platform) for platform in platforms}:
+    if platforms and facts.arch not in {arch_of(platform) for platform in platforms}:
         remedy = f"add linux/{has} to the platforms of its CDF"
         yield Miss(f"its CDF is only for {_either(platforms)} (is {has})", remedy)
 
 
-def _presence(wanted: Requirements, facts: HostFacts) -> Iterator[Miss]:
+def devices(service: Service) -> tuple[str, ...]:
+    """Give the devices that a robot must have: those of `requires`, and those that the container is given."""
+    return tuple(dict.fromkeys((*service.requires.devices, *(path for path, _, _ in service.runtime.devices))))
+
+
+def wants_gpu(service: Service) -> bool:
+    """Tell whether a service needs a GPU: `requires.gpu`, or `gpus` of its container."""
+    return service.requires.gpu or service.runtime.gpus not in ("", "0")
+
+
+def _presence(wanted: Requirements, paths: Sequence[str], gpu: bool, facts: HostFacts) -> Iterator[Miss]:
     tags = [tag for tag in wanted.tags if tag not in facts.tags]
     if tags:
         remedy = f"give {facts.name} the {_quoted('tag', tags)} (srprov_tags in the inventory)"
         yield Miss(f"needs {_quoted('tag', tags)} (has: {', '.join(facts.tags) or 'none'})", remedy)
-    devices = [path for path in wanted.devices if not _is_there(path, facts.devices)]
-    if devices:
-        remedy = f"attach {', '.join(devices)} to {facts.name} (or name it in srprov_devices in the inventory)"
-        yield Miss(f"needs {_quoted('device', devices)} (not there)", remedy)
-    if wanted.gpu and _GPU_TAG not in facts.tags:
-        yield Miss("needs a GPU (none found)", f"give {facts.name} the tag '{_GPU_TAG}' if it has one all the same")
+    absent = [path for path in paths if not is_there(path, facts.devices)]
+    if absent:
+        remedy = f"attach {', '.join(absent)} to {facts.name} (or name it in srprov_devices in the inventory)"
+        yield Miss(f"needs {_quoted('device', absent)} (not there)", remedy)
+    if gpu and GPU_TAG not in facts.tags:
+        yield Miss("needs a GPU (none found)", f"give {facts.name} the tag '{GPU_TAG}' if it has one all the same")
 
 
 def _amounts(wanted: Requirements, facts: HostFacts) -> Iterator[Miss]:
@@ -112,7 +131,7 @@ def _kernel(wanted: Requirements, facts: HostFacts) -> Iterator[Miss]:
         yield Miss(f"needs kernel {wanted.kernel} (has {has})", remedy)
 
 
-def _is_there(path: str, devices: Sequence[str]) -> bool:
+def is_there(path: str, devices: Sequence[str]) -> bool:
     """Tell whether a device, or a folder of devices such as /dev/snd, is among the robot's."""
     return any(device == path or device.startswith(f"{path.rstrip('/')}/") for device in devices)
 
@@ -121,7 +140,8 @@ def _numbers(version: str) -> tuple[int, ...]:
     return tuple(int(part) for part in version.split("."))
 
 
-def _arch_of(platform: str) -> str:
+def arch_of(platform: str) -> str:
+    """Give the architecture of a platform such as `linux/arm64`."""
     parts = platform.split("/")
     return parts[1] if len(parts) > 1 else parts[0]
 

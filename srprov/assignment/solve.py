@@ -1,115 +1,134 @@
-"""Who runs what: the exact answer, by min-cost flow.
+"""Who runs what: the exact answer, and what is said about it.
 
-Takes a Problem, gives an Assignment or raises NoAssignment. Pure and deterministic: nodes and arcs are made in name
-order.
-
-Source: the paper's min-cost max-flow by cost-scaling push-relabel, which is OR-Tools' `SimpleMinCostFlow`. Every node
-(a service, or services that must share a robot) sends one unit to a slot of a robot, every slot takes one. Arc costs
-are integers:
-
-    unit      = round(cost * SCALE), SCALE = 1 000 000
-    free      = unit * (services + 1) + moves      lower cost first, then fewer services that leave their robot
-    sticky    = moves * (1 + largest possible sum of units) + unit      the other way round
-
-so both orders are lexicographic and exact. With `sticky` a service stays unless no placement at all lets it, and then
-as few as possible move. What is equal in both is decided by the solver, which sees the same input each time.
+Takes a Problem, gives an Assignment or raises NoAssignment. Pure and deterministic: everything is laid out in name
+order. Which objective is minimised is in `arrays`; without pools and relations it is the paper's min-cost flow
+(`solve_flow`), otherwise `solve_pools`. With `sticky` a service stays unless no placement at all lets it, and then as
+few as possible move. What is equal in cost and moves is decided by the solver, which sees the same input each time.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
-from srprov.assignment import explain
-from srprov.assignment.cost import jain
-from srprov.assignment.model import Assignment, Move, Node, Problem, RunnerUp
-from srprov.errors import SrprovError
-
-SCALE = 1_000_000
-"""Units per 1.0 of cost: costs are compared to a millionth."""
-
-Chosen = dict[Node, tuple[str, int]]
-"""Node -> (robot, slot)"""
+from srprov.assignment import explain, report
+from srprov.assignment.arrays import SCALE, Arrays, arrays
+from srprov.assignment.cost import CostTerms, jain
+from srprov.assignment.model import Assignment, Choice, Move, Problem
+from srprov.assignment.solve_flow import flow
+from srprov.assignment.solve_pools import solve_table
+from srprov.assignment.table import Array, Outcome, Table
 
 
-def solve(problem: Problem) -> Assignment:
+def solve(problem: Problem, seconds: float | None = None) -> Assignment:
     """Give the best assignment: see the module for what best means.
+
+    Args:
+        problem: What must be placed.
+        seconds: Stop searching after so long, with the best found and how far it may be off; None: never.
 
     Raises:
         NoAssignment: Some services can't all be placed; says which, and what would help.
     """
-    chosen = _flow(problem, sticky=problem.sticky)
-    if chosen is None:
+    if any(robot in problem.misses[name] for name, robot in problem.fixed.items()):
         raise explain.no_assignment(problem)
-    cheapest = _flow(problem, sticky=False) if problem.sticky and problem.previous else chosen
-    assert cheapest is not None, "stickiness changes costs, not what is possible"
-    placed = dict(problem.frozen) | {name: robot for node, (robot, _) in chosen.items() for name in node}
-    slot_of = {name: slot for node, (_, slot) in chosen.items() for name in node}
-    terms = {
-        name: problem.cost(name, robot, slot_of.get(name, 0))
-        for name, robot in sorted(placed.items())
-        if robot in problem.loads
-    }
+    laid = arrays(problem)
+    best = _best(problem, laid, seconds)
+    if best is None:
+        raise explain.no_assignment(problem)
+    return _assignment(problem, laid, best, _least(problem, laid, best, seconds))
+
+
+@dataclass(frozen=True, slots=True)
+class _Best:
+    """A choice, and by how much another could be better in what was minimised."""
+
+    outcome: Outcome
+    gap: int
+    """Millionths."""
+
+
+def run(table: Table, seconds: float | None = None) -> Outcome | None:
+    """Give the cheapest choice of a table by the method that fits it, or None when there is none."""
+    return flow(table) if table.plain else solve_table(table, seconds)
+
+
+def _best(problem: Problem, laid: Arrays, seconds: float | None) -> _Best | None:
+    if not problem.sticky or not laid.moves.any():
+        return _free(laid, laid.wanted, seconds)
+    # where everything can stay that could stay alone, fewer moves are not possible, and only the cost is left to decide
+    stay = run(laid.table(laid.wanted, laid.fewest()), seconds)
+    if stay is not None:
+        return _Best(stay, stay.cost - stay.bound)
+    factor = 1 + laid.nodes * int(laid.wanted[laid.allowed].max(initial=0))
+    found = run(laid.table(laid.sticky(laid.wanted)), seconds)
+    return None if found is None else _Best(found, (found.cost - found.bound) % factor)
+
+
+def _free(laid: Arrays, wanted: Array, seconds: float | None) -> _Best | None:
+    factor = 1 + int(laid.moves.max(axis=1, initial=0).sum())
+    found = run(laid.table(laid.free(wanted)), seconds)
+    return None if found is None else _Best(found, found.cost // factor - found.bound // factor)
+
+
+def _least(problem: Problem, laid: Arrays, best: _Best, seconds: float | None) -> _Best:
+    """Give the choice of least cost, which stickiness and fairness may keep from being the best."""
+    if (laid.wanted == laid.cost).all() and not (problem.sticky and laid.moves.any()):
+        return best
+    cheapest = _free(laid, laid.cost, seconds)
+    assert cheapest is not None, "stickiness and fairness change costs, not what is possible"
+    return cheapest
+
+
+def _assignment(problem: Problem, laid: Arrays, best: _Best, least: _Best) -> Assignment:
+    chosen = _choices(laid, best.outcome)
+    shares = _discounts(laid, best.outcome)
+    where: dict[str, tuple[str, int]] = {name: (robot, 0) for name, robot in problem.fixed.items()}
+    where |= {name: (robot, slot) for names, robot, slot in chosen for name in names}
+    terms = {name: problem.cost(name, *where[name], shares.get(name, 1.0)) for name in sorted(where)}
+    placed = dict(sorted({**problem.frozen, **{name: robot for name, (robot, _) in where.items()}}.items()))
     cost = sum(term.total for term in terms.values())
-    spared = sum(problem.node_cost(node, *chosen[node]) - problem.node_cost(node, *cheapest[node]) for node in chosen)
-    optimal = _units(problem, chosen) == _units(problem, cheapest)
+    spared = _units(laid, best.outcome) - _units(laid, least.outcome)
+    together = {pool.name for item in best.outcome.items for pool in laid.items[item].pools}
     return Assignment(
-        placed=dict(sorted(placed.items())),
+        placed=placed,
         cost=cost,
         terms=terms,
-        optimal=optimal,
-        least=cost if optimal else cost - spared,
+        optimal=spared <= 0 and least.gap == 0 and best.gap == 0,
+        least=cost - spared / SCALE if spared > 0 else cost,
+        gap=max(best.gap, least.gap) / SCALE,
         moves=_moves(problem, placed),
         frozen=tuple(sorted(problem.frozen)),
-        matrix={name: _row(problem, name) for name in problem.misses},
-        why_not={name: explain.why_not(problem, name) for name in problem.misses},
-        runner_up=_runners_up(problem, chosen),
-        jain=jain(sum(terms[s].total for s in terms if placed[s] == robot) for robot in problem.loads),
+        pools={pool.name: "together" if pool.name in together else "apart" for pool in problem.pools},
+        matrix=report.matrix(problem),
+        why_not=report.why_not(problem),
+        runner_up=report.runners_up(problem, chosen, shares),
+        jain=_jain(problem, placed, terms),
         notes=_notes(problem),
     )
 
 
-def _flow(problem: Problem, *, sticky: bool) -> Chosen | None:
-    """Give the best slot for every node, or None when there is none for some."""
-    from ortools.graph.python import min_cost_flow  # heavy: only when something is decided
-
-    nodes, flow = problem.nodes, min_cost_flow.SimpleMinCostFlow()
-    node_at = {node: index for index, node in enumerate(nodes)}
-    places = [(robot, slot) for robot in problem.slots for slot in range(problem.slots[robot])]
-    sink, place_at = len(nodes) + len(places), {place: len(nodes) + i for i, place in enumerate(places)}
-    arcs = _arcs(problem, sticky=sticky)
-    for (node, place), price in arcs.items():
-        flow.add_arc_with_capacity_and_unit_cost(node_at[node], place_at[place], 1, price)
-    for place in places:
-        flow.add_arc_with_capacity_and_unit_cost(place_at[place], sink, 1, 0)
-    for index in range(len(nodes)):
-        flow.set_node_supply(index, 1)
-    flow.set_node_supply(sink, -len(nodes))
-    status = flow.solve()
-    if status == flow.INFEASIBLE:
-        return None
-    if status != flow.OPTIMAL:
-        raise SrprovError(f"the min-cost flow solver gave up: {status.name}", hint="this is a bug of srprov")
-    return {node: place for i, (node, place) in enumerate(arcs) if flow.flow(i)}
+def _choices(laid: Arrays, found: Outcome) -> list[Choice]:
+    """Give what runs where, in the order of items."""
+    return [(laid.names[item], *laid.places[place]) for item, place in zip(found.items, found.places, strict=True)]
 
 
-def _arcs(problem: Problem, *, sticky: bool) -> dict[tuple[Node, tuple[str, int]], int]:
-    """Give the integer cost of every possible (node, (robot, slot)), in the order the solver gets them."""
-    units = {
-        (node, (robot, slot)): round(problem.node_cost(node, robot, slot) * SCALE)
-        for node in problem.nodes
-        for robot in problem.eligible(node)
-        for slot in range(problem.slots[robot])
-    }
-    services = sum(len(node) for node in problem.nodes)
-    largest = 1 + len(problem.nodes) * max(units.values(), default=0)
-    moves = {(node, place): problem.moved(node, place[0]) for node, place in units}
-    if sticky:
-        return {arc: moves[arc] * largest + unit for arc, unit in units.items()}
-    return {arc: unit * (services + 1) + moves[arc] for arc, unit in units.items()}
+def _discounts(laid: Arrays, found: Outcome) -> dict[str, float]:
+    """Give the discount of every service whose pool runs together."""
+    pools = [pool for item in found.items for pool in laid.items[item].pools]
+    return {name: pool.discount for pool in pools for name in pool.services}
 
 
-def _units(problem: Problem, chosen: Chosen) -> int:
-    return sum(round(problem.node_cost(node, *place) * SCALE) for node, place in chosen.items())
+def _units(laid: Arrays, found: Outcome) -> int:
+    return sum(int(laid.cost[pair]) for pair in zip(found.items, found.places, strict=True))
+
+
+def _jain(problem: Problem, placed: Mapping[str, str], terms: Mapping[str, CostTerms]) -> float:
+    """Give Jain's index over what every reachable robot carries: now, and in the runs of the history."""
+    sums = {robot: problem.fairness.carried.get(robot, 0.0) for robot in problem.loads}
+    for name, term in terms.items():
+        sums[placed[name]] += term.total
+    return jain(sums.values())
 
 
 def _moves(problem: Problem, placed: Mapping[str, str]) -> tuple[Move, ...]:
@@ -124,30 +143,3 @@ def _notes(problem: Problem) -> tuple[str, ...]:
         for note in loads[0].notes:
             robots.setdefault(note, []).append(robot)
     return tuple(f"{', '.join(names)}: {note}" for note, names in sorted(robots.items()))
-
-
-def _row(problem: Problem, service: str) -> dict[str, float | None]:
-    lacking = problem.misses[service]
-    return {
-        robot: None if robot in lacking or robot not in problem.loads else problem.cost(service, robot).total
-        for robot in problem.robots
-    }
-
-
-def _runners_up(problem: Problem, chosen: Chosen) -> dict[str, RunnerUp]:
-    """Give the best other robot of each service, in its first slot that is free; in its very first when it is full."""
-    used: dict[str, int] = {}
-    for robot, _ in chosen.values():
-        used[robot] = used.get(robot, 0) + 1
-    found: dict[str, RunnerUp] = {}
-    for node, (robot, slot) in chosen.items():
-        now, others = problem.node_cost(node, robot, slot), []
-        for other in problem.eligible(node):
-            full = used.get(other, 0) >= problem.slots[other]
-            cost = problem.node_cost(node, other, 0 if full else used.get(other, 0))
-            if other != robot:
-                others.append(RunnerUp(robot=other, cost=cost, difference=cost - now, full=full))
-        if others:
-            best = min(others, key=lambda runner: (runner.cost, runner.robot))
-            found.update(dict.fromkeys(node, best))
-    return dict(sorted(found.items()))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import sys
 import time
 from collections.abc import Mapping
@@ -11,15 +12,18 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from srprov.cli import options
-from srprov.cli.execute import carry_out, confirm
+from srprov.cli.execute import Task, carry_out, confirm
 from srprov.cli.output import err
 from srprov.cli.plan import show_plan
 from srprov.errors import RefusedError, UsageError
 from srprov.planning.limit import limited
+from srprov.secret import Vault
 
 if TYPE_CHECKING:
-    from srprov.images.plan import ImagePlan
+    from srprov.controller import Wishes
+    from srprov.definitions.model import Definitions
     from srprov.planning.planfile import PlanFile
+    from srprov.wire import Pulse
 
 
 @click.command()
@@ -28,6 +32,8 @@ if TYPE_CHECKING:
 @options.INSTANCE
 @options.LIMIT
 @options.EXCLUDE
+@options.locking
+@options.RUNS
 @click.option("-y", "--yes", is_flag=True, help="Do not ask.")
 @click.option(
     "--allow", multiple=True, metavar="KIND", help="Allow what the plan lists as asked for, e.g. host-network; or all."
@@ -46,16 +52,16 @@ if TYPE_CHECKING:
 def apply(
     file: str, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, instance: str, limit: str,
     exclude: str, yes: bool, allow: tuple[str, ...], reassign: bool, adopt: bool, wait_timeout: float, settle: float,
-    events: str | None, verbose: bool, no_color: bool,
+    events: str | None, verbose: bool, no_color: bool, lock_wait: float, pulse: Pulse,
+    runs: Path | None,
 ) -> int:  # fmt: skip
     """Make the experiment true: FILE is an EDF, or a plan that `srprov plan -o` wrote.
 
     Shows the plan and asks on a terminal, unless --yes. A second apply changes nothing. A plan from a file is done
     exactly as it stands there, or refused with 6 when a robot changed since.
     """
-    from srprov.controller import Wishes, make_plan
+    from srprov.controller import Wishes
     from srprov.execution import Options
-    from srprov.saved import check_file
 
     refuse_without_terminal(yes)
     check_kinds(allow)
@@ -64,29 +70,59 @@ def apply(
     if saved and (instance or reassign or adopt):
         raise UsageError("--instance, --reassign and --adopt are decided when a plan is made, not when it is applied")
     definitions = None if saved else options.load_experiment(file)
+    vault = read_secrets(saved, definitions)
     inventory = options.load_inventory(inventories)
     chosen = options.selected(inventory, limit, exclude)
     wishes = Wishes(instance=instance, reassign=reassign, adopt=adopt, forks=forks)
-    images: Mapping[str, ImagePlan] = {}
-    with options.open_lab(inventory, timeout, forks) as lab:
+    with options.open_lab(inventory, timeout, forks, locks=True, vault=vault) as lab:
         err(f"asking {len(inventory.hosts)} robots for facts")
-        if saved:
-            phases.begin("facts")
-            made = check_file(saved, inventory, lab.sessions.get, forks=forks)
-        else:
-            assert definitions is not None
-            planned = make_plan(definitions, inventory, lab.sessions.get, wishes, phases.begin)
-            made, images = planned.plan, planned.images
-        made = limited(made, chosen)
+        task = plan_task(saved, definitions, lab, wishes, phases, vault, chosen)
+        made = task.plan
         if not as_json:
             show_plan(made, None, verbose=verbose)
         check_permissions(made.permissions, allow)
         confirm(made, yes)
         phases.begin("apply")
-        run_options = Options(forks=forks, wait_timeout_s=wait_timeout, settle_s=settle)
-        return carry_out(
-            made, lab, run_options, phases, as_json=as_json, events=events, color=not no_color, images=images
+        run_options = Options(
+            forks=forks, wait_timeout_s=wait_timeout, settle_s=settle, lock_wait_s=lock_wait, pulse=pulse
         )
+        return carry_out(task, lab, run_options, phases, as_json=as_json, events=events, color=not no_color, runs=runs)
+
+
+def read_secrets(saved: PlanFile | None, definitions: Definitions | None) -> Vault:
+    """Read the values that the run will write, before anything else is started that could inherit a variable."""
+    from srprov.definitions.secretvalues import resolve, used
+    from srprov.saved import needed
+
+    if saved:
+        return resolve(needed(saved))
+    assert definitions is not None
+    return resolve(used(definitions.experiment)) if not definitions.unsupported else Vault()
+
+
+def plan_task(
+    saved: PlanFile | None, definitions: Definitions | None, lab: options.Lab, wishes: Wishes, phases: Phases,
+    vault: Vault, chosen: frozenset[str],
+) -> Task:  # fmt: skip
+    """Make the plan, or check that the one from a file still holds; either without the robots that were not chosen."""
+    from srprov.controller import make_plan
+    from srprov.saved import check_file, to_file
+
+    if saved:
+        phases.begin("facts")
+        kept = limited(check_file(saved, lab.inventory, lab.sessions.get, forks=wishes.forks, vault=vault), chosen)
+        return Task(plan=kept, file=lambda: dataclasses.replace(saved, plan=kept))
+    assert definitions is not None
+    planned = make_plan(definitions, lab.inventory, lab.sessions.get, wishes, phases.begin, vault)
+    made = limited(planned.plan, chosen)
+    return Task(
+        plan=made,
+        file=lambda: to_file(planned, made, definitions),
+        found=planned.found,
+        assignment=planned.assignment,
+        desired=planned.desired,
+        images=planned.images,
+    )
 
 
 class Phases:

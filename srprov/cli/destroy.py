@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import click
 
 from srprov.cli import options
 from srprov.cli.apply import Phases, refuse_without_terminal
-from srprov.cli.execute import carry_out, confirm
+from srprov.cli.execute import Task, carry_out, confirm
 from srprov.cli.output import err
 from srprov.cli.plan import show_plan
 from srprov.errors import UsageError
 from srprov.planning.limit import limited
+from srprov.wire import Pulse
 
 
 @click.command()
@@ -19,6 +22,8 @@ from srprov.planning.limit import limited
 @options.INSTANCE
 @options.LIMIT
 @options.EXCLUDE
+@options.locking
+@options.RUNS
 @click.option("-y", "--yes", is_flag=True, help="Do not ask.")
 @click.option("--volumes", is_flag=True, help="Remove data volumes too; their data is lost.")
 @click.option("--adopt", is_flag=True, help="Also when another file made the instance.")
@@ -30,6 +35,7 @@ from srprov.planning.limit import limited
 def destroy(
     file: str | None, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, instance: str,
     limit: str, exclude: str, yes: bool, volumes: bool, adopt: bool, events: str | None, verbose: bool, no_color: bool,
+    lock_wait: float, pulse: Pulse, runs: Path | None,
 ) -> int:  # fmt: skip
     """Remove everything that an instance owns.
 
@@ -37,13 +43,14 @@ def destroy(
     """
     from srprov.controller import make_removal
     from srprov.execution import Options
+    from srprov.saved import removal_file
 
     refuse_without_terminal(yes)
     phases = Phases()
     inventory = options.load_inventory(inventories)
     chosen = options.selected(inventory, limit, exclude)
     name, source = named_instance(file, instance)
-    with options.open_lab(inventory, timeout, forks) as lab:
+    with options.open_lab(inventory, timeout, forks, locks=True) as lab:
         phases.begin("facts")
         made, found = make_removal(
             name, inventory, lab.sessions.get, volumes=volumes, forks=forks, source=source, adopt=adopt
@@ -56,7 +63,9 @@ def destroy(
             err(f"note: the same file also made: {', '.join(others)}; destroy them with --instance NAME")
         confirm(made, yes)
         phases.begin("destroy")
-        return carry_out(made, lab, Options(forks=forks), phases, as_json=as_json, events=events, color=not no_color)
+        run_options = Options(forks=forks, verb="destroy", lock_wait_s=lock_wait, pulse=pulse)
+        task = Task(plan=made, file=lambda: removal_file(made, found), found=found)
+        return carry_out(task, lab, run_options, phases, as_json=as_json, events=events, color=not no_color, runs=runs)
 
 
 def named_instance(file: str | None, instance: str) -> tuple[str, str]:
@@ -69,8 +78,6 @@ def named_instance(file: str | None, instance: str) -> tuple[str, str]:
         if not instance:
             raise UsageError("which experiment?", hint="name its EDF, or --instance ID")
         return instance, ""
-    from pathlib import Path
-
     from srprov.definitions.named import experiment_name
     from srprov.definitions.source import source_of
 

@@ -37,7 +37,7 @@ def doctor(inventories: tuple[str, ...], as_json: bool, forks: int, timeout: flo
     chosen = options.selected(whole, limit, exclude)
     inventory = dataclasses.replace(whole, hosts={name: host for name, host in whole.hosts.items() if name in chosen})
     with options.open_lab(inventory, timeout, forks) as lab:
-        found = gather(inventory, lab.sessions.get, sample=False, forks=forks)
+        found = gather(inventory, lab.sessions.get, sample=False, forks=forks, only_look=True)
         unreachable = dict(found.unreachable)
 
         def one(name: str) -> tuple[Check, ...]:

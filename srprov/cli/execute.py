@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-import json
+import dataclasses
 import threading
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +14,7 @@ import click
 
 from srprov.cli.interrupt import soft_interrupt
 from srprov.cli.options import Lab
-from srprov.cli.output import err, out
+from srprov.cli.output import err, out_json
 from srprov.cli.progress import progress
 from srprov.errors import RefusedError
 from srprov.planning import Plan
@@ -20,7 +22,24 @@ from srprov.planning import Plan
 if TYPE_CHECKING:
     from srprov.cli.apply import Phases
     from srprov.execution import Options, RunResult
+    from srprov.facts.model import Found
     from srprov.images.plan import ImagePlan
+    from srprov.planning.planfile import PlanFile
+    from srprov.record import RunFolder
+    from srprov.resource import Resource
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Task:
+    """A plan to carry out, with what the record keeps of how it was made."""
+
+    plan: Plan
+    file: Callable[[], PlanFile]
+    found: Found | None = None
+    assignment: object = None
+    desired: tuple[Resource, ...] = ()
+    images: Mapping[str, ImagePlan] = field(default_factory=dict)
+    """They tell where a failed build is from."""
 
 
 def confirm(made: Plan, yes: bool) -> None:
@@ -34,7 +53,7 @@ def confirm(made: Plan, yes: bool) -> None:
 
 
 def carry_out(
-    made: Plan,
+    task: Task,
     lab: Lab,
     run_options: Options,
     phases: Phases,
@@ -42,24 +61,55 @@ def carry_out(
     as_json: bool,
     events: str | None,
     color: bool,
-    images: Mapping[str, ImagePlan] = MappingProxyType({}),
+    runs: Path | None = None,
 ) -> int:
-    """Run the plan, show what happens, report, and give the exit code; `images` tell where a failed build is from."""
+    """Run the plan, show what happens, record it, report, and give the exit code."""
     from srprov import controller
 
+    made = task.plan
     if as_json:  # the plan was not shown, and it is what says these
         for note in made.notes:
             err(f"note: {note}")
     stop = threading.Event()
-    with progress(made, events=events, color=color) as listener, soft_interrupt(stop):
-        result = controller.apply(made, lab.connected(), listener, run_options, stop)
-    report = run_json(made, result, lab, phases)
+    with recording(task, lab, run_options.verb, runs) as record:
+        run_options = dataclasses.replace(run_options, run=record.name)
+        with progress(made, record, events=events, color=color) as listener, soft_interrupt(stop):
+            result = controller.apply(made, lab.connected(), listener, run_options, stop)
+        report = run_json(made, result, lab, phases)
+        record.put_json("result.json", lambda: {**report, "run": str(record.path)})
+    report["run"] = str(record.path) if record.path.is_dir() else None
     if as_json:
-        out(json.dumps(report, indent=2))
-    for line in failures(result, images):
+        out_json(report)
+    for line in failures(result, task.images):
         err(line)
+    if record.problem:
+        err(f"warning: the record of this run is not complete: {record.problem}")
     err(summary_line(report, result))
     return result.exit_code
+
+
+def recording(task: Task, lab: Lab, verb: str, runs: Path | None) -> RunFolder:
+    """Begin the run's folder, with everything that is known before the first act; it is written meanwhile."""
+    import datetime as dt
+
+    from srprov import __version__
+    from srprov.execution.locks import claim
+    from srprov.record import Run, RunFolder, default_root, run_id, write_inputs
+
+    folder = RunFolder(runs or default_root(), run_id(task.plan, dt.datetime.now(dt.timezone.utc)))
+    run = Run(
+        verb=verb,
+        owner=claim(verb).owner,
+        version=__version__,
+        plan=task.plan,
+        file=task.file,
+        inventory=lab.inventory,
+        found=task.found,
+        assignment=task.assignment,
+        desired=task.desired,
+    )
+    write_inputs(folder, run)
+    return folder
 
 
 def failures(result: RunResult, images: Mapping[str, ImagePlan] = MappingProxyType({})) -> list[str]:
@@ -75,6 +125,7 @@ def failures(result: RunResult, images: Mapping[str, ImagePlan] = MappingProxyTy
             if image and one.outcome is Outcome.FAILED and (place := locate_failure(image, one.message)):
                 lines.append(f"  it comes from {place}")
     lines += [f"unreachable: {host}: {reason}" for host, reason in sorted(result.unreachable.items())]
+    lines += [f"warning: {host} has no audit line: {reason}" for host, reason in sorted(result.unaudited.items())]
     return lines
 
 

@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import json
-
 import click
 
 from srprov.cli import options
-from srprov.cli.output import err, out
+from srprov.cli.output import err, out, out_json
 
 UNREACHABLE = 4
 
@@ -28,9 +26,9 @@ def facts(inventories: tuple[str, ...], as_json: bool, forks: int, timeout: floa
     chosen = options.selected(whole, limit, exclude)
     inventory = dataclasses.replace(whole, hosts={name: host for name, host in whole.hosts.items() if name in chosen})
     with options.open_lab(inventory, timeout, forks) as lab:
-        found = gather(inventory, lab.sessions.get, sample=True, forks=forks)
+        found = gather(inventory, lab.sessions.get, sample=True, forks=forks, only_look=True)
     if as_json:
-        out(json.dumps(facts_document(found.facts, found.unreachable), indent=2))
+        out_json(facts_document(found.facts, found.unreachable))
     else:
         out(facts_table(found.facts, found.unreachable))
     for host, reason in sorted(found.unreachable.items()):

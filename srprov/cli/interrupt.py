@@ -1,7 +1,8 @@
-"""Ctrl-C during a run: the first one asks for a soft end, the second one leaves at once.
+"""Ctrl-C or SIGTERM during a run: the first one asks for a soft end, the second one leaves at once.
 
 A KeyboardInterrupt may be raised at any line of the main thread, and would take the report of what was done with it.
-So while robots are changed, the first one only sets an event.
+So while robots are changed, the first one only sets an event. Anywhere else SIGTERM is a KeyboardInterrupt too, so that
+connections are closed and locks are free when the program is gone.
 """
 
 from __future__ import annotations
@@ -14,11 +15,22 @@ from contextlib import contextmanager
 from types import FrameType
 
 _SAID = b"\ninterrupted: running steps end, no new one begins; once more to leave at once\n"
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+def as_interrupt() -> None:
+    """Let SIGTERM end the program as Ctrl-C does; elsewhere than in the main thread, do nothing."""
+
+    def leave(_number: int, _frame: FrameType | None) -> None:
+        raise KeyboardInterrupt
+
+    if threading.current_thread() is threading.main_thread():
+        signal.signal(signal.SIGTERM, leave)
 
 
 @contextmanager
 def soft_interrupt(stop: threading.Event) -> Iterator[None]:
-    """Set `stop` at the first SIGINT and raise KeyboardInterrupt at the second; elsewhere than in main, do nothing."""
+    """Set `stop` at the first signal, raise KeyboardInterrupt at the second; elsewhere than in main, do nothing."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -29,8 +41,9 @@ def soft_interrupt(stop: threading.Event) -> Iterator[None]:
         stop.set()
         os.write(2, _SAID)  # the signal may have come in the middle of a print, which allows no other
 
-    before = signal.signal(signal.SIGINT, ask)
+    before = {number: signal.signal(number, ask) for number in _SIGNALS}
     try:
         yield
     finally:
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -5,17 +5,18 @@ Prints what lab/lab.py answers; knows nothing of how a robot is made.
 
 from __future__ import annotations
 
-import json
 import os
 import sys
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
 
 import click
 
 from srprov.cli.output import err as say
-from srprov.cli.output import out
+from srprov.cli.output import out, out_json
 from srprov.errors import UsageError
+from srprov.lab import faults, partition
 from srprov.lab import lab as labs
 from srprov.lab.places import MOST_ROBOTS
 
@@ -62,13 +63,14 @@ def status(as_json: bool) -> None:
     """Show the robots and whether they are ready."""
     seen = labs.status()
     if as_json:
-        out(json.dumps({"robots": {each.name: asdict(each) for each in seen}}, indent=2))
+        out_json({"robots": {each.name: asdict(each) for each in seen}})
         return
     if not seen:
         out("the lab is down")
     for each in seen:
         memory = "" if each.memory is None else f"{each.memory / 2**20:6.0f} MiB"
-        out(f"{each.name:<10} {each.address:<15} {each.state:<8} {memory}")
+        line = f"{each.name:<10} {each.address:<15} {each.state:<8} {memory:10}  {', '.join(each.faults)}"
+        out(line.rstrip())
 
 
 @lab.command()
@@ -89,15 +91,58 @@ def shell(robot: str, command: tuple[str, ...]) -> None:
 
 @lab.command()
 @click.argument("robot")
-def kill(robot: str) -> None:
+@click.option("--docker", is_flag=True, help="Only its Docker engine, as by a crash; it comes back two seconds later.")
+def kill(robot: str, docker: bool) -> None:
     """End a robot at once, as by power loss. Its disk stays."""
-    labs.kill(robot)
-    say(f"{robot} is dead")
+    if docker:
+        faults.kill_engine(robot)
+        say(f"{robot}: dockerd was killed")
+    else:
+        labs.kill(robot)
+        say(f"{robot} is dead")
+
+
+@lab.command("stop-docker")
+@click.argument("robot")
+def stop_docker(robot: str) -> None:
+    """Stop a robot's Docker engine. It stays down until `restart`, with or without --docker, or `up`."""
+    faults.stop_engine(robot)
+    say(f"{robot}: dockerd is stopped")
 
 
 @lab.command()
 @click.argument("robot")
-def restart(robot: str) -> None:
+@click.option("--docker", is_flag=True, help="Only its Docker engine.")
+def restart(robot: str, docker: bool) -> None:
     """Boot a robot again, dead or alive, with its disk kept."""
-    labs.restart(robot)
-    say(f"{robot} is ready")
+    if docker:
+        faults.restart_engine(robot)
+        say(f"{robot}: dockerd is ready")
+    else:
+        labs.restart(robot)
+        say(f"{robot} is ready")
+
+
+def _other(what: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    text = f"{what} this robot, or `{partition.CONTROLLER}` (default: everybody)."
+    return click.option("--from", "other", metavar="ROBOT", default=partition.ALL, help=text)
+
+
+@lab.command("partition")
+@click.argument("robot")
+@_other("Only from")
+def partition_robot(robot: str, other: str) -> None:
+    """Cut a robot off without a word: packets vanish, connections hang.
+
+    It stays cut off while it is dead or restarts, until `heal` or `up`.
+    """
+    faults.cut(robot, other)
+    say(f"{robot} is cut off from {other}")
+
+
+@lab.command()
+@click.argument("robot")
+@_other("Only the partition from")
+def heal(robot: str, other: str) -> None:
+    """Undo `partition`; without --from, whatever cuts the robot off."""
+    say(f"{robot} is healed" if faults.heal(robot, other) else f"{robot} is not cut off from {other}")

@@ -12,16 +12,20 @@ import click
 
 from srprov import __version__
 from srprov.cli.config import default_map
-from srprov.cli.output import err
+from srprov.cli.interrupt import as_interrupt
+from srprov.cli.output import catch_stray, err
 from srprov.errors import DefinitionError, NoAssignment, SrprovError
 
 _VERBS = {
     "validate": "Check definition files; no robot is asked.",
     "facts": "Show the robots as they are.",
+    "doctor": "Say what is missing on each robot, and how to get it.",
+    "assign": "Show who would run what, and why.",
     "plan": "Show what would change; changes nothing.",
     "apply": "Make the experiment true.",
     "status": "Show the running experiment.",
     "logs": "Show what services print.",
+    "locks": "Show who is changing which robot.",
     "destroy": "Remove everything that an instance owns.",
     "lab": "The embedded lab: robots on this machine.",
     "schema": "Print a JSON Schema.",
@@ -108,6 +112,8 @@ def show_error(error: SrprovError) -> None:
 
 def entry() -> None:
     """Be the `srprov` command."""
+    as_interrupt()
+    catch_stray()
     sys.exit(run())
 
 

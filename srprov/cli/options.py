@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import dataclasses
+import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from srprov.errors import UsageError
-from srprov.wire import Session
+from srprov.errors import RefusedError, UsageError
+from srprov.secret import Secret, Vault
+from srprov.wire import Pulse, Session
 
 if TYPE_CHECKING:
     from srprov.definitions.model import Definitions, Inventory
@@ -38,19 +42,54 @@ LIMIT = click.option("--limit", default="", metavar="PATTERN", help="Change only
 EXCLUDE = click.option("--exclude", default="", metavar="PATTERN", help="Do not change these robots.")
 
 
+def _pulse(_context: click.Context, _option: click.Parameter, text: str) -> Pulse:
+    """Read `BEAT,CONTROLLER,ROBOT`, seconds each; empty is the default."""
+    try:
+        beat, controller, robot = text.split(",") if text else ("5", "20", "30")
+        return Pulse(beat_s=float(beat), controller_s=float(controller), robot_s=int(robot))
+    except ValueError as error:
+        raise click.BadParameter(f"{text!r}: {error}; three numbers are wanted, e.g. 1,4,6") from None
+
+
+def locking(function: _F) -> _F:
+    """Add the options of every verb that changes robots."""
+    wait = click.option("--lock-wait", type=click.FloatRange(min=0), default=0.0, show_default=True, metavar="S",
+                        help="Seconds to wait for robots that somebody else is changing.")  # fmt: skip
+    heartbeat = click.option(
+        "--heartbeat", "pulse", envvar="SRPROV_HEARTBEAT", default="", callback=_pulse, hidden=True
+    )
+    return wait(heartbeat(function))
+
+
+def _ask_become(context: click.Context, _option: click.Parameter, wanted: bool) -> None:
+    """Leave the wish where `load_inventory` finds it: every verb that reads an inventory has it, none handles it."""
+    context.meta[_ASK_BECOME] = wanted
+
+
+_ASK_BECOME = "srprov.ask-become-pass"
+ASK_BECOME = click.option(
+    "-K", "--ask-become-pass", is_flag=True, expose_value=False, callback=_ask_become,
+    help="Ask for sudo's password, for robots without ansible_become_password.",
+)  # fmt: skip
+RUNS = click.option(
+    "--runs", type=click.Path(file_okay=False, path_type=Path), envvar="SRPROV_RUNS", default=None, metavar="DIR",
+    help="Where runs are recorded (default: ~/.local/state/srprov/runs).",
+)  # fmt: skip
+
+
 def quietly_robots(function: _F) -> _F:
     """Add the options of a verb that streams text from robots: no JSON, and `-f` is left for --follow."""
     forks = click.option(
         "--forks", type=click.IntRange(min=1), default=64, show_default=True, help="Robots at the same time."
     )
-    for option in (TIMEOUT, forks, INVENTORY):
+    for option in (ASK_BECOME, TIMEOUT, forks, INVENTORY):
         function = option(function)
     return function
 
 
 def robots(function: _F) -> _F:
     """Add the options of every verb that talks to robots."""
-    for option in (TIMEOUT, FORKS, JSON, INVENTORY):
+    for option in (ASK_BECOME, TIMEOUT, FORKS, JSON, INVENTORY):
         function = option(function)
     return function
 
@@ -68,13 +107,30 @@ class Lab:
 
 
 def load_inventory(paths: tuple[str, ...]) -> Inventory:
-    """Read the inventory; an empty one is an error."""
+    """Read the inventory; an empty one is an error. Asks for sudo's password when the user said so."""
     from srprov import definitions
 
     lab = definitions.load_inventory(list(paths))
     if not lab.hosts:
         raise UsageError(f"no robots in {', '.join(paths)}", hint="add hosts to the inventory")
-    return lab
+    context = click.get_current_context(silent=True)
+    return _with_become_password(lab) if context and context.meta.get(_ASK_BECOME) else lab
+
+
+def _with_become_password(lab: Inventory) -> Inventory:
+    """Ask once, and give the answer to every robot that has no password of its own."""
+    if not sys.stdin.isatty():
+        hint = "set ansible_become_password in the inventory, e.g. in host_vars/ that only you can read"
+        raise RefusedError("there is no terminal to ask for sudo's password on", hint=hint)
+    try:
+        password = Secret(click.prompt("sudo password", hide_input=True, err=True, default="", show_default=False))
+    except ValueError as error:
+        raise UsageError(str(error)) from None
+    hosts = {
+        name: host if host.become_password else dataclasses.replace(host, become_password=password)
+        for name, host in lab.hosts.items()
+    }
+    return dataclasses.replace(lab, hosts=hosts)
 
 
 def load_experiment(path: str) -> Definitions:
@@ -85,12 +141,18 @@ def load_experiment(path: str) -> Definitions:
 
 
 @contextmanager
-def open_lab(inventory: Inventory, timeout: float, forks: int) -> Iterator[Lab]:
-    """Begin to connect to all robots; connections end with the block."""
+def open_lab(
+    inventory: Inventory, timeout: float, forks: int, *, locks: bool = False, vault: Vault | None = None
+) -> Iterator[Lab]:
+    """Begin to connect to all robots; connections end with the block.
+
+    `locks` prepares to take their locks; `vault` has the secrets that are written there.
+    """
     from srprov.transport import ConnectOptions
     from srprov.transport.pool import Sessions
 
-    with Sessions(inventory.hosts, options=ConnectOptions(connect_timeout_s=timeout), forks=forks) as sessions:
+    connecting = ConnectOptions(connect_timeout_s=timeout, warm_hold=locks, vault=vault or Vault())
+    with Sessions(inventory.hosts, options=connecting, forks=forks) as sessions:
         yield Lab(inventory, sessions)
 
 

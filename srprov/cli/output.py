@@ -1,28 +1,48 @@
-"""The one place that prints. Everything a robot or a file said is stripped of control characters on its way out.
+"""The one place that prints. Everything is stripped of secrets and of control characters on its way out.
 
-Answers go to standard output, all else to standard error, so that `--json` and pipes stay clean.
+`out`, `out_json` and `err` print, `line_of` is for files. Answers go to standard output, all else to standard error, so
+that `--json` and pipes stay clean.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import re
-from typing import TextIO
+import sys
+import threading
+import traceback
+from typing import Any, TextIO
 
 import click
+
+from srprov.secret import redact, redacted
 
 _CONTROL = re.compile(r"\x1b\[[0-?]*[ -/]*[@-~]|[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 """Whole CSI sequences first, so that no `[31m` is left; then every C0 but newline and tab, DEL, and C1."""
 
 
 def clean(text: str) -> str:
-    """Give text that cannot move the cursor, change colours or retitle the terminal."""
-    return _CONTROL.sub("", text)
+    """Give text without secrets, that cannot move the cursor, change colours or retitle the terminal.
+
+    A control character in the middle of a secret hides it from the first look, and one in the secret from the second.
+    """
+    return redact(_CONTROL.sub("", redact(text)))
 
 
 def out(text: str) -> None:
     """Print an answer."""
     click.echo(clean(text))
+
+
+def out_json(value: object) -> None:
+    """Print an answer as one JSON document. Secrets are replaced in its texts, so that it stays JSON."""
+    click.echo(_CONTROL.sub("", json.dumps(redacted(value), indent=2)))
+
+
+def line_of(value: object) -> str:
+    """Give a value as one line of JSON for a file, without secrets."""
+    return json.dumps(redacted(value)) + "\n"
 
 
 def err(text: str, color: str | None = None) -> None:
@@ -33,3 +53,17 @@ def err(text: str, color: str | None = None) -> None:
 def wants_color(stream: TextIO) -> bool:
     """Tell whether a stream is a terminal that may be coloured; see no-color.org."""
     return stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+
+
+def catch_stray() -> None:
+    """Send what Python would print by itself, from threads and finalizers, the same way as everything else."""
+
+    def thread(args: threading.ExceptHookArgs) -> None:
+        if args.exc_type is not SystemExit:
+            err("".join(traceback.format_exception(args.exc_type, args.exc_value, args.exc_traceback)))
+
+    def stray(args: Any) -> None:  # noqa: ANN401 - sys.UnraisableHookArgs, which exists for type checkers only
+        err("".join(traceback.format_exception(args.exc_type, args.exc_value, args.exc_traceback)))
+
+    threading.excepthook, sys.unraisablehook = thread, stray
+    sys.excepthook = lambda kind, value, trace: err("".join(traceback.format_exception(kind, value, trace)))

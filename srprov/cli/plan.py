@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-import json
+import dataclasses
+from collections.abc import Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
 from srprov.cli import options
-from srprov.cli.output import err, out
+from srprov.cli.output import err, out, out_json
+from srprov.errors import RefusedError
 from srprov.planning import Plan
 from srprov.planning.limit import limited
+from srprov.secret import Vault, redact
+
+if TYPE_CHECKING:
+    from srprov.planning.planfile import PlanFile
 
 DIFFERENCES = 2
 UNREACHABLE = 4
@@ -39,36 +46,54 @@ def plan(
     Exits with 0; with 2 when --detailed-exitcode is given and something would change; with 4 when a robot cannot be
     reached.
     """
+    from srprov.cli.apply import read_secrets
     from srprov.controller import Wishes, make_plan
     from srprov.planning.markdown import plan_markdown
     from srprov.planning.plan import plan_json
-    from srprov.planning.planfile import dump
     from srprov.saved import to_file
 
-    definitions, inventory = options.load_experiment(file), options.load_inventory(inventories)
+    definitions = options.load_experiment(file)
+    vault = read_secrets(None, definitions)
+    inventory = options.load_inventory(inventories)
     chosen = options.selected(inventory, limit, exclude)
     wishes = Wishes(instance=instance, reassign=reassign, adopt=adopt, forks=forks)
     with options.open_lab(inventory, timeout, forks) as lab:
-        planned = make_plan(definitions, inventory, lab.sessions.get, wishes)
+        planned = make_plan(definitions, inventory, lab.sessions.get, wishes, vault=vault)
     made = limited(planned.plan, chosen)
     if target:
-        Path(target).write_text(dump(to_file(planned, made, definitions)), encoding="utf-8")
-    text = json.dumps(plan_json(made), indent=2)
+        write_plan(target, to_file(planned, made, definitions), vault)
     if form == "markdown" and not as_json:
         out(plan_markdown(made).rstrip())
     else:
-        show_plan(made, text if as_json or form == "json" else None, verbose=verbose)
+        show_plan(made, plan_json(made) if as_json or form == "json" else None, verbose=verbose)
     if made.unreachable:
         return UNREACHABLE
     return DIFFERENCES if detailed_exitcode and not made.empty else 0
 
 
-def show_plan(made: Plan, as_json: str | None, *, verbose: bool) -> None:
+def write_plan(target: str, file: PlanFile, vault: Vault) -> None:
+    """Write a plan file. It is done as it stands there, so a secret in it cannot be replaced, only refused.
+
+    Raises:
+        RefusedError: The value of a secret stands in what the plan does: in another field of the user's files.
+    """
+    from srprov.planning.planfile import dump
+
+    text = dump(dataclasses.replace(file, inputs={name: redact(text) for name, text in file.inputs.items()}))
+    if name := vault.holds(text):
+        hint = f"take it out of the definition files, or give '{name}' a value that is not an everyday word"
+        raise RefusedError(
+            f"the value of the secret '{name}' stands in the plan itself; no file was written", hint=hint
+        )
+    Path(target).write_text(text, encoding="utf-8")
+
+
+def show_plan(made: Plan, as_json: Mapping[str, Any] | None, *, verbose: bool) -> None:
     """Print a plan as text, or as JSON with a one-line summary beside it."""
     from srprov.planning.text import plan_text, summary
 
     if as_json is None:
         out(plan_text(made, commands=verbose).rstrip())
     else:
-        out(as_json)
+        out_json(as_json)
         err(summary(made))

@@ -6,7 +6,6 @@ event as JSON.
 
 from __future__ import annotations
 
-import json
 import sys
 import threading
 import time
@@ -14,23 +13,24 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any, TextIO
 
-from srprov.cli.output import clean, err, wants_color
+from srprov.cli.output import clean, err, line_of, wants_color
 from srprov.planning import Plan
 
 if TYPE_CHECKING:
     from srprov.execution import Event, Listener
+    from srprov.record import RunFolder
 
 _SYMBOL_COLORS = {"changed": "green", "unchanged": "blue", "failed": "red", "skipped": "yellow"}
 _PROGRESS_EVERY_S = 5.0
 
 
 @contextmanager
-def progress(plan: Plan, *, events: str | None, color: bool) -> Iterator[Listener]:
-    """Give a listener for one run; the status line goes away at the end."""
+def progress(plan: Plan, record: RunFolder, *, events: str | None, color: bool) -> Iterator[Listener]:
+    """Give a listener for one run, which is recorded too; the status line goes away at the end."""
     with ExitStack() as stack:
         stream = stack.enter_context(open(events, "w", encoding="utf-8")) if events else None
         live = stack.enter_context(_live()) if sys.stderr.isatty() and plan.steps else None
-        shown = _Shown(len(plan.steps), stream, live, color=color and wants_color(sys.stderr))
+        shown = _Shown(len(plan.steps), record, stream, live, color=color and wants_color(sys.stderr))
         yield shown.listen
 
 
@@ -49,12 +49,13 @@ class _Shown:
     def __init__(
         self,
         total: int,
+        record: RunFolder,
         stream: TextIO | None,
         live: Any,  # noqa: ANN401 - rich's Status or None
         *,
         color: bool,
     ) -> None:
-        self.total, self.stream, self.live, self.color = total, stream, live, color
+        self.total, self.record, self.stream, self.live, self.color = total, record, stream, live, color
         self.done = 0
         self.running: dict[str, str] = {}
         self.last_said: dict[str, float] = {}
@@ -62,9 +63,13 @@ class _Shown:
 
     def listen(self, event: Event) -> None:
         """Show one event."""
+        from srprov.record import event_json
+
         with self.lock:
+            value = event_json(event)
+            self.record.event(value)
             if self.stream:
-                self.stream.write(json.dumps(_event_json(event)) + "\n")
+                self.stream.write(line_of(value))
                 self.stream.flush()
             getattr(self, f"_{event.kind}")(event)
             if self.live:
@@ -108,16 +113,3 @@ class _Shown:
 
     def _status(self) -> str:
         return f"{self.done}/{self.total} " + "; ".join(text for _, text in sorted(self.running.items()))
-
-
-def _event_json(event: Event) -> dict[str, Any]:
-    return {
-        "time": round(time.time(), 3),
-        "event": event.kind,
-        "robot": event.host,
-        "step": event.step.number if event.step else None,
-        "id": event.step.id if event.step else None,
-        "outcome": event.outcome.value if event.outcome else None,
-        "text": event.text,
-        "duration_s": round(event.duration_s, 3),
-    }

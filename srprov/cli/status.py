@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +9,7 @@ import click
 
 from srprov.cli import options
 from srprov.cli.destroy import named_instance
-from srprov.cli.output import err, out
+from srprov.cli.output import err, out, out_json
 
 if TYPE_CHECKING:
     from srprov.facts.model import Found
@@ -34,7 +33,7 @@ def status(
         found = gather(inventory, lab.sessions.get, sample=False, forks=forks)
     rows = status_rows(found, name)
     if as_json:
-        out(json.dumps({"services": rows, "unreachable": dict(found.unreachable)}, indent=2))
+        out_json({"services": rows, "unreachable": dict(found.unreachable)})
     elif rows:
         out(table(rows, ("instance", "service", "robot", "state", "health", "address", "image")))
     else:

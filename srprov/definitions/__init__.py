@@ -1,14 +1,15 @@
 """User files -> Inventory, Experiment (EDF), ContainerDefinition (CDF).
 
 Takes paths; gives values, or `DefinitionError` with every problem at once, each with file, line, column and what to
-do. Touches user files for reading, and runs an inventory that is a program. What a field means is in `schemas/` and
-in docs/definitions.md.
+do. Touches user files for reading, and runs an inventory that is a program, and the commands that give secrets. What a
+field means is in `schemas/` and in docs/definitions.md.
 
     nodes, yamlfile        a document that knows where each value stands
     schema                 document and JSON Schema -> problems
     paths, values, mounts  what a text stands for
     merging, runtime       one definition over another -> run-time part
-    container, dockerfile  CDF        service, envfile, checks, unsupported, experiment  EDF
+    container, dockerfile  CDF        service, envfile, checks, unsupported, experiment, pins  EDF
+    secrets, secretmodel, secretvalues  where secrets come from, and what they are
     inventory, inifile, script, hostvars, ranges, patterns  the lab
 """
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import ipaddress
 from collections.abc import Mapping
 
-from srprov.definitions import nodes
+from srprov.definitions import nodes, relations
 from srprov.definitions.container import Container, known_healthcheck
 from srprov.definitions.model import Service
 from srprov.definitions.nodes import Findings, Map, Node, Path, Scalar, Seq
@@ -47,6 +47,7 @@ def check(
         _networks(known[name], one, findings)
         _conditions(known[name], one, services, containers, findings)
     _pins(root, known, findings)
+    relations.check(root, known, same_robot_groups(root), findings)
     _weights(root, findings)
     _subnet(root, len(known), findings)
 
@@ -60,12 +61,12 @@ def _references(root: Map, known: Mapping[str, Map], findings: Findings) -> None
         for item in named:
             _known(item, known, findings, path)
     lists: list[tuple[Node, Path]] = []
-    pools, relations, results = (root.entries.get(key) for key in ("pools", "relations", "results"))
+    pools, related, results = (root.entries.get(key) for key in ("pools", "relations", "results"))
     for index, pool in enumerate(pools.items if isinstance(pools, Seq) else ()):
         if isinstance(pool, Map) and "services" in pool.entries:
             lists.append((pool.entries["services"], ("pools", index, "services")))
     for kind in ("same_robot", "different_robot"):
-        groups = relations.entries.get(kind) if isinstance(relations, Map) else None
+        groups = related.entries.get(kind) if isinstance(related, Map) else None
         lists += [
             (group, ("relations", kind, i)) for i, group in enumerate(groups.items if isinstance(groups, Seq) else ())
         ]
@@ -146,8 +147,8 @@ def _conditions(
 
 def same_robot_groups(root: Map) -> tuple[tuple[str, ...], ...]:
     """Give the groups that must share a robot; groups with a common service are one."""
-    relations = root.entries.get("relations")
-    given = relations.entries.get("same_robot") if isinstance(relations, Map) else None
+    related = root.entries.get("relations")
+    given = related.entries.get("same_robot") if isinstance(related, Map) else None
     groups: list[set[str]] = []
     for item in given.items if isinstance(given, Seq) else ():
         group = {name.text for name in scalars(item)}

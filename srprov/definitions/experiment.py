@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
-from srprov.definitions import checks, container, merging, nodes, paths, schema, service, yamlfile
+from srprov.definitions import checks, container, merging, nodes, paths, relations, schema, secrets, service, yamlfile
 from srprov.definitions.container import Container
 from srprov.definitions.model import Definitions, Experiment, NetworkWishes, Placement, Service, Weights
 from srprov.definitions.nodes import Findings, Map, Node, Scalar
@@ -43,7 +44,9 @@ def load(path: str, environ: Mapping[str, str]) -> Definitions:
         key = _cdf_key(entries[name])
         if not findings.broken(("services", name)):
             place = checks.service_key(root, name)
-            services[name] = service.build(place, entries[name], containers.get(key), folder, environ, findings)
+            built = service.build(place, entries[name], containers.get(key), folder, environ, findings)
+            services[name] = secrets.with_uses(built, entries[name], root, findings)
+    sources = secrets.sources(root, folder, findings)
     checks.check(root, services, {name: containers.get(_cdf_key(entries[name])) for name in services}, findings)
     note_unsupported(root, unsupported)
     for one in containers.values():
@@ -51,7 +54,7 @@ def load(path: str, environ: Mapping[str, str]) -> Definitions:
     if findings.problems:
         raise DefinitionError(findings.problems)
     return Definitions(
-        experiment=_experiment(root, path, services),
+        experiment=replace(_experiment(root, path, services), secrets=sources),
         containers=MappingProxyType({key: one.definition for key, one in sorted(containers.items())}),
         unsupported=tuple(sorted(unsupported.problems)),
     )
@@ -98,6 +101,8 @@ def _experiment(root: Map, path: str, services: Mapping[str, Service]) -> Experi
         folder=os.path.dirname(absolute),
         services=MappingProxyType({n: service.as_job(one) if n in waited_for else one for n, one in services.items()}),
         same_robot=checks.same_robot_groups(root),
+        different_robot=relations.different_robot(root),
+        pools=relations.pools(root),
         weights=_weights(get("weights")),
         placement=Placement(**_settings(get("placement"))),
         network=NetworkWishes(**{k: v for k, v in _settings(get("network")).items() if k in _NETWORK_FIELDS}),

@@ -16,12 +16,13 @@ from srprov.definitions import nodes, sshargs
 from srprov.definitions.groups import Variables
 from srprov.definitions.model import Host
 from srprov.definitions.nodes import Findings, Map, Node, Scalar, Seq
-from srprov.wire import Secret
+from srprov.secret import Secret
 
 _T = TypeVar("_T")
 _SSH = {"ssh", "smart", "paramiko", "paramiko_ssh", "ansible.builtin.ssh", "ansible.builtin.paramiko_ssh"}
 _LOCAL = {"local", "ansible.builtin.local"}
 _NAMES = re.compile(r"\{\{\s*(inventory_hostname|inventory_hostname_short|inventory_dir)\s*\}\}")
+_BECOME_PASSWORD = ("ansible_become_password", "ansible_become_pass", "ansible_sudo_pass")
 _ARGUMENTS = ("ansible_ssh_args", "ansible_ssh_common_args", "ansible_ssh_extra_args")
 
 
@@ -39,6 +40,7 @@ def host(name: str, variables: Variables, groups: tuple[str, ...], place: Node, 
         identity_file=reader.file(identity) if identity else None,
         password=reader.secret("ansible_password", "ansible_ssh_pass", "ansible_ssh_password"),
         become=reader.read("ansible_become", _flag, False),
+        become_password=reader.secret(*_BECOME_PASSWORD, hidden_is_none=True),
         connection=reader.read("ansible_connection", _connection, "ssh"),
         ssh_options=options,
         tags=reader.words("srprov_tags"),
@@ -104,10 +106,17 @@ class _Reader:
             texts = [word.strip() for word in found.text.split(",") if word.strip()]
         return tuple(dict.fromkeys(texts))
 
-    def secret(self, *keys: str) -> Secret | None:
-        """Give a password, wrapped at once."""
+    def secret(self, *keys: str, hidden_is_none: bool = False) -> Secret | None:
+        """Give a password, wrapped at once; where a robot may do without one, a vault value is as good as none."""
+        if hidden_is_none:
+            keys = tuple(key for key in keys if key in self.variables and not hidden(self.variables[key][1]))
         given = self.text(*keys)
-        return None if given is None else Secret(given)
+        try:
+            return None if given is None else Secret(given)
+        except ValueError as error:
+            key = next(key for key in keys if key in self.variables)
+            self.findings.add(self.variables[key][1], f"'{key}' is too short: {error}", (key,))
+            return None
 
     def file(self, path: str) -> str:
         """Give a file of the controller: `~` is the home; a relative one is looked for beside the inventory first."""

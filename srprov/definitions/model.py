@@ -11,8 +11,9 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
+from srprov.definitions.secretmodel import SecretSource, SecretUse
 from srprov.errors import Location, Problem
-from srprov.wire import Secret
+from srprov.secret import Secret
 
 _NOWHERE = Location("")
 
@@ -29,7 +30,9 @@ class Host:
     identity_file: str | None = None
     password: Secret | None = None
     become: bool = False
-    """`ansible_become`; a user other than root is raised by `sudo -n` in any case."""
+    """`ansible_become`; a user other than root is raised by sudo in any case."""
+    become_password: Secret | None = None
+    """What sudo is told when it asks."""
     connection: str = "ssh"
     """`ssh` or `local`"""
     ssh_options: tuple[tuple[str, str], ...] = ()
@@ -196,6 +199,13 @@ class Service:
     """service -> `started`, `healthy` or `completed`"""
     robot: str = ""
     """A pin, or empty."""
+    replicas: int = 1
+    """How many of it run; more than one become services of their own, see `expand`."""
+    per_robot: tuple[str, ...] | None = None
+    """Tags: one instance runs on each robot that has them all, and takes no slot. None: an ordinary service."""
+    instance_of: str = ""
+    """The name in the EDF, when this is one of several instances of it."""
+    secrets: tuple[SecretUse, ...] = ()
     location: Location = _NOWHERE
 
 
@@ -230,6 +240,18 @@ class NetworkWishes:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class Pool:
+    """Services that may run together on one robot, in one slot, at the discounted sum of their costs; or apart."""
+
+    name: str
+    """As given, else its services joined by `+`."""
+    services: tuple[str, ...]
+    """In name order."""
+    discount: float = 1.0
+    """Their summed cost is multiplied by this when they run together; more than 0, at most 1."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Experiment:
     """One EDF, with services in name order."""
 
@@ -238,7 +260,11 @@ class Experiment:
     """Absolute path of the EDF."""
     folder: str
     services: Mapping[str, Service]
+    secrets: Mapping[str, SecretSource] = field(default_factory=lambda: MappingProxyType({}))
     same_robot: tuple[tuple[str, ...], ...] = ()
+    different_robot: tuple[tuple[str, ...], ...] = ()
+    """Groups of which no two services run on one robot."""
+    pools: tuple[Pool, ...] = ()
     weights: Weights = field(default_factory=Weights)
     placement: Placement = field(default_factory=Placement)
     network: NetworkWishes = field(default_factory=NetworkWishes)

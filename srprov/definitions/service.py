@@ -15,7 +15,7 @@ from srprov.definitions import envfile, merging, nodes, paths, runtime, yamlfile
 from srprov.definitions.container import Container
 from srprov.definitions.model import Requirements, Service
 from srprov.definitions.nodes import Findings, Map, Node, Path, Scalar, Seq
-from srprov.definitions.values import scalars, text
+from srprov.definitions.values import scalars, text, texts
 from srprov.errors import DefinitionError
 
 _CONDITIONS = {
@@ -46,6 +46,8 @@ def build(
         network=text(node.entries.get("network"), "overlay"),
         depends_on=MappingProxyType(depends_on(node.entries.get("depends_on"))),
         robot=text(node.entries.get("robot")),
+        replicas=int(_number(node, "replicas", 1)),
+        per_robot=_per_robot(node.entries.get("per_robot")),
         location=nodes.location(key),
     )
 
@@ -63,6 +65,10 @@ def depends_on(node: Node | None) -> dict[str, str]:
 def as_job(service: Service) -> Service:
     """Mark a service as a job: another one waits for its end."""
     return replace(service, runtime=replace(service.runtime, job=True))
+
+
+def _per_robot(node: Node | None) -> tuple[str, ...] | None:
+    return texts(node.entries.get("tags")) if isinstance(node, Map) else None
 
 
 def _number(node: Map, key: str, default: float) -> float:

@@ -6,10 +6,9 @@ act refuses them: nothing is accepted and ignored.
 
 from __future__ import annotations
 
-from srprov.definitions import nodes
 from srprov.definitions.nodes import Findings, Map, Node, Path, Scalar, Seq
 
-_TOP = ("pools", "parameters", "trials", "results", "secrets", "playbooks")
+_TOP = ("parameters", "trials", "results", "playbooks")
 
 
 def note_unsupported(root: Map, findings: Findings) -> None:
@@ -21,19 +20,7 @@ def note_unsupported(root: Map, findings: Findings) -> None:
     for key in _TOP:
         if key in root.entries and not _empty(root.entries[key]):
             findings.add(root.keys[key], f"'{key}' is not supported yet", (key,))
-    relations, placement, network = (root.entries.get(key) for key in ("relations", "placement", "network"))
-    if isinstance(relations, Map) and not _empty(relations.entries.get("different_robot")):
-        findings.add(
-            relations.keys["different_robot"],
-            "'different_robot' is not supported yet",
-            ("relations", "different_robot"),
-        )
-    if (
-        isinstance(placement, Map)
-        and "fairness" in placement.entries
-        and nodes.as_number(placement.entries["fairness"])
-    ):
-        findings.add(placement.keys["fairness"], "'fairness' above 0 is not supported yet", ("placement", "fairness"))
+    network = root.entries.get("network")
     for key, built in (("encryption", "none"), ("discovery", "multicast")):
         wanted = network.entries.get(key) if isinstance(network, Map) else None
         if isinstance(wanted, Scalar) and wanted.text != built:
@@ -42,13 +29,9 @@ def note_unsupported(root: Map, findings: Findings) -> None:
 
 def _service(entry: Map, path: Path, findings: Findings) -> None:
     get = entry.entries.get
-    cdf, replicas, network = get("cdf"), get("replicas"), get("network")
+    cdf, network = get("cdf"), get("network")
     if isinstance(cdf, Map):
         findings.add(cdf, "a CDF from git is not supported yet", (*path, "cdf"))
-    if replicas is not None and nodes.as_int(replicas) != 1:
-        findings.add(entry.keys["replicas"], "'replicas' other than 1 is not supported yet", (*path, "replicas"))
-    if "per_robot" in entry.entries:
-        findings.add(entry.keys["per_robot"], "'per_robot' is not supported yet", (*path, "per_robot"))
     policy = get("pull_policy")
     if isinstance(policy, Scalar) and policy.text != "missing":
         findings.add(

@@ -10,16 +10,19 @@ from __future__ import annotations
 import concurrent.futures
 import threading
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from srprov.errors import TransportError
+from srprov.execution.audit import Entry, audit
 from srprov.execution.conditions import wait_for
+from srprov.execution.locks import claim
 from srprov.execution.outcome import Event, Listener, Outcome, RunResult, StepResult
 from srprov.execution.robot import Robot
 from srprov.execution.segments import Segment, segments
 from srprov.execution.settle import settle
+from srprov.execution.taking import Patience, take
 from srprov.planning import Plan, Step
-from srprov.wire import Session
+from srprov.wire import Pulse, Session
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -31,6 +34,13 @@ class Options:
     """For a container to become healthy or to complete."""
     settle_s: float = 2.0
     """A service must still be running this long after its start."""
+    verb: str = "apply"
+    """What holders of a lock are told to be doing, with the instance."""
+    run: str = ""
+    """The run's id in the lock and in the robots' audit logs; empty: a fresh one, and nothing is logged."""
+    lock_wait_s: float = 0.0
+    """How long to wait for a robot that somebody else holds."""
+    pulse: Pulse = field(default_factory=Pulse)
 
 
 def run_plan(
@@ -40,7 +50,7 @@ def run_plan(
     options: Options = Options(),
     stop: threading.Event | None = None,
 ) -> RunResult:
-    """Do every step of the plan and say what came of each.
+    """Lock the robots that the plan changes, do every step and say what came of each.
 
     Args:
         plan: what to do.
@@ -48,16 +58,31 @@ def run_plan(
         listener: told what happens, from several threads at once.
         options: limits and deadlines.
         stop: set from outside to begin no further step.
+
+    Raises:
+        LockHeld: Somebody else holds one of the robots; nothing was changed.
     """
-    run = _Run(sessions, listener, options, stop or threading.Event())
-    run.walk(segments(plan.steps))
-    results = settle(run.robots, run.results, options.settle_s, run.stop, listener)
+    stop = stop or threading.Event()
+    robots = {step.host for step in plan.steps} & sessions.keys()
+    patience = Patience(wait_s=options.lock_wait_s, pulse=options.pulse, forks=options.forks)
+    mine = claim(f"{options.verb} {plan.instance}", options.run)
+    unaudited: dict[str, str] = {}
+    with take(robots, sessions, mine, patience, stop, listener) as locks:
+        reached = {host: session for host, session in sessions.items() if host not in locks.lost}
+        run = _Run(reached, listener, options, stop, locks.lost)
+        run.walk(segments(plan.steps))
+        results = settle(run.robots, run.results, options.settle_s, run.stop, listener)
+        if options.run:
+            entry = Entry(run=options.run, owner=mine.owner, verb=options.verb, instance=plan.instance)
+            unaudited = audit(entry, run.robots, results.values())
     ordered = tuple(results[step.number] for step in plan.steps)
+    away = {one.step.host: one.message for one in ordered if one.outcome is Outcome.UNREACHABLE}
     return RunResult(
         results=ordered,
         unchanged=plan.unchanged,
         interrupted=run.stop.is_set(),
-        unreachable={**plan.unreachable, **run.lost},
+        unreachable={**away, **plan.unreachable, **run.lost},
+        unaudited=unaudited,
     )
 
 
@@ -65,12 +90,17 @@ class _Run:
     """One run's shared state; `results` is written by many threads, each its own steps."""
 
     def __init__(
-        self, sessions: Mapping[str, Session], listener: Listener, options: Options, stop: threading.Event
+        self,
+        sessions: Mapping[str, Session],
+        listener: Listener,
+        options: Options,
+        stop: threading.Event,
+        lost: Mapping[str, str],
     ) -> None:
         self.sessions, self.listener, self.options, self.stop = sessions, listener, options, stop
         self.robots = {host: Robot(session, listener) for host, session in sessions.items()}
         self.results: dict[int, StepResult] = {}
-        self.lost: dict[str, str] = {}
+        self.lost: dict[str, str] = dict(lost)
         self.kinds: dict[str, set[str]] = {}
 
     def walk(self, parts: tuple[Segment, ...]) -> None:
@@ -114,8 +144,7 @@ class _Run:
         try:
             self._steps(robot, part)
         except TransportError as error:
-            self.lost[part.host] = error.message
-            self.robots.pop(part.host, None)
+            self._lose(part.host, error)
             self._end_all(part.steps, Outcome.UNREACHABLE, error.message)
 
     def _steps(self, robot: Robot, part: Segment) -> None:
@@ -164,10 +193,16 @@ class _Run:
             try:
                 why = wait_for(need, session, deadline_s=self.options.wait_timeout_s, stop=self.stop, say=say)
             except TransportError as error:
+                self._lose(host, error)
                 return f"needs {need.id} {need.condition}: {error.message}"
             if why:
                 return f"needs {need.id} {need.condition}: {why}"
         return ""
+
+    def _lose(self, host: str, error: TransportError) -> None:
+        """Note that a robot cannot be talked to any more, whoever found out."""
+        self.lost[host] = error.message
+        self.robots.pop(host, None)
 
     def _end(self, result: StepResult) -> None:
         self.results[result.step.number] = result

@@ -57,6 +57,8 @@ class RunResult:
     interrupted: bool = False
     unreachable: Mapping[str, str] = field(default_factory=dict)
     """Robot -> reason, from before or during the run."""
+    unaudited: Mapping[str, str] = field(default_factory=dict)
+    """Robot that was changed -> why its audit log has no line of this run."""
 
     def count(self, outcome: Outcome) -> int:
         """Count steps of one outcome."""

@@ -117,6 +117,7 @@ def last_words(session: Session, container: str, lines: int = 8) -> str:
 def _failure(command: Command, reply: Reply) -> str:
     text = command.text().splitlines()[0][:160]
     # the end of a build's output says more than its error
-    parts = (reply.out, reply.err) if isinstance(command, EngineCall) and command.stream else (reply.err or reply.out,)
+    streamed = isinstance(command, EngineCall) and command.stream and reply.status in command.accept
+    parts = (reply.out, reply.err) if streamed else (reply.err or reply.out,)
     said = "\n    ".join(line for part in parts for line in part.splitlines() if line.strip())
     return f"{text}\n  status {reply.status}: {said}" if said else f"{text}\n  status {reply.status}"

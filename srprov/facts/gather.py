@@ -7,6 +7,7 @@ Takes an inventory and a way to get a Reader per robot; gives `Found`. A robot t
 from __future__ import annotations
 
 import concurrent.futures
+import dataclasses
 import json
 import time
 from collections.abc import Callable, Mapping
@@ -18,7 +19,7 @@ from srprov.facts.host import host_queries, parse_host
 from srprov.facts.model import Existing, Found, HostFacts
 from srprov.facts.observe import observe_queries, parse_observed
 from srprov.modules.module import STATE_ROOT
-from srprov.wire import Query, Reader, Reply
+from srprov.wire import EngineQuery, Query, Reader, Reply
 
 _PLACEMENTS = Query(command=f'for f in {STATE_ROOT}/*/placement.json; do test -f "$f" && cat "$f" && echo; done; :')
 _SIZE_LIMIT = 1_000_000
@@ -27,14 +28,18 @@ Readers = Callable[[str], Reader]
 """Robot's name -> reader; raises TransportError when it cannot be reached."""
 
 
-def gather(lab: Inventory, readers: Readers, *, sample: bool, forks: int = 64) -> Found:
+def gather(lab: Inventory, readers: Readers, *, sample: bool, forks: int = 64, only_look: bool = False) -> Found:
     """Ask every robot of the inventory.
+
+    A robot whose engine does not answer although services were placed there counts as unreachable: its containers may
+    well run, and what cannot be seen must not pass for gone.
 
     Args:
         lab: the robots.
         readers: gives each one's reader.
         sample: also measure traffic, which takes 0.3 s.
         forks: robots asked at the same time.
+        only_look: nothing will be decided from it, so give the facts of such a robot all the same.
     """
     facts: dict[str, HostFacts] = {}
     existing: dict[str, tuple[Existing, ...]] = {}
@@ -56,7 +61,18 @@ def gather(lab: Inventory, readers: Readers, *, sample: bool, forks: int = 64) -
             best = records.get(record["instance"])
             if best is None or record["serial"] > best["serial"]:
                 records[record["instance"]] = record
+    for name in [] if only_look else [name for name, one in facts.items() if one.docker is None]:
+        if _holds_services(name, records):
+            reason = facts.pop(name).docker_problem
+            del existing[name]
+            unreachable[name] = f"its Docker Engine does not answer: {reason}\n  start it there, or restart the robot"
     return Found(facts=facts, existing=existing, placements=records, unreachable=unreachable)
+
+
+def _holds_services(robot: str, records: Mapping[str, Mapping[str, Any]]) -> bool:
+    placed = (record.get("services") for record in records.values())
+    entries = [entry for services in placed if isinstance(services, Mapping) for entry in services.values()]
+    return any(isinstance(entry, Mapping) and entry.get("robot") == robot for entry in entries)
 
 
 def _one(host: Host, readers: Readers, sample: bool) -> tuple[HostFacts, tuple[Existing, ...], list[Mapping[str, Any]]]:
@@ -66,7 +82,12 @@ def _one(host: Host, readers: Readers, sample: bool) -> tuple[HostFacts, tuple[E
     asked_at = time.time()  # the robot's clock is read first of all
     replies = reader.ask([*mine, *ours, _PLACEMENTS])
     facts = parse_host(host, replies[: len(mine)], measures=reader.measure(), now=asked_at)
-    return facts, parse_observed(replies[len(mine) : -1]), _placements(replies[-1])
+    seen = replies[len(mine) : -1]
+    mute = [reply for query, reply in zip(ours, seen, strict=True) if isinstance(query, EngineQuery) and not reply.ok]
+    if mute and facts.docker is not None:
+        # an engine that says its version but not what it runs is as good as none
+        facts = dataclasses.replace(facts, docker=None, docker_problem=mute[0].err or f"status {mute[0].status}")
+    return facts, parse_observed(seen), _placements(replies[-1])
 
 
 def _placements(reply: Reply) -> list[Mapping[str, Any]]:

@@ -5,15 +5,18 @@ It may touch: its own folders (places.py), its own cgroups, its bridge and its f
 `srprov/cli/lab.py` calls it; the rest of srprov sees hosts that answer SSH.
 
     lab.py        up, down, status, kill, restart: the order of things
+    faults.py     partition, heal, a crashed or stopped engine: what comes and goes while the lab is up
     spec.py       lab-spec.yml -> Robot values (yamltext.py: YAML with places for messages)
     places.py     names, folders and addresses
     machine.py    programs, and what is missing
     state.py      what is remembered in /run
+    members.py    which robots the lab has, by that
     cgroups.py    one group per robot: whatever runs in it is the robot's
-    network.py    bridge, NAT, cables
-    disk.py       a robot's own files (users.py, figures.py)
-    robot.py      boot, ready, kill, enter
+    network.py    bridge, NAT, cables (cable.py: slow and lossy ones; partition.py: who cannot reach whom)
+    disk.py       a robot's own files (users.py, config.py, figures.py)
+    robot.py      boot, ready, kill, enter (engine.py: its Docker; latency.py: the proxy before its sshd)
     boot.sh       PID 1 of a robot
+    delay.py      the delaying proxy, a program of its own
     images.py     what the mirror serves (trust.py: what this machine trusts, tarfiles.py: layers,
                   oci.py: written as a registry stores it)
     registry.py   the mirror

@@ -27,9 +27,14 @@ mount_root() {
     mount -t proc -o nosuid,nodev,noexec proc "$root/proc"
     mount -t sysfs -o nosuid,nodev,noexec sysfs "$root/sys"
     mount -t tmpfs -o mode=755,nosuid,nodev tmpfs "$root/run"
+    mkdir "$root/run/lab"
     mount -t tmpfs -o mode=1777,nosuid,nodev tmpfs "$root/tmp"
     # Docker's overlay2 cannot live on an overlay, so its data lies directly on the disk.
-    mount --bind "$LAB_DISK/docker" "$root/var/lib/docker"
+    if [ -e "$LAB_DISK/docker.img" ]; then
+        mount -t ext4 -o loop "$LAB_DISK/docker.img" "$root/var/lib/docker"
+    else
+        mount --bind "$LAB_DISK/docker" "$root/var/lib/docker"
+    fi
 }
 
 mount_cgroups() {
@@ -87,6 +92,12 @@ simulate_figures() {
             mount --bind "$LAB_DISK/figures/$figure" "$root/proc/$figure"
         fi
     done
+    if [ -e "$LAB_DISK/figures/date" ]; then # it calls the real one, which is then in /run/lab
+        program=$(command -v date)
+        : >"$root/run/lab/date"
+        mount --bind "$program" "$root/run/lab/date"
+        mount --bind "$LAB_DISK/figures/date" "$root$program"
+    fi
 }
 
 leave_old_root() {
@@ -111,8 +122,21 @@ start_services() {
     clean="env -i PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin HOME=/root"
     $clean /usr/sbin/sshd -D -e 2>>/var/log/sshd.log &
     if [ "$LAB_DOCKER" = yes ]; then
-        (ulimit -n 524288 2>/dev/null || :; exec $clean dockerd >>/var/log/dockerd.log 2>&1) &
+        run_docker &
     fi
+}
+
+# As service managers do: an engine that ends is started again after two seconds, unless it shall stay down.
+run_docker() {
+    ulimit -n 524288 2>/dev/null || :
+    while :; do
+        while [ -e /run/lab/docker-stopped ]; do
+            sleep 0.2
+        done
+        rm -f /run/docker.pid
+        $clean dockerd >>/var/log/dockerd.log 2>&1 || :
+        [ -e /run/lab/docker-stopped ] || sleep 2
+    done
 }
 
 reap_for_ever() {

@@ -99,15 +99,26 @@ def _delegate(group: Path) -> None:
             continue
 
 
+LAUNCH = 'for group in $LAB_CGROUPS; do echo $$ >"$group/cgroup.procs"; done; exec "$0" "$@"'
+"""For `sh -c`: joins the groups, then becomes the program."""
+
+
 def set_aside(robot: str, pid: int) -> None:
     """v2: move a process out of the robot's own group.
 
     The group hands controllers to its children only while nothing runs in itself.
     """
     if version() == 2:
-        aside = ROOT / TAG / robot / "launcher"
-        aside.mkdir(exist_ok=True)
-        (aside / "cgroup.procs").write_text(str(pid))
+        (beside(robot)[0] / "cgroup.procs").write_text(str(pid))
+
+
+def beside(robot: str) -> list[Path]:
+    """The groups for processes that belong to the robot, but are not seen by it."""
+    groups = [root / TAG / robot for root in _roots()]
+    if version() == 2:
+        groups = [group / "launcher" for group in groups]
+        groups[0].mkdir(exist_ok=True)
+    return groups
 
 
 def robots() -> set[str]:

@@ -11,50 +11,23 @@ from __future__ import annotations
 import os
 import shutil
 import stat
+import time
 import uuid
 from pathlib import Path
 
-from srprov.lab import users
+from srprov.errors import LabError
+from srprov.lab import config, users
 from srprov.lab.figures import loadavg, meminfo
-from srprov.lab.machine import SYSTEM_PATH, run
-from srprov.lab.places import CONTROLLER, KEY, REGISTRY_PORT, disk
+from srprov.lab.machine import SYSTEM_PATH, require, run
+from srprov.lab.places import KEY, disk
 from srprov.lab.spec import Robot
 
 SHARED = {"bin", "boot", "etc", "lib", "lib32", "lib64", "libx32", "nix", "sbin", "usr", "var"}
 STANDARD = {"dev", "home", "media", "mnt", "opt", "proc", "root", "run", "srv", "sys", "tmp"}
 OWN = ("etc/docker", "etc/ssh", "var/lib/containerd", "var/lib/docker", "var/log", "var/tmp")
 HIDDEN = ("var/cache/srprov-lab", "var/lib/docker-registry", "var/lib/srprov", "var/lib/srprov-lab")
+LOOPS = Path("/sys/block")
 DOCKER = ("containerd", "ctr", "docker", "docker-init", "docker-proxy", "dockerd", "runc")
-
-SSHD_CONFIG = """\
-Port 22
-HostKey /etc/ssh/ssh_host_ed25519_key
-PermitRootLogin prohibit-password
-PasswordAuthentication no
-KbdInteractiveAuthentication no
-UsePAM no
-UseDNS no
-PrintMotd no
-PrintLastLog no
-# A provisioner opens many connections at once; the defaults drop such bursts.
-MaxStartups 500:30:1000
-MaxSessions 200
-AcceptEnv LANG LC_*
-PidFile /run/sshd.pid
-Subsystem sftp internal-sftp
-"""
-
-DAEMON_JSON = """\
-{
-  "data-root": "/var/lib/docker",
-  "exec-opts": ["native.cgroupdriver=cgroupfs"],
-  "insecure-registries": ["%(registry)s"],
-  "log-level": "warn",
-  "registry-mirrors": ["http://%(registry)s"],
-  "shutdown-timeout": 5,
-  "storage-driver": "overlay2"
-}
-"""
 
 
 def prepare(robot: Robot) -> None:
@@ -71,6 +44,7 @@ def prepare(robot: Robot) -> None:
         (top / "made").touch()
     _write_options(Upper(top / "upper"), robot)
     _write_figures(top / "figures", robot)
+    _make_docker_disk(top / "docker.img", robot.disk_mib or 0)
 
 
 def remove(name: str) -> None:
@@ -157,17 +131,18 @@ def _write_identity(upper: Upper, name: str) -> None:
     key = upper.folder("etc/ssh") / "ssh_host_ed25519_key"
     run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-C", name, "-f", str(key)])
     upper.write("etc/machine-id", uuid.uuid4().hex + "\n", 0o444)
-    upper.write("etc/ssh/sshd_config", SSHD_CONFIG)
 
 
 def _write_options(upper: Upper, robot: Robot) -> None:
     """What may differ at every boot."""
-    hosts = f"127.0.0.1 localhost\n127.0.1.1 {robot.name}\n::1 localhost ip6-localhost\n"
     upper.write("etc/hostname", robot.name + "\n")
-    upper.write("etc/hosts", hosts)
+    upper.write("etc/hosts", config.hosts(robot.name))
     upper.write("etc/resolv.conf", resolv_conf())
-    upper.write("etc/docker/daemon.json", DAEMON_JSON % {"registry": f"{CONTROLLER}:{REGISTRY_PORT}"})
+    upper.write("etc/docker/daemon.json", config.docker_daemon())
+    upper.write("etc/ssh/sshd_config", config.sshd(robot))
     users.authorize(upper, KEY.with_suffix(".pub").read_text())
+    users.set_rights(upper, robot.unprivileged, robot.sudo_password)
+    users.set_noise(upper, robot.bashrc)
     folders = {os.path.realpath(folder) for folder in SYSTEM_PATH.split(":")}
     for program in DOCKER:
         for folder in sorted(folders):
@@ -179,7 +154,7 @@ def _write_options(upper: Upper, robot: Robot) -> None:
 
 
 def _write_figures(folder: Path, robot: Robot) -> None:
-    """The files that boot.sh binds over /proc/loadavg and /proc/meminfo where wanted."""
+    """The files that boot.sh binds over /proc/loadavg, /proc/meminfo and `date` where wanted."""
     for path in folder.iterdir():
         path.unlink()
     if robot.load is not None:
@@ -187,6 +162,41 @@ def _write_figures(folder: Path, robot: Robot) -> None:
     if robot.memory is not None or robot.swap is not None:
         text = meminfo(Path("/proc/meminfo").read_text(), robot.memory, robot.swap)
         (folder / "meminfo").write_text(text)
+    if robot.clock_offset_s:
+        (folder / "date").write_text(config.date(robot.clock_offset_s))
+        (folder / "date").chmod(0o755)
+
+
+def _make_docker_disk(image: Path, mib: int) -> None:
+    """A small filesystem for Docker in a file; boot.sh mounts it. Another size starts with an empty one."""
+    size = mib * 2**20
+    if (image.stat().st_size if image.exists() else 0) == size:
+        return
+    image.unlink(missing_ok=True)
+    if size:
+        require({"mkfs.ext4": "e2fsprogs"})
+        draft = image.with_suffix(".new")
+        with open(draft, "wb") as file:
+            file.truncate(size)
+        run(["mkfs.ext4", "-q", "-F", "-m", "0", "-O", "^has_journal", str(draft)])
+        draft.replace(image)
+
+
+def await_release(name: str, patience_s: float = 10.0) -> None:
+    """Return when the kernel has let go of the dead robot's Docker disk: mounted twice, it would be corrupted."""
+    image = str(disk(name) / "docker.img")
+    until = time.monotonic() + patience_s
+    while os.path.exists(image) and any(_backing(path).startswith(image) for path in LOOPS.glob("loop*/loop")):
+        if time.monotonic() > until:
+            raise LabError(f"{image} stays in use", hint="see `losetup -l`")
+        time.sleep(0.01)
+
+
+def _backing(loop: Path) -> str:
+    try:
+        return (loop / "backing_file").read_text()
+    except OSError:  # let go while we look
+        return ""
 
 
 def resolv_conf() -> str:

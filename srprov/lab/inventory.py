@@ -14,8 +14,8 @@ HEADER = "# Written by `srprov lab up`; `srprov lab down` removes it.\n"
 
 
 def user_of(robot: Robot, user: str | None) -> str:
-    """Who logs in: `--user`, else the robot's own option, else root."""
-    return user or robot.user or "root"
+    """Who logs in: `--user`, else the robot's own option, else root; nobody but `robot` where that is all there is."""
+    return "robot" if robot.unprivileged else user or robot.user or "root"
 
 
 def as_text(robots: Sequence[Robot], user: str | None) -> str:

@@ -8,20 +8,23 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from srprov.errors import LabError, UsageError
+from srprov.errors import UsageError
 from srprov.lab import (
     cgroups,
     disk,
+    faults,
     images,
     inventory,
     machine,
+    members,
     network,
+    partition,
     places,
     registry,
     robot,
@@ -54,6 +57,8 @@ class Seen:
     memory: int | None
     """Bytes that its processes hold."""
     pid: int | None
+    faults: tuple[str, ...] = ()
+    """What was broken on purpose since it was booted, e.g. `cut off from all`, `docker stopped`."""
 
 
 def up(wanted: Wanted, say: Say) -> list[str]:
@@ -71,6 +76,7 @@ def up(wanted: Wanted, say: Say) -> list[str]:
         registry.ensure(storage)
         _remove_surplus({each.name for each in robots}, say)
         booted = _boot_missing(robots, say)
+        faults.undo([each for each in robots if each.name not in booted], say)
         robot.await_ready(robots)
         _write_inventory(lab, robots)
     return booted
@@ -181,52 +187,38 @@ def status() -> list[Seen]:
     lab = state.read_lab()
     if lab is None:
         return []
-    return [_look(each) for each in _robots(lab)]
+    cuts = partition.in_force()
+    return [_look(each, cuts) for each in members.of(lab)]
 
 
-def _look(each: spec.Robot) -> Seen:
+def _look(each: spec.Robot, cuts: Set[partition.Rule]) -> Seen:
     where = str(places.address(each.name))
     booted = state.read_robot(each.name)
     if booted is None:
-        return Seen(each.name, where, "dead", None, None)
-    ready = robot.is_ready(each, booted.init.pid)
+        return Seen(each.name, where, "dead", None, None, faults.cuts_of(each.name, cuts))
+    ready = robot.is_ready(each, booted.init.pid, cuts)
     return Seen(
         each.name,
         where,
         "ready" if ready else "booting",
         cgroups.memory(each.name),
         booted.init.pid,
+        (*faults.cuts_of(each.name, cuts), *faults.of_engine(each, booted.init.pid)),
     )
-
-
-def _robots(lab: state.Lab) -> list[spec.Robot]:
-    parsed = spec.parse(lab.spec["text"], lab.spec["file"])
-    return parsed.build(lab.spec["count"] or parsed.count or max(spec.DEFAULT_COUNT, parsed.least))
-
-
-def _member(name: str) -> spec.Robot:
-    """The robot of that name; LabError if the lab has none."""
-    lab = state.read_lab()
-    if lab is None:
-        raise LabError("the lab is down", hint="srprov lab up")
-    robots = {each.name: each for each in _robots(lab)}
-    if name not in robots:
-        raise UsageError(f"the lab has no {name}", hint=f"it has {', '.join(robots)}")
-    return robots[name]
 
 
 def kill(name: str) -> None:
     """End one robot as by power loss; it stays a member of the lab."""
     machine.require_root()
     with state.locked():
-        robot.kill(_member(name).name)
+        robot.kill(members.one(name).name)
 
 
 def restart(name: str) -> None:
     """Boot one robot again, from dead or alive, with its disk kept; returns when it is ready."""
     machine.require_root()
     with state.locked():
-        each = _member(name)
+        each = members.one(name)
         robot.kill(each.name)
         disk.prepare(each)
         robot.go(robot.power_on([each]))
@@ -236,7 +228,7 @@ def restart(name: str) -> None:
 def shell(name: str, command: Sequence[str]) -> list[str]:
     """The program that runs `command` in the robot, for the caller to execute."""
     machine.require_root()
-    return robot.enter(_member(name).name, command)
+    return robot.enter(members.one(name).name, command)
 
 
 def _each(act: Callable[[Any], None], items: Sequence[Any]) -> None:

@@ -13,6 +13,7 @@ from ipaddress import IPv4Network
 from pathlib import Path
 
 from srprov.errors import LabError
+from srprov.lab import cable, partition
 from srprov.lab.machine import run, succeeds, write_setting
 from srprov.lab.places import (
     BRIDGE,
@@ -61,7 +62,9 @@ def ensure() -> dict[str, str]:
 
 
 def remove(settings_before: Mapping[str, str]) -> None:
-    """Nothing of `ensure` and `connect` is there afterwards."""
+    """Nothing of `ensure` and `connect` is there afterwards, and no fault of a cable."""
+    partition.heal_all()
+    cable.repair()
     for table, chain, rule in RULES:
         while succeeds(["iptables", "-w", "-t", table, "-D", chain, *rule]):
             pass

@@ -30,8 +30,6 @@ storage:
 http: {{addr: "{address}"}}
 """
 
-LAUNCH = 'for group in $LAB_CGROUPS; do echo $$ >"$group/cgroup.procs"; done; exec "$0" "$@"'
-
 
 def ensure(storage: Path) -> None:
     """The mirror serves `storage` afterwards; it is started again when it serves another."""
@@ -45,7 +43,7 @@ def ensure(storage: Path) -> None:
     groups = " ".join(str(group) for group in cgroups.make(GROUP))
     with open(RUN / "registry.log", "wb") as log:
         subprocess.Popen(
-            ["/bin/sh", "-c", LAUNCH, program, "serve", str(config)],
+            ["/bin/sh", "-c", cgroups.LAUNCH, program, "serve", str(config)],
             stdin=subprocess.DEVNULL,
             stdout=log,
             stderr=log,

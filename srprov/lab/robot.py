@@ -13,12 +13,13 @@ import signal
 import socket
 import subprocess
 import time
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 
 from srprov.errors import LabError
-from srprov.lab import cgroups, disk, network, places, state
+from srprov.lab import cable, cgroups, disk, engine, latency, network, partition, places, state
+from srprov.lab.config import SSHD_BEHIND_PROXY
 from srprov.lab.machine import SYSTEM_PATH, find
 from srprov.lab.spec import Robot
 
@@ -84,18 +85,23 @@ def _first_process(robot: Robot, launcher: subprocess.Popen[bytes]) -> state.Pro
 def go(waiting: Sequence[Waiting]) -> None:
     """Lay the cables, note the robots and let them run."""
     network.connect({each.robot.name: each.init.pid for each in waiting})
+    for robot, init in [(each.robot, each.init.pid) for each in waiting]:
+        cable.spoil(robot.name, init, robot.rate_mbit, robot.loss_percent)
     for each in waiting:
         cgroups.set_aside(each.robot.name, each.launcher.pid)
         state.write_robot(each.robot.name, state.Booted(each.init, each.robot.boot_digest))
         assert each.launcher.stdin is not None
         each.launcher.stdin.write(b"go\n")
         each.launcher.stdin.close()
+        if each.robot.ssh_latency_ms:
+            latency.start(each.robot.name, each.init.pid, each.robot.ssh_latency_ms)
 
 
 def await_ready(robots: Sequence[Robot], patience_s: float = 60.0) -> None:
     """Return when every robot is ready; LabError with the reasons otherwise."""
     until = time.monotonic() + patience_s
     pending = {robot.name: robot for robot in robots}
+    cuts = partition.in_force()
     while pending:
         for name, robot in list(pending.items()):
             booted = state.read_robot(name)
@@ -104,22 +110,32 @@ def await_ready(robots: Sequence[Robot], patience_s: float = 60.0) -> None:
                     f"{name} died while booting: {_last_words(name)}",
                     hint=f"srprov lab restart {name}",
                 )
-            if is_ready(robot, booted.init.pid):
+            if is_ready(robot, booted.init.pid, cuts):
                 del pending[name]
         if pending and time.monotonic() > until:
             why = "; ".join(f"{name}: {_last_words(name)}" for name in pending)
             raise LabError(f"not ready after {patience_s:.0f} s: {why}", hint="srprov lab status")
         if pending:
             time.sleep(0.02)
+    for robot in robots:
+        booted = state.read_robot(robot.name)
+        if booted is not None and robot.docker and robot.docker_read_only:
+            engine.make_read_only(booted.init.pid)
 
 
-def is_ready(robot: Robot, init: int) -> bool:
-    """Whether the robot's sshd greets and its Docker engine, if it has one, answers."""
-    return (not robot.docker or has_engine(init)) and listens(init) and answers_ssh(robot.name)
+def is_ready(robot: Robot, init: int, cuts: Set[partition.Rule]) -> bool:
+    """Whether the robot's sshd greets and its Docker engine answers, but for what is broken on purpose."""
+    if engine.is_wanted(robot, init) and not engine.answers(init):
+        return False
+    ports = {22, SSHD_BEHIND_PROXY} if robot.ssh_latency_ms else {22}
+    if not ports <= listens(init):
+        return False
+    unreachable = not cuts.isdisjoint(partition.rules(robot.name, partition.CONTROLLER))
+    return unreachable or bool(robot.loss_percent) or answers_ssh(robot)
 
 
-def listens(init: int) -> bool:
-    """Whether anything listens on port 22 in the robot.
+def listens(init: int) -> set[int]:
+    """The TCP ports that anything in the robot listens on.
 
     Asked before a connection is tried: a packet to an address that is not there yet costs a second,
     until the kernel asks for the address again.
@@ -127,27 +143,16 @@ def listens(init: int) -> bool:
     try:
         rows = Path(f"/proc/{init}/net/tcp").read_text().splitlines()[1:]
     except OSError:
-        return False
-    return any(row.split()[1].endswith(":0016") and row.split()[3] == "0A" for row in rows)
+        return set()
+    return {int(row.split()[1].partition(":")[2], 16) for row in rows if row.split()[3] == "0A"}
 
 
-def answers_ssh(name: str) -> bool:
-    """Whether the robot's sshd greets."""
+def answers_ssh(robot: Robot) -> bool:
+    """Whether the robot's sshd greets, in the time that its latency asks for."""
+    patience_s = 0.5 + 4 * (robot.ssh_latency_ms or 0) / 1000
     try:
-        with socket.create_connection((str(places.address(name)), 22), timeout=0.5) as connection:
+        with socket.create_connection((str(places.address(robot.name)), 22), timeout=patience_s) as connection:
             return connection.recv(4) == b"SSH-"
-    except OSError:
-        return False
-
-
-def has_engine(init: int) -> bool:
-    """Whether the robot's Docker engine answers; asked through the robot's own root folder."""
-    try:
-        with socket.socket(socket.AF_UNIX) as connection:
-            connection.settimeout(1.0)
-            connection.connect(f"/proc/{init}/root/run/docker.sock")
-            connection.sendall(b"GET /_ping HTTP/1.0\r\n\r\n")
-            return b" 200 " in connection.recv(64)
     except OSError:
         return False
 
@@ -161,7 +166,9 @@ def kill(name: str) -> None:
         if time.monotonic() > until:
             raise LabError(f"{name} does not die: processes {sorted(found)}", hint="see `dmesg`")
         time.sleep(0.005)
+    disk.await_release(name)
     network.disconnect(name)
+    cable.repair(name)
     cgroups.remove(name)
     state.forget_robot(name)
 
@@ -172,8 +179,9 @@ def _signal(pid: int) -> None:
 
 
 def remove(name: str) -> None:
-    """Kill the robot and remove its disk."""
+    """Kill the robot, and remove its disk and what cuts it off."""
     kill(name)
+    partition.heal(name)
     disk.remove(name)
 
 

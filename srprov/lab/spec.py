@@ -19,6 +19,15 @@ from srprov.lab.yamltext import Node, Reader
 
 DEFAULT_COUNT = 4
 USERS = ("root", "robot")
+SSHD_LIMITS = ("max_startups", "max_sessions")
+
+
+@dataclass(frozen=True)
+class Sshd:
+    """Limits of a robot's sshd; None: so high that no provisioner meets them."""
+
+    max_startups: int | None = None
+    max_sessions: int | None = None
 
 
 @dataclass(frozen=True)
@@ -34,6 +43,16 @@ class Robot:
     swap: Amount | None = None
     docker: bool = True
     user: str | None = None
+    ssh_latency_ms: float | None = None
+    rate_mbit: float | None = None
+    loss_percent: float | None = None
+    disk_mib: int | None = None
+    docker_read_only: bool = False
+    clock_offset_s: float | None = None
+    sshd: Sshd | None = None
+    bashrc: str | None = None
+    sudo_password: str | None = None
+    unprivileged: bool = False
 
     @property
     def boot_digest(self) -> str:
@@ -134,31 +153,42 @@ def _amount(reader: Reader, node: Node) -> Amount | None:
     return Amount(total, used)
 
 
-def _load(reader: Reader, node: Node) -> float | None:
-    return reader.number(node, 0, 1000)
-
-
 def _slots(reader: Reader, node: Node) -> int | None:
     return reader.integer(node, 0, 1000)
-
-
-def _docker(reader: Reader, node: Node) -> bool | None:
-    return reader.boolean(node)
 
 
 def _user(reader: Reader, node: Node) -> str | None:
     return reader.choice(node, USERS)
 
 
+def _sshd(reader: Reader, node: Node) -> Sshd:
+    found = {key.text: reader.integer(value, 1, 1000) for key, value in reader.mapping(node, SSHD_LIMITS)}
+    return Sshd(**found)
+
+
+def _number(least: float, most: float) -> Callable[[Reader, Node], float | None]:
+    return lambda reader, node: reader.number(node, least, most)
+
+
 OPTIONS: Mapping[str, Callable[[Reader, Node], Any]] = {
     "tags": _tags,
     "devices": _devices,
     "slots": _slots,
-    "load": _load,
+    "load": _number(0, 1000),
     "memory": _amount,
     "swap": _amount,
-    "docker": _docker,
+    "docker": Reader.boolean,
     "user": _user,
+    "ssh_latency_ms": _number(0, 10_000),
+    "rate_mbit": _number(0.1, 10_000),
+    "loss_percent": _number(0, 100),
+    "disk_mib": lambda reader, node: reader.integer(node, 32, 1_000_000),
+    "docker_read_only": Reader.boolean,
+    "clock_offset_s": _number(-100_000_000, 100_000_000),
+    "sshd": _sshd,
+    "bashrc": Reader.string,
+    "sudo_password": Reader.string,
+    "unprivileged": Reader.boolean,
 }
 
 BUILT_IN = {

@@ -6,14 +6,22 @@ machine's users are kept (its files belong to them) and their passwords are not.
 
 from __future__ import annotations
 
+import ctypes
+import ctypes.util
 import os
+import secrets
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Protocol
 
+from srprov.errors import LabError
+from srprov.lab.config import NOISE_MARK, noise
+
 NAME = "robot"
 HOME = "home/robot"
 SUDOERS = f"{NAME} ALL=(ALL:ALL) NOPASSWD: ALL\n"
+SUDOERS_WITH_PASSWORD = f"{NAME} ALL=(ALL:ALL) ALL\n"
+NO_SUDOERS = f"# {NAME} may become nobody else.\n"
 
 
 class Layer(Protocol):
@@ -47,6 +55,34 @@ def add_user(text: str, name: str, group: int, home: str) -> tuple[str, int]:
     return "\n".join(lines) + "\n", user
 
 
+def drop_member(text: str, group: str, member: str) -> str:
+    """/etc/group without the member in that group."""
+    lines = [line.split(":") for line in text.splitlines()]
+    for line in lines:
+        if line[0] == group:
+            line[3] = ",".join(each for each in line[3].split(",") if each != member)
+    return "".join(":".join(line) + "\n" for line in lines)
+
+
+def with_password(shadow_text: str, name: str, hashed: str) -> str:
+    """/etc/shadow where the user has this hash (`*`: none)."""
+    lines = [line.split(":") for line in shadow_text.splitlines()]
+    return "".join(":".join([line[0], hashed, *line[2:]] if line[0] == name else line) + "\n" for line in lines)
+
+
+def hash_of(password: str) -> str:
+    """SHA-512 as in /etc/shadow, by the system's own crypt(3)."""
+    library = ctypes.util.find_library("crypt")
+    if library is None:
+        raise LabError("sudo_password needs libcrypt, which is missing here", hint="apt-get install libcrypt1")
+    crypt = ctypes.CDLL(library).crypt
+    crypt.restype = ctypes.c_char_p
+    found = crypt(password.encode(), f"$6${secrets.token_hex(8)}".encode())
+    if not found or not found.startswith(b"$6$"):
+        raise LabError("crypt(3) cannot hash the sudo_password", hint="give another one")
+    return str(found.decode())
+
+
 def free_id(taken: Iterable[int]) -> int:
     """The first id from 1000 on that nobody has."""
     used = set(taken)
@@ -74,17 +110,44 @@ def write(put: Callable[[str, str, int, tuple[int, int]], None]) -> None:
         0o600,
         (0, 0),
     )
-    put("etc/sudoers.d/srprov-lab", SUDOERS, 0o440, (0, 0))
 
 
 def authorize(layer: Layer, public_key: str) -> None:
     """Let the lab's key in, for root and for `robot`."""
-    passwd = layer.folder("etc") / "passwd"
-    line = next(line for line in passwd.read_text().splitlines() if line.startswith(f"{NAME}:"))
-    user, group = (int(word) for word in line.split(":")[2:4])
-    for home, owner in (("root", (0, 0)), (HOME, (user, group))):
+    for home, owner in _homes(layer):
         keys = layer.folder(f"{home}/.ssh")
         keys.chmod(0o700)
         os.chown(keys, *owner)
         os.chown(keys.parent, *owner)
         layer.write(f"{home}/.ssh/authorized_keys", public_key, 0o600, owner)
+
+
+def set_rights(layer: Layer, unprivileged: bool, sudo_password: str | None) -> None:
+    """What `robot` may do: become root without a password, with one, or neither that nor use Docker."""
+    etc = layer.folder("etc")
+    group = (etc / "group").read_text()
+    group = drop_member(group, "docker", NAME) if unprivileged else add_group(group, "docker", [NAME])[0]
+    hashed = "*" if sudo_password is None else hash_of(sudo_password)
+    rule = NO_SUDOERS if unprivileged else SUDOERS if sudo_password is None else SUDOERS_WITH_PASSWORD
+    layer.write("etc/group", group)
+    layer.write("etc/shadow", with_password((etc / "shadow").read_text(), NAME, hashed), 0o600)
+    layer.write("etc/sudoers.d/srprov-lab", rule, 0o440)
+
+
+def set_noise(layer: Layer, text: str | None) -> None:
+    """Write what every shell of the users shall run first, or take it away again."""
+    for home, owner in _homes(layer):
+        for name in (".bashrc", ".profile"):
+            ours = layer.folder(home) / name
+            if text is not None:
+                layer.write(f"{home}/{name}", noise(text), 0o644, owner)
+            elif ours.is_file() and ours.read_text().startswith(NOISE_MARK):
+                ours.unlink()
+
+
+def _homes(layer: Layer) -> list[tuple[str, tuple[int, int]]]:
+    """The homes of root and of `robot`, each with its owner."""
+    passwd = (layer.folder("etc") / "passwd").read_text()
+    line = next(line for line in passwd.splitlines() if line.startswith(f"{NAME}:"))
+    user, group = (int(word) for word in line.split(":")[2:4])
+    return [("root", (0, 0)), (HOME, (user, group))]

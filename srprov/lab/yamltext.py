@@ -103,7 +103,7 @@ class Reader:
 
     def number(self, node: Node, least: float, most: float) -> float | None:
         """A number from `least` to `most`."""
-        value = float(node.text) if re.fullmatch(r"[0-9]{1,9}(\.[0-9]+)?", node.text) else None
+        value = float(node.text) if re.fullmatch(r"-?[0-9]{1,9}(\.[0-9]+)?", node.text) else None
         if value is None or not least <= value <= most:
             self.problem(node, f"a number from {least} to {most} is wanted here")
             return None

@@ -10,6 +10,7 @@ from srprov.modules.file import FileModule
 from srprov.modules.image import ImageModule
 from srprov.modules.module import Module
 from srprov.modules.network import NetworkModule
+from srprov.modules.secret import SecretModule
 from srprov.modules.tree import TreeModule
 from srprov.modules.volume import VolumeModule
 from srprov.modules.vxlan import VxlanModule
@@ -20,6 +21,7 @@ _ALL: tuple[Module, ...] = (
     VxlanModule(),
     FileModule(),
     TreeModule(),
+    SecretModule(),
     VolumeModule(),
     ContainerModule(),
 )

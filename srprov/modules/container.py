@@ -40,6 +40,11 @@ _EXITED = re.compile(r"^Exited \((-?[0-9]{1,9})\)")
 _HEALTH = re.compile(r"\((healthy|unhealthy|health: starting)\)")
 
 
+def container_name(instance: str, service: str) -> str:
+    """Give the name of a service's container; an instance holds no dot, so two instances never meet."""
+    return f"srprov.{instance}.{service}"
+
+
 class ContainerModule:
     """The module of kind `container`."""
 
@@ -113,7 +118,9 @@ def _stop_and_remove(name: str, state: State) -> tuple[Command, ...]:
 def _parse_one(item: Mapping[str, Any]) -> Existing | None:
     labels = as_labels(item.get("Labels"))
     names = item.get("Names")
-    if INSTANCE not in labels or not isinstance(names, list) or not names:
+    # whoever runs an image that was committed from a container of ours inherits its labels, but not its name
+    name = container_name(labels.get(INSTANCE, ""), labels.get(SERVICE, ""))
+    if INSTANCE not in labels or not isinstance(names, list) or f"/{name}" not in names:
         return None
     status = as_text(item.get("Status"))
     exited, health = _EXITED.match(status), _HEALTH.search(status)
@@ -129,16 +136,18 @@ def _parse_one(item: Mapping[str, Any]) -> Existing | None:
         "status": status,
         "exit_code": int(exited.group(1)) if exited else None,
         "health": health.group(1).replace("health: ", "") if health else "",
-        "addresses": _addresses(item.get("NetworkSettings")),
+        "addresses": _ends(item.get("NetworkSettings"), "IPAddress"),
+        "network_ids": _ends(item.get("NetworkSettings"), "NetworkID"),
     }
-    return Existing(module="container", name=as_text(names[0]).lstrip("/"), instance=labels[INSTANCE], state=state)
+    return Existing(module="container", name=name, instance=labels[INSTANCE], state=state)
 
 
-def _addresses(settings: object) -> dict[str, str]:
+def _ends(settings: object, key: str) -> dict[str, str]:
+    """Give network -> one value of the container's end there; a stopped container's has no address."""
     networks = settings.get("Networks") if isinstance(settings, Mapping) else None
     if not isinstance(networks, Mapping):
         return {}
-    return {str(name): as_text(end.get("IPAddress")) for name, end in networks.items() if isinstance(end, Mapping)}
+    return {str(name): as_text(end.get(key)) for name, end in networks.items() if isinstance(end, Mapping)}
 
 
 def _hashes(params: Mapping[str, Any]) -> tuple[str, dict[str, str]]:

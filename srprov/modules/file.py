@@ -16,7 +16,7 @@ from srprov.wire import AnyQuery, Command, Put, Query, Reply, Run, quote
 
 _LIST = (
     f"cd {STATE_ROOT} 2>/dev/null || exit 0; "
-    "find . -mindepth 2 -maxdepth 2 -type f ! -name '*.part' -exec sha256sum {} +"
+    "find . -mindepth 2 -maxdepth 2 -type f -exec sha256sum {} +"
 )
 _MIN_PARTS = 2
 
@@ -60,20 +60,16 @@ class FileModule:
         return (remove_path(found.name),)
 
 
-def remove_path(path: str) -> Run:
-    """Give the script that removes a file or tree and then each folder above it, below STATE_ROOT, that is empty.
+def remove_path(path: str, root: str = STATE_ROOT) -> Run:
+    """Give the script that removes a file or tree and then each folder above it, below `root`, that is empty.
 
     Raises:
         ValueError: The path is not inside an instance's folder; nothing else may ever be removed.
     """
-    parts = path.removeprefix(STATE_ROOT + "/").split("/")
-    if (
-        not path.startswith(STATE_ROOT + "/")
-        or len(parts) < _MIN_PARTS
-        or not all(p not in ("", ".", "..") for p in parts)
-    ):
+    parts = path.removeprefix(root + "/").split("/")
+    if not path.startswith(root + "/") or len(parts) < _MIN_PARTS or not all(p not in ("", ".", "..") for p in parts):
         raise ValueError(f"{path} is not inside an instance's folder")
-    folders = [f"{STATE_ROOT}/{'/'.join(parts[:n])}" for n in range(len(parts) - 1, 0, -1)]
+    folders = [f"{root}/{'/'.join(parts[:n])}" for n in range(len(parts) - 1, 0, -1)]
     # rmdir refuses a folder that still holds something: that is the wanted end, not a failure
     tidy = "".join(f"; rmdir {quote(folder)} 2>/dev/null" for folder in folders)
     return Run(script=f"rm -rf {quote(path)} || exit 1{tidy}; test ! -e {quote(path)}")

@@ -28,6 +28,8 @@ STOP_GRACE = "srprov.stop-grace"
 
 STATE_ROOT = "/var/lib/srprov"
 """Where rendered files live on a robot: STATE_ROOT/<instance>/."""
+MEMORY_ROOT = "/run/srprov"
+"""Where secrets live on a robot, in memory: MEMORY_ROOT/<instance>/secrets/."""
 
 
 class Module(Protocol):

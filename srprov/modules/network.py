@@ -54,6 +54,7 @@ class NetworkModule:
             if INSTANCE not in labels:
                 continue
             state = {
+                "id": as_text(item.get("Id")),
                 "hash": labels.get(CONFIG_HASH, ""),
                 "source": labels.get(SOURCE, ""),
                 "vni": as_int(labels.get(_VNI, "")),

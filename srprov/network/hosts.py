@@ -19,6 +19,14 @@ ff02::2\tip6-allrouters
 
 
 def hosts_file(overlay: Overlay) -> str:
-    """Give the hosts file: the lines of localhost, then one line per service, sorted by name."""
+    """Give the hosts file: localhost, one line per service, then one per instance of what runs several times.
+
+    A resolver gives all addresses of a name that has several lines.
+    """
     lines = [f"{ip_address(address)}\t{name}\n" for name, address in sorted(overlay.names.items())]
+    lines += [
+        f"{ip_address(address)}\t{name}\n"
+        for name, addresses in sorted(overlay.aliases.items())
+        for address in addresses
+    ]
     return _LOCAL + "".join(lines)

@@ -36,6 +36,8 @@ class Overlay:
     instance: str
     names: Mapping[str, str]
     """Service -> the address its name resolves to, on every robot; not in it: services without network."""
+    aliases: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    """Name in the EDF of what runs several times -> the addresses of all its instances, in their order."""
     underlays: Mapping[str, str]
     """Robot that runs anything -> its underlay address, as far as known."""
     vni: int = 0
@@ -85,14 +87,17 @@ def layout(experiment: Experiment, placed: Mapping[str, str], found: Found, *, i
     members = sorted({placed[name] for name in on_overlay})
     vteps = {robot: underlays[robot] for robot in members if robot in underlays}
     if not on_overlay:
-        return Overlay(instance=instance, underlays=underlays, names=_names(experiment, placed, underlays, {}))
+        plain = _names(experiment, placed, underlays, {})
+        return Overlay(instance=instance, underlays=underlays, names=plain, aliases=_aliases(experiment, plain))
     _check_vteps(members, vteps, found)
     identity = identify(instance, experiment.network, found, record)
     given = allocate(instance, identity.subnet, on_overlay, members, record)
     macs = {name: mac for name, mac in given.macs.items() if experiment.services[name].network == "overlay"}
+    names = _names(experiment, placed, underlays, given.services)
     return Overlay(
         instance=instance,
-        names=_names(experiment, placed, underlays, given.services),
+        names=names,
+        aliases=_aliases(experiment, names),
         underlays=underlays,
         vni=identity.vni,
         port=identity.port,
@@ -173,3 +178,12 @@ def _names(
         if experiment.services[name].network == "host" and robot in underlays:
             names[name] = underlays[robot]
     return dict(sorted(names.items()))
+
+
+def _aliases(experiment: Experiment, names: Mapping[str, str]) -> dict[str, tuple[str, ...]]:
+    """Give the name in the EDF -> the addresses of all its instances."""
+    found: dict[str, list[str]] = {}
+    for name, address in names.items():
+        if experiment.services[name].instance_of:
+            found.setdefault(experiment.services[name].instance_of, []).append(address)
+    return {name: tuple(dict.fromkeys(addresses)) for name, addresses in sorted(found.items())}

@@ -1,8 +1,8 @@
 """What a plan relies on, per robot: if any of it moved, the plan is stale. Pure.
 
 In: the engine and its API version, the facts that eligibility was judged by, addresses and MTU, and the state of
-the instance's resources and of those that the plan names. Out: load, free memory, clock, uptime, and texts that
-change by the minute.
+the instance's resources and of those that the plan names. Out: load, free memory, clock, uptime, texts that change by
+the minute, and hashes of secrets, which would help to guess them.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import Any
 
 from srprov.facts.model import Existing, Found, HostFacts
 from srprov.planning.plan import Plan
+from srprov.secret import Hidden
 
 _PASSING = ("status", "health", "labels", "id")
 """Keys of a state that say nothing of whether it is the same: `Up 3 minutes`, a health that settles, labels, an id."""
@@ -44,5 +45,5 @@ def fingerprint(plan: Plan, host: str, facts: HostFacts, existing: Iterable[Exis
 
 
 def lasting(state: Mapping[str, Any]) -> dict[str, Any]:
-    """Give what of a found state does not change by itself."""
-    return {key: value for key, value in sorted(state.items()) if key not in _PASSING}
+    """Give what of a found state does not change by itself, and may be written down."""
+    return {key: value for key, value in sorted(state.items()) if key not in _PASSING and not isinstance(value, Hidden)}

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from srprov.definitions.secretmodel import SecretSource
 from srprov.facts.model import Existing
 from srprov.resource import Action, Change, Need, Resource, resource_id
 from srprov.wire import Command, CopyImage, EngineCall, Put, Run
@@ -72,6 +73,8 @@ class Plan:
     costs: Mapping[str, float] = field(default_factory=dict)
     """Per service."""
     permissions: tuple[Permission, ...] = ()
+    secrets: tuple[SecretSource, ...] = ()
+    """Where the values come from that services get; the values are nowhere in a plan."""
     notes: tuple[str, ...] = ()
     unreachable: Mapping[str, str] = field(default_factory=dict)
 
@@ -94,12 +97,20 @@ def plan_json(plan: Plan) -> dict[str, Any]:
         "assignment": dict(sorted(plan.assignment.items())),
         "cost": round(plan.cost, 6),
         "permissions": [{"kind": p.kind, "service": p.service, "what": p.what} for p in plan.permissions],
+        "secrets": {source.name: secret_json(source) for source in plan.secrets},
         "notes": list(plan.notes),
         "unreachable": dict(sorted(plan.unreachable.items())),
         "unchanged": plan.unchanged,
         "counts": plan.counts(),
         "steps": [_step_json(step) for step in plan.steps],
     }
+
+
+def secret_json(source: SecretSource) -> dict[str, Any]:
+    """Give where a secret comes from: `{"env": …}`, `{"file": …}` or `{"command": […], "folder": …}`."""
+    if source.command:
+        return {"command": list(source.command), "folder": source.folder}
+    return {"env": source.env} if source.env else {"file": source.file}
 
 
 def _step_json(step: Step) -> dict[str, Any]:
@@ -124,6 +135,8 @@ def command_json(command: Command) -> dict[str, Any]:
     if isinstance(command, Put):
         size = len(command.content)
         mode = f"{command.mode:04o}"
+        if command.secret:
+            return {"put": command.path, "secret": command.secret, "mode": mode, "in_place": command.in_place}
         return {
             "put": command.path,
             "bytes": size,

@@ -16,11 +16,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from srprov.errors import UsageError
+from srprov.definitions.secretmodel import SecretSource
+from srprov.errors import Location, UsageError
 from srprov.facts.model import Existing
 from srprov.planning.fingerprint import lasting
-from srprov.planning.plan import Permission, Plan, Step, command_json, plan_json
+from srprov.planning.plan import Permission, Plan, Step, command_json, plan_json, secret_json
 from srprov.resource import Action, Change, Need, Resource
+from srprov.secret import Hidden
 from srprov.wire import Command, CopyImage, EngineCall, Put, Run
 
 FORMAT = 1
@@ -43,18 +45,25 @@ class PlanFile:
 
 def dump(saved: PlanFile) -> str:
     """Give the file's text."""
+    return json.dumps(document(saved), indent=2, sort_keys=False, ensure_ascii=True) + "\n"
+
+
+def document(saved: PlanFile, *, with_blobs: bool = True) -> dict[str, Any]:
+    """Give the file's content as JSON values; without blobs it is for reading only."""
     blobs: dict[str, bytes] = {}
-    document = {
+    shown = {
         **plan_json(saved.plan),
         "format": FORMAT,
         "srprov": saved.made_by,
         "costs": {service: round(cost, 6) for service, cost in sorted(saved.plan.costs.items())},
+        "secrets": _secrets_out(saved.plan),
         "steps": [_step_out(step, blobs) for step in saved.plan.steps],
         "fingerprints": saved.fingerprints,
         "inputs": dict(sorted(saved.inputs.items())),
-        "blobs": {sha: base64.b64encode(blobs[sha]).decode("ascii") for sha in sorted(blobs)},
     }
-    return json.dumps(document, indent=2, sort_keys=False, ensure_ascii=True) + "\n"
+    if with_blobs:
+        shown["blobs"] = {sha: base64.b64encode(blobs[sha]).decode("ascii") for sha in sorted(blobs)}
+    return shown
 
 
 def load(text: str, name: str) -> PlanFile:
@@ -64,12 +73,12 @@ def load(text: str, name: str) -> PlanFile:
         UsageError: It is no plan, it is of another format, or its bytes do not match their digests.
     """
     try:
-        document = json.loads(text)
-        if not isinstance(document, dict) or document.get("format") != FORMAT:
+        read = json.loads(text)
+        if not isinstance(read, dict) or read.get("format") != FORMAT:
             raise UsageError(
                 f"{name} is not a plan of format {FORMAT}", hint="make one with `srprov plan -o plan.json`"
             )
-        return _load(document, name)
+        return _load(read, name)
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         hint = "make it again with `srprov plan -o plan.json`"
         raise UsageError(f"{name} is no plan that can be applied: {error!r}", hint=hint) from error
@@ -80,32 +89,47 @@ def is_plan(text: str) -> bool:
     if not text.lstrip().startswith("{"):
         return False
     try:
-        document = json.loads(text)
+        read = json.loads(text)
     except ValueError:
         return '"plan":' in text[:200]  # cut off, perhaps; `load` says so
-    return isinstance(document, dict) and "edf" not in document
+    return isinstance(read, dict) and "edf" not in read
 
 
-def _load(document: Mapping[str, Any], name: str) -> PlanFile:
-    blobs = {sha: base64.b64decode(data, validate=True) for sha, data in document["blobs"].items()}
+def _load(read: Mapping[str, Any], name: str) -> PlanFile:
+    blobs = {sha: base64.b64decode(data, validate=True) for sha, data in read["blobs"].items()}
     for sha, data in blobs.items():
         if hashlib.sha256(data).hexdigest() != sha:
             raise UsageError(f"{name}: the bytes of {sha[:12]} were changed", hint="make the plan again")
     plan = Plan(
-        instance=document["instance"],
-        source=document["source"],
-        steps=tuple(_step_in(step, blobs) for step in document["steps"]),
-        unchanged=document["unchanged"],
-        assignment=document["assignment"],
-        cost=document["cost"],
-        costs=document["costs"],
-        permissions=tuple(Permission(**one) for one in document["permissions"]),
-        notes=tuple(document["notes"]),
-        unreachable=document["unreachable"],
+        instance=read["instance"],
+        source=read["source"],
+        steps=tuple(_step_in(step, blobs) for step in read["steps"]),
+        unchanged=read["unchanged"],
+        assignment=read["assignment"],
+        cost=read["cost"],
+        costs=read["costs"],
+        permissions=tuple(Permission(**one) for one in read["permissions"]),
+        secrets=tuple(_secret_in(name, one) for name, one in read["secrets"].items()),
+        notes=tuple(read["notes"]),
+        unreachable=read["unreachable"],
     )
-    return PlanFile(
-        plan=plan, fingerprints=document["fingerprints"], inputs=document["inputs"], made_by=document["srprov"]
-    )
+    return PlanFile(plan=plan, fingerprints=read["fingerprints"], inputs=read["inputs"], made_by=read["srprov"])
+
+
+def _secret_in(name: str, value: Mapping[str, Any]) -> SecretSource:
+    words = tuple(value.get("command", ()))
+    kinds = {"env": value.get("env", ""), "file": value.get("file", ""), "folder": value.get("folder", "")}
+    file, line, column = value["at"]
+    return SecretSource(name=name, command=words, location=Location(file, line, column), **kinds)
+
+
+def _secrets_out(plan: Plan) -> dict[str, Any]:
+    """Give where secrets come from, with the place in the EDF, for whoever applies the file and has no such value."""
+    shown = {}
+    for source in plan.secrets:
+        at = source.location
+        shown[source.name] = {**secret_json(source), "at": [at.file, at.line, at.column]}
+    return shown
 
 
 def _step_out(step: Step, blobs: dict[str, bytes]) -> dict[str, Any]:
@@ -129,7 +153,7 @@ def _step_out(step: Step, blobs: dict[str, bytes]) -> dict[str, Any]:
 def _want_out(want: Resource | None, blobs: dict[str, bytes]) -> dict[str, Any] | None:
     if want is None:
         return None
-    params = dict(want.params)
+    params = {key: value for key, value in want.params.items() if not isinstance(value, Hidden)}
     if "blob" in params:
         params["blob"] = _keep(params["blob"], blobs)
     needs = [{"id": need.id, "condition": need.condition} for need in want.needs]
@@ -145,7 +169,7 @@ def _keep(data: bytes, blobs: dict[str, bytes]) -> str:
 def _command_out(command: Command, blobs: dict[str, bytes]) -> dict[str, Any]:
     """Give the command as `plan --json` shows it, with what else it takes to do it."""
     shown = {**command_json(command), "timeout_s": command.timeout_s}
-    if isinstance(command, Put):
+    if isinstance(command, Put) and not command.secret:
         _keep(command.content, blobs)
     if isinstance(command, EngineCall):
         if command.blob:
@@ -190,8 +214,10 @@ def _command_in(value: Mapping[str, Any], blobs: Mapping[str, bytes]) -> Command
     if "run" in value:
         return Run(script=value["run"], timeout_s=timeout)
     if "put" in value:
-        content, mode = blobs[value["sha256"]], int(value["mode"], 8)
-        return Put(path=value["put"], content=content, mode=mode, in_place=value["in_place"], timeout_s=timeout)
+        secret = value.get("secret", "")
+        content, mode = b"" if secret else blobs[value["sha256"]], int(value["mode"], 8)
+        in_place = value["in_place"]
+        return Put(path=value["put"], content=content, secret=secret, mode=mode, in_place=in_place, timeout_s=timeout)
     if "copy_image" in value:
         return CopyImage(image=value["copy_image"], source_host=value["from"], timeout_s=timeout)
     return EngineCall(

@@ -5,8 +5,10 @@ Sorted, without times or random ids, so that equal plans give equal bytes.
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Iterator
 
+from srprov.definitions.secretmodel import SecretSource
 from srprov.planning.plan import Plan, Step
 from srprov.resource import Action
 
@@ -45,6 +47,11 @@ def _lines(plan: Plan, commands: bool) -> Iterator[str]:
         yield "Asks for more than its own containers (allow with --allow KIND):"
         for permission in plan.permissions:
             yield f"  ! {permission.kind:<14} {permission.service}: {permission.what}"
+    if plan.secrets:
+        yield ""
+        yield "Secrets, read here and shown nowhere:"
+        width = max(len(source.name) for source in plan.secrets)
+        yield from (f"  {source.name:<{width}}  from {_origin(source)}" for source in plan.secrets)
     if plan.assignment:
         yield ""
         yield from _assignment(plan)
@@ -64,6 +71,12 @@ def _lines(plan: Plan, commands: bool) -> Iterator[str]:
         yield f"note: {note}"
     yield ""
     yield summary(plan)
+
+
+def _origin(source: SecretSource) -> str:
+    if source.command:
+        return f"the command {shlex.join(source.command)}"
+    return f"the variable {source.env}" if source.env else f"the file {source.file}"
 
 
 def _assignment(plan: Plan) -> Iterator[str]:

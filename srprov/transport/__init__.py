@@ -11,8 +11,10 @@ Importing this package is cheap: paramiko, fabric and the docker SDK are importe
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
+
+from srprov.secret import Vault
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -38,6 +40,10 @@ class ConnectOptions:
     """Used instead of ~/.ssh/config and /etc/ssh/ssh_config, as `ssh -F` does."""
     warm_engine: bool = True
     """Open the channel to the Docker Engine in the background while the first questions are asked."""
+    warm_hold: bool = False
+    """Start the shell for `hold` in the background too, so that it costs one round trip when it is needed."""
+    vault: Vault = field(default_factory=Vault)
+    """What the sessions put in the place of the names of secrets."""
 
 
 def connect(host: Host, *, options: ConnectOptions | None = None, peers: Peers | None = None) -> Session:
@@ -53,7 +59,11 @@ def connect(host: Host, *, options: ConnectOptions | None = None, peers: Peers |
     if host.connection == "local":
         from srprov.transport.local import LocalSession
 
-        return LocalSession.open(host, chosen, peers)
+        local = LocalSession.open(host, chosen, peers)
+        local.vault = chosen.vault
+        return local
     from srprov.transport.ssh import SshSession
 
-    return SshSession.open(host, chosen, peers)
+    session = SshSession.open(host, chosen, peers)
+    session.vault = chosen.vault
+    return session

@@ -23,7 +23,12 @@ def ready_line(nonce: str) -> bytes:
     return f"\n{nonce} ready\n".encode()
 
 
-def start_command(nonce: str, then: str, *, root: bool) -> str:
+def sudo_prompt(nonce: str) -> bytes:
+    """Give what sudo asks with on standard error; it asks for nothing where it needs no password."""
+    return f"{nonce} password".encode()
+
+
+def start_command(nonce: str, then: str, *, root: bool, mark: str = "", ask: bool = False) -> str:
     """Give the command line for the robot's login shell that ends in `then`, run by root.
 
     It works for sh, bash, zsh, fish and csh as login shells: one line, one pair of single quotes, nothing that they
@@ -33,16 +38,21 @@ def start_command(nonce: str, then: str, *, root: bool) -> str:
         nonce: Random hex digits; `ready_line(nonce)` comes before anything that `then` prints.
         then: Words without a single quote.
         root: The login user is root.
+        ask: There is a password: sudo may ask for it, with `sudo_prompt(nonce)`, and reads it from standard input.
+        mark: Hex digits that `then` and all that it starts have as SRPROV_SESSION in their environment.
     """
     ready = f'printf "\\n%s ready\\n" {nonce}'
     # sudo resets PATH to its secure_path, so PATH is extended behind it; ENV and BASH_ENV would make sh read files.
     setup = f'PATH="${{PATH:+$PATH:}}{_PATH}"; LC_ALL=C; export PATH LC_ALL; unset ENV BASH_ENV CDPATH; umask 022; cd /'
+    if mark:
+        setup = f"SRPROV_SESSION={mark}; export SRPROV_SESSION; {setup}"
     inner = f"{setup}; {ready}; exec {then}"
     if root:
         return f"exec sh -c '{inner}'"
     # Only `"` and `$` are escaped: `\\n` means itself inside double quotes, and fish would halve a doubled backslash.
     again = inner.replace('"', '\\"').replace("$", "\\$")
-    return f'exec sh -c \'if [ "$(id -u)" = 0 ]; then {inner}; fi; exec sudo -n sh -c "{again}"\''
+    sudo = f'sudo -S -p "{sudo_prompt(nonce).decode()}"' if ask else "sudo -n"
+    return f'exec sh -c \'if [ "$(id -u)" = 0 ]; then {inner}; fi; exec {sudo} sh -c "{again}"\''
 
 
 def batch(nonce: str, commands: Sequence[str]) -> bytes:

@@ -19,6 +19,7 @@ from urllib.parse import urlsplit
 
 from srprov.definitions.model import Host
 from srprov.errors import ConnectError
+from srprov.secret import Secret
 from srprov.transport.deadline import Deadline
 from srprov.transport.frames import start_command
 from srprov.transport.session import BaseSession, prefetch
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
     from srprov.transport.engine_http import EngineSocket
 
 _CHUNK = 1 << 16
+_BESIDE_S = 20.0
 _DEFAULT_SOCKET = "unix:///var/run/docker.sock"
 
 
@@ -144,16 +146,10 @@ class LocalSession(BaseSession):
         """
         prefetch()
         traffic = Traffic(connections=1)
-        deadline, nonce = Deadline(options.connect_timeout_s), secrets.token_hex(16)
-        try:
-            streams = PipeStreams(start_command(nonce, "sh", root=os.geteuid() == 0), traffic)
-        except OSError as error:
-            raise ConnectError(
-                host.name, f"/bin/sh cannot be started: {error.strerror}", hint="is this POSIX?"
-            ) from None
-        shell = Shell(host.name, streams, traffic, user=getpass.getuser())
-        shell.wait_ready(nonce, deadline)
-        session = cls(host.name, shell, traffic, peers)
+        mark = secrets.token_hex(16)
+        streams, shell = _start_shell(host.name, traffic, options.connect_timeout_s, host.become_password, mark)
+        session = cls(host.name, shell, traffic, peers, mark)
+        session._become = host.become_password
         session._streams = streams
         return session
 
@@ -207,5 +203,24 @@ class LocalSession(BaseSession):
             raise EngineGone(f"no Docker Engine answers at {where}: {error.strerror}") from None
         return EngineSocket(sock, lambda: "", lambda: bool(select.select([sock], [], [], 0)[0]))
 
+    def _beside(self) -> PipeStreams:
+        """Start a second shell over pipes of its own."""
+        return _start_shell(self._host, self._traffic, _BESIDE_S, self._become)[0]
+
     def _close_connection(self) -> None:
         """Nothing is left to close behind the shell."""
+
+
+def _start_shell(
+    host: str, traffic: Traffic, seconds: float, password: Secret | None, mark: str = ""
+) -> tuple[PipeStreams, Shell]:
+    """Start a root shell over pipes and wait until it is ready; its errors are those of `LocalSession.open`."""
+    deadline, nonce = Deadline(seconds), secrets.token_hex(16)
+    try:
+        command = start_command(nonce, "sh", root=os.geteuid() == 0, mark=mark, ask=password is not None)
+        streams = PipeStreams(command, traffic)
+    except OSError as error:
+        raise ConnectError(host, f"/bin/sh cannot be started: {error.strerror}", hint="is this POSIX?") from None
+    shell = Shell(host, streams, traffic, user=getpass.getuser(), password=password)
+    shell.wait_ready(nonce, deadline)
+    return streams, shell

@@ -23,7 +23,7 @@ from typing import Any
 
 from srprov.definitions.model import Host
 from srprov.errors import ConnectError
-from srprov.wire import Secret
+from srprov.secret import Secret
 
 _BEYOND_PARAMIKO = re.compile(r"^\s*(include|match)\b\s*=?\s*(.*)$", re.IGNORECASE | re.MULTILINE)
 _DEFAULT_KEYS = ("id_ed25519", "id_ecdsa", "id_rsa")

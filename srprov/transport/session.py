@@ -10,10 +10,13 @@ import contextlib
 import functools
 import threading
 from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 from srprov.errors import TransportError
-from srprov.transport.shell import Shell
+from srprov.secret import Secret, Vault
+from srprov.transport.hold import Heartbeat
+from srprov.transport.secretfile import secret_script
+from srprov.transport.shell import Shell, Streams
 from srprov.wire import (
     AnyQuery,
     Command,
@@ -22,12 +25,14 @@ from srprov.wire import (
     EngineQuery,
     Measures,
     Progress,
+    Pulse,
     Put,
     Query,
     Reply,
     Run,
     Traffic,
     no_progress,
+    sh,
 )  # fmt: skip
 
 if TYPE_CHECKING:
@@ -36,6 +41,7 @@ if TYPE_CHECKING:
     from srprov.transport.engine_http import EngineSocket
 
 _COPY_STEP = 16 << 20
+_T = TypeVar("_T")
 
 
 @functools.lru_cache(maxsize=1)
@@ -55,14 +61,20 @@ def prefetch() -> threading.Thread:
 class BaseSession:
     """A session without its connection; subclasses say how to dial the engine, whether they live, and how to end."""
 
-    def __init__(self, host: str, shell: Shell, traffic: Traffic, peers: Peers | None) -> None:
-        """Take the robot's name, its shell, where to count, and how to reach other robots."""
+    def __init__(self, host: str, shell: Shell, traffic: Traffic, peers: Peers | None, mark: str) -> None:
+        """Take the robot's name, its shell, where to count, how to reach other robots, and the shell's mark."""
         self._host = host
+        self._mark = mark
         self._shell = shell
         self._traffic = traffic
         self._peers = peers
+        self.vault = Vault()
+        """Values for the placeholders of secrets."""
+        self._become: Secret | None = None
         self._engine_lock = threading.Lock()
         self._engine: Engine | None = None
+        self._hold: Heartbeat | None = None
+        self._lost: TransportError | None = None
 
     @property
     def host(self) -> str:
@@ -101,11 +113,12 @@ class BaseSession:
         """
         shell = {at: query for at, query in enumerate(queries) if isinstance(query, Query)}
         engine = {at: query for at, query in enumerate(queries) if isinstance(query, EngineQuery)}
-        if not shell or not engine:
-            replies = self._ask_engine(engine) or self._ask_shell(shell)
-        else:
-            background = _Background(lambda: self._ask_engine(engine))
-            replies = self._ask_shell(shell) | background.result()
+        with self._in_contact():
+            if not shell or not engine:
+                replies = self._ask_engine(engine) or self._ask_shell(shell)
+            else:
+                background = Background(lambda: self._ask_engine(engine))
+                replies = self._ask_shell(shell) | background.result()
         return [replies[at] for at in range(len(queries))]
 
     def _ask_shell(self, queries: dict[int, Query]) -> dict[int, Reply]:
@@ -137,13 +150,55 @@ class BaseSession:
         Raises:
             TransportError: The robot cannot be talked to any more.
         """
-        if isinstance(command, Run | Put):
-            run = command if isinstance(command, Run) else Run(script=command.script(), timeout_s=command.timeout_s)
-            with self._ending_on_error():
-                return self._shell.run(run, progress)
-        if isinstance(command, EngineCall):
-            return self.engine.call(command, progress)
-        return self._copy(command, progress)
+        with self._in_contact():
+            if isinstance(command, Run | Put):
+                run = (
+                    command
+                    if isinstance(command, Run)
+                    else Run(script=self._written(command), timeout_s=command.timeout_s)
+                )
+                with self._ending_on_error():
+                    return self._shell.run(run, progress, shown=command.text())
+            if isinstance(command, EngineCall):
+                return self.engine.call(command, progress)
+            return self._copy(command, progress)
+
+    def hold(self, script: str, words: Sequence[str], pulse: Pulse) -> Heartbeat:
+        """Run a script beside the session's own shell and keep it alive by a heartbeat; see `wire.Session`.
+
+        Raises:
+            TransportError: It cannot be started.
+        """
+        hold = Heartbeat(self._host, self._beside(), self._traffic, pulse, self._contact_lost)
+        hold.begin("exec " + sh("sh", "-c", script, "hold", self._mark, str(pulse.robot_s), *words))
+        self._hold = hold
+        return hold
+
+    def _contact_lost(self, error: TransportError) -> None:
+        """Remember why, and end everything: whoever waits for an answer is woken by that."""
+        self._lost = error
+        self.close()
+
+    @contextlib.contextmanager
+    def _in_contact(self) -> Iterator[None]:
+        """Begin nothing without contact to the other end of a hold, and let all that fails without it say so."""
+        if self._hold is not None and self._lost is None:
+            try:
+                self._hold.check()
+            except TransportError as error:
+                self._contact_lost(error)
+        try:
+            if self._lost is None:
+                yield
+        except TransportError as error:
+            if self._lost is None or error.host != self._host:
+                raise
+        if self._lost is not None:
+            raise TransportError(self._host, self._lost.message, hint=self._lost.hint)
+
+    def _written(self, put: Put) -> str:
+        """Give the script that writes a file: the last step, and the only one that puts a secret's value in."""
+        return secret_script(put, self.vault.content(put.secret)) if put.secret else put.script()
 
     def _copy(self, copy: CopyImage, progress: Progress) -> Reply:
         """Load an image here while another robot saves it; never more of it in memory than one piece."""
@@ -182,10 +237,16 @@ class BaseSession:
         self._shell.close()
         if self._engine is not None:
             self._engine.close()
+        if self._hold is not None:
+            self._hold.cut()
         self._close_connection()
 
     def _dial_engine(self, seconds: float) -> EngineSocket:
         """Open a stream to the engine; raises EngineGone in words."""
+        raise NotImplementedError
+
+    def _beside(self) -> Streams:
+        """Start a second shell, without the session's mark, and give its streams when it is ready."""
         raise NotImplementedError
 
     def _close_connection(self) -> None:
@@ -205,24 +266,26 @@ def _counted(chunks: Iterator[bytes], image: str, progress: Progress) -> Iterato
     progress(f"{image}: {total / (1 << 20):.1f} MiB copied, loading")
 
 
-class _Background:
+class Background(Generic[_T]):
     """A function that runs in a thread; `result()` gives its value or raises its error."""
 
-    def __init__(self, function: Callable[[], dict[int, Reply]]) -> None:
-        self._value: dict[int, Reply] = {}
+    def __init__(self, function: Callable[[], _T]) -> None:
+        """Start it."""
+        self._values: list[_T] = []
         self._error: BaseException | None = None
         self._function = function
-        self._thread = threading.Thread(target=self._run, name="engine queries", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="background", daemon=True)
         self._thread.start()
 
     def _run(self) -> None:
         try:
-            self._value = self._function()
+            self._values.append(self._function())
         except BaseException as error:  # handed to whoever waits
             self._error = error
 
-    def result(self) -> dict[int, Reply]:
+    def result(self) -> _T:
+        """Wait for the end."""
         self._thread.join()
         if self._error is not None:
             raise self._error
-        return self._value
+        return self._values[0]

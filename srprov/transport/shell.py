@@ -15,13 +15,14 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from srprov.errors import AuthError, ConnectError, DeadlineError, TransportError
+from srprov.secret import Secret
 from srprov.transport.deadline import Deadline
-from srprov.transport.frames import Frames, batch, ready_line
+from srprov.transport.frames import Frames, batch, ready_line, sudo_prompt
 from srprov.wire import Progress, Query, Reply, Run, Traffic
 
 _SUDO_HINT = (
     "allow it without a password: echo '{user} ALL=(ALL) NOPASSWD: ALL' | sudo tee /etc/sudoers.d/srprov on the robot, "
-    "or log in as root (ansible_user: root)"
+    "log in as root (ansible_user: root), or give sudo's password (--ask-become-pass, ansible_become_password)"
 )
 
 
@@ -57,28 +58,35 @@ class Streams(Protocol):
 class Shell:
     """The robot's shell. One batch at a time: threads wait for each other."""
 
-    def __init__(self, host: str, streams: Streams, traffic: Traffic, *, user: str = "") -> None:
-        """Take the robot's name, the streams of a shell that was just started, and where to count."""
+    def __init__(
+        self, host: str, streams: Streams, traffic: Traffic, *, user: str = "", password: Secret | None = None
+    ) -> None:
+        """Take the robot's name, the streams of a shell that was just started, where to count, and sudo's password."""
         self._host = host
         self._streams = streams
         self._traffic = traffic
         self._user = user
+        self._password = password
         self._lock = threading.Lock()
         self._closed = False
 
     def wait_ready(self, nonce: str, deadline: Deadline) -> None:
-        """Throw away all that is printed before the shell says that it is ready.
+        """Throw away all that is printed before the shell says that it is ready; answer sudo when it asks.
 
         Raises:
-            AuthError: sudo asks for a password, or is not allowed.
+            AuthError: sudo asks for a password, does not accept the one that there is, or is not allowed.
             ConnectError: The shell ended before it was ready.
             DeadlineError: It was not ready in time.
         """
         noise, complaints, mark = bytearray(), bytearray(), ready_line(nonce)
+        answers = 0
         while mark not in noise:
             out, err = self._streams.read()
             noise += out
             complaints += err
+            if self._password and complaints.count(sudo_prompt(nonce)) > answers:
+                answers += 1
+                self._answer(self._password, answers, deadline)
             if out or err:
                 continue
             if self._streams.ended:
@@ -91,6 +99,18 @@ class Shell:
                     hint="a slow or waiting ~/.bashrc on the robot? try: ssh -v, then: sudo -n true",
                 )
             self._streams.wait(deadline.left(), writing=False)
+
+    def _answer(self, password: Secret, times: int, deadline: Deadline) -> None:
+        """Tell sudo the password; when it asks again, it was wrong, and a third try might lock the account."""
+        if times > 1:
+            self.close()
+            hint = "check ansible_become_password, or what was typed for --ask-become-pass"
+            raise AuthError(self._host, f"sudo does not accept the password of user {self._user!r}", hint=hint)
+        pending = memoryview(password.reveal().encode("utf-8", "surrogateescape") + b"\n")
+        while pending and not self._streams.ended and not deadline.passed:
+            pending = pending[self._streams.write(pending) :]
+            if pending:
+                self._streams.wait(deadline.left(), writing=True)
 
     def _not_ready(self, complaints: str) -> TransportError:
         """Give the error for a shell that never came up."""
@@ -114,20 +134,22 @@ class Shell:
         """
         return self._exchange([q.command for q in queries], [q.timeout_s for q in queries], None)
 
-    def run(self, run: Run, progress: Progress) -> Reply:
-        """Run a script and give its output lines to `progress` as they come.
+    def run(self, run: Run, progress: Progress, shown: str = "") -> Reply:
+        """Run a script and give its output lines to `progress` as they come; errors show `shown` instead of it.
 
         Raises:
             TransportError: As `ask`.
         """
-        return self._exchange([run.script], [run.timeout_s], progress)[0]
+        return self._exchange([run.script], [run.timeout_s], progress, [shown or run.script])[0]
 
     def close(self) -> None:
         """End the shell."""
         self._closed = True
         self._streams.close()
 
-    def _exchange(self, commands: list[str], timeouts: list[float], progress: Progress | None) -> list[Reply]:
+    def _exchange(
+        self, commands: list[str], timeouts: list[float], progress: Progress | None, shown: list[str] | None = None
+    ) -> list[Reply]:
         """Write one batch and wait for all of its answers."""
         if not commands:
             return []
@@ -139,7 +161,7 @@ class Shell:
             self._traffic.round_trips += 1
             out, err = Frames(nonce, len(commands)), Frames(nonce, len(commands))
             try:
-                self._pump(text, (out, err), commands, timeouts, progress)
+                self._pump(text, (out, err), shown or commands, timeouts, progress)
             except BaseException:
                 # Half a batch may still be running: nothing that this shell says can be trusted any more.
                 self.close()

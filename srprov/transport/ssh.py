@@ -10,17 +10,19 @@ import contextlib
 import secrets
 import select
 import threading
+import time
 from typing import TYPE_CHECKING
 
 import paramiko
 
 from srprov.definitions.model import Host
 from srprov.errors import ConnectError, DeadlineError, TransportError
+from srprov.secret import Secret
 from srprov.transport.connection import StrictConnection, guard, open_connection
 from srprov.transport.deadline import Deadline
-from srprov.transport.frames import ready_line, start_command
+from srprov.transport.frames import ready_line, start_command, sudo_prompt
 from srprov.transport.options import settle
-from srprov.transport.session import BaseSession, prefetch
+from srprov.transport.session import Background, BaseSession, prefetch
 from srprov.transport.shell import Shell
 from srprov.wire import Traffic
 
@@ -30,6 +32,8 @@ if TYPE_CHECKING:
 
 _CHUNK = 1 << 20
 _BLOCKED_WRITE_POLL_S = 0.002
+_ANSWER_POLL_S = 0.005
+_BESIDE_S = 20.0
 
 
 class ChannelStreams:
@@ -121,12 +125,13 @@ class SshSession(BaseSession):
     """A `Session` over one SSH connection."""
 
     def __init__(
-        self, host: str, connection: StrictConnection, shell: Shell, traffic: Traffic, peers: Peers | None
+        self, host: str, connection: StrictConnection, shell: Shell, traffic: Traffic, peers: Peers | None, mark: str
     ) -> None:
         """Take what `open` made."""
-        super().__init__(host, shell, traffic, peers)
+        super().__init__(host, shell, traffic, peers, mark)
         self.connection = connection
         """The fabric connection, for port forwards."""
+        self._spare: Background[ChannelStreams] | None = None
 
     @classmethod
     def open(cls, host: Host, options: ConnectOptions, peers: Peers | None = None) -> SshSession:
@@ -141,10 +146,15 @@ class SshSession(BaseSession):
         deadline = Deadline(settings.connect_timeout_s or options.connect_timeout_s)
         connection = open_connection(settings, deadline, traffic, options.attempts)
         try:
-            nonce = secrets.token_hex(16)
-            channel = start(connection, start_command(nonce, "sh", root=settings.user == "root"), deadline)
-            shell = Shell(host.name, ChannelStreams(channel), traffic, user=settings.user)
-            session = cls(host.name, connection, shell, traffic, peers)
+            nonce, mark = secrets.token_hex(16), secrets.token_hex(16)
+            become = host.become_password
+            command = start_command(nonce, "sh", root=settings.user == "root", mark=mark, ask=become is not None)
+            channel = start(connection, command, deadline)
+            shell = Shell(host.name, ChannelStreams(channel), traffic, user=settings.user, password=become)
+            session = cls(host.name, connection, shell, traffic, peers, mark)
+            session._become = become
+            if options.warm_hold:
+                session._spare = Background(session._second_shell)
             if options.warm_engine:
                 threading.Thread(target=session.warm, name="warm engine", daemon=True).start()
             shell.wait_ready(nonce, deadline)
@@ -168,12 +178,16 @@ class SshSession(BaseSession):
         assert self.connection.settings
         deadline, nonce = Deadline(seconds), secrets.token_hex(16)
         root = self.connection.settings.user == "root"
+        ask = self._become is not None
+        command = start_command(nonce, "docker system dial-stdio", root=root, mark=self._mark, ask=ask)
         try:
-            channel = start(self.connection, start_command(nonce, "docker system dial-stdio", root=root), deadline)
+            channel = start(self.connection, command, deadline)
         except TransportError as error:
             raise EngineGone(error.message) from error
         seen, mark = bytearray(), ready_line(nonce)
         try:
+            if self._become:
+                _answer_sudo(channel, nonce, self._become, deadline)
             while not seen.endswith(mark):
                 channel.settimeout(deadline.left(0.001))
                 # The engine speaks only when spoken to, so nothing can follow the mark.
@@ -189,9 +203,37 @@ class SshSession(BaseSession):
 
         return EngineSocket(channel, lambda: _complaint(channel), waiting)
 
+    def _beside(self) -> ChannelStreams:
+        """Give the spare shell, or start one."""
+        spare, self._spare = self._spare, None
+        return spare.result() if spare else self._second_shell()
+
+    def _second_shell(self) -> ChannelStreams:
+        """Start `sh` on a channel of its own."""
+        assert self.connection.settings
+        settings, deadline, nonce = self.connection.settings, Deadline(_BESIDE_S), secrets.token_hex(16)
+        command = start_command(nonce, "sh", root=settings.user == "root", ask=self._become is not None)
+        streams = ChannelStreams(start(self.connection, command, deadline))
+        shell = Shell(self._host, streams, self._traffic, user=settings.user, password=self._become)
+        shell.wait_ready(nonce, deadline)
+        return streams
+
     def _close_connection(self) -> None:
         """End the SSH connection."""
         self.connection.close()
+
+
+def _answer_sudo(channel: paramiko.Channel, nonce: str, password: Secret, deadline: Deadline) -> None:
+    """Wait until sudo asks, and tell it; return at once when the command says something by itself, or ends."""
+    asked = bytearray()
+    while not (channel.recv_ready() or channel.eof_received or channel.closed or deadline.passed):
+        if not channel.recv_stderr_ready():
+            time.sleep(_ANSWER_POLL_S)
+            continue
+        asked += channel.recv_stderr(_CHUNK)
+        if sudo_prompt(nonce) in asked:
+            channel.sendall(password.reveal().encode("utf-8", "surrogateescape") + b"\n")
+            return
 
 
 def _complaint(channel: paramiko.Channel) -> str:

@@ -1,7 +1,7 @@
 """The scripts of file and tree resources, run by real shells on a real filesystem.
 
-Each script runs in a mount namespace of its own in which /var/lib holds nothing but the test's folder as /var/lib/srprov, so the
-paths are the real ones and nothing of this machine is touched. Needs root, for `unshare -m`.
+Each script runs in a mount namespace of its own in which /var/lib holds nothing but the test's folder as
+/var/lib/srprov, so the paths are the real ones and nothing of this machine is touched. Needs root, for `unshare -m`.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ pytestmark = pytest.mark.skipif(
 
 ANY_BYTES = bytes(range(256)) * 5
 HOSTILE = [
-    "a b", "$(touch pwned)", "`touch pwned`", "';touch pwned;'", '"x"', "-rf", "*", "?", "[a]", "~", "#", "é 😀", "a&&b", "a|b", ">x",
-    "a\tb", "%s%n", "!!",
+    "a b", "$(touch pwned)", "`touch pwned`", "';touch pwned;'", '"x"', "-rf", "*", "?", "[a]", "~", "#", "é 😀",
+    "a&&b", "a|b", ">x", "a\tb", "%s%n", "!!",
 ]  # fmt: skip
 
 
@@ -143,7 +143,7 @@ def test_hostile_names_are_only_names(robot: Robot, name: str) -> None:
 
 
 def test_only_files_directly_in_an_instance_are_read(robot: Robot) -> None:
-    """Trees, stray files, half-written ones and links are no file resources; several instances are all seen."""
+    """Trees, stray files and links are no file resources; half-written ones are, so that they are cleaned up."""
     for name in ("a/one", "b/two", "a/trees/abc/deep", "stray", "a/half.part"):
         (robot.folder / name).parent.mkdir(parents=True, exist_ok=True)
         (robot.folder / name).write_text("x")
@@ -151,7 +151,7 @@ def test_only_files_directly_in_an_instance_are_read(robot: Robot) -> None:
     (query,) = MODULES["file"].queries()
     assert isinstance(query, Query)
     found = MODULES["file"].parse([robot.sh(query.command)])
-    assert sorted(one.name for one in found) == [f"{STATE_ROOT}/a/one", f"{STATE_ROOT}/b/two"]
+    assert sorted(one.name for one in found) == [f"{STATE_ROOT}/{name}" for name in ("a/half.part", "a/one", "b/two")]
 
 
 @pytest.mark.parametrize("kind", ["file", "tree"])
@@ -195,7 +195,9 @@ def test_a_tree_survives_a_cut_connection(robot: Robot) -> None:
 
 def test_a_broken_tar_makes_no_tree(robot: Robot) -> None:
     """A tar that cannot be unpacked fails, and nothing stands under the tree's name."""
-    want = Resource(host="r1", module="tree", name=f"{STATE_ROOT}/hello/trees/0123", params={"blob": b"no tar at all" * 99})
+    want = Resource(
+        host="r1", module="tree", name=f"{STATE_ROOT}/hello/trees/0123", params={"blob": b"no tar at all" * 99}
+    )
     change = robot.check(want)
     assert change is not None
     put, unpack = MODULES["tree"].commands(want, change)
@@ -231,8 +233,10 @@ def test_removal_does_not_follow_links(robot: Robot, tmp_path_factory: pytest.Te
 @pytest.mark.parametrize(
     "path",
     [
-        "", "/", "/etc/passwd", STATE_ROOT, STATE_ROOT + "/", STATE_ROOT + "/a", STATE_ROOT + "/a/", STATE_ROOT + "/../x",
-        STATE_ROOT + "/a/../b", STATE_ROOT + "/a/..", STATE_ROOT + "//a", STATE_ROOT + "/./a", STATE_ROOT + "x/a/b", "var/lib/srprov/a/b",
+        "", "/", "/etc/passwd", STATE_ROOT, STATE_ROOT + "/", STATE_ROOT + "/a", STATE_ROOT + "/a/",
+        STATE_ROOT + "/../x",
+        STATE_ROOT + "/a/../b", STATE_ROOT + "/a/..", STATE_ROOT + "//a", STATE_ROOT + "/./a", STATE_ROOT + "x/a/b",
+        "var/lib/srprov/a/b",
     ],
 )  # fmt: skip
 def test_nothing_else_can_be_removed(path: str) -> None:

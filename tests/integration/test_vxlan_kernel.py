@@ -123,7 +123,10 @@ def test_a_link_alone_has_no_entries(robot: Robot) -> None:
 @pytest.mark.parametrize(
     ("params", "cause"),
     [
-        ({"fdb": [*PARAMS["fdb"], [FLOOD, "192.0.2.4"], ["02:aa:bb:cc:dd:02", "192.0.2.4"]]}, "FDB: 2 to add, 0 to remove"),
+        (
+            {"fdb": [*PARAMS["fdb"], [FLOOD, "192.0.2.4"], ["02:aa:bb:cc:dd:02", "192.0.2.4"]]},
+            "FDB: 2 to add, 0 to remove",
+        ),
         ({"fdb": PARAMS["fdb"][1:2]}, "FDB: 0 to add, 2 to remove"),
         ({"fdb": []}, "FDB: 0 to add, 3 to remove"),
         ({"fdb": [*PARAMS["fdb"][:2], ["02:aa:bb:cc:dd:01", "192.0.2.3"]]}, "FDB: 1 to add, 1 to remove"),
@@ -213,7 +216,8 @@ def test_a_link_is_removed_with_its_entries(robot: Robot) -> None:
 
 def test_two_instances_stand_side_by_side(robot: Robot) -> None:
     """Links of two instances and one of a stranger do not meet: each sees its own."""
-    robot.sh("ip link add srpb00000002 type bridge; ip link set srpb00000002 up; ip link add other0 type vxlan id 5 dstport 1")
+    robot.sh("ip link add srpb00000002 type bridge; ip link set srpb00000002 up")
+    robot.sh("ip link add other0 type vxlan id 5 dstport 1")
     robot.make(link())
     robot.make(link("srpv00000002", instance="second", vni=1048578, bridge="srpb00000002", fdb=[[FLOOD, "192.0.2.8"]]))
     assert robot.check(link()) is None

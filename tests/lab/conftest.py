@@ -1,6 +1,7 @@
 """A lab of real robots, the command line as users have it, and ways to look at a robot that do not go through srprov.
 
-The lab is one per machine. The session fixture brings it up and takes it down in the end; each test leaves its robots clean.
+The lab is one per machine. The session fixture brings it up and takes it down in the end; each test leaves its robots
+clean.
 """
 
 from __future__ import annotations
@@ -205,3 +206,11 @@ def causes(plan: dict[str, Any]) -> dict[str, str]:
 def changed(report: dict[str, Any]) -> set[str]:
     """Give the ids of the steps that `apply --json` reported as changed."""
     return {step["id"] for step in report["steps"] if step["outcome"] == "changed"}
+
+
+@pytest.fixture
+def mended(lab_of_module: Lab) -> Iterator[Lab]:
+    """Give the lab to a test that kills robots or gives them other options; afterwards they are as they were."""
+    yield lab_of_module
+    up = lab_of_module.srprov("lab", "up", "-n", str(ROBOTS))
+    assert up.code == 0, up

@@ -9,8 +9,9 @@ from random import Random
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from srprov.assignment import conflict as conflicts
 from srprov.assignment import explain, problem, solve
-from srprov.assignment.cost import cost_terms
+from srprov.assignment.cost import at_slot, load, terms
 from srprov.assignment.model import Assignment, Problem
 from srprov.definitions.model import Experiment, Placement, Weights
 from srprov.errors import NoAssignment
@@ -110,17 +111,15 @@ def can_run(world: World, name: str, where: str) -> bool:
 
 
 def units(world: World, names: Iterable[str], where: str, slot: int) -> int:
-    facts, what = world.where.facts[where], world.what
-    slots = world.slots[where]
-    return round(
-        1_000_000
-        * sum(cost_terms(what.services[name], facts, what.weights, what.placement, slot, slots).total for name in names)
-    )
+    what = world.what
+    beta = at_slot(load(world.where.facts[where], what.placement.bandwidth_reference_mbit), slot, world.slots[where])
+    return round(1_000_000 * sum(what.services[name].cost for name in names) * terms(1.0, beta, what.weights).total)
 
 
 @settings(max_examples=400, deadline=None)
 @given(worlds(), st.booleans())
 def test_no_assignment_is_better_than_the_answer(world: World, reassign: bool) -> None:
+    """In moves and cost, in the order that stickiness asks for; and `optimal` and `least` say how it is."""
     every = list(brute_force(world))
     try:
         answer = world.solve(reassign=reassign)
@@ -139,6 +138,7 @@ def test_no_assignment_is_better_than_the_answer(world: World, reassign: bool) -
 @settings(max_examples=200, deadline=None)
 @given(worlds())
 def test_every_answer_is_a_legal_one(world: World) -> None:
+    """Every service once, where it can run, groups together; what is told agrees with it."""
     try:
         answer = world.solve()
     except NoAssignment:
@@ -159,6 +159,8 @@ def test_every_answer_is_a_legal_one(world: World) -> None:
 @settings(max_examples=200, deadline=None)
 @given(worlds(), st.randoms(use_true_random=False))
 def test_the_order_of_inputs_changes_nothing(world: World, random: Random) -> None:
+    """Services, robots, slots and relations in another order give the same answer or the same refusal."""
+
     def shuffled(mapping: Mapping[str, object]) -> dict[str, object]:
         items = list(mapping.items())
         random.shuffle(items)
@@ -186,6 +188,7 @@ def outcome(world: World) -> tuple[object, ...]:
 @settings(max_examples=200, deadline=None)
 @given(worlds(), st.booleans())
 def test_solving_from_its_own_answer_moves_nothing(world: World, reassign: bool) -> None:
+    """With and without `--reassign`."""
     try:
         first = world.solve(reassign=reassign)
     except NoAssignment:
@@ -198,6 +201,7 @@ def test_solving_from_its_own_answer_moves_nothing(world: World, reassign: bool)
 @settings(max_examples=200, deadline=None)
 @given(worlds(), st.lists(st.sampled_from([0.0, 2.0, 4.0]), min_size=6, max_size=6))
 def test_a_sticky_answer_does_not_follow_the_load(world: World, loads: list[float]) -> None:
+    """Whatever the robots' load becomes, what runs stays."""
     world = replace(world, what=replace(world.what, placement=Placement(sticky=True)))
     try:
         first = world.solve()
@@ -222,18 +226,26 @@ def crowd(seed: int) -> World:
 @settings(max_examples=600, deadline=None)
 @given(st.one_of(worlds(), st.integers(0, 10**9).map(crowd)))
 def test_a_conflict_is_one_and_no_part_of_it_is(world: World) -> None:
+    """Against trying everything: infeasible as it is, feasible without any one of its services."""
     task = world.problem()
-    conflict = explain.smallest_conflict(task)
+    conflict = conflicts.smallest_conflict(task)
     eligible = {node: task.eligible(node) for node in task.nodes}
     assert bool(conflict) is not fits(task.nodes, eligible, world.slots)
     if not conflict:
         return
-    assert not fits(conflict, eligible, world.slots)
-    for node in conflict:
-        assert fits([other for other in conflict if other != node], eligible, world.slots)
+    names = [name for node in conflict for name in node]
+    assert not fits(*cut(task, names), world.slots)
+    for name in names:
+        assert fits(*cut(task, [other for other in names if other != name]), world.slots)
     error = explain.no_assignment(task)
     assert error.hint
-    assert sorted(error.misses) == sorted(name for node in conflict for name in node)
+    assert sorted(error.misses) == sorted(names)
+
+
+def cut(task: Problem, names: Sequence[str]) -> tuple[list[tuple[str, ...]], dict[tuple[str, ...], Sequence[str]]]:
+    """Give the nodes that are left of some services, and their robots."""
+    nodes = [rest for node in task.nodes if (rest := tuple(name for name in node if name in names))]
+    return nodes, {node: task.eligible(node) for node in nodes}
 
 
 def fits(

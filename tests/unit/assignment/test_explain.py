@@ -38,7 +38,7 @@ def test_two_services_compete_for_one_robot_and_the_rest_is_not_named() -> None:
     assert error.hint == (
         "give r1 one more slot (srprov_slots in the inventory); "
         "or give r2 the tag 'x' (srprov_tags in the inventory), so that r2 can run 'a'; "
-        "or put a and b in relations.same_robot, they then share one slot"
+        "or pool a and b (pools in the EDF), they then share one slot"
     )
     assert error.misses["b"] == {"r2": "needs tag 'x' (has: y)", "r3": "needs tag 'x' (has: none)"}
 
@@ -71,7 +71,10 @@ def test_a_group_that_no_robot_can_run() -> None:
     error = refusal(what, found(robot("r1", tags=("x",)), robot("r2", tags=("y",))))
     assert error.message == "no robot can run 'a' and 'b' together"
     assert error.misses["a"]["r1"] == "must run with 'b': needs tag 'y' (has: x)"
-    assert error.hint == "give r1 the tag 'y' (srprov_tags in the inventory), so that r1 can run 'a' and 'b'"
+    assert error.hint == (
+        "give r1 the tag 'y' (srprov_tags in the inventory), so that r1 can run 'a' and 'b'; "
+        "or take 'a' and 'b' out of relations.same_robot"
+    )
 
 
 def test_a_pin_to_a_robot_that_cannot() -> None:

@@ -248,18 +248,12 @@ def test_same_robot_groups_with_a_common_service_are_one(tmp_path: Path) -> None
     ("service", "top", "line", "message"),
     [
         ("{cdf: {git: 'https://x', path: a}}", "", 4, "a CDF from git"),
-        ("{image: x, replicas: 2}", "", 4, "'replicas'"),
-        ("{image: x, per_robot: {}}", "", 4, "'per_robot'"),
         ("{image: x, network: both}", "", 4, "'network: both'"),
-        ("{image: x}", "relations: {different_robot: [[a, b]]}\n", 6, "'different_robot'"),
-        ("{image: x}", "pools: [{services: [a, b]}]\n", 6, "'pools'"),
-        ("{image: x}", "placement: {fairness: 0.5}\n", 6, "'fairness' above 0"),
         ("{image: x}", "network: {encryption: wireguard}\n", 6, "'encryption: wireguard'"),
         ("{image: x}", "network: {discovery: zenoh}\n", 6, "'discovery: zenoh'"),
         ("{image: x}", "parameters: {A: [1, 2]}\n", 6, "'parameters'"),
         ("{image: x}", "trials: 3\n", 6, "'trials'"),
         ("{image: x}", "results: {a: [/bags]}\n", 6, "'results'"),
-        ("{image: x}", "secrets: {p: {env: P}}\n", 6, "'secrets'"),
         ("{image: x}", "playbooks: {before: [a.yml]}\n", 6, "'playbooks'"),
     ],
 )

@@ -11,7 +11,7 @@ import pytest
 from srprov.definitions import load_inventory
 from srprov.definitions.model import Inventory
 from srprov.errors import DefinitionError
-from srprov.wire import Secret
+from srprov.secret import Secret
 
 REAL = """\
 ---

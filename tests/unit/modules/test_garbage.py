@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import json
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -15,12 +14,32 @@ from hypothesis import strategies as st
 from srprov.modules import MODULES
 from srprov.resource import Change, Resource
 from srprov.wire import Reply
+from tests.unit.modules.test_cases import CASES, KINDS
 
-CASES = Path(__file__).parents[2] / "cases"
+DIGITS = "9" * 5000
+SHA = "0" * 64
 JUNK = st.sampled_from(
-    [None, True, 0, -1, 10**30, 1.5, "", "x", "²", "9" * 5000, "\0", "\ud800", "Exited (" + "9" * 5000 + ") now", [], {}, [[]], [None], {"a": {}}]
-)  # fmt: skip
-LINES = st.sampled_from(["", "a", "/" * 50, "\x85\u2028", "0" * 64 + "  ./a/b", "0" * 64 + "  ./../b", "[", "{}", "null"])
+    [
+        None,
+        True,
+        0,
+        -1,
+        10**30,
+        1.5,
+        "",
+        "x",
+        "²",
+        DIGITS,
+        "\0",
+        "\ud800",
+        f"Exited ({DIGITS}) now",
+        [],
+        {},
+        [[]],
+        [None],
+    ]
+)
+LINES = st.sampled_from(["", "a", "/" * 50, "\x85\u2028", f"{SHA}  ./a/b", f"{SHA}  ./../b", "[", "{}", "null"])
 
 
 def real(kind: str) -> tuple[dict[str, Any], list[Any]]:
@@ -59,7 +78,7 @@ def survives(kind: str, replies: list[Reply]) -> None:
         json.dumps(found.state)
 
 
-@pytest.mark.parametrize("kind", MODULES)
+@pytest.mark.parametrize("kind", KINDS)
 @settings(max_examples=150, derandomize=True, deadline=None)
 @given(data=st.data())
 def test_junk_in_a_real_answer_never_raises(kind: str, data: st.DataObject) -> None:
@@ -73,13 +92,15 @@ def test_junk_in_a_real_answer_never_raises(kind: str, data: st.DataObject) -> N
     survives(kind, [Reply(status=200, out=one if isinstance(one, str) else json.dumps(one)) for one in raw])
 
 
-@pytest.mark.parametrize("kind", MODULES)
+@pytest.mark.parametrize("kind", KINDS)
 @settings(max_examples=60, derandomize=True, deadline=None)
 @given(data=st.data())
 def test_any_text_never_raises(kind: str, data: st.DataObject) -> None:
     """Text that is no answer at all, with any status, is read as nothing of ours or as little."""
     count = len(MODULES[kind].queries())
-    reply = st.builds(lambda out, status: Reply(status=status, out=out, ok=status == 0), st.text() | LINES, st.integers(0, 3))
+    reply = st.builds(
+        lambda out, status: Reply(status=status, out=out, ok=status == 0), st.text() | LINES, st.integers(0, 3)
+    )
     survives(kind, data.draw(st.lists(reply, min_size=count, max_size=count)))
 
 

@@ -18,7 +18,7 @@ from srprov.planning.plan import plan_json
 from srprov.planning.text import plan_text, summary
 from srprov.resource import Action, Need, Resource
 from tests.fakes import World
-from tests.worlds import CHECK, NetworkWishes, apply, experiment, plan_for, removal_for, service
+from tests.worlds import CHECK, NetworkWishes, Service, apply, experiment, plan_for, removal_for, service
 
 
 def volume(name: str, *needs: str, host: str = "r1") -> Resource:
@@ -122,7 +122,7 @@ def test_two_services_that_change_places_form_no_circle() -> None:
 
 
 def test_a_removal_takes_containers_first_and_links_before_bridges() -> None:
-    """On each robot the order is: containers, then what they stand on, the link before the network that it is a port of."""
+    """On each robot containers go before what they stand on, and the link before the network that it is a port of."""
     world = World().add("r1")
     apply(world, experiment(service("a"), service("b")))
     steps = removal_for(world, volumes=True).steps
@@ -141,6 +141,22 @@ def test_a_removal_without_volumes_keeps_them() -> None:
     assert (step.name, step.change.destructive, step.change.action) == ("data", True, Action.DELETE)
     plan = Plan(instance="hello", source="s", steps=(step,))
     assert "DATA IS LOST" in plan_text(plan)
+
+
+@pytest.mark.parametrize("mode", ["host", "none"])
+@pytest.mark.parametrize("others", [(), (service("b", robot="r1"),)])
+def test_who_leaves_a_network_lets_go_of_it_first(mode: str, others: tuple[Service, ...]) -> None:
+    """A container that wants another network from now on stops before its old one is removed or replaced."""
+    world = World().add("r1")
+    apply(world, experiment(service("a", robot="r1"), *others))
+    what = experiment(service("a", robot="r1", network=mode), *others, network=NetworkWishes(mtu=1300))
+    steps = plan_for(world, what).steps
+    mine = [step for step in steps if step.name == "srprov.hello.a"]
+    assert [step.change.action for step in mine] == [Action.DELETE, Action.CREATE]
+    assert "network" in mine[0].change.cause
+    assert mine[0].number in next(step for step in steps if step.module == "network").needs
+    assert apply(world, what).exit_code == 0
+    assert plan_for(world, what).empty
 
 
 def test_a_replaced_network_counts_what_it_rebuilds() -> None:
@@ -177,7 +193,9 @@ def test_waits_are_the_conditions_that_take_time() -> None:
         service("c", depends_on={"a": "healthy", "b": "completed"}),
         service("d", depends_on={"a": "started"}),
     )
-    waits = {step.service: [need.condition for need in step.waits] for step in plan_for(world, what).steps if step.service}
+    waits = {
+        step.service: [need.condition for need in step.waits] for step in plan_for(world, what).steps if step.service
+    }
     assert waits == {"a": [], "b": [], "c": ["healthy", "completed"], "d": []}
 
 

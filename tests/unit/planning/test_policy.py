@@ -10,6 +10,7 @@ from srprov.definitions.model import Mount
 from srprov.planning.policy import KINDS, permissions, refused
 from tests.worlds import experiment, service
 
+SOCKET = "/run/docker.sock"
 ASKS: list[tuple[dict[str, Any], list[tuple[str, str]]]] = [
     ({}, []),
     ({"network": "none"}, []),
@@ -30,8 +31,8 @@ ASKS: list[tuple[dict[str, Any], list[tuple[str, str]]]] = [
     ({"gpus": "all"}, [("gpu", "gpus: all")]),
     ({"mounts": (Mount(kind="bind", source="/", target="/r"),)}, [("host-path", "/")]),
     ({"mounts": (Mount(kind="bind", source="/a", target="/r", read_only=True),)}, [("host-path", "/a (read-only)")]),
-    ({"mounts": (Mount(kind="bind", source="/run/docker.sock", target="/r"),)}, [("docker-socket", "/run/docker.sock")]),
-    ({"mounts": (Mount(kind="bind", source="/var/run/docker.sock", target="/r"),)}, [("docker-socket", "/var/run/docker.sock")]),
+    ({"mounts": (Mount(kind="bind", source=SOCKET, target="/r"),)}, [("docker-socket", SOCKET)]),
+    ({"mounts": (Mount(kind="bind", source="/var" + SOCKET, target="/r"),)}, [("docker-socket", "/var" + SOCKET)]),
     ({"mounts": (Mount(kind="volume", source="v", target="/v"), Mount(kind="tmpfs", source="", target="/t"))}, []),
     ({"mounts": (Mount(kind="tree", source="/e/www", target="/v"),)}, []),
     ({"restart": "always", "tty": True, "shm_size": 1, "ports": (("", 80, 80, "tcp"),), "user": "0"}, []),
@@ -66,8 +67,13 @@ def test_permissions_are_sorted_by_gravity_then_service() -> None:
 
 @pytest.mark.parametrize(
     ("allowed", "left"),
-    [((), ["privileged", "host-network"]), (("privileged",), ["host-network"]), (("all",), []), (("gpu",), ["privileged", "host-network"])],
-)  # fmt: skip
+    [
+        ((), ["privileged", "host-network"]),
+        (("privileged",), ["host-network"]),
+        (("all",), []),
+        (("gpu",), ["privileged", "host-network"]),
+    ],
+)
 def test_only_what_is_allowed_passes(allowed: tuple[str, ...], left: list[str]) -> None:
     """A kind that the user names passes, `all` passes all, and another kind helps nobody."""
     asked = permissions(experiment(service("a", privileged=True, network="host")))

@@ -1,0 +1,153 @@
+"""A Problem as arrays: items, places, costs, moves, fairness; and as a Table with one objective.
+
+Takes a Problem; gives arrays in whole numbers. Pure. A cost is alpha times what one alpha costs in that slot of that
+robot, so a whole matrix is one product.
+
+    unit        round(cost * SCALE), SCALE = 1 000 000
+    free        unit * (1 + most possible moves) + moves        lower cost first, then fewer services that move
+    sticky      moves * (1 + largest possible sum) + unit       the other way round
+
+Both orders are lexicographic and exact. Source: docs/assignment.md.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from srprov.assignment.bundles import Item, items
+from srprov.assignment.cost import terms
+from srprov.assignment.model import Node, Problem
+from srprov.assignment.table import Array, Table
+
+SCALE = 1_000_000
+"""Units per 1.0 of cost: costs are compared to a millionth."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Arrays:
+    """K items on P places (slots of reachable robots); the first N items are the problem's nodes."""
+
+    items: tuple[Item, ...]
+    names: tuple[Node, ...]
+    """K times the services of the item, in name order."""
+    places: tuple[tuple[str, int], ...]
+    """P times (robot, slot)."""
+    allowed: Array
+    """bool [K, P]"""
+    cost: Array
+    """int64 [K, P], in millionths."""
+    wanted: Array
+    """int64 [K, P]: what is minimised beside moves; the cost, or with fairness a mixture."""
+    moves: Array
+    """int64 [K, P]: services of the item that run on another robot now."""
+    robots: Array
+    """int64 [P]: position of the robot in name order."""
+    apart: tuple[tuple[int, ...], ...]
+    """Sets of nodes."""
+
+    @property
+    def nodes(self) -> int:
+        """Give N."""
+        return sum(len(item.nodes) == 1 for item in self.items)
+
+    def table(self, cost: Array, allowed: Array | None = None) -> Table:
+        """Give the table with an objective, int64 [K, P]."""
+        return Table(
+            items=tuple(item.nodes for item in self.items),
+            nodes=self.nodes,
+            cost=cost,
+            allowed=self.allowed if allowed is None else allowed,
+            robots=self.robots,
+            apart=self.apart,
+        )
+
+    def free(self, wanted: Array) -> Array:
+        """Give the objective of lower cost first, then fewer moves."""
+        return wanted * (1 + int(self.moves.max(axis=1, initial=0).sum())) + self.moves
+
+    def sticky(self, wanted: Array) -> Array:
+        """Give the objective of fewer moves first, then lower cost."""
+        return self.moves * (1 + self.nodes * int(wanted[self.allowed].max(initial=0))) + wanted
+
+    def fewest(self) -> Array:
+        """Give bool [K, P]: allowed pairs in which no service moves that could stay, were it alone in the world."""
+        moves, nodes = np.where(self.allowed, self.moves, 1 << 30), self.nodes
+        least = moves[:nodes].min(axis=1, initial=1 << 30)
+        together = np.array([sum(int(least[node]) for node in item.nodes) for item in self.items], dtype=np.int64)
+        fewest: Array = self.allowed & (self.moves <= together[:, None])
+        return fewest
+
+
+def arrays(problem: Problem) -> Arrays:
+    """Lay out a problem.
+
+    Raises:
+        UsageError: Too many ways to combine pools with same_robot.
+    """
+    node_of = {service: index for index, node in enumerate(problem.nodes) for service in node}
+    groups = [tuple(sorted({node_of[name] for name in group if name in node_of})) for group in problem.apart]
+    apart = tuple(group for group in groups if len(group) > 1)
+    found = tuple(items(problem.nodes, problem.pools, problem.alphas, apart))
+    names = tuple(tuple(sorted(name for node in item.nodes for name in problem.nodes[node])) for item in found)
+    places = tuple((robot, slot) for robot in problem.slots for slot in range(problem.slots[robot]))
+    at = {robot: index for index, robot in enumerate(problem.loads)}
+    robots = np.array([at[robot] for robot, _ in places], dtype=np.int64)
+    unit = np.array([terms(1.0, problem.loads[robot][slot], problem.weights).total for robot, slot in places])
+    alpha = np.array([item.alpha for item in found])
+    price = alpha.reshape(-1, 1) * unit.reshape(1, -1)
+    return Arrays(
+        items=found,
+        names=names,
+        places=places,
+        allowed=_allowed(problem, names, robots),
+        cost=np.rint(price * SCALE).astype(np.int64),
+        wanted=np.rint(_wanted(problem, names, price, robots) * SCALE).astype(np.int64),
+        moves=_moves(problem, names, at, robots),
+        robots=robots,
+        apart=apart,
+    )
+
+
+def _allowed(problem: Problem, names: tuple[Node, ...], robots: Array) -> Array:
+    """Give bool [K, P]: the robot lacks nothing for any service of the item."""
+    row = {name: index for index, name in enumerate(problem.services)}
+    able: Array = np.ones((len(names), len(problem.loads)), dtype=bool)
+    most = max((len(item) for item in names), default=0)
+    for position in range(most):  # the first service of every item, the second of those that have one, ...
+        having = [index for index, item in enumerate(names) if len(item) > position]
+        able[having] &= problem.capable[[row[names[index][position]] for index in having]]
+    allowed: Array = able[:, robots]
+    return allowed
+
+
+def _moves(problem: Problem, names: tuple[Node, ...], at: dict[str, int], robots: Array) -> Array:
+    """Give int64 [K, P]: services of the item that run on another robot now."""
+    moves: Array = np.zeros((len(names), len(problem.loads)), dtype=np.int64)
+    for index, item in enumerate(names) if problem.previous else ():
+        for name in item:
+            if name in problem.previous:
+                moves[index] += 1
+                if problem.previous[name] in at:
+                    moves[index, at[problem.previous[name]]] -= 1
+    spread: Array = moves[:, robots]
+    return spread
+
+
+def _wanted(problem: Problem, names: tuple[Node, ...], price: Array, robots: Array) -> Array:
+    """Give float [K, P]: the costs, for items not placed yet mixed with what they add to the sum of squares.
+
+    With d what a robot has carried beyond the one that carried least, c the cost and m the mean cost of one item:
+    (1 - f) * c + f * ((d + c)^2 - d^2) / m.
+    """
+    fairness = problem.fairness
+    fresh = np.array([not problem.previous.keys() & set(item) for item in names], dtype=bool)
+    if fairness.weight <= 0 or not fresh.any() or not price.size:
+        return price
+    carried = np.array([fairness.carried.get(robot, 0.0) for robot in problem.loads])
+    beyond = (carried - carried.min())[robots]
+    mean = float(price[: len(problem.nodes)].mean()) or 1.0
+    mixed = (1 - fairness.weight) * price + fairness.weight * (2 * beyond + price) * price / mean
+    chosen: Array = np.where(fresh[:, None], mixed, price)
+    return chosen

@@ -1,0 +1,133 @@
+"""Which services cannot all be placed: a set of them that can as soon as any one is left out.
+
+Takes a Problem without a solution; gives the services of a conflict, and tells whether a change would resolve it.
+Pure. Leaving a service out also takes it out of its pools and groups, so what can be placed with it can be placed
+without.
+
+Source: Hall's theorem for the plain model: a service that finds no place when others are placed as well as possible
+spans, by alternating paths, a set whose robots have exactly one slot too few. With pools and relations, and inside
+groups: U. Junker, *QuickXplain*, AAAI 2004, over an exact answer to "can these be placed?".
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from srprov.assignment.arrays import arrays
+from srprov.assignment.model import Node, Problem
+from srprov.assignment.solve_flow import assign
+from srprov.assignment.solve_pools import solve_table
+from srprov.assignment.table import Array
+
+
+def smallest_conflict(problem: Problem) -> tuple[Node, ...]:
+    """Give nodes, cut down to services of which none can be left out; empty when all can be placed.
+
+    Several conflicts may exist. Services with the fewest robots are looked at first. (The smallest of all would be the
+    girth of a transversal matroid, which is NP-hard to find.)
+    """
+    for name, robot in problem.fixed.items():
+        if robot in problem.misses[name]:
+            return ((name,),)
+    if not problem.nodes or feasible(problem):
+        return ()
+    hall = _hall(problem)
+    names = [name for node in hall or problem.nodes for name in node]
+    robots = {name: len(problem.eligible((name,))) for name in names}
+    names.sort(key=lambda name: (robots[name], name))
+    found = _minimal(lambda some: not feasible(cut(problem, some)), names)
+    return cut(problem, found).nodes
+
+
+def cut(problem: Problem, names: Collection[str]) -> Problem:
+    """Give a problem with only these services to decide; pools and groups lose the others."""
+    kept = set(names)
+    nodes = tuple(sorted(rest for node in problem.nodes if (rest := tuple(name for name in node if name in kept))))
+    pools = tuple(
+        replace(pool, services=tuple(name for name in pool.services if name in kept)) for pool in problem.pools
+    )
+    return replace(problem, nodes=nodes, pools=tuple(pool for pool in pools if len(pool.services) > 1))
+
+
+def feasible(problem: Problem) -> bool:
+    """Tell whether everything that is to be decided can be placed."""
+    laid = arrays(problem)
+    nodes = laid.nodes
+    if (~laid.allowed[:nodes].any(axis=1)).any() and len(laid.items) == nodes:
+        return False
+    free = np.zeros(laid.cost.shape, dtype=np.int64)
+    if not laid.apart and assign(free[:nodes], laid.allowed[:nodes]) is not None:
+        return True
+    table = laid.table(free)
+    return not table.plain and solve_table(table) is not None
+
+
+def places_needed(problem: Problem) -> int:
+    """Give the fewest slots that could do if every robot could run everything: pools together wherever they fit."""
+    laid = arrays(problem)
+    somewhere: Array = np.ones((len(laid.items), laid.nodes), dtype=bool)
+    table = laid.table(np.ones(somewhere.shape, dtype=np.int64), somewhere)
+    found = solve_table(replace(table, robots=np.arange(laid.nodes), apart=()))
+    assert found is not None, "there is a place for every node"
+    return len(found.items)
+
+
+def _minimal(broken: Callable[[Sequence[str]], bool], names: list[str]) -> list[str]:
+    """Give a part of `names` that is broken while no part of it is; earlier names are preferred."""
+
+    def divide(given: list[str], more: bool, rest: list[str]) -> list[str]:
+        if more and broken(given):
+            return []
+        if len(rest) == 1:
+            return rest
+        half = len(rest) // 2
+        second = divide(given + rest[:half], True, rest[half:])
+        return divide(given + second, bool(second), rest[:half]) + second
+
+    return divide([], False, names)
+
+
+def _hall(problem: Problem) -> tuple[Node, ...]:
+    """Give a conflict of nodes in the plain model, the smallest that inserting one after another shows; or none."""
+    if problem.pools or problem.apart:
+        return ()
+    eligible = {node: problem.eligible(node) for node in problem.nodes}
+    holds: dict[str, list[Node]] = {robot: [] for robot in problem.slots}
+    conflicts: list[tuple[Node, ...]] = []
+    for node in sorted(problem.nodes, key=lambda node: (len(eligible[node]), node)):
+        conflict = _insert(node, eligible, holds, problem.slots)
+        if conflict:
+            conflicts.append(tuple(sorted(conflict)))
+    return min(conflicts, key=lambda nodes: (len(nodes), nodes), default=())
+
+
+def _insert(
+    node: Node, eligible: Mapping[Node, Sequence[str]], holds: dict[str, list[Node]], slots: Mapping[str, int]
+) -> list[Node]:
+    """Place one more node, moving others as needed; else give the conflict: what alternating paths reach."""
+    came_from: dict[str, Node] = {}
+    queue = [node]  # every node is held by one robot and every robot visited once, so nothing comes twice
+    for at in queue:
+        for robot in eligible[at]:
+            if robot in came_from:
+                continue
+            came_from[robot] = at
+            if len(holds[robot]) < slots[robot]:
+                _shift(robot, node, came_from, holds)
+                return []
+            queue += holds[robot]
+    return queue
+
+
+def _shift(robot: str, start: Node, came_from: Mapping[str, Node], holds: dict[str, list[Node]]) -> None:
+    """Follow an alternating path back from a robot with a free slot, moving each node on it one robot further."""
+    while True:
+        node = came_from[robot]
+        holds[robot].append(node)
+        if node == start:
+            return
+        robot = next(r for r, nodes in holds.items() if node in nodes and r != robot)
+        holds[robot].remove(node)

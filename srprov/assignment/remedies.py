@@ -1,0 +1,111 @@
+"""What would make a conflict go away: each is tried before it is told.
+
+Takes a Problem that holds nothing but the services of one conflict; gives hints as words. Pure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+from srprov.assignment.conflict import feasible
+from srprov.assignment.model import Node, Problem
+from srprov.assignment.requirements import Miss
+from srprov.definitions.model import Pool
+
+_SHOWN = 8
+"""Names in one sentence; `misses` has all of them."""
+_TRIED = 12
+"""Changes of a kind that are tried at most."""
+
+
+def for_conflict(problem: Problem) -> list[str]:
+    """Give what would help, one change each; several together where no single one does."""
+    helps = [*_slots(problem), *_abilities(problem), *_relations(problem), *_pools(problem)]
+    return helps or [f"leave out one of {quoted([name for node in problem.nodes for name in node])}"]
+
+
+def listed(words: Sequence[str], last: str = "and") -> str:
+    """Give words as a sentence has them, cut where it gets too long."""
+    shown = [*words[:_SHOWN], f"{len(words) - _SHOWN} more"] if len(words) > _SHOWN else list(words)
+    return shown[0] if len(shown) == 1 else f"{', '.join(shown[:-1])} {last} {shown[-1]}"
+
+
+def quoted(names: Sequence[str]) -> str:
+    """Give names in quotes as a sentence has them."""
+    return listed([f"'{name}'" for name in names])
+
+
+def _slots(problem: Problem) -> Iterator[str]:
+    """Name the robots of which one more slot would do."""
+    robots = sorted({robot for node in problem.nodes for robot in problem.eligible(node)})
+    alike = {robot: tuple(robot in problem.eligible(node) for node in problem.nodes) for robot in robots}
+    tried: dict[tuple[bool, ...], bool] = {}
+    found = []
+    for robot in robots:
+        if alike[robot] not in tried and len(tried) < _TRIED:
+            tried[alike[robot]] = feasible(_one_more_slot(problem, robot))
+        if tried.get(alike[robot]):
+            found.append(robot)
+    if found:
+        yield f"give {listed(found, 'or')} one more slot (srprov_slots in the inventory)"
+
+
+def _one_more_slot(problem: Problem, robot: str) -> Problem:
+    slots = {**problem.slots, robot: problem.slots[robot] + 1}
+    loads = {**problem.loads, robot: (*problem.loads[robot], problem.loads[robot][-1])}
+    return replace(problem, slots=slots, loads=loads)
+
+
+def _abilities(problem: Problem) -> Iterator[str]:
+    """Name the robot that lacks least of what would make one more robot do."""
+    pairs = sorted(
+        (len(lacks), robot, node)
+        for node in problem.nodes
+        for robot in problem.robots
+        if problem.slots.get(robot, 1) and (lacks := _lacks(problem, node, robot))
+    )
+    for _, robot, node in pairs[:_TRIED]:
+        if robot not in problem.loads or feasible(_able(problem, node, robot)):
+            what = " and ".join(dict.fromkeys(miss.remedy for miss in _lacks(problem, node, robot)))
+            yield f"{what}, so that {robot} can run {quoted(node)}"
+            return
+
+
+def _lacks(problem: Problem, node: Node, robot: str) -> tuple[Miss, ...]:
+    """Give all that a robot lacks for a node, each remedy once (members repeat what their group lacks)."""
+    return tuple({miss.remedy: miss for name in node for miss in problem.misses[name].get(robot, ())}.values())
+
+
+def _able(problem: Problem, node: Node, robot: str) -> Problem:
+    capable = problem.capable.copy()
+    rows = [row for row, name in enumerate(problem.services) if name in node]
+    capable[rows, list(problem.loads).index(robot)] = True
+    return replace(problem, capable=capable)
+
+
+def _relations(problem: Problem) -> Iterator[str]:
+    """Name groups that stand in the way."""
+    names = {name for node in problem.nodes for name in node}
+    for group in problem.apart:
+        rest = tuple(other for other in problem.apart if other != group)
+        if len(names & set(group)) > 1 and feasible(replace(problem, apart=rest)):
+            yield f"take {quoted(sorted(names & set(group)))} out of relations.different_robot"
+    for node in problem.nodes:
+        parts = tuple(sorted((*(other for other in problem.nodes if other != node), *((name,) for name in node))))
+        if len(node) > 1 and feasible(replace(problem, nodes=parts)):
+            yield f"take {quoted(node)} out of relations.same_robot"
+
+
+def _pools(problem: Problem) -> Iterator[str]:
+    """Name two nodes that a pool would let share a slot."""
+    tries = 0
+    for index, first in enumerate(problem.nodes):
+        for second in problem.nodes[index + 1 :]:
+            if tries == _TRIED or not set(problem.eligible(first)) & set(problem.eligible(second)):
+                continue
+            tries += 1
+            pool = Pool(name="", services=tuple(sorted((first[0], second[0]))))
+            if feasible(replace(problem, pools=(*problem.pools, pool))):
+                yield f"pool {first[0]} and {second[0]} (pools in the EDF), they then share one slot"
+                return

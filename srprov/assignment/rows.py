@@ -1,0 +1,87 @@
+"""The rows of the model with pools and relations, and small helpers of the search over its pairs.
+
+Takes a Table and pairs (item, place) as arrays; gives index arrays. Pure.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from srprov.assignment.table import Array, Members, Table
+
+
+class Rows:
+    """The rows of the model: one per node, one per place, one per set of `apart` and robot with several places."""
+
+    def __init__(self, table: Table) -> None:
+        """Lay them out."""
+        self.nodes, self.places = table.nodes, table.cost.shape[1]
+        shared, counts = np.unique(table.robots, return_counts=True)
+        crowded = {int(robot): index for index, robot in enumerate(shared[counts > 1])}
+        self._robot: Array = np.array([crowded.get(int(robot), -1) for robot in table.robots], dtype=np.int64)
+        self._width = len(crowded)
+        groups = [set(group) for group in table.apart] if crowded else []
+        self._inside: list[Array] = [
+            np.array([not group.isdisjoint(item) for item in table.items], dtype=bool) for group in groups
+        ]
+        self.apart = len(groups) * self._width
+        free = np.full(self.places + self.apart, -np.inf)
+        self.low: Array = np.concatenate([np.ones(self.nodes), free])
+
+    def matrix(self, members: Members, item: Array, place: Array) -> tuple[Array, Array]:
+        """Give (row, column) of every 1 for the pairs; nowhere (the place after the last) has no row."""
+        row, column = members.rows(item)
+        somewhere = np.nonzero(place < self.places)[0]
+        rows, columns = [row, self.nodes + place[somewhere]], [column, somewhere]
+        for index, inside in enumerate(self._inside):
+            robot = self._robot[place[somewhere]]
+            touched = inside[item[somewhere]] & (robot >= 0)
+            rows.append(self.nodes + self.places + index * self._width + robot[touched])
+            columns.append(somewhere[touched])
+        return np.concatenate(rows), np.concatenate(columns)
+
+    def split(self, dual: Array) -> tuple[Array, Array, Array]:
+        """Give u [N], v [P] and w from the dual values of all rows."""
+        ends = self.nodes, self.nodes + self.places
+        return dual[: ends[0]], dual[ends[0] : ends[1]], dual[ends[1] :]
+
+    def subtract(self, reduced: Array, w: Array) -> None:
+        """Take the prices of `apart` off reduced costs [K, P + 1], in place."""
+        crowded = np.nonzero(self._robot >= 0)[0]
+        for index, inside in enumerate(self._inside):
+            prices = w[index * self._width : (index + 1) * self._width]
+            if prices.any():
+                reduced[np.ix_(inside, crowded)] -= prices[self._robot[crowded]]
+
+    def kept(self, item: Array, place: Array) -> bool:
+        """Tell whether a choice keeps `apart`."""
+        robot: Array = np.append(self._robot, -1)[place]
+        for inside in self._inside:
+            used = robot[inside[item] & (robot >= 0)]
+            if len(np.unique(used)) < len(used):
+                return False
+        return True
+
+
+def disjoint(order: list[int], table: Table) -> list[int]:
+    """Give the items of a list that have no node in common with an earlier one, rising."""
+    taken: set[int] = set()
+    kept = []
+    for item in order:
+        if taken.isdisjoint(table.items[item]):
+            kept.append(item)
+            taken.update(table.items[item])
+    return sorted(kept)
+
+
+def smallest(values: Array, count: int, axis: int) -> Array:
+    """Give the flat positions of the `count` smallest values of every row (axis 1) or column (axis 0) of a matrix."""
+    rows, columns = values.shape
+    count = min(count, values.shape[axis])
+    if count == 0 or values.size == 0:
+        return np.empty(0, dtype=np.int64)
+    if axis == 1:
+        picked = np.argpartition(values, count - 1, axis=1)[:, :count]
+        return (np.arange(rows)[:, None] * columns + picked).ravel()
+    picked = np.argpartition(values, count - 1, axis=0)[:count]
+    return (picked * columns + np.arange(columns)).ravel()

@@ -1,0 +1,276 @@
+"""Pools and relations: the exact method where the flow alone is not the model.
+
+Takes a Table, gives an Outcome, or None when not every node can be covered. Pure and deterministic (a time limit can
+cut it short; then the Outcome says by how much it may be off).
+
+What makes it fast is that hardly any of the (item, place) pairs matter:
+
+1. The nodes' own min-cost flow gives prices to begin with; bundles that gain most under them give a first choice.
+2. The linear relaxation is solved on a few pairs each; all others are priced by arrays, those with negative reduced
+   cost join (column generation), until none is left.
+3. Prices give a bound that is checked in whole numbers, whatever the solver's rounding: with u per node, v <= 0 per
+   place and w <= 0 per row of `apart` such that no pair's reduced cost is negative, `sum u + sum v + sum w` is below
+   every choice's cost.
+4. A choice that beats the best known one holds only pairs whose reduced cost is at most the gap. So HiGHS gets these
+   alone, and its optimum is the optimum of all. Mostly the relaxation is whole already, and nothing is left to do.
+
+A node may also go nowhere, at a cost above any full choice: so everything stays feasible, and a best choice with a node
+nowhere proves that there is none.
+
+Source: column generation and reduced-cost fixing, e.g. Wolsey, *Integer Programming*, 2nd ed., chapters 7 and 11.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from srprov.assignment.rows import Rows, disjoint, smallest
+from srprov.assignment.solve_flow import assign, potentials
+from srprov.assignment.solve_lp import Growing, whole
+from srprov.assignment.table import NEVER, Array, Members, Outcome, Table, outcome
+
+_FINER = 4096
+"""Prices are whole numbers of 1/4096 unit, so that rounding them costs less than a unit of the bound."""
+_AWAY = 4.0
+"""What nowhere costs in the relaxation to begin with, in largest costs; more only if it is still chosen then."""
+_ROUNDS = 60
+"""Of Bellman-Ford for the first prices, which need not be exact."""
+_PER_ITEM, _PER_PLACE = 8, 4
+"""Pairs that begin, and that join at a time."""
+
+
+def solve_table(table: Table, seconds: float | None = None) -> Outcome | None:
+    """Give the cheapest cover, or None; with a limit in seconds the best found by then and its bound."""
+    if not table.nodes:
+        return outcome(table, (), ())
+    search = _Search(table, None if seconds is None else time.monotonic() + seconds)
+    search.begin()
+    search.relax()
+    search.finish()
+    return search.answer()
+
+
+@dataclass(kw_only=True)
+class _Prices:
+    """Dual values in fine units, whole numbers: u [N], v [P] <= 0, w [rows of `apart`] <= 0; and their bound."""
+
+    u: Array
+    v: Array
+    w: Array
+    bound: int
+
+
+@dataclass
+class _Search:
+    """The state between the steps: pairs in the relaxation, the best prices, the best choice."""
+
+    table: Table
+    until: float | None
+    members: Members = field(init=False)
+    fine: int = field(init=False)
+    nowhere: int = field(init=False)
+    """Fine units."""
+    rows: Rows = field(init=False)
+    cost: Array = field(init=False)
+    """int64 [K, P + 1] in fine units; the last place is nowhere."""
+    best: tuple[int, Array] | None = None
+    """Fine cost of the best choice so far, and its pairs."""
+    prices: _Prices | None = None
+    bound: int = 0
+    """Fine units: no choice costs less."""
+    have: Array = field(init=False)
+    """bool [K * (P + 1)]: pairs in the relaxation."""
+
+    def __post_init__(self) -> None:
+        """Lay out costs and rows."""
+        table = self.table
+        items, places = table.cost.shape
+        largest = int(table.cost[table.allowed].max(initial=0)) * max(1, table.nodes) + 1
+        self.fine = max(1, min(_FINER, NEVER // (8 * max(1, table.nodes) * largest)))
+        self.nowhere = largest * self.fine
+        self.members = Members(table.items, table.nodes)
+        self.rows = Rows(table)
+        self.cost = np.full((items, places + 1), NEVER, dtype=np.int64)
+        self.cost[:, :places] = np.where(table.allowed, table.cost * self.fine, NEVER)
+        self.cost[: table.nodes, places] = self.nowhere
+        self.have = np.zeros(self.cost.size, dtype=bool)
+
+    def begin(self) -> None:
+        """Find first prices and a first choice; put the pairs that look good under them into the relaxation."""
+        nodes, width = self.table.nodes, self.cost.shape[1]
+        found, u, v = self._flow(np.arange(nodes))
+        bundles = self._gainful(u, v)
+        if bundles:
+            taken = {node for bundle in bundles for node in self.table.items[bundle]}
+            chosen = np.array([node for node in range(nodes) if node not in taken] + bundles, dtype=np.int64)
+            places, per_item, v = self._flow(chosen)
+            self._offer(chosen * width + places)
+            u = self._split(chosen, per_item, v)
+        self._offer(np.arange(nodes) * width + found)
+        self.prices = self._prove(u, np.zeros(self.rows.apart))
+        reduced = self._reduced(u, v, np.zeros(self.rows.apart, dtype=np.int64))
+        first = [smallest(reduced, _PER_ITEM, 1), smallest(reduced, _PER_PLACE, 0), self._nowhere_pairs()]
+        first += [self.best[1]] if self.best is not None else [np.arange(nodes) * width + found]
+        pairs = np.unique(np.concatenate(first))
+        self._first = pairs[self.cost.ravel()[pairs] < NEVER]
+
+    def relax(self) -> None:
+        """Solve the linear relaxation over all pairs; leave the prices and, rounded, a choice."""
+        scale = float(max(1, self.table.cost[self.table.allowed].max(initial=1))) * self.fine
+        away, most = _AWAY, self.nowhere / scale
+        program, fresh = Growing(self.rows.low), self._first
+        keys: Array = np.empty(0, dtype=np.int64)
+        while True:
+            item, place = np.divmod(fresh, self.cost.shape[1])
+            price = np.where(place < self.rows.places, self.cost.ravel()[fresh] / scale, min(away, most))
+            program.add(*self.rows.matrix(self.members, item, place), price)
+            self.have[fresh] = True
+            keys = np.concatenate([keys, fresh])
+            least, chosen, dual = program.solve()
+            u, v, w = self.rows.split(np.rint(dual * scale).astype(np.int64))
+            found = self._prove(u, w)
+            if self.prices is None or found.bound > self.prices.bound:
+                self.prices = found
+            if self._late() or (self._somewhere(keys, chosen) and least * scale - self.prices.bound < self.fine / 2):
+                break
+            fresh = self._negative(self._reduced(u, v, w), scale)
+            if not len(fresh):
+                if away >= most or self._somewhere(keys, chosen):
+                    break
+                away *= 32
+                program.reprice(np.nonzero(keys % self.cost.shape[1] == self.rows.places)[0], min(away, most))
+        self._round(keys, chosen)
+
+    def finish(self) -> None:
+        """Close the gap between the best choice and the bound, if there is one, over the pairs that can matter."""
+        assert self.prices is not None
+        prices, reach = self.prices, 0
+        self.bound = prices.bound
+        reduced = self._reduced(prices.u, prices.v, prices.w).ravel()
+        while not self._proved() and not self._late():
+            assert self.best is not None
+            gap = self.best[0] - prices.bound
+            # few pairs first: mostly they hold the answer
+            reach = gap if gap < 1000 * self.fine or reach else gap // 4
+            pairs = np.nonzero(reduced <= reach)[0]
+            if reach == gap:
+                pairs = np.union1d(pairs, self.best[1])
+            item, place = np.divmod(pairs, self.cost.shape[1])
+            cost = (self.cost.ravel()[pairs] - self.members.sums(prices.u)[item]) * (1e4 / gap)
+            left = None if self.until is None else max(0.01, self.until - time.monotonic())
+            chosen, low, done = whole(self.rows.low, *self.rows.matrix(self.members, item, place), cost, left)
+            if chosen is not None:
+                self._offer(pairs[chosen])
+            # whoever stays below `reach` uses none but these pairs, so their optimum speaks for all up to there
+            beyond = prices.bound + reach
+            here = self.best[0] if done else int(prices.u.sum()) + math.floor(max(low, -1e12) * gap / 1e4)
+            self.bound = max(self.bound, min(self.best[0], here, beyond))
+            if not done:
+                break
+
+    def answer(self) -> Outcome | None:
+        """Give the best choice in the table's own units; None when some node went nowhere."""
+        if self.best is None:
+            return None
+        item, place = np.divmod(self.best[1], self.cost.shape[1])
+        if (place == self.cost.shape[1] - 1).any():
+            return None
+        return outcome(self.table, item, place, -(-self.bound // self.fine))
+
+    def _flow(self, chosen: Array) -> tuple[Array, Array, Array]:
+        """Place items that cover every node, without `apart`: the place of each, and their prices u and v [P]."""
+        places = self.cost.shape[1] - 1
+        own: Array = np.full((len(chosen), len(chosen)), NEVER, dtype=np.int64)
+        np.fill_diagonal(own, self.nowhere * self.members.sizes[chosen])
+        cost = np.hstack([self.cost[chosen, :places], own])
+        found = assign(cost, cost < NEVER)
+        assert found is not None, "everything can go nowhere"
+        u, v = potentials(cost, found, _ROUNDS)
+        return np.minimum(found, places), u, v[:places]
+
+    def _gainful(self, u: Array, v: Array) -> list[int]:
+        """Give disjoint bundles in the order of what they gain under prices."""
+        nodes = self.table.nodes
+        priced = np.minimum(self.cost[nodes:, :-1], NEVER // 4) - v
+        gains = priced.min(axis=1, initial=NEVER // 4) - self.members.sums(u)[nodes:]
+        order = [nodes + int(index) for index in np.argsort(gains, kind="stable") if gains[index] < 0]
+        return disjoint(order, self.table)
+
+    def _split(self, chosen: Array, per_item: Array, v: Array) -> Array:
+        """Give prices per node [N] from those per chosen item; a bundle's is split by what its nodes would cost."""
+        alone = np.minimum(self.cost[: self.table.nodes, :-1], NEVER // 4) - v
+        u = np.minimum(alone.min(axis=1, initial=self.nowhere), self.nowhere)
+        for item, price in zip(chosen.tolist(), per_item.tolist(), strict=True):
+            inside = list(self.table.items[item])
+            total = int(u[inside].sum())
+            u[inside] = (
+                (u[inside] * (price / total)).astype(np.int64) if item >= self.table.nodes and total else u[inside]
+            )
+        return u
+
+    def _prove(self, u: Array, w: Array) -> _Prices:
+        """Give the best bound that prices per node and per row of `apart` allow, with the prices that prove it."""
+        u = np.minimum(u, self.nowhere)
+        w = np.minimum(w, 0).astype(np.int64)
+        v = np.minimum(0, self._reduced(u, np.zeros(self.cost.shape[1] - 1, dtype=np.int64), w)[:, :-1].min(axis=0))
+        return _Prices(u=u, v=v, w=w, bound=int(u.sum()) + int(v.sum()) + int(w.sum()))
+
+    def _reduced(self, u: Array, v: Array, w: Array) -> Array:
+        """Give int64 [K, P + 1]: the reduced cost of every pair."""
+        reduced = self.cost - self.members.sums(u)[:, None]
+        reduced[:, :-1] -= v
+        self.rows.subtract(reduced, w)
+        return reduced
+
+    def _negative(self, reduced: Array, scale: float) -> Array:
+        """Give pairs with negative reduced cost, a few per item and per place."""
+        reduced = np.where(self.have.reshape(reduced.shape), 0, np.minimum(reduced, 0))
+        few = np.unique(np.concatenate([smallest(reduced, _PER_ITEM, 1), smallest(reduced, _PER_PLACE, 0)]))
+        return few[reduced.ravel()[few] < -1e-9 * scale]
+
+    def _round(self, keys: Array, chosen: Array) -> None:
+        """Make a choice of the relaxation: its bundles by how far they are chosen, then the flow of the rest."""
+        if ((chosen < 1e-6) | (chosen > 1 - 1e-6)).all():
+            self._offer(keys[chosen > 0.5])
+            return
+        item = keys // self.cost.shape[1]
+        share = np.bincount(item, weights=chosen, minlength=len(self.table.items))
+        order = [
+            int(index)
+            for index in np.argsort(-share, kind="stable")
+            if index >= self.table.nodes and share[index] > 0.3
+        ]
+        bundles = disjoint(order, self.table)
+        taken = {node for bundle in bundles for node in self.table.items[bundle]}
+        items = np.array([node for node in range(self.table.nodes) if node not in taken] + bundles, dtype=np.int64)
+        self._offer(items * self.cost.shape[1] + self._flow(items)[0])
+
+    def _offer(self, pairs: Array) -> None:
+        """Keep a choice when it is allowed and better than the best."""
+        item, place = np.divmod(pairs, self.cost.shape[1])
+        if (self.cost.ravel()[pairs] >= NEVER).any() or not self.rows.kept(item, place):
+            return
+        cost = int(self.cost.ravel()[pairs].sum())
+        if self.best is None or cost < self.best[0]:
+            self.best = cost, np.sort(pairs)
+
+    def _somewhere(self, keys: Array, chosen: Array) -> bool:
+        """Tell whether the relaxation leaves no node out."""
+        return bool((chosen[keys % self.cost.shape[1] == self.rows.places] < 1e-9).all())
+
+    def _nowhere_pairs(self) -> Array:
+        return np.arange(self.table.nodes) * self.cost.shape[1] + self.cost.shape[1] - 1
+
+    def _proved(self) -> bool:
+        """Tell whether nothing a whole unit better is left."""
+        if self.best is None:
+            self._offer(self._nowhere_pairs())
+        assert self.best is not None
+        return self.best[0] - self.bound < self.fine
+
+    def _late(self) -> bool:
+        return self.until is not None and time.monotonic() > self.until

@@ -1,0 +1,151 @@
+"""`srprov assign`: who would run what and why; from robots, or from stored facts without any."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from srprov.cli import options
+from srprov.cli.history import HISTORY, read_history
+from srprov.cli.output import err, out, out_json
+from srprov.errors import DefinitionError, UsageError
+
+if TYPE_CHECKING:
+    from srprov.assignment.fairness import Point
+    from srprov.assignment.model import Assignment, Problem
+    from srprov.controller import Wishes
+    from srprov.definitions.model import Definitions, Inventory
+    from srprov.facts.model import Found
+
+UNREACHABLE = 4
+
+
+@click.command()
+@click.argument("file", metavar="FILE")
+@options.robots
+@options.INSTANCE
+@HISTORY
+@click.option(
+    "--facts",
+    "stored",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Decide from what `facts --json` wrote; no robot is asked.",
+)
+@click.option("--reassign", is_flag=True, help="Let running services move when that is cheaper.")
+@click.option("--explain", is_flag=True, help="Say the cost by term, the next best robot, and why not elsewhere.")
+@click.option("--pareto", is_flag=True, help="Show what each step of fairness costs.")
+@click.option(
+    "--time-limit",
+    type=click.FloatRange(min=0, min_open=True),
+    metavar="S",
+    help="Stop searching after so long, with the best found.",
+)
+@click.option("--svg", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", help="Draw the cost matrix.")
+@click.option("--png", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", help="Draw the cost matrix.")
+def assign(
+    file: str, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, instance: str,
+    history: Path | None, stored: Path | None, reassign: bool, explain: bool, pareto: bool, time_limit: float | None,
+    svg: Path | None, png: Path | None,
+) -> int:  # fmt: skip
+    """Show who would run what, and why; changes nothing.
+
+    Exits with 8 when there is no placement, and says which services are in each other's way; with 4 when a robot
+    cannot be reached.
+    """
+    from srprov.assignment import fairness, solve
+    from srprov.assignment.document import assign_json
+    from srprov.controller import Wishes
+
+    definitions, inventory = options.load_experiment(file), options.load_inventory(inventories)
+    wishes = Wishes(instance=instance, reassign=reassign, history=read_history(history), forks=forks)
+    if stored:
+        found = _stored(stored, inventory)
+        task = _problem(definitions, inventory, found, wishes)
+    else:
+        with options.open_lab(inventory, timeout, forks) as lab:
+            found, task = _asked(definitions, inventory, lab, wishes)
+    answer = solve.solve(task, time_limit)
+    front = fairness.pareto(task, lambda one: solve.solve(one, time_limit)) if pareto else ()
+    if as_json:
+        out_json(assign_json(answer, front))
+    else:
+        _show(answer, explain=explain, front=front)
+    for target in (svg, png):
+        if target:
+            _draw(answer, front, target, "svg" if target is svg else "png")
+    for host, reason in sorted(found.unreachable.items()):
+        err(f"unreachable: {host}: {reason}")
+    return UNREACHABLE if found.unreachable else 0
+
+
+def _stored(path: Path, inventory: Inventory) -> Found:
+    """Read facts from a file; robots of the inventory that it does not have count as out of reach."""
+    from srprov.facts.stored import read_document
+
+    try:
+        found = read_document(json.loads(path.read_text(encoding="utf-8")))
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{path}: {error}", hint="give a file that `srprov facts --json` wrote") from error
+    facts = {name: one for name, one in found.facts.items() if name in inventory.hosts}
+    away = {
+        name: found.unreachable.get(name, "not in the stored facts") for name in inventory.hosts if name not in facts
+    }
+    return dataclasses.replace(found, facts=facts, existing={name: () for name in facts}, unreachable=away)
+
+
+def _asked(definitions: Definitions, inventory: Inventory, lab: options.Lab, wishes: Wishes) -> tuple[Found, Problem]:
+    from srprov.facts.gather import gather
+
+    found = gather(inventory, lab.sessions.get, sample=True, forks=wishes.forks)
+    return found, _problem(definitions, inventory, found, wishes)
+
+
+def _problem(definitions: Definitions, inventory: Inventory, found: Found, wishes: Wishes) -> Problem:
+    from srprov.controller import choice_of, with_instances
+    from srprov.definitions.pins import unknown_pins
+    from srprov.instance import previous_robots
+
+    if unknown := unknown_pins(definitions.experiment, inventory):
+        raise DefinitionError(unknown)
+    previous = previous_robots(found, wishes.instance or definitions.experiment.name)
+    experiment = with_instances(definitions.experiment, found, previous)
+    return choice_of(experiment, definitions, inventory, found, previous, wishes)
+
+
+def _show(answer: Assignment, *, explain: bool, front: tuple[Point, ...]) -> None:
+    from srprov.assignment.explain import describe, reasons
+
+    lines = describe(answer) if explain else _short(answer)
+    if explain:
+        lines += ["", *reasons(answer.why_not)] if any(answer.why_not.values()) else []
+    if front:
+        lines += ["", "FAIRNESS  COST      MORE     JAIN"]
+        least = front[0].cost
+        for point in front:
+            more = f"{100 * (point.cost / least - 1):+.2f} %" if least else "-"
+            lines.append(f"{point.fairness:<8g}  {point.cost:<8.3f}  {more:<7}  {point.jain:.3f}")
+    out("\n".join(lines))
+
+
+def _short(answer: Assignment) -> list[str]:
+    width = max((len(name) for name in answer.placed), default=0)
+    lines = [f"{name:<{width}} -> {robot}" for name, robot in answer.placed.items()]
+    lines += [f"pool {name}: {how}" for name, how in sorted(answer.pools.items())]
+    note = "the least possible" if answer.optimal else f"{answer.least:.3f} is possible"
+    if answer.gap:
+        note = f"the search was stopped, {answer.gap:.3f} less may be possible"
+    return [*lines, f"cost {answer.cost:.3f}, {note}; Jain's index {answer.jain:.3f}"]
+
+
+def _draw(answer: Assignment, front: tuple[Point, ...], target: Path, form: str) -> None:
+    from srprov.cli.assign_plot import draw
+
+    try:
+        draw(answer, front, target, form)
+    except OSError as error:
+        raise UsageError(f"cannot write {target}: {error.strerror}", hint="name another file") from error

@@ -1,0 +1,100 @@
+"""Replicas and `per_robot`: one service of the EDF -> the instances that run.
+
+Takes an Experiment as it was read, and the robots there are with their tags; gives an Experiment in which every service
+runs once. Pure; run once, after the robots have been asked, before anything is decided. A replica is named NAME-1 to
+NAME-n, an instance of `per_robot` NAME-ROBOT. Whatever names the service (dependencies, pools, relations) then names
+all its instances.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from types import MappingProxyType
+
+from srprov.definitions.model import Experiment, Pool, Service
+from srprov.errors import UsageError
+
+_LONGEST = 63
+"""Characters of a container's host name."""
+
+
+def expand(
+    experiment: Experiment, tags: Mapping[str, Iterable[str]], previous: Mapping[str, str] = MappingProxyType({})
+) -> Experiment:
+    """Give the experiment with every instance as a service of its own.
+
+    Args:
+        experiment: As it was read.
+        tags: Reachable robot -> its tags.
+        previous: Service -> the robot out of reach that it runs on; an instance there is not forgotten.
+
+    Raises:
+        UsageError: An instance would have the name of another service, or too long a name.
+    """
+    if not any(one.replicas != 1 or one.per_robot is not None for one in experiment.services.values()):
+        return experiment
+    has = {robot: set(some) for robot, some in tags.items()}
+    instances = {name: _instances(one, has, previous) for name, one in experiment.services.items()}
+    _check(experiment, instances)
+    services = [replace(one, depends_on=_depends_on(one, instances)) for some in instances.values() for one in some]
+    names = {name: tuple(one.name for one in some) for name, some in instances.items()}
+    return replace(
+        experiment,
+        services=MappingProxyType({one.name: one for one in sorted(services, key=lambda one: one.name)}),
+        same_robot=_groups(experiment.same_robot, names),
+        different_robot=_groups(experiment.different_robot, names),
+        pools=tuple(_pool(pool, names) for pool in experiment.pools if len(_all(pool.services, names)) > 1),
+    )
+
+
+def _instances(service: Service, tags: Mapping[str, set[str]], previous: Mapping[str, str]) -> list[Service]:
+    if service.per_robot is not None:
+        robots = {robot for robot, has in tags.items() if has >= set(service.per_robot)}
+        away = {robot for name, robot in previous.items() if robot not in tags and name == _named(service.name, robot)}
+        return [
+            replace(service, name=_named(service.name, robot), robot=robot, instance_of=service.name)
+            for robot in sorted(robots | away)
+        ]
+    if service.replicas == 1:
+        return [service]
+    return [
+        replace(service, name=f"{service.name}-{number}", replicas=1, instance_of=service.name)
+        for number in range(1, service.replicas + 1)
+    ]
+
+
+def _named(service: str, robot: str) -> str:
+    """Give an instance's name; it is a host name and part of a container's, so a robot's name is made to fit."""
+    return f"{service}-{re.sub(r'[^a-z0-9_.-]', '-', robot.lower()).strip('-._') or 'robot'}"
+
+
+def _check(experiment: Experiment, instances: Mapping[str, Sequence[Service]]) -> None:
+    seen: dict[str, str] = {}
+    for name, some in sorted(instances.items()):
+        for one in some:
+            if one.name in seen or (one.name != name and one.name in experiment.services):
+                raise UsageError(f"two services would be named '{one.name}'", hint=f"rename '{name}' in the EDF")
+            if len(one.name) > _LONGEST:
+                raise UsageError(
+                    f"'{one.name}' is longer than {_LONGEST} characters", hint=f"give '{name}' a shorter name"
+                )
+            seen[one.name] = name
+
+
+def _depends_on(service: Service, instances: Mapping[str, Sequence[Service]]) -> Mapping[str, str]:
+    waits = {one.name: how for other, how in service.depends_on.items() for one in instances.get(other, ())}
+    return MappingProxyType(dict(sorted(waits.items())))
+
+
+def _all(group: Iterable[str], names: Mapping[str, Sequence[str]]) -> tuple[str, ...]:
+    return tuple(sorted(instance for name in group for instance in names.get(name, ())))
+
+
+def _groups(groups: Iterable[Sequence[str]], names: Mapping[str, Sequence[str]]) -> tuple[tuple[str, ...], ...]:
+    return tuple(sorted(every for group in groups if len(every := _all(group, names)) > 1))
+
+
+def _pool(pool: Pool, names: Mapping[str, Sequence[str]]) -> Pool:
+    return replace(pool, services=_all(pool.services, names))

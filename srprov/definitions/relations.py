@@ -1,0 +1,107 @@
+"""Pools, relations, replicas and `per_robot` of an EDF: reading them, and what about them cannot be.
+
+Takes the root of an EDF; gives values, or adds to `Findings`. Pure.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+
+from srprov.definitions import nodes
+from srprov.definitions.model import Pool
+from srprov.definitions.nodes import Findings, Map, Node, Path, Scalar, Seq
+from srprov.definitions.values import scalars, text
+
+
+def pools(root: Map) -> tuple[Pool, ...]:
+    """Give the pools in name order."""
+    found = []
+    for _, pool in _pools(root):
+        services = tuple(sorted({item.text for item in scalars(pool.entries.get("services"))}))
+        discount = nodes.as_number(pool.entries["discount"]) if "discount" in pool.entries else None
+        name = text(pool.entries.get("name")) or "+".join(services)
+        found.append(Pool(name=name, services=services, discount=1.0 if discount is None else discount))
+    return tuple(sorted(found, key=lambda pool: (pool.name, pool.services)))
+
+
+def different_robot(root: Map) -> tuple[tuple[str, ...], ...]:
+    """Give the groups of which no two services may share a robot, sorted."""
+    return tuple(sorted({tuple(sorted({item.text for item in scalars(group)})) for _, group in _apart(root)}))
+
+
+def check(root: Map, known: Mapping[str, Map], same_robot: Sequence[Sequence[str]], findings: Findings) -> None:
+    """Add what cannot be: relations that contradict each other, names that clash, services that are on every robot."""
+    _contradictions(root, same_robot, findings)
+    _spread(root, known, same_robot, findings)
+    _instances(known, findings)
+    seen: set[str] = set()
+    for index, pool in _pools(root):
+        name = text(pool.entries.get("name"))
+        if name and name in seen:
+            findings.add(pool.entries["name"], f"there are two pools '{name}'", ("pools", index, "name"))
+        seen.add(name)
+
+
+def _pools(root: Map) -> Iterator[tuple[int, Map]]:
+    given = root.entries.get("pools")
+    for index, pool in enumerate(given.items if isinstance(given, Seq) else ()):
+        if isinstance(pool, Map):
+            yield index, pool
+
+
+def _apart(root: Map) -> Iterator[tuple[int, Node]]:
+    relations = root.entries.get("relations")
+    given = relations.entries.get("different_robot") if isinstance(relations, Map) else None
+    yield from enumerate(given.items if isinstance(given, Seq) else ())
+
+
+def _contradictions(root: Map, same_robot: Sequence[Sequence[str]], findings: Findings) -> None:
+    for index, group in _apart(root):
+        items = scalars(group)
+        for together in same_robot:
+            both = [item for item in items if item.text in together]
+            if len({item.text for item in both}) > 1:
+                names = " and ".join(f"'{item.text}'" for item in both[:2])
+                message = f"{names} must run on different robots, but same_robot puts them on one"
+                findings.add(both[1], message, ("relations", "different_robot", index))
+
+
+def _spread(root: Map, known: Mapping[str, Map], same_robot: Sequence[Sequence[str]], findings: Findings) -> None:
+    """Check what names a service of which there are several, or one on each robot."""
+    everywhere = {name for name, entry in known.items() if "per_robot" in entry.entries}
+    for index, pool in _pools(root):
+        _nowhere(pool.entries.get("services"), everywhere, "a pool", ("pools", index, "services"), findings)
+    for index, group in _apart(root):
+        _nowhere(group, everywhere, "different_robot", ("relations", "different_robot", index), findings)
+    for together in same_robot:
+        for name in sorted(everywhere & set(together)):
+            message = f"'{name}' runs on each robot ('per_robot'), so same_robot cannot name it"
+            findings.add(known[name].keys["per_robot"], message, ("services", name, "per_robot"))
+
+
+def _nowhere(node: Node | None, everywhere: set[str], where: str, path: Path, findings: Findings) -> None:
+    for item in scalars(node):
+        if item.text in everywhere:
+            findings.add(item, f"'{item.text}' runs on each robot ('per_robot'), so {where} cannot name it", path)
+
+
+def _instances(known: Mapping[str, Map], findings: Findings) -> None:
+    """Check `replicas` and `per_robot`: not both, no pin with `per_robot`, and no name that an instance will have."""
+    for name, entry in sorted(known.items()):
+        path: Path = ("services", name)
+        for other in ("robot", "replicas"):
+            if "per_robot" in entry.entries and other in entry.entries:
+                findings.add(entry.keys[other], f"'{other}' and 'per_robot' exclude each other", (*path, other))
+        count = entry.entries.get("replicas")
+        number = nodes.as_int(count) if isinstance(count, Scalar) else None
+        per_robot = isinstance(entry.entries.get("per_robot"), Map)
+        for other in sorted(known):
+            match = re.fullmatch(rf"{re.escape(name)}-(.+)", other)
+            if match is None:
+                continue
+            taken = number is not None and number > 1 and match[1].isdigit() and 1 <= int(match[1]) <= number
+            if taken or per_robot:
+                message = f"'{other}' is also the name of an instance of '{name}'"
+                if taken:
+                    findings.add(known[other], message, ("services", other), f"rename '{other}'")

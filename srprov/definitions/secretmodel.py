@@ -1,0 +1,37 @@
+"""The values that `secrets` become: where one comes from, and where a container sees it. Never what it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from srprov.errors import Location
+
+_NOWHERE = Location("")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SecretSource:
+    """Where the value of a secret comes from; exactly one of `env`, `file`, `command` is not empty."""
+
+    name: str
+    env: str = ""
+    file: str = ""
+    """Absolute path on the controller."""
+    command: tuple[str, ...] = ()
+    folder: str = ""
+    """Where the command runs: the EDF's folder."""
+    location: Location = _NOWHERE
+    excerpt: str = ""
+    """The line of the EDF, for error messages."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SecretUse:
+    """A secret in a service's container."""
+
+    source: str
+    """The secret's name."""
+    target: str
+    """Absolute path inside."""
+    mode: str = "0400"
+    """Octal text, four digits."""

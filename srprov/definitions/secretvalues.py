@@ -1,0 +1,150 @@
+"""Where a secret comes from -> its value, as a `Secret`.
+
+Takes SecretSources; gives a Vault, or every problem at its line of the EDF. Reads the environment and files, and runs
+the commands that the EDF names: without a shell, without a terminal, with a deadline. For plan and apply only, and only
+what a service uses. A variable that was read leaves the environment, so that no program that srprov starts inherits it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import selectors
+import signal
+import subprocess
+import time
+from collections.abc import Iterable, MutableMapping
+
+from srprov.definitions.model import Experiment
+from srprov.definitions.secretmodel import SecretSource
+from srprov.errors import DefinitionError, Problem
+from srprov.secret import Secret, Vault, redact
+
+DEADLINE_S = 30.0
+_LARGEST = 512_000
+"""Bytes of a secret; Docker's own limit is about as high."""
+_COMPLAINT = 2000
+"""Characters of what a failed command complained about."""
+
+
+def used(experiment: Experiment) -> tuple[SecretSource, ...]:
+    """Give the sources of those secrets that some service lists, in name order."""
+    names = {use.source for service in experiment.services.values() for use in service.secrets}
+    return tuple(experiment.secrets[name] for name in sorted(names))
+
+
+def resolve(
+    sources: Iterable[SecretSource], environ: MutableMapping[str, str] | None = None, deadline_s: float = DEADLINE_S
+) -> Vault:
+    """Read every value.
+
+    Raises:
+        DefinitionError: With every variable, file and command that gave none.
+    """
+    variables = os.environ if environ is None else environ
+    found: dict[str, Secret] = {}
+    problems = []
+    wanted = tuple(sources)
+    taken = {source.env: variables.get(source.env) for source in wanted if source.env}
+    for name in taken:
+        variables.pop(name, None)
+    for source in wanted:
+        try:
+            found[source.name] = Secret(_value(source, taken, variables, deadline_s))
+        except (ValueError, OSError) as error:
+            why = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+            message = f"secret '{source.name}': {redact(why)}"
+            problems.append(Problem(source.location, message, f"secrets.{source.name}", source.excerpt, _hint(source)))
+    if problems:
+        raise DefinitionError(problems)
+    return Vault(found)
+
+
+def _hint(source: SecretSource) -> str:
+    if source.env:
+        return f"set {source.env} where srprov runs"
+    return f"it is looked for at {source.file}" if source.file else "try the command by hand"
+
+
+def _value(
+    source: SecretSource, taken: dict[str, str | None], environ: MutableMapping[str, str], limit_s: float
+) -> str:
+    """Give the value as text; bytes that are no UTF-8 become surrogates, and leave as they were."""
+    if source.env:
+        given = taken[source.env]
+        if given is None:
+            raise ValueError(f"the controller's environment has no '{source.env}'")
+        return given
+    if source.file:
+        with open(source.file, "rb") as stream:
+            content = stream.read(_LARGEST + 1)
+    else:
+        content = _printed(source, environ, limit_s)
+        content = content[: -2 if content.endswith(b"\r\n") else -1] if content.endswith(b"\n") else content
+    if len(content) > _LARGEST:
+        raise ValueError(f"is larger than {_LARGEST} bytes")
+    return content.decode("utf-8", "surrogateescape")
+
+
+def _printed(source: SecretSource, environ: MutableMapping[str, str], limit_s: float) -> bytes:
+    """Run a command and give what it printed; what it complains is shown only when it fails."""
+    program = source.command[0]
+    process = subprocess.Popen(
+        source.command,
+        cwd=source.folder or None,
+        env=dict(environ),
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
+    )
+    end = time.monotonic() + limit_s
+    try:
+        out, err = _read(process, end)
+        code = process.wait(max(end - time.monotonic(), 0.0))
+    except (TimeoutError, subprocess.TimeoutExpired):
+        raise ValueError(f"'{program}' did not end within {limit_s:g} s") from None
+    finally:
+        _end(process)
+    if code != 0:
+        _hide(out)
+        said = " ".join(redact(err.decode("utf-8", "replace")).split())[-_COMPLAINT:]
+        raise ValueError(f"'{program}' ended with {code}" + (f": {said}" if said else ""))
+    return out
+
+
+def _read(process: subprocess.Popen[bytes], end: float) -> tuple[bytes, bytes]:
+    """Read both streams to their ends; what is beyond the largest secret is thrown away."""
+    assert process.stdout and process.stderr
+    got = {process.stdout: bytearray(), process.stderr: bytearray()}
+    with selectors.DefaultSelector() as waiting:
+        for stream in got:
+            waiting.register(stream, selectors.EVENT_READ)
+        while waiting.get_map():
+            for key, _ in waiting.select(max(end - time.monotonic(), 0.0)):
+                piece = os.read(key.fd, 1 << 16)
+                buffer = got[key.fileobj]  # type: ignore[index]  # the very streams that were registered
+                buffer += piece[: max(0, _LARGEST + 1 - len(buffer))]
+                if not piece:
+                    waiting.unregister(key.fileobj)
+            if time.monotonic() >= end:
+                raise TimeoutError
+    return bytes(got[process.stdout]), bytes(got[process.stderr])
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    """Leave nothing of it running, and no pipe open."""
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGKILL)  # what it left in the background too
+    process.wait()
+    for pipe in (process.stdout, process.stderr):
+        if pipe:
+            pipe.close()
+
+
+def _hide(out: bytes) -> None:
+    """Know what a failed command printed: it may be the value, and stand in its complaint too."""
+    try:
+        Secret(out.decode("utf-8", "surrogateescape"))
+    except ValueError:
+        return

@@ -1,0 +1,215 @@
+"""One lock per robot: what it is there, who holds it, and how that is read.
+
+The lock is a `flock` on the robot, taken by a script that lives on the controller's own connection (`wire.Hold`). The
+kernel frees it with the script's process, so a lock whose holder died cannot exist; the file `holder` beside it only
+tells people whose lock it is. When the controller is gone (end of input) or was silent for too long, the script first
+kills what the controller's session still runs on the robot, then lets go: nobody acts on a robot without its lock.
+
+Takes and gives values; `taking.py` takes the locks of a run.
+"""
+
+from __future__ import annotations
+
+import concurrent.futures
+import datetime as dt
+import getpass
+import json
+import os
+import secrets
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+from srprov.errors import TransportError
+from srprov.wire import Query, Reader, quote
+
+PLACES = ("/run/srprov", "/tmp/srprov")  # noqa: S108 - the fallback is used only when root owns it
+"""Folders for lock and holder: the first that root can write to, and that root owns."""
+
+SCRIPT = r"""
+mark=$1 quiet=$2 holder=$3 held= place=
+shift 3
+trap '' PIPE
+trap : HUP INT TERM
+say() { printf '%s\n' "$*"; }
+now() { date -u +%Y-%m-%dT%H:%M:%SZ; }
+for tool in flock timeout dd; do
+    command -v "$tool" >/dev/null || { say "no $tool is not installed on the robot"; exit 1; }
+done
+umask 077
+for place in "$@" ''; do
+    mkdir -m 755 "$place" 2>/dev/null
+    [ -d "$place" ] && [ ! -L "$place" ] && [ -O "$place" ] && (: >>"$place/lock") 2>/dev/null && break
+done
+[ "$place" ] || { say "no folder for a lock: root can write to none of $*"; exit 1; }
+exec 9>>"$place/lock"
+take() {
+    if flock -n 9 2>/dev/null; then
+        held=1
+        printf '%s,"since":"%s"}\n' "${holder%\}}" "$(now)" >"$place/holder.part" &&
+            chmod 644 "$place/holder.part" && mv "$place/holder.part" "$place/holder"
+        say locked
+    else
+        say busy "$(now)" "$(head -c 2000 "$place/holder" 2>/dev/null | tr -d '\n')"
+    fi
+}
+free() {
+    [ -z "$held" ] || rm -f "$place/holder"
+    flock -u 9
+    held=
+}
+# the processes of the controller's session, by a word in their environment that their children inherit
+of_session() {
+    found=
+    if printf 'a\0b\n' | grep -q b; then
+        found=$(grep -l "SRPROV_SESSION=$mark" /proc/[0-9]*/environ 2>/dev/null | tr -dc '0-9\n')
+    else # a grep that stops at a NUL byte, as busybox's does with some libraries; this takes ten times as long
+        for dir in /proc/[0-9]*; do
+            while IFS= read -r line || [ "$line" ]; do
+                case $line in *"SRPROV_SESSION=$mark"*) found="$found ${dir#/proc/}" && break ;; esac
+            done <"$dir/environ"
+        done 2>/dev/null
+    fi
+    [ "$mark" ] && [ "$found" ]
+}
+take
+while :; do
+    # dd takes one byte and no more; its time is an interval, which no change of the clock can move
+    case $(timeout "$quiet" dd bs=1 count=1 2>/dev/null 9>&-) in
+        b) say b ;;
+        t) take ;;
+        f) free && say free ;;
+        e) free && exit 0 ;;
+        *) break ;;
+    esac
+done
+tries=0
+while [ "$held" ] && [ "$tries" -lt 20 ] && of_session; do
+    kill -9 $found 2>/dev/null
+    tries=$((tries + 1))
+    [ "$tries" -lt 3 ] || sleep 1
+done
+free
+"""
+"""Letters: `b` the heartbeat, `t` try again, `f` let go but stay, `e` let go and end."""
+
+_TOLD = 200
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Claim:
+    """Who wants robots, and what for."""
+
+    owner: str
+    """user@host of the controller"""
+    pid: int
+    purpose: str
+    """Verb and instance."""
+    run: str
+
+    def words(self) -> tuple[str, ...]:
+        """Give the words of `SCRIPT`."""
+        about = {"owner": self.owner, "pid": self.pid, "purpose": self.purpose, "run": self.run}
+        return (json.dumps(about, separators=(",", ":")), *PLACES)
+
+
+def claim(purpose: str, run: str = "") -> Claim:
+    """Give the claim of this process; a run without an id gets a fresh one."""
+    owner = f"{getpass.getuser()}@{os.uname().nodename}"
+    return Claim(owner=owner, pid=os.getpid(), purpose=purpose, run=run or secrets.token_hex(6))
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Holder:
+    """Who holds a robot, as the robot tells it; what it does not tell is empty."""
+
+    owner: str = ""
+    pid: int = 0
+    purpose: str = ""
+    run: str = ""
+    since: str = ""
+    """UTC, by this machine's clock, which need not agree with the robot's."""
+    age_s: int | None = None
+
+    def __str__(self) -> str:
+        """Say it in words."""
+        who = f"{self.owner}, process {self.pid}: {self.purpose}" if self.owner else "somebody who did not say who"
+        return f"{who}, since {self.since} ({age(self.age_s)})" if self.age_s is not None else who
+
+
+def age(seconds: int | None) -> str:
+    """Give a duration as `7 s`, `12 min` or `3 h 5 min`."""
+    if seconds is None:
+        return ""
+    minutes, hours = seconds // 60, seconds // 3600
+    if hours:
+        return f"{hours} h {minutes % 60} min"
+    return f"{minutes} min" if minutes else f"{seconds} s"
+
+
+def parse_holder(text: str) -> Holder:
+    """Read `TIME JSON` of a robot: its clock now, and its holder file. Whatever is not of the right shape is empty."""
+    robot_now, _, rest = text.partition(" ")
+    try:
+        told = json.loads(rest)
+    except ValueError:
+        told = None
+    if not isinstance(told, dict):
+        return Holder()
+
+    def word(key: str) -> str:
+        value = told.get(key)
+        return value[:_TOLD] if isinstance(value, str) else ""
+
+    now, begun, pid = _moment(robot_now), _moment(word("since")), told.get("pid")
+    seconds = max(0, int((now - begun).total_seconds())) if now and begun else None
+    since = ""
+    if seconds is not None:
+        here = dt.datetime.now(dt.timezone.utc) - dt.timedelta(seconds=seconds)
+        since = here.strftime("%Y-%m-%d %H:%M:%S UTC")
+    number = pid if isinstance(pid, int) else 0
+    return Holder(owner=word("owner"), pid=number, purpose=word("purpose"), run=word("run"), since=since, age_s=seconds)
+
+
+def _moment(text: str) -> dt.datetime | None:
+    try:
+        return dt.datetime.strptime(text, "%Y-%m-%dT%H:%M:%SZ")
+    except ValueError:
+        return None
+
+
+def who_holds() -> Query:
+    """Ask for the holder, without being in the way: the lock is tested shared, and only for as long as `true` runs."""
+    places = " ".join(map(quote, PLACES))
+    test = '[ -d "$p" ] && [ ! -L "$p" ] && [ -O "$p" ] && [ -f "$p/lock" ] || continue; flock -sn "$p/lock" true'
+    show = (
+        'printf "held %s " "$(date -u +%Y-%m-%dT%H:%M:%SZ)"; head -c 2000 "$p/holder" 2>/dev/null | tr -d "\\n"; echo'
+    )
+    return Query(
+        command=f"command -v flock >/dev/null || exit 0; for p in {places}; do {test} && continue; {show}; done"
+    )
+
+
+def holders(
+    robots: Iterable[str], readers: Callable[[str], Reader], *, forks: int = 64
+) -> tuple[dict[str, Holder | None], dict[str, str]]:
+    """Ask all robots who holds them.
+
+    Returns:
+        Robot -> its holder or None, and robot -> reason for those that cannot be asked.
+    """
+    names = sorted(robots)
+    held: dict[str, Holder | None] = {}
+    unreachable: dict[str, str] = {}
+    pool = concurrent.futures.ThreadPoolExecutor(max(1, min(forks, len(names))))
+    try:
+        futures = {name: pool.submit(lambda one: readers(one).ask([who_holds()])[0], name) for name in names}
+        for name, future in futures.items():
+            try:
+                line = next((one for one in future.result().out.splitlines() if one.startswith("held ")), "")
+            except TransportError as error:
+                unreachable[name] = error.message
+            else:
+                held[name] = parse_holder(line.removeprefix("held ")) if line else None
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+    return held, unreachable

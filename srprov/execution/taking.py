@@ -1,0 +1,198 @@
+"""Take the locks of all robots of a run, or of none.
+
+Takes names, sessions and a claim, gives `Locks`. Of several controllers that want overlapping robots one goes on and
+no two wait for each other for ever: whoever waits for a robot holds only robots that come before it by name. So the
+first is taken by itself, which settles nearly every race; the rest at once; and where one of them is missing, those
+behind it are given back before it is waited for.
+"""
+
+from __future__ import annotations
+
+import concurrent.futures
+import threading
+import time
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, field
+from types import TracebackType
+
+from srprov.errors import LockHeld, TransportError
+from srprov.execution.locks import SCRIPT, Claim, Holder, parse_holder
+from srprov.execution.outcome import Event, Listener
+from srprov.wire import Hold, Pulse, Session
+
+_GRACE_S = 1.0
+"""For a lock that is only being tested, or given back by a controller that lost a race."""
+_FIRST_PAUSE_S = 0.05
+_LONGEST_PAUSE_S = 0.5
+_LOOK_S = 0.1
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Patience:
+    """How long to wait for a lock, and by what signs of life it is held."""
+
+    wait_s: float = 0.0
+    pulse: Pulse = field(default_factory=Pulse)
+    forks: int = 64
+
+
+class Locks:
+    """The locks of one run; a context manager that gives them back."""
+
+    def __init__(
+        self,
+        robots: Collection[str],
+        sessions: Mapping[str, Session],
+        claim: Claim,
+        patience: Patience,
+        stop: threading.Event,
+        listener: Listener,
+    ) -> None:
+        """Take what `take` got; nothing is taken yet."""
+        self._names = sorted(robots)
+        self._sessions, self._claim, self._patience = sessions, claim, patience
+        self._stop, self._listener = stop, listener
+        self._pool = concurrent.futures.ThreadPoolExecutor(max(1, min(patience.forks, len(self._names))))
+        self._begun = time.monotonic()
+        self._guard = threading.Lock()
+        self._given_back = False
+        self._holds: dict[str, Hold] = {}
+        self._holders: dict[str, Holder] = {}
+        self.held: set[str] = set()
+        self.lost: dict[str, str] = {}
+        """Robot -> why it cannot be locked: it cannot be talked to, or lacks a tool."""
+
+    def __enter__(self) -> Locks:
+        """Give itself."""
+        return self
+
+    def __exit__(
+        self, _kind: type[BaseException] | None, _error: BaseException | None, _trace: TracebackType | None
+    ) -> None:
+        """Give all locks back; after an error or a second interrupt without waiting for the robots."""
+        if _kind is None or issubclass(_kind, Exception):
+            self.give_back()
+        self._pool.shutdown(wait=False, cancel_futures=True)
+
+    def climb(self) -> None:
+        """Take all, or return early when `stop` is set.
+
+        Raises:
+            LockHeld: Somebody else has one of them for longer than we wait.
+        """
+        while (missing := self._missing()) and not self._stop.is_set():
+            if not self._wait_for(missing[0]):
+                continue
+            self._each(self._try, missing[1:])
+            if still := self._missing():
+                self._each(self._let_go, [name for name in self._names if name > still[0] and name in self.held])
+
+    def give_back(self) -> None:
+        """End every hold, each in its time; those still being made end as soon as they are there."""
+        with self._guard:
+            self._given_back = True
+            holds = list(self._holds.values())
+        if holds:
+            # not in our own pool, where a robot that is slow to answer may keep a thread
+            with concurrent.futures.ThreadPoolExecutor(len(holds)) as pool:
+                list(pool.map(lambda hold: hold.close(), holds))
+        self.held.clear()
+
+    def _missing(self) -> list[str]:
+        return [name for name in self._names if name not in self.held and name not in self.lost]
+
+    def _wait_for(self, name: str) -> bool:
+        """Try one robot until it is ours; False when it is not, as it cannot be talked to or we are interrupted."""
+        begun, pause = time.monotonic(), _FIRST_PAUSE_S
+        until = max(self._begun + self._patience.wait_s, begun + _GRACE_S)
+        said = 0
+        while not self._stop.is_set():
+            self._each(self._try, [name])
+            if name in self.held or name in self.lost or self._stop.is_set():
+                return name in self.held
+            now = time.monotonic()
+            if now >= until:
+                raise self._refusal(name)
+            if self._patience.wait_s > 0 and int(now - begun) >= said:
+                said = int(now - begun) + 1
+                left = f"waiting up to {until - now:.0f} s for it"
+                self._listener(Event(kind="waiting", host=name, text=f"held by {self._holders[name]}; {left}"))
+            self._stop.wait(pause)
+            pause = min(pause * 1.5, _LONGEST_PAUSE_S)
+        return False
+
+    def _refusal(self, name: str) -> LockHeld:
+        waited = f", and was not free within {self._patience.wait_s:g} s" if self._patience.wait_s else ""
+        return LockHeld(
+            f"{name} is held by {self._holders[name]}{waited}; nothing was changed",
+            hint="wait for it with --lock-wait SECONDS, or see who holds what with `srprov locks`",
+        )
+
+    def _each(self, work: Callable[[str], None], names: Collection[str]) -> None:
+        """Do it for all names at once; an interrupt does not wait for a robot that is slow to answer."""
+        running = {self._pool.submit(work, name) for name in names}
+        while running and not self._stop.is_set():
+            ended, running = concurrent.futures.wait(running, timeout=_LOOK_S)
+            for one in ended:
+                one.result()
+
+    def _try(self, name: str) -> None:
+        """Try to take one robot, and note what comes of it."""
+        try:
+            hold = self._holds.get(name)
+            if hold is None:
+                hold = self._sessions[name].hold(SCRIPT, self._claim.words(), self._patience.pulse)
+                answer = hold.first
+            else:
+                answer = hold.say("t")
+            self._keep(name, hold)
+        except TransportError as error:
+            self.lost[name] = error.message
+            return
+        word, _, rest = answer.partition(" ")
+        if word == "locked":
+            self.held.add(name)
+        elif word == "busy":
+            self._holders[name] = parse_holder(rest)
+        else:
+            self.lost[name] = f"it cannot be locked: {rest or answer}"
+
+    def _keep(self, name: str, hold: Hold) -> None:
+        """Remember a hold, unless all was given back while it was made."""
+        with self._guard:
+            self._holds[name] = hold
+            late = self._given_back
+        if late:
+            hold.close()
+
+    def _let_go(self, name: str) -> None:
+        """Give one robot back, ready to take it again."""
+        self.held.discard(name)
+        try:
+            self._holds[name].say("f")
+        except TransportError as error:
+            self.lost[name] = error.message
+
+
+def take(
+    robots: Collection[str],
+    sessions: Mapping[str, Session],
+    claim: Claim,
+    patience: Patience,
+    stop: threading.Event,
+    listener: Listener,
+) -> Locks:
+    """Take the locks of these robots, all or none; none too when `stop` is set meanwhile.
+
+    Raises:
+        LockHeld: Somebody else holds one of them.
+    """
+    locks = Locks(robots, sessions, claim, patience, stop, listener)
+    try:
+        locks.climb()
+    except BaseException as error:
+        locks.__exit__(type(error), error, None)
+        raise
+    if stop.is_set():
+        locks.give_back()
+    return locks

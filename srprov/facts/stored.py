@@ -1,0 +1,72 @@
+"""Facts as JSON -> HostFacts: the other way round of `document`, for decisions without a robot.
+
+Takes what `srprov facts --json` printed; gives values. Pure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
+
+from srprov.errors import UsageError
+from srprov.facts.model import Docker, Found, HostFacts, Link
+
+_HINT = "give a file that `srprov facts --json` wrote"
+
+
+def read_document(document: Any) -> Found:  # noqa: ANN401 - JSON is any
+    """Give the robots of a document; resources and placements of instances are not in it.
+
+    Raises:
+        UsageError: It is not of that shape.
+    """
+    if not isinstance(document, Mapping) or not isinstance(document.get("robots"), Mapping):
+        raise UsageError("no 'robots' in the facts", hint=_HINT)
+    facts = {str(name): read_facts(str(name), values) for name, values in sorted(document["robots"].items())}
+    away = document.get("unreachable", {})
+    unreachable = {str(name): str(why) for name, why in away.items()} if isinstance(away, Mapping) else {}
+    return Found(facts=facts, existing={name: () for name in facts}, unreachable=unreachable)
+
+
+def read_facts(name: str, values: Any) -> HostFacts:  # noqa: ANN401 - JSON is any
+    """Give one robot's facts; fields that are not known are left out, those not given have their default.
+
+    Raises:
+        UsageError: A value is of another kind than the field.
+    """
+    if not isinstance(values, Mapping):
+        raise UsageError(f"the facts of '{name}' are not a map", hint=_HINT)
+    try:
+        given = _fields(HostFacts, values)
+        given["links"] = tuple(Link(**_fields(Link, link)) for link in values.get("links", ()))
+        docker = values.get("docker")
+        given["docker"] = Docker(**_fields(Docker, docker)) if docker is not None else None
+        return HostFacts(**{**given, "name": name})
+    except (TypeError, AttributeError) as error:
+        raise UsageError(f"the facts of '{name}' cannot be read: {error}", hint=_HINT) from error
+
+
+def _fields(kind: type[Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    """Give the fields that a class has, each checked against the kind of its default or annotation."""
+    found: dict[str, Any] = {}
+    for field in fields(kind):
+        if field.name not in values or field.name in ("links", "docker"):
+            continue
+        value, wanted = values[field.name], str(field.type)
+        if wanted.startswith("tuple"):
+            if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
+                raise TypeError(f"'{field.name}' is not a list of texts")
+            value = tuple(value)
+        elif not _is_a(value, wanted):
+            raise TypeError(f"'{field.name}' is not {wanted}")
+        found[field.name] = float(value) if wanted == "float" else value
+    return found
+
+
+def _is_a(value: Any, wanted: str) -> bool:  # noqa: ANN401 - JSON is any
+    if wanted == "bool":
+        return isinstance(value, bool)
+    if wanted in ("int", "float"):
+        return isinstance(value, int if wanted == "int" else (int, float)) and not isinstance(value, bool)
+    return isinstance(value, str)

@@ -1,0 +1,92 @@
+"""Secrets as files in a robot's memory: below MEMORY_ROOT, mounted read-only into the containers that list them.
+
+Wanted parameters: `name` (the secret's), `mode` (octal text), and `value`, the `Secret` itself, which `with_value` adds
+after rendering: neither a playbook nor a plan file ever holds it. The resource's name is the
+absolute path. What differs is found
+by comparing hashes in memory; no text says more than that it does. A new value goes into the same inode, so that
+containers see it and none is restarted.
+
+After a reboot the memory is empty, and the files are `not there`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+from collections.abc import Sequence
+
+from srprov.facts.model import Existing
+from srprov.modules.file import remove_path
+from srprov.modules.module import MEMORY_ROOT
+from srprov.resource import Action, Change, Resource, State
+from srprov.secret import Hidden, Vault
+from srprov.wire import AnyQuery, Command, Put, Query, Reply, Run
+
+_FIND = "find . -mindepth 3 -maxdepth 3 -path './*/secrets/*' -type f -exec"
+# it cannot fail: what a failed command printed is shown
+_LIST = f"cd {MEMORY_ROOT} 2>/dev/null || exit 0; {_FIND} stat -c '%a %n' {{}} +; {_FIND} sha256sum {{}} +; exit 0"
+_PARTS = 3
+_SHA_DIGITS = hashlib.sha256().digest_size * 2
+
+
+def secret_path(instance: str, name: str, mode: str) -> str:
+    """Give the place of a secret on a robot; services that want it with different permissions get a file each."""
+    return f"{MEMORY_ROOT}/{instance}/secrets/{name}" + ("" if mode == "0400" else f"@{mode}")
+
+
+def with_value(want: Resource, vault: Vault) -> Resource:
+    """Give a wanted secret its value; any other resource as it is."""
+    if want.module != "secret":
+        return want
+    return dataclasses.replace(want, params={**want.params, "value": vault[want.params["name"]]})
+
+
+class SecretModule:
+    """The module of kind `secret`."""
+
+    kind = "secret"
+
+    def queries(self) -> tuple[AnyQuery, ...]:
+        """Give permissions and hash of every secret, of all instances."""
+        return (Query(command=_LIST),)
+
+    def parse(self, replies: Sequence[Reply]) -> tuple[Existing, ...]:
+        """Read `400 ./instance/secrets/name` and `sha256  ./instance/secrets/name` lines; a half-written one counts."""
+        modes: dict[str, str] = {}
+        found = []
+        for line in replies[0].out.split("\n"):
+            word, _, path = line.partition(" ")
+            path = path.removeprefix(" ")
+            parts = path.removeprefix("./").split("/")
+            if len(parts) != _PARTS or parts[1] != "secrets":
+                continue
+            if len(word) != _SHA_DIGITS:
+                modes[path] = word.zfill(4)[:8]
+                continue
+            state = {"digest": Hidden(word), "mode": modes.get(path, "")}
+            name = f"{MEMORY_ROOT}/{'/'.join(parts)}"
+            found.append(Existing(module="secret", name=name, instance=parts[0], state=state))
+        return tuple(found)
+
+    def check(self, want: Resource, found: State | None) -> Change | None:
+        """Compare hashes, and say no more than that they differ."""
+        if found is None:
+            return Change(action=Action.CREATE, cause="not there")
+        if found["digest"] != want.params["value"].digest():
+            return Change(action=Action.UPDATE, cause="secret differs", before=found)
+        if found["mode"] != want.params["mode"]:
+            cause = f"mode is {found['mode'] or 'unknown'}, not {want.params['mode']}"
+            return Change(action=Action.UPDATE, cause=cause, before=found)
+        return None
+
+    def commands(self, want: Resource, change: Change) -> tuple[Command, ...]:
+        """Write it; the value is a placeholder."""
+        mode = int(want.params["mode"], 8)
+        in_place = change.action is Action.UPDATE
+        return (Put(path=want.name, secret=want.params["name"], mode=mode, in_place=in_place),)
+
+    def removal(self, found: Existing) -> tuple[Command, ...]:
+        """Remove it, and the folders above it that are empty then."""
+        away = remove_path(found.name, MEMORY_ROOT)
+        tidy, _, test = away.script.rpartition("; ")
+        return (Run(script=f"{tidy}; rmdir {MEMORY_ROOT} 2>/dev/null; {test}"),)

@@ -1,0 +1,196 @@
+"""What a run was given and what it decided, as the files of its folder.
+
+Takes values of the other rooms; gives JSON values and text. The inventory is written anew from what srprov read of it,
+passwords as `***`: a copy of the user's files would hold whatever else they keep there.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import datetime as dt
+import enum
+import hashlib
+import json
+import platform
+import time
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import PurePosixPath
+from typing import Any
+
+from srprov.definitions.model import Host, Inventory
+from srprov.execution import Event
+from srprov.facts.document import facts_document
+from srprov.facts.model import Found
+from srprov.planning import Plan
+from srprov.planning.plan import plan_json
+from srprov.planning.planfile import PlanFile, document
+from srprov.planning.text import plan_text
+from srprov.record.folder import RunFolder
+from srprov.resource import Resource
+from srprov.secret import MASK, Hidden
+
+_LIBRARIES = ("click", "docker", "fabric", "jinja2", "jsonschema", "numpy", "ortools", "paramiko", "psutil", "pyyaml",
+              "requests", "rich", "urllib3")  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Run:
+    """What is recorded before the first act."""
+
+    verb: str
+    owner: str
+    """user@host of the controller"""
+    version: str
+    """srprov's"""
+    plan: Plan
+    file: Callable[[], PlanFile]
+    """The plan as `plan -o` writes it, made in the writer's thread."""
+    inventory: Inventory
+    found: Found | None = None
+    assignment: object = None
+    """The decision with its costs and reasons, when this run made one."""
+    desired: Sequence[Resource] = ()
+
+
+def run_id(plan: Plan, now: dt.datetime) -> str:
+    """Give `<utc>-<instance>-<first 8 of the plan's hash>`."""
+    digest = hashlib.sha256(json.dumps(plan_json(plan), sort_keys=True).encode()).hexdigest()
+    return f"{now.astimezone(dt.timezone.utc):%Y%m%dT%H%M%SZ}-{plan.instance}-{digest[:8]}"
+
+
+def write_inputs(folder: RunFolder, run: Run) -> None:
+    """Hand everything that is known before the first act to the folder's writer."""
+    begun = dt.datetime.now(dt.timezone.utc)
+    folder.put_json("environment.json", lambda: environment(run, begun))
+    folder.put("plan.txt", lambda: plan_text(run.plan, commands=True))
+    folder.put_json("plan.json", lambda: document(run.file(), with_blobs=False))
+    folder.put_json("assignment.json", lambda: decision(run.plan, run.assignment))
+    if run.found is not None:
+        found = run.found
+        folder.put_json("facts.json", lambda: facts_document(found.facts, found.unreachable))
+    folder.put_json("inputs/inventory.yml", lambda: inventory_document(run.inventory))
+    for name, text in inputs(run.file().inputs):
+        folder.put(f"inputs/{name}", lambda text=text: text)  # type: ignore[misc]
+    for host in sorted({resource.host for resource in run.desired}):
+        folder.put_json(f"rendered/{host.replace('/', '_')}.yml", lambda host=host: rendered(run.desired, host))  # type: ignore[misc]
+
+
+def inputs(files: Mapping[str, str]) -> Iterable[tuple[str, str]]:
+    """Give each definition file by a name below inputs/; one from outside the EDF's folder lies below outside/."""
+    for name, text in sorted(files.items()):
+        parts = [part for part in PurePosixPath(name).parts if part not in ("/", "..", ".")]
+        yield "/".join(parts) if not name.startswith(("/", "..")) else "/".join(("outside", *parts)), text
+
+
+def decision(plan: Plan, assignment: object) -> dict[str, Any]:
+    """Give who runs what, what it costs, and, when it was decided in this run, all that led to it."""
+    return {
+        "assignment": dict(sorted(plan.assignment.items())),
+        "costs": {service: round(cost, 6) for service, cost in sorted(plan.costs.items())},
+        "cost": round(plan.cost, 6),
+        **({"decision": plain(assignment)} if assignment is not None else {}),
+    }
+
+
+def environment(run: Run, begun: dt.datetime) -> dict[str, Any]:
+    """Give who ran what with which versions."""
+    return {
+        "verb": run.verb,
+        "instance": run.plan.instance,
+        "begun": begun.isoformat(timespec="seconds"),
+        "owner": run.owner,
+        "srprov": run.version,
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+        "libraries": {name: version for name in _LIBRARIES if (version := _version(name))},
+    }
+
+
+def _version(name: str) -> str:
+    try:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
+        return ""
+
+
+def inventory_document(lab: Inventory) -> dict[str, Any]:
+    """Give the lab as an Ansible inventory of what srprov read; JSON is YAML."""
+    hosts = {name: _host(host) for name, host in sorted(lab.hosts.items())}
+    groups = {name: members for name, members in sorted(lab.groups.items()) if name not in ("all", "ungrouped")}
+    children = {name: {"hosts": {host: None for host in members}} for name, members in groups.items()}
+    return {"all": {"hosts": hosts, **({"children": children} if children else {})}}
+
+
+def _host(host: Host) -> dict[str, Any]:
+    options = [f"-o {name}={MASK if name == 'proxycommand' else value}" for name, value in host.ssh_options]
+    values = {
+        "ansible_host": host.address,
+        "ansible_port": host.port,
+        "ansible_user": host.user,
+        "ansible_ssh_private_key_file": host.identity_file,
+        "ansible_password": MASK if host.password else None,
+        "ansible_become": host.become or None,
+        "ansible_become_password": MASK if host.become_password else None,
+        "ansible_connection": host.connection if host.connection != "ssh" else None,
+        "ansible_ssh_common_args": " ".join(options) or None,
+        "srprov_tags": list(host.tags) or None,
+        "srprov_slots": host.slots,
+        "srprov_underlay": host.underlay,
+        "srprov_devices": list(host.devices) or None,
+        "srprov_bandwidth_mbit": host.bandwidth_mbit,
+    }
+    return {key: value for key, value in values.items() if value is not None}
+
+
+def rendered(desired: Sequence[Resource], host: str) -> list[dict[str, Any]]:
+    """Give what should be true on one robot, as a playbook has it; JSON is YAML."""
+    mine = [resource for resource in desired if resource.host == host]
+    return [
+        {
+            one.module: one.name,
+            **_params(one.params),
+            "needs": [{"id": n.id, "condition": n.condition} for n in one.needs],
+        }
+        for one in mine
+    ]
+
+
+def _params(params: Mapping[str, Any]) -> dict[str, Any]:
+    return {key: plain(value) for key, value in params.items() if not isinstance(value, Hidden)}
+
+
+def event_json(event: Event) -> dict[str, Any]:
+    """Give one event as `--events` and events.jsonl have it; the time is when this is called."""
+    return {
+        "time": round(time.time(), 3),
+        "event": event.kind,
+        "robot": event.host,
+        "step": event.step.number if event.step else None,
+        "id": event.step.id if event.step else None,
+        "outcome": event.outcome.value if event.outcome else None,
+        "text": event.text,
+        "duration_s": round(event.duration_s, 3),
+    }
+
+
+def plain(value: object) -> Any:  # noqa: ANN401 - JSON is any
+    """Give any value as JSON: dataclasses by their fields, bytes by length and hash, hidden values as `***`."""
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {field.name: plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+    if isinstance(value, Mapping):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple | set | frozenset):
+        return [plain(item) for item in (sorted(value) if isinstance(value, set | frozenset) else value)]
+    if isinstance(value, bytes):
+        return {"bytes": len(value), "sha256": hashlib.sha256(value).hexdigest()}
+    if isinstance(value, enum.Enum):
+        return value.value
+    return (
+        value
+        if value is None or isinstance(value, str | int | float)
+        else MASK
+        if isinstance(value, Hidden)
+        else str(value)
+    )

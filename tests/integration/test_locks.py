@@ -1,0 +1,519 @@
+"""The lock's script in real shells with a real flock, over local pipes and over a real sshd.
+
+Each test runs with dash and with busybox's `sh` and tools; flock is util-linux's in both.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from srprov.definitions.model import Host
+from srprov.errors import LockHeld, TransportError
+from srprov.execution import locks as locks_room
+from srprov.execution.locks import SCRIPT, Claim, Holder, holders, who_holds
+from srprov.execution.taking import Locks, Patience, take
+from srprov.transport import ConnectOptions, connect
+from srprov.transport import hold as hold_file
+from srprov.wire import Pulse, Query, Run, Session
+
+from .sshd import Sshd, usable
+
+pytestmark = pytest.mark.skipif(
+    os.geteuid() != 0 or not shutil.which("flock"), reason="root's locks need root and flock"
+)
+
+ROOT = Path(__file__).parents[2]
+SHELLS = ("dash", "busybox")
+APPLETS = ("sh", "timeout", "dd", "head", "tr", "date", "mkdir", "mv", "rm", "chmod", "sleep", "cat")
+MARK = "0123456789abcdef0123456789abcdef"
+ANNA = Claim(owner="anna@desk", pid=7, purpose="apply hello", run="4711")
+BOB = Claim(owner="bob@lab", pid=8, purpose="destroy hello", run="4712")
+NAPS = [str(random.randrange(10**7, 10**8)) for _ in range(12)]
+"""Seconds to sleep, by which processes are known: others than those of an earlier run."""
+SHORT = Pulse(beat_s=0.2, controller_s=1.0, robot_s=2)
+
+
+@pytest.fixture(params=SHELLS, autouse=True)
+def shell(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Make `sh` and its tools those of one kind, and let locks lie in the test's folder."""
+    if not shutil.which(request.param):
+        pytest.skip(f"{request.param} is not installed")
+    tools = tmp_path / "tools"
+    tools.mkdir()
+    for name in APPLETS if request.param == "busybox" else ("sh",):
+        (tools / name).symlink_to(str(shutil.which(request.param)))
+    if request.param == "busybox":
+        # with some C libraries its grep ends at a NUL byte, as the one with -F does everywhere
+        (tools / "grep").write_text('#!/bin/sh\nexec busybox grep -F "$@"\n')
+        (tools / "grep").chmod(0o755)
+    monkeypatch.setenv("PATH", f"{tools}:{os.environ['PATH']}")
+    monkeypatch.setattr(locks_room, "PLACES", (str(tmp_path / "run"), str(tmp_path / "tmp")))
+    return str(request.param)
+
+
+@pytest.fixture
+def opened() -> Iterator[Callable[[], Session]]:
+    """Give a function that opens a session with this machine."""
+    sessions: list[Session] = []
+
+    def build() -> Session:
+        sessions.append(connect(Host(name="here", address="localhost", connection="local")))
+        return sessions[-1]
+
+    yield build
+    for session in sessions:
+        session.close()
+
+
+def taken(session: Session, claim: Claim = ANNA, pulse: Pulse = SHORT, wait_s: float = 0.0) -> Locks:
+    patience = Patience(wait_s=wait_s, pulse=pulse)
+    locks = take(["here"], {"here": session}, claim, patience, threading.Event(), lambda _event: None)
+    assert locks.lost == {}
+    return locks
+
+
+def holder(session: Session) -> Holder | None:
+    held, unreachable = holders(["here"], lambda _name: session)
+    assert unreachable == {}
+    return held["here"]
+
+
+def wait_until(holds: Callable[[], object], seconds: float) -> float:
+    """Wait until it holds; give how long that took."""
+    begun = time.monotonic()
+    while not holds():
+        assert time.monotonic() - begun < seconds, "it did not come"
+        time.sleep(0.02)
+    return time.monotonic() - begun
+
+
+def running(*words: str) -> list[int]:
+    """Give the processes whose command line holds all of these words, without this one."""
+    found = []
+    for folder in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            line = folder.joinpath("cmdline").read_bytes().decode("utf-8", "replace")
+            if all(word in line for word in words) and int(folder.name) != os.getpid():
+                found.append(int(folder.name))
+    return found
+
+
+def script_of(session: Session) -> int:
+    """Give the process of a session's lock script; its children look the same until they run a program."""
+    return min(running("flock -n 9", session._mark))  # type: ignore[attr-defined]
+
+
+# --- the lock -------------------------------------------------------------------------------------------------------
+
+
+def test_one_holds_and_the_other_is_told_who(opened: Callable[[], Session], tmp_path: Path) -> None:
+    """A held robot refuses with owner, process, purpose and time; given back, it is free and tells of nobody."""
+    first, second = opened(), opened()
+    assert holder(second) is None
+    locks = taken(first)
+    seen = holder(second)
+    assert seen is not None
+    assert (seen.owner, seen.pid, seen.purpose, seen.run) == ("anna@desk", 7, "apply hello", "4711")
+    assert seen.age_s is not None and seen.age_s < 5
+    with pytest.raises(LockHeld, match="here is held by anna@desk, process 7: apply hello, since 20"):
+        taken(second, BOB)
+    locks.give_back()
+    assert holder(second) is None
+    with taken(second, BOB):
+        assert (holder(first) or Holder()).owner == "bob@lab"
+    assert sorted(path.name for path in (tmp_path / "run").iterdir()) == ["lock"]
+    assert (tmp_path / "run/lock").stat().st_mode & 0o777 == 0o600, "who may open it, may hold it"
+
+
+def test_taking_is_one_round_trip(opened: Callable[[], Session]) -> None:
+    """So it is counted; the heartbeat is not."""
+    session = opened()
+    before = session.traffic.round_trips
+    with taken(session):
+        time.sleep(0.5)
+        assert session.traffic.round_trips == before + 1
+
+
+def test_looking_does_not_get_in_the_way(opened: Callable[[], Session]) -> None:
+    """While somebody asks all the time who holds the robot, it is taken and given back as if nobody did."""
+    looking, taking = opened(), opened()
+    over = threading.Event()
+
+    def look() -> None:
+        while not over.is_set():
+            looking.ask([who_holds()] * 20)
+
+    thread = threading.Thread(target=look, daemon=True)
+    thread.start()
+    try:
+        for _ in range(10):
+            with taken(taking):
+                pass
+    finally:
+        over.set()
+        thread.join(20)
+
+
+def test_waiting_gets_it_soon_after_it_is_free(opened: Callable[[], Session]) -> None:
+    """--lock-wait: not before the other has given it back, and soon after."""
+    first, second = opened(), opened()
+    locks = taken(first)
+    begun = time.monotonic()
+    threading.Timer(1.5, locks.give_back).start()
+    with taken(second, BOB, wait_s=20):
+        assert 1.4 < time.monotonic() - begun < 4
+
+
+def test_a_holder_file_without_a_lock_is_no_lock(opened: Callable[[], Session]) -> None:
+    """A holder that was killed leaves its file; the kernel knows better, and so do we."""
+    first, second = opened(), opened()
+    taken(first, pulse=Pulse())
+    os.kill(script_of(first), signal.SIGKILL)
+    wait_until(lambda: holder(second) is None, 2)
+    folder = Path(locks_room.PLACES[0])
+    assert json.loads((folder / "holder").read_text())["owner"] == "anna@desk"
+    with taken(second, BOB):
+        assert (holder(second) or Holder()).owner == "bob@lab"
+
+
+@pytest.mark.parametrize("spoil", ["file", "link", "stranger"])
+def test_a_folder_that_cannot_be_trusted_is_not_used(opened: Callable[[], Session], tmp_path: Path, spoil: str) -> None:
+    """Where the first folder is no folder, a link or somebody else's, the second serves; `locks` looks there too."""
+    first, second = Path(locks_room.PLACES[0]), Path(locks_room.PLACES[1])
+    target = tmp_path / "target"
+    target.mkdir()
+    if spoil == "file":
+        first.write_text("")
+    elif spoil == "link":
+        first.symlink_to(target)
+    else:
+        first.mkdir()
+        os.chown(first, 65534, 65534)
+    session = opened()
+    with taken(session):
+        assert (second / "lock").exists()
+        assert holder(session) is not None
+    assert list(target.iterdir()) == []
+    assert spoil == "file" or list(first.iterdir()) == []
+
+
+def test_no_folder_and_no_flock_are_said(opened: Callable[[], Session], tmp_path: Path, shell: str) -> None:
+    """A robot that cannot be locked is lost with the reason, and nothing hangs."""
+    for place in locks_room.PLACES:
+        Path(place).write_text("")
+    patience = Patience(pulse=SHORT)
+    locks = take(["here"], {"here": opened()}, ANNA, patience, threading.Event(), lambda _event: None)
+    assert "root can write to none of" in locks.lost["here"]
+    done = subprocess.run(
+        [str(shutil.which("sh")), "-c", SCRIPT, "hold", MARK, "2", "{}", str(tmp_path / "x")],
+        env={"PATH": str(tmp_path / "nowhere")}, capture_output=True, text=True, timeout=20,
+    )  # fmt: skip
+    assert done.stdout.splitlines()[0] == "no flock is not installed on the robot"
+
+
+# --- the robot's end --------------------------------------------------------------------------------------------------
+
+
+class Bare:
+    """The script by itself, with the processes of a session beside it, and letters sent by hand."""
+
+    def __init__(self, folder: Path, quiet_s: int = 2, path: str = "") -> None:
+        self.folder = folder
+        environment = {"PATH": f"{path}:{os.environ['PATH']}" if path else os.environ["PATH"]}
+        # children in process groups and sessions of their own, and one whose parent is gone: all of them are ended
+        work = "sleep {1} & timeout {2} sleep {2} & setsid sleep {3} & (sleep {4} &) ; sleep {5}; echo alive".format(
+            *NAPS
+        )
+        odd = {"A": "line\nline", "SRPROV_SESSION": MARK, **environment}
+        self.work = subprocess.Popen(["sh", "-c", work], env=odd, stdout=subprocess.PIPE)
+        stranger = {**odd, "SRPROV_SESSION": MARK[::-1]}
+        self.stranger = subprocess.Popen(["sleep", NAPS[6]], env=stranger)
+        words = ("hold", MARK, str(quiet_s), json.dumps({"owner": "anna"}), str(folder))
+        self.script = subprocess.Popen(
+            ["sh", "-c", SCRIPT, *words], env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0
+        )
+        assert self.answer() == "locked"
+        wait_until(lambda: len(self.alive()) >= 5, 10)
+
+    def answer(self) -> str:
+        assert self.script.stdout
+        return self.script.stdout.readline().decode().strip()
+
+    def say(self, letter: str) -> str:
+        assert self.script.stdin
+        self.script.stdin.write(letter.encode())
+        return self.answer()
+
+    def alive(self) -> list[int]:
+        return [pid for nap in NAPS[1:6] for pid in running("sleep", nap)]
+
+    def free(self) -> bool:
+        return subprocess.run(["flock", "-n", str(self.folder / "lock"), "true"]).returncode == 0
+
+    def end(self) -> None:
+        for process in (self.script, self.work, self.stranger):
+            process.kill()
+            process.wait()
+        for pid in self.alive():
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGKILL)
+
+
+@pytest.fixture
+def bare(tmp_path: Path) -> Iterator[Callable[..., Bare]]:
+    """Give a function that starts a script by itself."""
+    made: list[Bare] = []
+
+    def build(**more: object) -> Bare:
+        made.append(Bare(tmp_path / "bare", **more))  # type: ignore[arg-type]
+        return made[-1]
+
+    yield build
+    for one in made:
+        one.end()
+
+
+def test_without_a_word_the_work_ends_before_the_lock(bare: Callable[..., Bare]) -> None:
+    """On beats all goes on; without one for its time, the script kills what the session runs, and then lets go."""
+    one = bare(quiet_s=2)
+    for _ in range(10):
+        time.sleep(0.3)
+        assert one.say("b") == "b"
+    assert one.work.poll() is None and not one.free()
+    silent = time.monotonic()
+    one.work.wait(10)
+    assert 1.8 < time.monotonic() - silent < 4
+    wait_until(one.free, 4)
+    assert one.alive() == []
+    assert one.stranger.poll() is None, "another session's process must not be touched"
+    assert one.script.wait(5) == 0
+    assert not (one.folder / "holder").exists()
+
+
+def test_a_closed_channel_ends_it_at_once(bare: Callable[..., Bare]) -> None:
+    """What sshd does when the controller was killed: end of input, and nobody reads any more."""
+    one = bare(quiet_s=60)
+    assert one.script.stdin and one.script.stdout
+    one.script.stdout.close()
+    one.script.stdin.write(b"b")  # a beat that was on its way; its echo meets a closed pipe
+    one.script.stdin.close()
+    assert wait_until(one.free, 10) < 5, "a fraction of a second on a machine that has nothing else to do"
+    assert one.alive() == [] and one.work.wait(1) == -signal.SIGKILL
+    assert one.stranger.poll() is None
+
+
+def test_giving_back_touches_no_process(bare: Callable[..., Bare]) -> None:
+    """`e` and `f` let go and nothing else."""
+    one = bare(quiet_s=60)
+    assert one.say("f") == "free"
+    assert one.free() and len(one.alive()) >= 5
+    assert one.say("t") == "locked"
+    assert not one.free()
+    assert one.say("e") == ""
+    assert one.script.wait(5) == 0 and one.free()
+    assert len(one.alive()) >= 5
+
+
+def test_signals_do_not_free_the_lock_before_the_work_ended(bare: Callable[..., Bare]) -> None:
+    """TERM, HUP and INT leave the script alive; only its input tells it to end."""
+    one = bare(quiet_s=3)
+    for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT):
+        os.kill(one.script.pid, number)
+    assert one.say("b") == "b"
+    assert not one.free() and one.work.poll() is None
+
+
+@pytest.mark.parametrize("direction", ["1", "-1"])
+def test_a_clock_that_jumps_has_no_effect(bare: Callable[..., Bare], tmp_path: Path, direction: str) -> None:
+    """With a `date` that jumps by years at every look it lives on beats as before, and ends after its time."""
+    folder = tmp_path / "clock"
+    folder.mkdir()
+    count = folder / "count"
+    count.write_text("60")
+    real = shutil.which("date")
+    jump = f"n=$(($(cat {count}) + {direction} * 10)); echo $n >{count}"
+    (folder / "date").write_text(f'#!/bin/sh\n{jump}\nexec {real} -d @$((n * 31536000)) "$@"\n')
+    (folder / "date").chmod(0o755)
+    one = bare(quiet_s=2, path=str(folder))
+    assert count.read_text().strip() != "60", "the stand-in was not asked"
+    for _ in range(8):
+        time.sleep(0.4)
+        assert one.say("b") == "b"
+    silent = time.monotonic()
+    one.work.wait(10)
+    assert 1.8 < time.monotonic() - silent < 4
+
+
+# --- the controller's end ---------------------------------------------------------------------------------------------
+
+
+def test_a_controller_that_hears_nothing_stops(opened: Callable[[], Session]) -> None:
+    """Without an echo the session is closed before the robot's end gives up: the step ends, no other begins."""
+    session, pulse = opened(), Pulse(beat_s=0.2, controller_s=1.0, robot_s=4)
+    taken(session, pulse=pulse)
+    script = script_of(session)
+    stopped: list[float] = []
+    threading.Timer(0.5, lambda: (os.kill(script, signal.SIGSTOP), stopped.append(time.monotonic()))).start()
+    with pytest.raises(TransportError, match="lost contact: no sign of life for 1 s"):
+        session.execute(Run(script="sleep 30"))
+    assert 0.5 < time.monotonic() - stopped[0] < pulse.robot_s
+    with pytest.raises(TransportError, match="lost contact"):
+        session.ask([Query(command="true")])
+    with contextlib.suppress(ProcessLookupError):
+        os.kill(script, signal.SIGCONT)
+
+
+def test_a_script_that_is_gone_is_noticed_before_the_next_step(opened: Callable[[], Session]) -> None:
+    """Nothing is done without the lock, even when the next beat is far away."""
+    session = opened()
+    taken(session, pulse=Pulse())
+    os.kill(script_of(session), signal.SIGKILL)
+    wait_until(lambda: holder(opened()) is None, 2)
+    time.sleep(0.1)
+    with pytest.raises(TransportError, match="lost contact"):
+        session.execute(Run(script="true"))
+
+
+def test_a_controller_that_slept_does_not_act(opened: Callable[[], Session], monkeypatch: pytest.MonkeyPatch) -> None:
+    """A suspended laptop wakes up long after the robot let go: its time counts on, and it stops by itself."""
+    session = opened()
+    taken(session, pulse=Pulse())
+    asleep = hold_file.now() + 3600
+    monkeypatch.setattr(hold_file, "now", lambda: asleep)
+    with pytest.raises(TransportError, match="no sign of life for 20 s"):
+        session.execute(Run(script="true"))
+
+
+def test_a_jump_of_the_controllers_clock_has_no_effect(
+    opened: Callable[[], Session], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Years forward and back, the lock is held and steps are done."""
+    session = opened()
+    with taken(session):
+        for jump in (1e9, -1e9):
+            monkeypatch.setattr(time, "time", lambda jump=jump: 1.8e9 + jump)
+            time.sleep(0.6)
+            assert session.execute(Run(script="true")).ok
+
+
+CONTROLLER = """
+import sys, threading
+from srprov.definitions.model import Host
+from srprov.execution import locks
+from srprov.execution.taking import Patience, take
+from srprov.transport import connect
+from srprov.wire import Run
+locks.PLACES = tuple(sys.argv[1:3])
+session = connect(Host(name="here", address="localhost", connection="local"))
+take(["here"], {"here": session}, locks.claim("apply hello"), Patience(), threading.Event(), lambda _event: None)
+print("locked", flush=True)
+session.execute(Run(script=f"sleep {sys.argv[3]} & sleep {sys.argv[4]}"))
+"""
+
+
+def test_a_killed_controller_frees_the_lock_at_once(opened: Callable[[], Session]) -> None:
+    """SIGKILL in the middle of a step: within two seconds the lock is free and nothing of the step runs any more."""
+    controller = subprocess.Popen(
+        [sys.executable, "-c", CONTROLLER, *locks_room.PLACES, *NAPS[7:9]],
+        env={**os.environ, "PYTHONPATH": str(ROOT)}, stdout=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert controller.stdout and controller.stdout.readline() == "locked\n"
+    wait_until(lambda: running("sleep", NAPS[8]), 5)
+    session = opened()
+    assert (holder(session) or Holder()).purpose == "apply hello"
+    controller.kill()
+    controller.wait()
+    assert wait_until(lambda: holder(session) is None, 10) < 3
+    assert running("sleep", NAPS[7]) + running("sleep", NAPS[8]) == []
+
+
+# --- over SSH -------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def server(tmp_path: Path, shell: str) -> Iterator[Sshd]:
+    """Give a real sshd whose shells are those of the test."""
+    if not usable():
+        pytest.skip("needs openssh-server")
+    made = Sshd(tmp_path / "sshd", options={"SetEnv": f"PATH={os.environ['PATH']}"}).start()
+    yield made
+    made.stop()
+
+
+def over_ssh(server: Sshd, *, warm: bool = True) -> Session:
+    options = ConnectOptions(connect_timeout_s=5.0, warm_engine=False, warm_hold=warm, ssh_config=Path("/dev/null"))
+    return connect(server.host(name="here"), options=options)
+
+
+def failure_of(session: Session, script: str) -> str:
+    """Run a step and give the error that ends it, or nothing."""
+    try:
+        session.execute(Run(script=script))
+    except TransportError as error:
+        return error.message
+    return ""
+
+
+@pytest.mark.parametrize("warm", [True, False])
+def test_a_lock_over_ssh(server: Sshd, opened: Callable[[], Session], warm: bool) -> None:
+    """As over pipes: held, told, given back; one round trip, with the shell prepared or not."""
+    session, local = over_ssh(server, warm=warm), opened()
+    before = session.traffic.round_trips
+    with taken(session):
+        assert session.traffic.round_trips == before + 1
+        assert (holder(local) or Holder()).owner == "anna@desk"
+        assert session.execute(Run(script="true")).ok
+    assert holder(local) is None
+    assert session.execute(Run(script="true")).ok
+    session.close()
+
+
+def test_a_connection_that_ends_frees_the_lock(server: Sshd, opened: Callable[[], Session]) -> None:
+    """As when the controller is killed: sshd closes the channels, and the step that ran ends too."""
+    session, local = over_ssh(server), opened()
+    taken(session)
+    failed: list[str] = []
+    thread = threading.Thread(target=lambda: failed.append(failure_of(session, f"sleep {NAPS[9]}")))
+    thread.start()
+    wait_until(lambda: running("sleep", NAPS[9]), 5)
+    session.connection.wire.close()  # type: ignore[attr-defined]
+    assert wait_until(lambda: holder(local) is None, 10) < 3
+    assert running("sleep", NAPS[9]) == []
+    thread.join(5)
+    assert len(failed) == 1 and "lost" in failed[0], failed
+
+
+def test_a_network_that_is_cut_frees_the_lock(server: Sshd, opened: Callable[[], Session]) -> None:
+    """sshd notices nothing (here it is stopped): the controller gives up first, then the robot's end."""
+    session, local = over_ssh(server), opened()
+    taken(session)
+    frozen = server.connections()
+    failed: list[str] = []
+    thread = threading.Thread(target=lambda: failed.append(failure_of(session, f"sleep {NAPS[10]}")))
+    thread.start()
+    wait_until(lambda: running("sleep", NAPS[10]), 5)
+    for pid in frozen:
+        os.kill(pid, signal.SIGSTOP)
+    begun = time.monotonic()
+    thread.join(10)
+    assert 0.5 < time.monotonic() - begun < SHORT.robot_s, "the controller stops first"
+    assert failed == ["lost contact: no sign of life for 1 s"]
+    assert holder(local) is not None
+    took = wait_until(lambda: holder(local) is None, 10)
+    assert took < 2 * SHORT.robot_s
+    assert running("sleep", NAPS[10]) == []
+    for pid in frozen:
+        os.kill(pid, signal.SIGCONT)

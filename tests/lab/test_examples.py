@@ -1,0 +1,149 @@
+"""Every example does its job on real robots: what its README promises stands in the containers' own logs."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import pytest
+
+from tests.lab.conftest import NOTHING, ROOT, Lab
+from tests.lab.looks import address_of, log_of, wait_until
+
+pytestmark = pytest.mark.lab
+
+
+@dataclass(frozen=True)
+class Running:
+    """An example that was applied on all robots of the lab."""
+
+    lab: Lab
+    name: str
+    path: str
+    report: dict[str, Any]
+    """What `apply --json` said of it."""
+
+    @property
+    def home(self) -> dict[str, str]:
+        """Service -> robot."""
+        homes = self.report["assignment"]
+        assert isinstance(homes, dict)
+        return homes
+
+    def log(self, service: str) -> list[str]:
+        """Give the service's log as Docker on its robot has it."""
+        return log_of(self.lab, self.home[service], f"srprov.{self.name}.{service}")
+
+    def numbers(self, service: str, pattern: str) -> list[int]:
+        """Give the numbers of the messages in a service's log; each line of that kind must be whole."""
+        return [int(found[1]) for line in self.log(service) if (found := re.fullmatch(pattern, line))]
+
+
+@pytest.fixture(scope="module")
+def example(request: pytest.FixtureRequest, lab_of_module: Lab) -> Iterator[Running]:
+    """Bring one example up, and check in the end that it goes away without a trace."""
+    lab, name = lab_of_module, str(request.param)
+    path = str(ROOT / "examples" / name / "experiment.edf")
+    up = lab.srprov("apply", path, "-i", str(lab.inventory), "--yes", "--json")
+    assert up.code == 0, up
+    yield Running(lab, name, path, up.json)
+    gone = lab.srprov("destroy", path, "-i", str(lab.inventory), "--yes", "--json")
+    assert gone.code == 0, gone
+    assert [lab.leftovers(robot) for robot in set(up.json["assignment"].values())] == [NOTHING] * 3
+
+
+ALL = ["hello", "chatter-dds", "chatter-ros"]
+SERVICES = {
+    "hello": ["greeter", "once", "web"],
+    "chatter-ros": ["listener", "rosmaster", "talker"],
+    "chatter-dds": ["publisher", "subscriber-a", "subscriber-b"],
+}
+
+
+@pytest.mark.parametrize("example", ["hello"], indirect=True)
+def test_the_greeter_fetches_the_greeting_from_another_robot(example: Running) -> None:
+    """The greeter's own log has the text of the folder beside the EDF; `web` saw who asked; the job ended with 0."""
+    home = example.home
+    assert len(set(home.values())) == 3, "one slot per robot"
+    greeting = (ROOT / "examples" / "hello" / "www" / "greeting.txt").read_text(encoding="utf-8").strip()
+    wanted = f"web says: {greeting}"
+    wait_until(lambda: example.log("greeter").count(wanted) >= 3, 15, "three greetings")
+    asker = address_of(example.lab, home["greeter"], "srprov.hello.greeter")
+    asked = [line for line in example.log("web") if asker in line]
+    assert any("response:200" in line for line in asked), example.log("web")
+    state = example.lab.inspect(home["once"], "srprov.hello.once")["State"]
+    assert (state["Status"], state["ExitCode"]) == ("exited", 0)
+    assert greeting in "\n".join(example.log("once"))
+
+
+@pytest.mark.parametrize("example", ["chatter-dds"], indirect=True)
+def test_dds_finds_its_peers_by_multicast_and_all_hear_the_publisher(example: Running) -> None:
+    """Nothing names a peer, and yet both subscribers, on other robots, hear every message from some number on."""
+    home = example.home
+    assert len(set(home.values())) == 3
+    hear, say = r"heard: hello from publisher #([0-9]+)", r"said: hello from publisher #([0-9]+)"
+    for service in ("subscriber-a", "subscriber-b"):
+        heard = wait_until(lambda s=service: len(n := example.numbers(s, hear)) >= 5 and n, 40, f"five of {service}")
+        assert heard == list(range(heard[0], heard[0] + len(heard))), "in order, none lost"
+        assert set(heard) <= set(example.numbers("publisher", say))
+        # configured peers would make this example say nothing of multicast
+        details = example.lab.inspect(home[service], f"srprov.chatter-dds.{service}")
+        assert not [one for one in details["Config"]["Env"] if "CYCLONE" in one.upper()]
+        publisher = address_of(example.lab, home["publisher"], "srprov.chatter-dds.publisher")
+        assert publisher not in " ".join([*details["Config"]["Env"], *details["Config"]["Cmd"]])
+
+
+@pytest.mark.parametrize("example", ["chatter-ros"], indirect=True)
+def test_the_listener_hears_the_talker_on_another_robot(example: Running) -> None:
+    """ROS 1 works across robots: the listener's log has the talker's messages, numbers rising by one."""
+    assert len(set(example.home.values())) == 3
+    hear = r"heard: hello from talker on talker #([0-9]+)"
+    heard = wait_until(lambda: len(n := example.numbers("listener", hear)) >= 5 and n, 40, "five messages")
+    assert heard == list(range(heard[0], heard[0] + len(heard)))
+    assert set(heard) <= set(example.numbers("talker", r"said: hello from talker on talker #([0-9]+)"))
+
+
+@pytest.mark.parametrize("example", ALL, indirect=True)
+def test_status_and_logs_show_the_example_as_docker_does(example: Running) -> None:
+    """`status` names each service's robot, state, address and container; `logs` has each service's lines by name."""
+    lab, name, home = example.lab, example.name, example.home
+    assert sorted(home) == SERVICES[name]
+    seen = lab.srprov("status", example.path, "-i", str(lab.inventory), "--json")
+    assert seen.code == 0, seen
+    rows = {row["service"]: row for row in seen.json["services"]}
+    assert sorted(rows) == SERVICES[name]
+    for service, row in rows.items():
+        real = lab.inspect(home[service], f"srprov.{name}.{service}")
+        (end,) = real["NetworkSettings"]["Networks"].values()
+        assert (row["instance"], row["robot"], row["address"]) == (name, home[service], end["IPAddress"])
+        assert real["Id"].startswith(row["container"])
+        assert row["state"].startswith("Exited (0)" if service == "once" else "Up ")
+        assert row["health"] == real["State"].get("Health", {}).get("Status", "")
+        assert row["image"].removesuffix(":latest") == real["Config"]["Image"].removesuffix(":latest")
+
+    text = lab.srprov("status", example.path, "-i", str(lab.inventory))
+    assert text.code == 0, text
+    heading, *lines = text.out.splitlines()
+    assert heading.split()[:4] == ["INSTANCE", "SERVICE", "ROBOT", "STATE"]
+    assert [line.split()[:3] for line in lines] == [[name, s, home[s]] for s in SERVICES[name]]
+
+    shown = lab.srprov("logs", example.path, "-i", str(lab.inventory), "--tail", "1000")
+    assert shown.code == 0, shown
+    by_service: dict[str, list[str]] = {}
+    for line in shown.out.splitlines():
+        service, bar, said = line.partition(" | ")
+        assert bar, line
+        by_service.setdefault(service.strip(), []).append(said)
+    for service in SERVICES[name]:
+        # the log goes on meanwhile: what Docker showed a moment later begins with what srprov showed
+        whole = log_of(lab, home[service], f"srprov.{name}.{service}")
+        mine = by_service.get(service, [])
+        assert mine == whole[: len(mine)]
+        assert bool(mine) == bool(whole)
+    some = SERVICES[name][0]
+    tail = lab.srprov("logs", example.path, "-i", str(lab.inventory), "--tail", "2", some)
+    assert tail.code == 0, tail
+    assert [line.split(" | ")[0].strip() for line in tail.out.splitlines()] == [some] * 2
+    assert lab.srprov("logs", example.path, "-i", str(lab.inventory), "nobody").code == 5
