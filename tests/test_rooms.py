@@ -48,7 +48,7 @@ ROOMS: Mapping[str, Room] = {
     # The values of every room side by side, as the playbooks see them: the controller's other half.
     "context": room("errors wire resource disk definitions.model facts.model assignment.model network images modules"),
     "disk": room("images.plan"),
-    "instance": room("errors facts.model network.record"),
+    "instance": room("errors facts.model network.record network.identity"),
     "saved": room("errors secret controller disk definitions facts modules planning"),
     "definitions": room("errors secret data", "yaml jsonschema"),
     "transport": room("errors wire secret definitions.model", "paramiko fabric docker requests urllib3 psutil"),
