@@ -47,6 +47,8 @@ class Wishes:
     history: tuple[Mapping[str, float], ...] = ()
     """Earlier runs, each robot -> the cost that was allocated to it; for fairness."""
     adopt: bool = False
+    reassign_unreachable: bool = False
+    """Place services of robots that cannot be reached elsewhere."""
     forks: int = 64
 
 
@@ -134,7 +136,7 @@ def _look(
     """Give the experiment with all instances, all robots as they are, and where the instance's services run now."""
     found = gather(lab, readers, sample=False, forks=wishes.forks)
     previous = previous_robots(found, instance)
-    free = wishes.reassign or not experiment.placement.sticky
+    free = wishes.reassign or wishes.reassign_unreachable or not experiment.placement.sticky
     if free or any(service not in previous for service in with_instances(experiment, found, previous).services):
         # only a decision needs the traffic of this moment, which takes 0.3 s to see
         found = gather(lab, readers, sample=True, forks=wishes.forks)
@@ -164,6 +166,7 @@ def choice_of(
         previous,
         slots={name: host.slots for name, host in lab.hosts.items() if host.slots is not None},
         reassign=wishes.reassign,
+        reassign_unreachable=wishes.reassign_unreachable,
         history=wishes.history,
     )
 

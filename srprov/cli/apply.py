@@ -13,8 +13,10 @@ import click
 
 from srprov.cli import options
 from srprov.cli.execute import Task, carry_out, confirm
+from srprov.cli.history import HISTORY, read_history
 from srprov.cli.output import err
 from srprov.cli.plan import show_plan
+from srprov.cli.stray import answers_only
 from srprov.errors import RefusedError, UsageError
 from srprov.planning.limit import limited
 from srprov.secret import Vault
@@ -34,6 +36,9 @@ if TYPE_CHECKING:
 @options.EXCLUDE
 @options.locking
 @options.RUNS
+@HISTORY
+@options.UNREACHABLE
+@options.MAX_FAIL
 @click.option("-y", "--yes", is_flag=True, help="Do not ask.")
 @click.option(
     "--allow", multiple=True, metavar="KIND", help="Allow what the plan lists as asked for, e.g. host-network; or all."
@@ -53,7 +58,7 @@ def apply(
     file: str, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, instance: str, limit: str,
     exclude: str, yes: bool, allow: tuple[str, ...], reassign: bool, adopt: bool, wait_timeout: float, settle: float,
     events: str | None, verbose: bool, no_color: bool, lock_wait: float, pulse: Pulse,
-    runs: Path | None,
+    runs: Path | None, history: Path | None, unreachable: str, max_fail: str,
 ) -> int:  # fmt: skip
     """Make the experiment true: FILE is an EDF, or a plan that `srprov plan -o` wrote.
 
@@ -67,13 +72,20 @@ def apply(
     check_kinds(allow)
     phases = Phases()
     saved = saved_plan(file)
-    if saved and (instance or reassign or adopt):
-        raise UsageError("--instance, --reassign and --adopt are decided when a plan is made, not when it is applied")
+    if saved and (instance or reassign or adopt or history or unreachable == "reassign"):
+        raise UsageError(
+            "--instance, --reassign, --adopt, --history and --unreachable=reassign are decided when a plan is made, "
+            "not when it is applied"
+        )
     definitions = None if saved else options.load_experiment(file)
     vault = read_secrets(saved, definitions)
     inventory = options.load_inventory(inventories)
     chosen = options.selected(inventory, limit, exclude)
-    wishes = Wishes(instance=instance, reassign=reassign, adopt=adopt, forks=forks)
+    wishes = Wishes(
+        instance=instance, reassign=reassign, adopt=adopt, forks=forks, history=read_history(history),
+        reassign_unreachable=unreachable == "reassign",
+    )  # fmt: skip
+    failing = options.budget(max_fail, len(chosen))
     with options.open_lab(inventory, timeout, forks, locks=True, vault=vault) as lab:
         err(f"asking {len(inventory.hosts)} robots for facts")
         task = plan_task(saved, definitions, lab, wishes, phases, vault, chosen)
@@ -84,8 +96,9 @@ def apply(
         confirm(made, yes)
         phases.begin("apply")
         run_options = Options(
-            forks=forks, wait_timeout_s=wait_timeout, settle_s=settle, lock_wait_s=lock_wait, pulse=pulse
-        )
+            forks=forks, wait_timeout_s=wait_timeout, settle_s=settle, lock_wait_s=lock_wait, pulse=pulse,
+            max_fail=failing, tolerate=frozenset(made.unreachable if unreachable != "fail" else ()),
+        )  # fmt: skip
         return carry_out(task, lab, run_options, phases, as_json=as_json, events=events, color=not no_color, runs=runs)
 
 
@@ -113,7 +126,8 @@ def plan_task(
         kept = limited(check_file(saved, lab.inventory, lab.sessions.get, forks=wishes.forks, vault=vault), chosen)
         return Task(plan=kept, file=lambda: dataclasses.replace(saved, plan=kept))
     assert definitions is not None
-    planned = make_plan(definitions, lab.inventory, lab.sessions.get, wishes, phases.begin, vault)
+    with answers_only():
+        planned = make_plan(definitions, lab.inventory, lab.sessions.get, wishes, phases.begin, vault)
     made = limited(planned.plan, chosen)
     return Task(
         plan=made,

@@ -12,6 +12,7 @@ import click
 from srprov.cli import options
 from srprov.cli.history import HISTORY, read_history
 from srprov.cli.output import err, out, out_json
+from srprov.cli.stray import answers_only
 from srprov.errors import DefinitionError, UsageError
 
 if TYPE_CHECKING:
@@ -69,8 +70,9 @@ def assign(
     else:
         with options.open_lab(inventory, timeout, forks) as lab:
             found, task = _asked(definitions, inventory, lab, wishes)
-    answer = solve.solve(task, time_limit)
-    front = fairness.pareto(task, lambda one: solve.solve(one, time_limit)) if pareto else ()
+    with answers_only():
+        answer = solve.solve(task, time_limit)
+        front = fairness.pareto(task, lambda one: solve.solve(one, time_limit)) if pareto else ()
     if as_json:
         out_json(assign_json(answer, front))
     else:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import sys
+import threading
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -75,6 +76,36 @@ RUNS = click.option(
     "--runs", type=click.Path(file_okay=False, path_type=Path), envvar="SRPROV_RUNS", default=None, metavar="DIR",
     help="Where runs are recorded (default: ~/.local/state/srprov/runs).",
 )  # fmt: skip
+
+
+UNREACHABLE = click.option(
+    "--unreachable",
+    type=click.Choice(["fail", "skip", "reassign"]),
+    default="fail",
+    show_default=True,
+    help="When robots cannot be reached: do the others and exit with 4, or with 0 (skip), "
+    "or place their services elsewhere (reassign).",
+)
+MAX_FAIL = click.option(
+    "--max-fail",
+    default="",
+    metavar="N|N%",
+    help="Begin no further step when steps failed on more robots than this.",
+)
+
+
+def budget(text: str, robots: int) -> int | None:
+    """Read `--max-fail`: a number of robots, or a share of `robots`, rounded down.
+
+    Raises:
+        UsageError: It is neither.
+    """
+    if not text:
+        return None
+    number = text.removesuffix("%")
+    if not number.isdigit() or (text.endswith("%") and int(number) > 100):
+        raise UsageError(f"--max-fail takes a number of robots or a share, not '{text}'", hint="e.g. 1 or 25%")
+    return int(number) * robots // 100 if text.endswith("%") else int(number)
 
 
 def quietly_robots(function: _F) -> _F:
@@ -151,9 +182,18 @@ def open_lab(
     from srprov.transport import ConnectOptions
     from srprov.transport.pool import Sessions
 
+    if locks:
+        threading.Thread(target=_prepare_record, name="import record", daemon=True).start()
     connecting = ConnectOptions(connect_timeout_s=timeout, warm_hold=locks, vault=vault or Vault())
     with Sessions(inventory.hosts, options=connecting, forks=forks) as sessions:
         yield Lab(inventory, sessions)
+
+
+def _prepare_record() -> None:
+    """Import what records a run, while connections come up."""
+    from srprov.record.documents import controller
+
+    controller()
 
 
 def selected(inventory: Inventory, limit: str, exclude: str) -> frozenset[str]:

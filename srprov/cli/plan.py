@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from srprov.cli import options
+from srprov.cli.history import HISTORY, read_history
 from srprov.cli.output import err, out, out_json
+from srprov.cli.stray import answers_only
 from srprov.errors import RefusedError
 from srprov.planning import Plan
 from srprov.planning.limit import limited
@@ -29,8 +31,10 @@ UNREACHABLE = 4
 @options.INSTANCE
 @options.LIMIT
 @options.EXCLUDE
+@HISTORY
 @click.option("--reassign", is_flag=True, help="Let running services move when that is cheaper.")
 @click.option("--adopt", is_flag=True, help="Take over an instance that another file made.")
+@options.UNREACHABLE
 @click.option("--detailed-exitcode", is_flag=True, help="Exit with 2 when something would change.")
 @click.option("--format", "form", type=click.Choice(["text", "json", "markdown"]), default="text", show_default=True)
 @click.option(
@@ -40,11 +44,12 @@ UNREACHABLE = 4
 def plan(
     file: str, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, instance: str, limit: str,
     exclude: str, reassign: bool, adopt: bool, detailed_exitcode: bool, form: str, target: str | None, verbose: bool,
+    history: Path | None, unreachable: str,
 ) -> int:  # fmt: skip
     """Show what would change; changes nothing.
 
     Exits with 0; with 2 when --detailed-exitcode is given and something would change; with 4 when a robot cannot be
-    reached.
+    reached, unless --unreachable says otherwise.
     """
     from srprov.cli.apply import read_secrets
     from srprov.controller import Wishes, make_plan
@@ -56,8 +61,11 @@ def plan(
     vault = read_secrets(None, definitions)
     inventory = options.load_inventory(inventories)
     chosen = options.selected(inventory, limit, exclude)
-    wishes = Wishes(instance=instance, reassign=reassign, adopt=adopt, forks=forks)
-    with options.open_lab(inventory, timeout, forks) as lab:
+    wishes = Wishes(
+        instance=instance, reassign=reassign, adopt=adopt, forks=forks, history=read_history(history),
+        reassign_unreachable=unreachable == "reassign",
+    )  # fmt: skip
+    with options.open_lab(inventory, timeout, forks) as lab, answers_only():
         planned = make_plan(definitions, inventory, lab.sessions.get, wishes, vault=vault)
     made = limited(planned.plan, chosen)
     if target:
@@ -66,7 +74,7 @@ def plan(
         out(plan_markdown(made).rstrip())
     else:
         show_plan(made, plan_json(made) if as_json or form == "json" else None, verbose=verbose)
-    if made.unreachable:
+    if made.unreachable and unreachable == "fail":
         return UNREACHABLE
     return DIFFERENCES if detailed_exitcode and not made.empty else 0
 

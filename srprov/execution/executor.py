@@ -34,6 +34,10 @@ class Options:
     """For a container to become healthy or to complete."""
     settle_s: float = 2.0
     """A service must still be running this long after its start."""
+    max_fail: int | None = None
+    """No further step begins when steps failed on more robots than this; None: never."""
+    tolerate: frozenset[str] = frozenset()
+    """Robots that may be out of reach."""
     verb: str = "apply"
     """What holders of a lock are told to be doing, with the instance."""
     run: str = ""
@@ -82,6 +86,7 @@ def run_plan(
         unchanged=plan.unchanged,
         interrupted=run.stop.is_set(),
         unreachable={**away, **plan.unreachable, **run.lost},
+        tolerated=options.tolerate,
         unaudited=unaudited,
     )
 
@@ -152,6 +157,9 @@ class _Run:
         for step in part.steps:
             if self.stop.is_set():
                 self._end(StepResult(step=step, outcome=Outcome.NOT_REACHED, message="interrupted"))
+            elif self._too_many():
+                why = f"steps failed on more than {self.options.max_fail} robots"
+                self._end(StepResult(step=step, outcome=Outcome.NOT_REACHED, message=why))
             elif blocked := self._blocked(step, acted):
                 # an interrupt while it waited is not the fault of what it waited for
                 outcome = Outcome.NOT_REACHED if self.stop.is_set() else Outcome.SKIPPED
@@ -168,6 +176,13 @@ class _Run:
             robot.look({step.module for step in acted})
         for step in acted:
             self._end(robot.verdict(step))
+
+    def _too_many(self) -> bool:
+        """Tell whether the user's budget of failing robots is used up."""
+        if self.options.max_fail is None:
+            return False
+        bad = (Outcome.FAILED, Outcome.UNREACHABLE)
+        return len({r.step.host for r in list(self.results.values()) if r.outcome in bad}) > self.options.max_fail
 
     def _blocked(self, step: Step, acted: list[Step]) -> str:
         """Say why the step cannot be done, or nothing. Steps of this stretch count as done until they are verified."""

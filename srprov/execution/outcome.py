@@ -57,6 +57,8 @@ class RunResult:
     interrupted: bool = False
     unreachable: Mapping[str, str] = field(default_factory=dict)
     """Robot -> reason, from before or during the run."""
+    tolerated: frozenset[str] = frozenset()
+    """Robots whose absence the user said is fine."""
     unaudited: Mapping[str, str] = field(default_factory=dict)
     """Robot that was changed -> why its audit log has no line of this run."""
 
@@ -75,7 +77,7 @@ class RunResult:
             return 130
         if self.count(Outcome.FAILED):
             return 3
-        if self.unreachable or self.count(Outcome.UNREACHABLE):
+        if set(self.unreachable) - self.tolerated or self.count(Outcome.UNREACHABLE):
             return 4
         # a step that was skipped although nothing failed waits for a robot that is not there
         return 3 if self.count(Outcome.SKIPPED) or self.count(Outcome.NOT_REACHED) else 0
