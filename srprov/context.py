@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,8 @@ from srprov.network.hosts import hosts_file
 from srprov.network.layout import Overlay
 from srprov.resource import resource_id
 
+_WITNESSES = 2
+"""Robots without a service that keep the placement record."""
 _FLOOD = "00:00:00:00:00:00"
 
 
@@ -52,8 +54,25 @@ def contexts(parts: Parts) -> tuple[dict[str, dict[str, Any]], dict[str, bytes]]
     blobs: dict[str, bytes] = {}
     trees = {mount.source: _tree(mount.source, blobs) for mount in _mounts(parts, "tree")}
     images = _images(parts, blobs)
-    hosts = {robot for robot in parts.placed.values() if robot in parts.found.facts} | set(images)
+    members = {robot for robot in parts.placed.values() if robot in parts.found.facts}
+    hosts = members | set(images) | set(_witnesses(parts, members))
     return {host: _one(parts, host, images.get(host, []), trees) for host in sorted(hosts)}, blobs
+
+
+def _witnesses(parts: Parts, members: Collection[str]) -> list[str]:
+    """Give robots beyond the members that keep the placement record too.
+
+    When all members are out of reach, they are who knows that services may still run there. Those that keep it already
+    go on doing so; then names decide.
+    """
+    path = _record_path(parts.instance)
+    keepers = {host for host, items in parts.found.existing.items() if any(item.name == path for item in items)}
+    others = [host for host, facts in parts.found.facts.items() if host not in members and facts.docker is not None]
+    return sorted(others, key=lambda host: (host not in keepers, host))[:_WITNESSES]
+
+
+def _record_path(instance: str) -> str:
+    return f"{STATE_ROOT}/{instance}/placement.json"
 
 
 def _tree(path: str, blobs: dict[str, bytes]) -> dict[str, str]:
@@ -78,7 +97,7 @@ def _one(
         "api": facts.docker.api_version if facts.docker else "1.41",
         "overlay": overlay,
         "images": list(images),
-        "files": _files(parts) if services else [],
+        "files": _files(parts, member=bool(services)),
         "trees": [
             {"path": _tree_path(parts.instance, trees[source]), "blob": trees[source]["blob"]}
             for source in sorted(used)
@@ -89,13 +108,13 @@ def _one(
     }
 
 
-def _files(parts: Parts) -> list[dict[str, Any]]:
-    folder = f"{STATE_ROOT}/{parts.instance}"
-    record = canonical(parts.record) + "\n"
-    return [
-        {"path": f"{folder}/hosts", "content": hosts_file(parts.overlay), "mode": "0644", "in_place": True},
-        {"path": f"{folder}/placement.json", "content": record, "mode": "0644", "in_place": False},
-    ]
+def _files(parts: Parts, *, member: bool) -> list[dict[str, Any]]:
+    """Give the record of the whole placement, and for a robot that runs something the hosts file."""
+    path, content = _record_path(parts.instance), canonical(parts.record) + "\n"
+    record = {"path": path, "content": content, "mode": "0644", "in_place": False}
+    hosts = f"{STATE_ROOT}/{parts.instance}/hosts"
+    names = {"path": hosts, "content": hosts_file(parts.overlay), "mode": "0644", "in_place": True}
+    return [names, record] if member else [record]
 
 
 def _secrets(instance: str, services: Sequence[Service]) -> list[dict[str, str]]:

@@ -116,7 +116,7 @@ def _remove(host: str, item: Existing, cause: str, *, destructive: bool = False)
 
 def _orphans(wanted: Mapping[str, Resource], found: Found, instance: str) -> list[_Draft]:
     homes = {r.params["service"]: r.host for r in wanted.values() if r.module == "container"}
-    busy = {r.host for r in wanted.values()}
+    busy = {r.host for r in wanted.values() if r.module == "container"}
     drafts = []
     for host, items in found.items():
         for item in items:

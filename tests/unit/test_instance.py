@@ -5,6 +5,8 @@ from __future__ import annotations
 from srprov.facts.model import Existing, Found
 from srprov.instance import owned
 from srprov.network.identity import link_names
+from tests.fakes import World
+from tests.worlds import apply, experiment, plan_for, service
 
 
 def test_a_half_made_link_belongs_to_its_instance() -> None:
@@ -16,3 +18,20 @@ def test_a_half_made_link_belongs_to_its_instance() -> None:
 
     assert [item.instance for item in owned(found, "hello")["r1"]] == ["hello", ""]
     assert [item.instance for item in owned(found, "else")["r1"]] == ["", ""]
+
+
+def test_two_more_robots_know_where_services_run() -> None:
+    """The record lies on members and on two witnesses, and no service is started elsewhere while a witness is left."""
+    w = World().add("r1", "r2", "r3", "r4", "r5")
+    what = experiment(service("a"))
+    apply(w, what)
+    (home,) = (name for name, robot in w.robots.items() if robot.engine.containers)
+    keepers = [name for name, robot in w.robots.items() if "/var/lib/srprov/hello/placement.json" in robot.disk.files]
+    assert len(keepers) == 3 and home in keepers
+
+    w.robots[home].gone = True
+    plan = plan_for(w, what)
+
+    assert [step.id for step in plan.steps if step.module == "container"] == []
+    assert plan.assignment == {"a": home}
+    assert home in plan.unreachable
