@@ -5,11 +5,11 @@ BIN := .venv/bin
 SOURCES := srprov tests tools examples benchmarks
 CHECKED := $(wildcard $(SOURCES))
 
-.PHONY: help setup demo test unit lint fmt type clean
+.PHONY: help setup demo test unit soak lint fmt type clean bench-assignment
 
 help: ## show this list
-	@sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | column -t -s '|' 2>/dev/null \
-	  || sed -n 's/^\([a-z]*\):.*## \(.*\)/  make \1  \2/p' $(MAKEFILE_LIST)
+	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | column -t -s '|' 2>/dev/null \
+	  || sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1  \2/p' $(MAKEFILE_LIST)
 
 setup: ## install what is missing (Debian packages as root, .venv); safe to repeat
 	@tools/setup.sh
@@ -23,6 +23,16 @@ test: setup lint type ## everything: lint, types, all tests (needs root, for the
 
 unit: setup ## only the tests that need no lab
 	@$(BIN)/python -m pytest -m "not lab"
+
+soak: setup ## kill, cut and crash an apply at every moment of it (needs root; half an hour or more)
+	@echo "soak: python -m tools.soak, results in tools/soak/results.md"
+	@$(BIN)/python -m tools.soak
+
+bench-assignment: setup ## the assignment: the paper's experiment, and how fast (twenty minutes, two cores)
+	@$(BIN)/pip install -q -e '.[bench]'
+	@$(BIN)/python -m benchmarks.assignment.paper
+	@$(BIN)/python -m benchmarks.assignment.whole
+	@$(BIN)/python -m benchmarks.assignment.scaling
 
 lint: setup ## ruff: rules and format
 	@echo "lint: ruff check"

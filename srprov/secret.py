@@ -192,11 +192,14 @@ class _Known:
                 by_start[start] = (*by_start.get(start, ()), form)
             self._values, self._by_start = self._values | {value}, by_start
 
+    @property
+    def some(self) -> bool:
+        """Tell whether there is anything to look for."""
+        return bool(self._values)
+
     def spans(self, text: str) -> Iterator[tuple[int, int]]:
         """Give every place where a form stands, in order, also where two overlap."""
         by_start = self._by_start
-        if not by_start:
-            return
         for at in range(len(text) - SHORTEST + 1):
             start = text[at : at + SHORTEST]
             if start in by_start:
@@ -215,6 +218,8 @@ _known = _Known()
 
 def redact(text: str) -> str:
     """Give a text with every known secret, in any of its forms, as `***`."""
+    if not _known.some:
+        return text
     parts: list[str] = []
     end = 0
     for start, stop in _known.spans(text):

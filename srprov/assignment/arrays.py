@@ -138,8 +138,9 @@ def _moves(problem: Problem, names: tuple[Node, ...], at: dict[str, int], robots
 def _wanted(problem: Problem, names: tuple[Node, ...], price: Array, robots: Array) -> Array:
     """Give float [K, P]: the costs, for items not placed yet mixed with what they add to the sum of squares.
 
-    With d what a robot has carried beyond the one that carried least, c the cost and m the mean cost of one item:
-    (1 - f) * c + f * ((d + c)^2 - d^2) / m.
+    With d what a robot has carried beyond the one that carried least, c the cost, and m what a robot has carried on
+    average plus the mean cost of a node: (1 - f) * c + f * ((d + c)^2 - d^2) / m. Against m, because evenness is of
+    shares: what one run adds must not count for more, the longer the history gets.
     """
     fairness = problem.fairness
     fresh = np.array([not problem.previous.keys() & set(item) for item in names], dtype=bool)
@@ -147,7 +148,7 @@ def _wanted(problem: Problem, names: tuple[Node, ...], price: Array, robots: Arr
         return price
     carried = np.array([fairness.carried.get(robot, 0.0) for robot in problem.loads])
     beyond = (carried - carried.min())[robots]
-    mean = float(price[: len(problem.nodes)].mean()) or 1.0
+    mean = float(carried.mean() + price[: len(problem.nodes)].mean()) or 1.0
     mixed = (1 - fairness.weight) * price + fairness.weight * (2 * beyond + price) * price / mean
     chosen: Array = np.where(fresh[:, None], mixed, price)
     return chosen

@@ -1,8 +1,7 @@
 """Which services cannot all be placed: a set of them that can as soon as any one is left out.
 
 Takes a Problem without a solution; gives the services of a conflict, and tells whether a change would resolve it.
-Pure. Leaving a service out also takes it out of its pools and groups, so what can be placed with it can be placed
-without.
+Pure. Leaving a service out also takes it out of its pools and groups.
 
 Source: Hall's theorem for the plain model: a service that finds no place when others are placed as well as possible
 spans, by alternating paths, a set whose robots have exactly one slot too few. With pools and relations, and inside
@@ -35,11 +34,14 @@ def smallest_conflict(problem: Problem) -> tuple[Node, ...]:
     if not problem.nodes or feasible(problem):
         return ()
     hall = _hall(problem)
+    if hall and all(len(node) == 1 for node in hall):
+        return hall  # alternating paths name nobody in vain
     names = [name for node in hall or problem.nodes for name in node]
     robots = {name: len(problem.eligible((name,))) for name in names}
     names.sort(key=lambda name: (robots[name], name))
     found = _minimal(lambda some: not feasible(cut(problem, some)), names)
-    return cut(problem, found).nodes
+    linked = problem.pools and any(len(node) > 1 for node in problem.nodes)
+    return cut(problem, _none_in_vain(problem, found) if linked else found).nodes
 
 
 def cut(problem: Problem, names: Collection[str]) -> Problem:
@@ -90,6 +92,15 @@ def _minimal(broken: Callable[[Sequence[str]], bool], names: list[str]) -> list[
     return divide([], False, names)
 
 
+def _none_in_vain(problem: Problem, names: list[str]) -> list[str]:
+    """Leave out what is in vain: services that link two pools through a group can hide that from the division."""
+    for name in names:
+        rest = [other for other in names if other != name]
+        if not feasible(cut(problem, rest)):
+            return _none_in_vain(problem, rest)
+    return names
+
+
 def _hall(problem: Problem) -> tuple[Node, ...]:
     """Give a conflict of nodes in the plain model, the smallest that inserting one after another shows; or none."""
     if problem.pools or problem.apart:
@@ -129,5 +140,5 @@ def _shift(robot: str, start: Node, came_from: Mapping[str, Node], holds: dict[s
         holds[robot].append(node)
         if node == start:
             return
-        robot = next(r for r, nodes in holds.items() if node in nodes and r != robot)
+        robot = next(r for r in came_from if node in holds[r] and r != robot)
         holds[robot].remove(node)

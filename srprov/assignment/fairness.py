@@ -12,7 +12,7 @@ from typing import Any
 from srprov.assignment.model import Assignment, Problem
 from srprov.errors import UsageError
 
-RECOMMENDED = 0.5
+RECOMMENDED = 0.3
 """The `fairness` that docs/assignment.md recommends; benchmarks/assignment shows why."""
 STEPS = (0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9, 1.0)
 

@@ -26,7 +26,7 @@ Choice = tuple[Node, str, int]
 _V = TypeVar("_V")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Rows(Mapping[str, _V]):
     """A mapping that works out a value when it is asked for; what is asked for once is kept."""
 

@@ -15,6 +15,8 @@ from srprov.definitions.model import Pool
 
 _SHOWN = 8
 """Names in one sentence; `misses` has all of them."""
+_LOOKED_AT = 40
+"""Services of a conflict whose missing things are compared; the misses of all are told anyway."""
 _TRIED = 12
 """Changes of a kind that are tried at most."""
 
@@ -38,8 +40,9 @@ def quoted(names: Sequence[str]) -> str:
 
 def _slots(problem: Problem) -> Iterator[str]:
     """Name the robots of which one more slot would do."""
-    robots = sorted({robot for node in problem.nodes for robot in problem.eligible(node)})
-    alike = {robot: tuple(robot in problem.eligible(node) for node in problem.nodes) for robot in robots}
+    able = [frozenset(problem.eligible(node)) for node in problem.nodes]
+    robots = sorted(frozenset().union(*able))
+    alike = {robot: tuple(robot in some for some in able) for robot in robots}
     tried: dict[tuple[bool, ...], bool] = {}
     found = []
     for robot in robots:
@@ -61,7 +64,7 @@ def _abilities(problem: Problem) -> Iterator[str]:
     """Name the robot that lacks least of what would make one more robot do."""
     pairs = sorted(
         (len(lacks), robot, node)
-        for node in problem.nodes
+        for node in problem.nodes[:_LOOKED_AT]
         for robot in problem.robots
         if problem.slots.get(robot, 1) and (lacks := _lacks(problem, node, robot))
     )
@@ -100,9 +103,10 @@ def _relations(problem: Problem) -> Iterator[str]:
 def _pools(problem: Problem) -> Iterator[str]:
     """Name two nodes that a pool would let share a slot."""
     tries = 0
-    for index, first in enumerate(problem.nodes):
-        for second in problem.nodes[index + 1 :]:
-            if tries == _TRIED or not set(problem.eligible(first)) & set(problem.eligible(second)):
+    able = [set(problem.eligible(node)) for node in problem.nodes[:_LOOKED_AT]]
+    for index, first in enumerate(problem.nodes[:_LOOKED_AT]):
+        for later, second in enumerate(problem.nodes[index + 1 : _LOOKED_AT], index + 1):
+            if tries == _TRIED or not able[index] & able[later]:
                 continue
             tries += 1
             pool = Pool(name="", services=tuple(sorted((first[0], second[0]))))

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import concurrent.futures
-import json
 from typing import TYPE_CHECKING, Any
 
 import click
 
 from srprov.cli import options
-from srprov.cli.output import err, out
+from srprov.cli.output import err, out, out_json
 from srprov.errors import TransportError
 
 if TYPE_CHECKING:
@@ -51,7 +50,7 @@ def doctor(inventories: tuple[str, ...], as_json: bool, forks: int, timeout: flo
                 except TransportError as error:
                     unreachable[name] = error.message
     if as_json:
-        out(json.dumps(doctor_json(checks, unreachable), indent=2))
+        out_json(doctor_json(checks, unreachable))
     else:
         out(doctor_text(checks))
     for host, reason in sorted(unreachable.items()):

@@ -37,6 +37,8 @@ def logs(
     name = named_instance(file, instance)[0]
     with options.open_lab(inventory, timeout, forks) as lab:
         found = gather(inventory, lab.sessions.get, sample=False, forks=forks)
+        for host, reason in sorted(found.unreachable.items()):
+            err(f"unreachable: {host}: {reason}")
         chosen = _containers(found, name, services)
         show = _Lines(max((len(service) for service, _, _ in chosen), default=0))
         threads = [
@@ -49,8 +51,6 @@ def logs(
             thread.start()
         for thread in threads:
             thread.join()
-    for host, reason in sorted(found.unreachable.items()):
-        err(f"unreachable: {host}: {reason}")
     return UNREACHABLE if found.unreachable or show.lost else 0
 
 
@@ -64,6 +64,8 @@ def _containers(found: Found, instance: str, services: tuple[str, ...]) -> list[
     )
     known = [service for service, _, _ in there]
     unknown = sorted(set(services) - set(known))
+    if found.unreachable and (unknown or not there):
+        return [one for one in there if one[0] in services]  # what is missing may be on a robot that is away
     if unknown:
         raise UsageError(
             f"no container of {', '.join(unknown)} on these robots", hint=f"there are: {', '.join(known) or 'none'}"

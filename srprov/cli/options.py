@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from srprov.cli.output import catch_logs
 from srprov.errors import RefusedError, UsageError
 from srprov.secret import Secret, Vault
 from srprov.wire import Pulse, Session
@@ -182,6 +183,7 @@ def open_lab(
     from srprov.transport import ConnectOptions
     from srprov.transport.pool import Sessions
 
+    catch_logs()
     if locks:
         threading.Thread(target=_prepare_record, name="import record", daemon=True).start()
     connecting = ConnectOptions(connect_timeout_s=timeout, warm_hold=locks, vault=vault or Vault())

@@ -12,6 +12,7 @@ import re
 import sys
 import threading
 import traceback
+import warnings
 from typing import Any, TextIO
 
 import click
@@ -55,8 +56,19 @@ def wants_color(stream: TextIO) -> bool:
     return stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
 
 
+def catch_logs() -> None:
+    """Send warnings that libraries log the same way as everything else; nothing else listens to them."""
+    import logging
+
+    class ToErr(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            err(self.format(record))
+
+    logging.lastResort = ToErr(logging.WARNING)
+
+
 def catch_stray() -> None:
-    """Send what Python would print by itself, from threads and finalizers, the same way as everything else."""
+    """Send what Python would print by itself (from threads, finalizers, of warnings) the same way as all else."""
 
     def thread(args: threading.ExceptHookArgs) -> None:
         if args.exc_type is not SystemExit:
@@ -65,5 +77,12 @@ def catch_stray() -> None:
     def stray(args: Any) -> None:  # noqa: ANN401 - sys.UnraisableHookArgs, which exists for type checkers only
         err("".join(traceback.format_exception(args.exc_type, args.exc_value, args.exc_traceback)))
 
+    def warn(
+        message: Warning | str, category: type[Warning], filename: str, lineno: int,
+        file: TextIO | None = None, line: str | None = None,
+    ) -> None:  # fmt: skip
+        err(f"{filename}:{lineno}: {category.__name__}: {message}")
+
     threading.excepthook, sys.unraisablehook = thread, stray
+    warnings.showwarning = warn
     sys.excepthook = lambda kind, value, trace: err("".join(traceback.format_exception(kind, value, trace)))

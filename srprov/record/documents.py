@@ -9,9 +9,11 @@ from __future__ import annotations
 import dataclasses
 import datetime as dt
 import enum
+import functools
 import hashlib
 import json
 import platform
+import re
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -102,6 +104,14 @@ def environment(run: Run, begun: dt.datetime) -> dict[str, Any]:
         "begun": begun.isoformat(timespec="seconds"),
         "owner": run.owner,
         "srprov": run.version,
+        **controller(),
+    }
+
+
+@functools.lru_cache(maxsize=1)
+def controller() -> dict[str, Any]:
+    """Give this machine's Python, platform and libraries; worth calling early, as it takes a few milliseconds."""
+    return {
         "python": platform.python_version(),
         "platform": platform.platform(),
         "libraries": {name: version for name in _LIBRARIES if (version := _version(name))},
@@ -109,10 +119,13 @@ def environment(run: Run, begun: dt.datetime) -> dict[str, Any]:
 
 
 def _version(name: str) -> str:
+    """Give an installed library's version, or nothing, without parsing the README behind it."""
     try:
-        return metadata.version(name)
+        text = metadata.distribution(name).read_text("METADATA") or ""
     except metadata.PackageNotFoundError:
         return ""
+    found = re.search(r"^Version: *(\S+)", text, re.MULTILINE)
+    return found[1] if found else ""
 
 
 def inventory_document(lab: Inventory) -> dict[str, Any]:

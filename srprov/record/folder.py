@@ -28,6 +28,16 @@ def default_root() -> Path:
     return Path(state if os.path.isabs(state) else os.path.expanduser("~/.local/state")) / "srprov" / "runs"
 
 
+def in_lines(value: object, depth: int = 2) -> str:
+    """Give JSON with a line for every item of the upper levels: easy to read, and much faster than a full indent."""
+    if depth and value and isinstance(value, dict):
+        inner = (f"{json.dumps(str(key))}: {in_lines(item, depth - 1)}" for key, item in value.items())
+        return "{\n" + ",\n".join(inner) + "\n}"
+    if depth and value and isinstance(value, list):
+        return "[\n" + ",\n".join(in_lines(item, depth - 1) for item in value) + "\n]"
+    return json.dumps(value)
+
+
 class RunFolder:
     """One run's record; a context manager. Nothing here raises for a disk: the first failure is kept in `problem`."""
 
@@ -48,7 +58,7 @@ class RunFolder:
 
     def put_json(self, name: str, make: Callable[[], object]) -> None:
         """Write a JSON document, later; secrets are taken out of its texts, so that it stays JSON."""
-        self._jobs.put(lambda: self._write(name, json.dumps(redacted(make()), indent=2) + "\n"))
+        self._jobs.put(lambda: self._write(name, in_lines(redacted(make())) + "\n"))
 
     def event(self, value: object) -> None:
         """Add a JSON value as a line to events.jsonl, soon."""

@@ -183,7 +183,7 @@ class SshSession(BaseSession):
         try:
             channel = start(self.connection, command, deadline)
         except TransportError as error:
-            raise EngineGone(error.message) from error
+            raise EngineGone(f"{error.message}; {error.hint}") from error
         seen, mark = bytearray(), ready_line(nonce)
         try:
             if self._become:

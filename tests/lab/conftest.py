@@ -114,6 +114,7 @@ def lab_session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
         fcntl.flock(guard, fcntl.LOCK_EX)
         up = lab.srprov("lab", "up", "-n", str(ROBOTS))
         assert up.code == 0, up
+        os.environ.setdefault("SRPROV_RUNS", str(folder / "runs"))  # not among the user's own
         yield lab
         down = lab.srprov("lab", "down")
         assert down.code == 0, down
@@ -125,7 +126,7 @@ def scrub(lab: Lab) -> None:
         'c=$(docker ps -aq); test -z "$c" || docker rm -f $c >/dev/null; '
         'n=$(docker network ls -q --filter type=custom); test -z "$n" || docker network rm $n >/dev/null; '
         'v=$(docker volume ls -q); test -z "$v" || docker volume rm -f $v >/dev/null; '
-        "for l in $(ls /sys/class/net | grep ^srp); do ip link del $l; done; rm -rf /var/lib/srprov"
+        "for l in $(ls /sys/class/net | grep ^srp); do ip link del $l; done; rm -rf /var/lib/srprov /run/srprov/*/"
     )
     status = lab.srprov("lab", "status", "--json").json
     processes = [

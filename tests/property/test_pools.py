@@ -1,8 +1,9 @@
-"""Pools, relations, slots and discounts: the solver against brute force and HiGHS, and what must hold of every answer."""
+"""Pools, relations, slots and discounts: the solver against brute force and HiGHS; what must hold of every answer."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from random import Random
 
 import numpy as np
@@ -173,13 +174,16 @@ def by_highs(table: Table) -> int | None:
     for node in range(table.nodes):
         model.add_linear_constraint(sum(v for (item, _), v in x.items() if node in table.items[item]) == 1)
     for where in range(len(table.robots)):
-        model.add_linear_constraint(sum(v for (_, place), v in x.items() if place == where) <= 1)
+        inside = [v for (_, place), v in x.items() if place == where]
+        if inside:
+            model.add_linear_constraint(sum(inside) <= 1)
     for group in table.apart:
         for robot_ in set(table.robots.tolist()):
             inside = [
                 v for (i, p), v in x.items() if table.robots[p] == robot_ and not set(group).isdisjoint(table.items[i])
             ]
-            model.add_linear_constraint(sum(inside) <= 1)
+            if inside:
+                model.add_linear_constraint(sum(inside) <= 1)
     model.minimize(sum(int(table.cost[pair]) / 1e6 * v for pair, v in x.items()))
     result = mathopt.solve(model, mathopt.SolverType.HIGHS, params=mathopt.SolveParameters(relative_gap_tolerance=0.0))
     if not result.has_primal_feasible_solution():
@@ -296,7 +300,7 @@ def test_the_pareto_front_rises_in_cost_and_evenness() -> None:
             continue
         front = fairness.pareto(one.problem(), solve.solve)
         assert front[0].cost == pytest.approx(least.cost)
-        assert all(a.cost <= b.cost and a.jain < b.jain for a, b in zip(front, front[1:], strict=False))
+        assert all(a.cost <= b.cost and a.jain < b.jain for a, b in pairwise(front))
 
 
 def test_brute_force_and_problem_mean_the_same_experiment() -> None:

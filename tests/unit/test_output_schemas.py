@@ -13,7 +13,7 @@ from srprov.execution import Outcome
 from srprov.planning.policy import KINDS
 from srprov.resource import Action, Condition
 
-OUTPUTS = ("facts", "locks", "plan", "run", "status")
+OUTPUTS = ("assign", "facts", "locks", "plan", "run", "status")
 
 
 def parts(schema: Any, path: str = "") -> Iterator[tuple[str, dict[str, Any]]]:

@@ -240,4 +240,6 @@ def test_a_command_has_a_deadline(tmp_path: Path, how: str) -> None:
                       environ={"PATH": os.environ["PATH"]})  # fmt: skip
     assert "did not end within 0.5 s" in message
     assert time.monotonic() - begun < 10
-    assert running(int(mark.read_text())) == []
+    while left := running(int(mark.read_text())):  # the kernel takes a moment to end what was killed
+        assert time.monotonic() - begun < 10, left
+        time.sleep(0.05)

@@ -230,3 +230,14 @@ def test_the_mtu_of_a_robot_out_of_reach_is_the_last_placements(wish: int | None
     rest = [one for name, one in lab().facts.items() if name != "r2"]
     there = found(*rest, unreachable={"r2": ""}, placements={"hello": value})
     assert layout(what, PLACED, there).mtu == mtu
+
+
+def test_the_name_of_a_replicated_service_resolves_to_all_instances() -> None:
+    """Each instance has its own name, and one more line under the name that the EDF has."""
+    what = experiment(
+        service("w-1", instance_of="w"), service("w-2", instance_of="w"), service("h", network="host", instance_of="w")
+    )
+    overlay = layout(what, {"w-1": "r1", "w-2": "r2", "h": "r3"}, lab())
+    assert overlay.aliases == {"w": (overlay.names["h"], overlay.names["w-1"], overlay.names["w-2"])}
+    lines = hosts_file(overlay).splitlines()[-6:]
+    assert [line.split("\t")[1] for line in lines] == ["h", "w-1", "w-2", "w", "w", "w"]
