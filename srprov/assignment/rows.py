@@ -11,7 +11,7 @@ from srprov.assignment.table import Array, Members, Table
 
 
 class Rows:
-    """The rows of the model: one per node, one per place, one per set of `apart` and robot with several places."""
+    """The rows of the model: one per node, per place, per set of `apart` and robot with several places, per cut."""
 
     def __init__(self, table: Table) -> None:
         """Lay them out."""
@@ -27,6 +27,24 @@ class Rows:
         self.apart = len(groups) * self._width
         free = np.full(self.places + self.apart, -np.inf)
         self.low: Array = np.concatenate([np.ones(self.nodes), free])
+        self.high: Array = np.ones(len(self.low))
+        self.plain = len(self.low)
+        """Rows without cuts."""
+        self._items = len(table.items)
+        self._cuts: list[Array] = []
+
+    def cut(self, items: Array, most: int) -> int:
+        """Add a row: at most so many of the items; give its number."""
+        inside: Array = np.zeros(self._items, dtype=bool)
+        inside[list(items)] = True
+        self._cuts.append(inside)
+        self.low, self.high = np.append(self.low, -np.inf), np.append(self.high, float(most))
+        return len(self.low) - 1
+
+    def touched(self, row: int, item: Array) -> Array:
+        """Give bool: which pairs, by their items, are in a cut."""
+        touched: Array = self._cuts[row - self.nodes - self.places - self.apart][item]
+        return touched
 
     def matrix(self, members: Members, item: Array, place: Array) -> tuple[Array, Array]:
         """Give (row, column) of every 1 for the pairs; nowhere (the place after the last) has no row."""
@@ -38,6 +56,10 @@ class Rows:
             touched = inside[item[somewhere]] & (robot >= 0)
             rows.append(self.nodes + self.places + index * self._width + robot[touched])
             columns.append(somewhere[touched])
+        for index, inside in enumerate(self._cuts):
+            touched = np.nonzero(inside[item])[0]
+            rows.append(np.full(len(touched), self.nodes + self.places + self.apart + index))
+            columns.append(touched)
         return np.concatenate(rows), np.concatenate(columns)
 
     def split(self, dual: Array) -> tuple[Array, Array, Array]:
@@ -46,12 +68,18 @@ class Rows:
         return dual[: ends[0]], dual[ends[0] : ends[1]], dual[ends[1] :]
 
     def subtract(self, reduced: Array, w: Array) -> None:
-        """Take the prices of `apart` off reduced costs [K, P + 1], in place."""
+        """Take the prices of `apart` and cuts off reduced costs [K, P + 1], in place; `w` may be of fewer cuts."""
         crowded = np.nonzero(self._robot >= 0)[0]
         for index, inside in enumerate(self._inside):
             prices = w[index * self._width : (index + 1) * self._width]
             if prices.any():
                 reduced[np.ix_(inside, crowded)] -= prices[self._robot[crowded]]
+        for inside, price in zip(self._cuts, w[self.apart :].tolist(), strict=False):
+            reduced[inside] -= price
+
+    def worth(self, w: Array) -> int:
+        """Give what prices of `apart` and cuts add to the bound."""
+        return int((w * self.high[self.nodes + self.places :][: len(w)].astype(np.int64)).sum())
 
     def kept(self, item: Array, place: Array) -> bool:
         """Tell whether a choice keeps `apart`."""

@@ -33,7 +33,7 @@ class Growing:
         first, self._columns = self._columns, self._columns + len(cost)
         if self._solver is None:
             model = model_pb2.ModelProto()
-            _rows(model.linear_constraints, self._low)
+            _rows(model.linear_constraints, self._low, np.ones(len(self._low)))
             _columns(model.variables, 0, len(cost), math.inf, whole=False)
             _costs(model.objective.linear_coefficients, 0, cost)
             _matrix(model.linear_constraint_matrix, rows, columns)
@@ -45,6 +45,19 @@ class Growing:
         _matrix(update.linear_constraint_matrix_updates, rows, columns + first)
         if not self._solver.update(update):
             raise SrprovError("GLOP did not take new columns", hint="this is a bug of srprov")
+
+    def add_row(self, columns: Array, most: float) -> None:
+        """Add a row: at most so much of some columns, by their position in all that were added."""
+        from ortools.math_opt import model_update_pb2
+
+        row, self._low = len(self._low), np.append(self._low, -np.inf)
+        update = model_update_pb2.ModelUpdateProto()
+        update.new_linear_constraints.ids.append(row)
+        update.new_linear_constraints.lower_bounds.append(-math.inf)
+        update.new_linear_constraints.upper_bounds.append(most)
+        _matrix(update.linear_constraint_matrix_updates, np.full(len(columns), row), columns)
+        if not self._solver.update(update):
+            raise SrprovError("GLOP did not take a new row", hint="this is a bug of srprov")
 
     def reprice(self, columns: Array, cost: float) -> None:
         """Give columns, by their position in all that were added, another cost."""
@@ -81,12 +94,13 @@ class Growing:
 
 
 def whole(
-    low: Array, rows: Array, columns: Array, cost: Array, seconds: float | None
+    low: Array, high: Array, rows: Array, columns: Array, cost: Array, seconds: float | None
 ) -> tuple[Array | None, float, bool]:
-    """Solve `min cost x, low <= Ax <= 1, x in {0, 1}` by HiGHS.
+    """Solve `min cost x, low <= Ax <= high, x in {0, 1}` by HiGHS.
 
     Args:
         low: float [R]: 1 for rows that must be covered, -inf for those that may be.
+        high: float [R].
         rows: The row of every 1 of the matrix.
         columns: Its column, 0..C-1.
         cost: float [C].
@@ -101,7 +115,7 @@ def whole(
     from ortools.math_opt.python import mathopt
 
     model = model_pb2.ModelProto()
-    _rows(model.linear_constraints, low)
+    _rows(model.linear_constraints, low, high)
     _columns(model.variables, 0, len(cost), 1.0, whole=True)
     _costs(model.objective.linear_coefficients, 0, cost)
     _matrix(model.linear_constraint_matrix, rows, columns)
@@ -122,10 +136,10 @@ def whole(
     return chosen, result.termination.objective_bounds.dual_bound, done
 
 
-def _rows(into: Any, low: Array) -> None:  # noqa: ANN401 - a protocol buffer message
+def _rows(into: Any, low: Array, high: Array) -> None:  # noqa: ANN401 - a protocol buffer message
     into.ids.extend(range(len(low)))
     into.lower_bounds.extend(low.tolist())
-    into.upper_bounds.extend([1.0] * len(low))
+    into.upper_bounds.extend(high.tolist())
 
 
 def _columns(into: Any, first: int, count: int, upper: float, *, whole: bool) -> None:  # noqa: ANN401

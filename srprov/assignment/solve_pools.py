@@ -11,7 +11,8 @@ What makes it fast is that hardly any of the (item, place) pairs matter:
 3. Prices give a bound that is checked in whole numbers, whatever the solver's rounding: with u per node, v <= 0 per
    place and w <= 0 per row of `apart` such that no pair's reduced cost is negative, `sum u + sum v + sum w` is below
    every choice's cost.
-4. A choice that beats the best known one holds only pairs whose reduced cost is at most the gap. So HiGHS gets these
+4. Where bundles are chosen by halves, inequalities that every choice keeps are added (`cuts`), and 2 goes on.
+5. A choice that beats the best known one holds only pairs whose reduced cost is at most the gap. So HiGHS gets these
    alone, and its optimum is the optimum of all. Mostly the relaxation is whole already, and nothing is left to do.
 
 A node may also go nowhere, at a cost above any full choice: so everything stays feasible, and a best choice with a node
@@ -28,6 +29,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from srprov.assignment.cuts import odd_cycles
 from srprov.assignment.rows import Rows, disjoint, smallest
 from srprov.assignment.solve_flow import assign, potentials
 from srprov.assignment.solve_lp import Growing, whole
@@ -39,6 +41,7 @@ _AWAY = 4.0
 """What nowhere costs in the relaxation to begin with, in largest costs; more only if it is still chosen then."""
 _ROUNDS = 60
 """Of Bellman-Ford for the first prices, which need not be exact."""
+_MOST_CUTS = 1000
 _PER_ITEM, _PER_PLACE = 8, 4
 """Pairs that begin, and that join at a time."""
 
@@ -138,11 +141,12 @@ class _Search:
             if self._late() or (self._somewhere(keys, chosen) and least * scale - self.prices.bound < self.fine / 2):
                 break
             fresh = self._negative(self._reduced(u, v, w), scale)
-            if not len(fresh):
-                if away >= most or self._somewhere(keys, chosen):
-                    break
-                away *= 32
-                program.reprice(np.nonzero(keys % self.cost.shape[1] == self.rows.places)[0], min(away, most))
+            if len(fresh) or self._cut(program, keys, chosen):
+                continue
+            if away >= most or self._somewhere(keys, chosen):
+                break
+            away *= 32
+            program.reprice(np.nonzero(keys % self.cost.shape[1] == self.rows.places)[0], min(away, most))
         self._round(keys, chosen)
 
     def finish(self) -> None:
@@ -162,7 +166,9 @@ class _Search:
             item, place = np.divmod(pairs, self.cost.shape[1])
             cost = (self.cost.ravel()[pairs] - self.members.sums(prices.u)[item]) * (1e4 / gap)
             left = None if self.until is None else max(0.01, self.until - time.monotonic())
-            chosen, low, done = whole(self.rows.low, *self.rows.matrix(self.members, item, place), cost, left)
+            chosen, low, done = whole(
+                self.rows.low, self.rows.high, *self.rows.matrix(self.members, item, place), cost, left
+            )
             if chosen is not None:
                 self._offer(pairs[chosen])
             # whoever stays below `reach` uses none but these pairs, so their optimum speaks for all up to there
@@ -217,7 +223,7 @@ class _Search:
         u = np.minimum(u, self.nowhere)
         w = np.minimum(w, 0).astype(np.int64)
         v = np.minimum(0, self._reduced(u, np.zeros(self.cost.shape[1] - 1, dtype=np.int64), w)[:, :-1].min(axis=0))
-        return _Prices(u=u, v=v, w=w, bound=int(u.sum()) + int(v.sum()) + int(w.sum()))
+        return _Prices(u=u, v=v, w=w, bound=int(u.sum()) + int(v.sum()) + self.rows.worth(w))
 
     def _reduced(self, u: Array, v: Array, w: Array) -> Array:
         """Give int64 [K, P + 1]: the reduced cost of every pair."""
@@ -231,6 +237,18 @@ class _Search:
         reduced = np.where(self.have.reshape(reduced.shape), 0, np.minimum(reduced, 0))
         few = np.unique(np.concatenate([smallest(reduced, _PER_ITEM, 1), smallest(reduced, _PER_PLACE, 0)]))
         return few[reduced.ravel()[few] < -1e-9 * scale]
+
+    def _cut(self, program: Growing, keys: Array, chosen: Array) -> bool:
+        """Add rows that the relaxation breaks; tell whether there are any."""
+        item = keys // self.cost.shape[1]
+        share = np.bincount(item, weights=chosen, minlength=len(self.table.items))
+        partly = {int(index): float(share[index]) for index in np.nonzero((share > 1e-6) & (share < 1 - 1e-6))[0]}
+        found = odd_cycles({one: much for one, much in partly.items() if one >= self.table.nodes}, self.table.items)
+        found = found if len(self.rows.low) < self.rows.plain + _MOST_CUTS else []
+        for items, most in found:
+            row = self.rows.cut(np.array(items), most)
+            program.add_row(np.nonzero(self.rows.touched(row, item))[0], most)
+        return bool(found)
 
     def _round(self, keys: Array, chosen: Array) -> None:
         """Make a choice of the relaxation: its bundles by how far they are chosen, then the flow of the rest."""

@@ -14,10 +14,7 @@ from srprov.modules.module import STATE_ROOT
 from srprov.resource import Action, Change, Resource, State
 from srprov.wire import AnyQuery, Command, Put, Query, Reply, Run, quote
 
-_LIST = (
-    f"cd {STATE_ROOT} 2>/dev/null || exit 0; "
-    "find . -mindepth 2 -maxdepth 2 -type f -exec sha256sum {} +"
-)
+_LIST = f"cd {STATE_ROOT} 2>/dev/null || exit 0; find . -mindepth 2 -maxdepth 2 -type f -exec sha256sum {{}} +"
 _MIN_PARTS = 2
 
 

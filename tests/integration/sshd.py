@@ -108,7 +108,7 @@ class Sshd:
             self.process.terminate()
             self.process.wait(10)
 
-    def host(self, name: str = "r1", **more: Any) -> Host:  # noqa: ANN401
+    def host(self, name: str = "r1", **more: Any) -> Host:
         values: dict[str, Any] = {
             "name": name,
             "address": "127.0.0.1",

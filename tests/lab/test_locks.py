@@ -113,13 +113,14 @@ def cleared(lab_of_module: Lab) -> Iterator[Lab]:
 def test_locks_tells_who_and_waiting_finds_the_work_done(lab_of_module: Lab, tmp_path: Path) -> None:
     """While one controller builds, `locks` names it, a second is refused, a third waits and has nothing to do."""
     lab, robots = lab_of_module, ["robot4", "robot5"]
-    inventory = part_of_lab(lab, [*robots, "robot6"], tmp_path / "lab.yml")
+    inventory = part_of_lab(lab, robots, tmp_path / "lab.yml")
+    more = part_of_lab(lab, [*robots, "robot6"], tmp_path / "more.yml")
     path = slow(tmp_path, "slowly", robots, 15)
     common = ("apply", path, "-i", inventory, "--yes", "--settle", "0.5")
     first = begin(lab, *common)
     until_said(first, "Step 1/")
 
-    seen = lab.srprov("locks", "-i", inventory, "--json")
+    seen = lab.srprov("locks", "-i", more, "--json")
     assert seen.code == 0, seen
     Draft202012Validator(data.schema("locks")).validate(seen.json)
     told: dict[str, Any] = seen.json["robots"]
@@ -129,7 +130,7 @@ def test_locks_tells_who_and_waiting_finds_the_work_done(lab_of_module: Lab, tmp
         assert (told[robot]["pid"], told[robot]["purpose"]) == (first.pid, "apply slowly")
         assert told[robot]["run"] == told["robot4"]["run"] != ""
         assert 0 <= told[robot]["age_s"] < 60 and told[robot]["since"].endswith(" UTC")
-    table = lab.srprov("locks", "-i", inventory).out
+    table = lab.srprov("locks", "-i", more).out
     assert "apply slowly" in table and "robot4" in table and "robot6" not in table
 
     waits = begin(lab, *common, "--json", "--lock-wait", "120")

@@ -45,11 +45,13 @@ BANDWIDTH = Weights(cpu=0.0, memory=0.0, swap=0.0, bandwidth=1.0)
     ],
 )
 def test_each_term_is_the_papers(alpha: float, weights: Weights, facts: dict[str, float], expected: float) -> None:
+    """Each term is the papers."""
     found = cost_terms(service("s", cost=alpha), robot("r", **facts), weights, Placement())
     assert found.total == pytest.approx(expected, abs=1e-12)
 
 
 def test_the_terms_are_weighted_and_summed() -> None:
+    """The terms are weighted and summed."""
     facts = robot(
         "r",
         load1=2.0,
@@ -69,6 +71,7 @@ def test_the_terms_are_weighted_and_summed() -> None:
 
 
 def test_the_reference_bandwidth_is_the_experiments() -> None:
+    """The reference bandwidth is the experiments."""
     facts = robot("r", speed_mbit=50.0)
     assert cost_terms(service("s"), facts, BANDWIDTH, Placement(bandwidth_reference_mbit=50.0)).total == 0.0
     half = cost_terms(service("s"), facts, BANDWIDTH, Placement(bandwidth_reference_mbit=100.0))
@@ -76,6 +79,7 @@ def test_the_reference_bandwidth_is_the_experiments() -> None:
 
 
 def test_an_unknown_speed_counts_as_the_reference_and_is_said() -> None:
+    """An unknown speed counts as the reference and is said."""
     found = load(robot("r", speed_mbit=0.0, traffic_mbit=700.0), 1000.0)
     assert found.bandwidth == 1.0
     assert "link speed unknown" in found.notes[0]
@@ -86,6 +90,7 @@ def test_an_unknown_speed_counts_as_the_reference_and_is_said() -> None:
     ("slot", "slots", "beta"), [(0, 4, 0.25), (1, 4, 0.5), (3, 4, 1.0), (1, 2, 0.75), (1, 1, 1.0), (9, 2, 1.0)]
 )
 def test_a_later_slot_raises_the_cpu_load_only(slot: int, slots: int, beta: float) -> None:
+    """A later slot raises the cpu load only."""
     idle = load(robot("r", load1=1.0, memory_available=4 * GIB), 1000.0)
     raised = at_slot(idle, slot, slots)
     assert raised.cpu == beta
@@ -94,6 +99,7 @@ def test_a_later_slot_raises_the_cpu_load_only(slot: int, slots: int, beta: floa
 
 
 def test_the_number_of_slots_is_the_robots_else_the_experiments() -> None:
+    """The number of slots is the robots else the experiments."""
     facts, placement = robot("r"), Placement(slots_per_robot=2)
     assert cost_terms(service("s"), facts, CPU, placement, slot=1).total == pytest.approx(0.625)
     assert cost_terms(service("s"), facts, CPU, placement, slot=1, slots=4).total == pytest.approx(0.0390625)
@@ -104,4 +110,5 @@ def test_the_number_of_slots_is_the_robots_else_the_experiments() -> None:
     [([1, 1, 1, 1], 1.0), ([1, 0, 0, 0], 0.25), ([3, 3, 0, 0], 0.5), ([1, 2, 3], 36 / 42), ([0, 0], 1.0), ([], 1.0)],
 )
 def test_jains_index(costs: list[float], expected: float) -> None:
+    """Jains index."""
     assert jain(costs) == pytest.approx(expected)

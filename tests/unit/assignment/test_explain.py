@@ -16,6 +16,7 @@ def refusal(what: Experiment, where: Found, previous: dict[str, str] | None = No
 
 
 def test_one_service_that_no_robot_can_run() -> None:
+    """One service that no robot can run."""
     needs = Requirements(tags=("lidar",), memory=16 * GIB)
     what = experiment(service("a", requires=needs), service("b"))
     error = refusal(what, found(robot("r1", tags=("arm", "lidar")), robot("r2"), robot("r3")))
@@ -32,6 +33,7 @@ def test_one_service_that_no_robot_can_run() -> None:
 
 
 def test_two_services_compete_for_one_robot_and_the_rest_is_not_named() -> None:
+    """Two services compete for one robot and the rest is not named."""
     what = experiment(service("a", tags=("x",)), service("b", tags=("x",)), service("c"))
     error = refusal(what, found(robot("r1", tags=("x",)), robot("r2", tags=("y",)), robot("r3")))
     assert error.message == "'a' and 'b' can run only on r1 (1 slot): 2 places needed, 1 there"
@@ -44,6 +46,7 @@ def test_two_services_compete_for_one_robot_and_the_rest_is_not_named() -> None:
 
 
 def test_the_conflict_of_few_is_told_before_that_of_many() -> None:
+    """The conflict of few is told before that of many."""
     many = [service(name) for name in "abcd"]
     few = [service(name, tags=("x",)) for name in "yz"]
     error = refusal(experiment(*many, *few), found(robot("r1", tags=("x",)), robot("r2"), robot("r3")))
@@ -51,12 +54,14 @@ def test_the_conflict_of_few_is_told_before_that_of_many() -> None:
 
 
 def test_more_services_than_robots() -> None:
+    """More services than robots."""
     error = refusal(experiment(*(service(name) for name in "abc")), found(robot("r1"), robot("r2")))
     assert error.message == "'a', 'b' and 'c' can run only on r1 (1 slot) and r2 (1 slot): 3 places needed, 2 there"
     assert error.hint.startswith("give r1 or r2 one more slot")
 
 
 def test_a_long_list_is_cut() -> None:
+    """A long list is cut."""
     error = refusal(experiment(*(service(f"s{i:02}") for i in range(40))), found(robot("r1")))
     assert error.message.startswith("'s00' and 's01' can run only on r1")
     many = found(*(robot(f"r{i:02}") for i in range(20)))
@@ -67,6 +72,7 @@ def test_a_long_list_is_cut() -> None:
 
 
 def test_a_group_that_no_robot_can_run() -> None:
+    """A group that no robot can run."""
     what = experiment(service("a", tags=("x",)), service("b", tags=("y",)), same_robot=(("a", "b"),))
     error = refusal(what, found(robot("r1", tags=("x",)), robot("r2", tags=("y",))))
     assert error.message == "no robot can run 'a' and 'b' together"
@@ -78,17 +84,20 @@ def test_a_group_that_no_robot_can_run() -> None:
 
 
 def test_a_pin_to_a_robot_that_cannot() -> None:
+    """A pin to a robot that cannot."""
     error = refusal(experiment(service("a", robot="r1", tags=("x",))), found(robot("r1"), robot("r2", tags=("x",))))
     assert error.misses == {"a": {"r1": "needs tag 'x' (has: none)", "r2": "pinned to r1"}}
 
 
 def test_a_pin_to_a_robot_nobody_knows() -> None:
+    """A pin to a robot nobody knows."""
     error = refusal(experiment(service("a", robot="r9")), found(robot("r1")))
     assert error.misses == {"a": {"r1": "pinned to r9"}}
     assert error.hint == "remove 'robot: r9' from service 'a', so that r1 can run 'a'"
 
 
 def test_only_unreachable_robots() -> None:
+    """Only unreachable robots."""
     error = refusal(experiment(service("a")), found(unreachable={"r1": "timed out"}))
     assert error.message == "no robot can run 'a'"
     assert error.misses == {"a": {"r1": "unreachable: timed out"}}
@@ -96,23 +105,27 @@ def test_only_unreachable_robots() -> None:
 
 
 def test_no_robot_at_all() -> None:
+    """No robot at all."""
     error = refusal(experiment(service("a")), found())
     assert error.message == "there is no robot to place anything on"
     assert error.hint
 
 
 def test_a_slot_that_a_frozen_service_holds() -> None:
+    """A slot that a frozen service holds."""
     what = experiment(service("a"), service("b"), service("c", robot="r1"), same_robot=(("a", "b"),))
     error = refusal(what, found(robot("r1"), unreachable={"r2": ""}), {"a": "r2", "b": "r1"})
     assert error.message == "'c' can run only on r1, where no slot is left"
 
 
 def test_reasons_as_lines() -> None:
+    """Reasons as lines."""
     lines = explain.reasons({"b": {"r2": "pinned to r1"}, "a": {"r3": "no Docker", "r1": "unreachable"}})
     assert lines == ["a not on r1: unreachable", "a not on r3: no Docker", "b not on r2: pinned to r1"]
 
 
 def test_the_plans_lines() -> None:
+    """The plans lines."""
     cpu = Weights(cpu=1.0, memory=0.0, swap=0.0, bandwidth=0.0)
     what = experiment(service("talker"), service("map"), weights=cpu, placement=Placement(sticky=False))
     where = found(robot("r1", load1=2.0), robot("robot2", load1=1.0, speed_mbit=0.0), robot("r3", speed_mbit=0.0))

@@ -39,12 +39,14 @@ from tests.unit.assignment.worlds import GIB, robot, service
     ],
 )
 def test_reasons(wants: dict[str, Any], has: dict[str, Any], texts: list[str]) -> None:
+    """Reasons."""
     lacks = missing(service("s", requires=Requirements(**wants)), (), robot("r", **has))
     assert [miss.text for miss in lacks] == texts
     assert all(miss.remedy for miss in lacks)
 
 
 def test_a_pin_excludes_all_others() -> None:
+    """A pin excludes all others."""
     pinned = service("s", robot="r2")
     assert [miss.text for miss in missing(pinned, (), robot("r1"))] == ["pinned to r2"]
     assert missing(pinned, (), robot("r2")) == ()
@@ -60,6 +62,7 @@ def test_a_pin_excludes_all_others() -> None:
     ],
 )
 def test_platforms_of_the_cdf(platforms: tuple[str, ...], arch: str, fits: bool) -> None:
+    """Platforms of the cdf."""
     lacks = missing(service("s"), platforms, robot("r", arch=arch))
     assert (lacks == ()) is fits
     assert all(arch in miss.text and miss.text.startswith("its CDF is only for linux/") for miss in lacks)
@@ -80,9 +83,11 @@ def test_platforms_of_the_cdf(platforms: tuple[str, ...], arch: str, fits: bool)
     ],
 )
 def test_kernel_bounds(bound: str, kernel: str, fits: bool) -> None:
+    """Kernel bounds."""
     assert kernel_fits(bound, kernel) is fits
 
 
 def test_a_bound_that_is_none_is_refused() -> None:
+    """A bound that is none is refused."""
     with pytest.raises(UsageError, match="not a version bound"):
         kernel_fits("newest", "6.1")

@@ -18,6 +18,7 @@ def three_robots() -> tuple[HostFacts, ...]:
 
 
 def test_each_robot_runs_one_service_and_the_dearest_gets_the_idlest() -> None:
+    """Each robot runs one service and the dearest gets the idlest."""
     what = experiment(service("a", cost=10), service("b", cost=90), weights=CPU)
     answer = assign(what, found(*three_robots()))
     assert answer.placed == {"a": "r3", "b": "r2"}
@@ -30,6 +31,7 @@ def test_each_robot_runs_one_service_and_the_dearest_gets_the_idlest() -> None:
 
 
 def test_runner_up_is_the_best_other_robot() -> None:
+    """Runner up is the best other robot."""
     what = experiment(service("a", cost=10), service("b", cost=90), weights=CPU)
     answer = assign(what, found(*three_robots()))
     assert answer.runner_up["b"] == RunnerUp(robot="r3", cost=5.625, difference=5.625 - 0.3515625, full=True)
@@ -38,6 +40,7 @@ def test_runner_up_is_the_best_other_robot() -> None:
 
 
 def test_a_single_service_alone_has_no_runner_up() -> None:
+    """A single service alone has no runner up."""
     answer = assign(experiment(service("a", tags=("x",))), found(robot("r1", tags=("x",)), robot("r2")))
     assert answer.runner_up == {}
     assert answer.matrix["a"]["r2"] is None
@@ -45,6 +48,7 @@ def test_a_single_service_alone_has_no_runner_up() -> None:
 
 
 def test_slots_fill_while_they_are_cheaper() -> None:
+    """Slots fill while they are cheaper."""
     what = experiment(*(service(name, cost=10) for name in "abc"), weights=CPU, placement=Placement(slots_per_robot=2))
     answer = assign(what, found(robot("r1"), robot("r2", load1=3.6)))
     # r1: 0 and 10 * 0.5^4 in its second slot; r2: 10 * 0.9^4
@@ -53,6 +57,7 @@ def test_slots_fill_while_they_are_cheaper() -> None:
 
 
 def test_the_inventorys_slots_win_over_the_experiments() -> None:
+    """The inventorys slots win over the experiments."""
     what = experiment(*(service(name) for name in "abc"), placement=Placement(slots_per_robot=2))
     answer = assign(what, found(robot("r1"), robot("r2", load1=4.0)), slots={"r1": 3})
     assert set(answer.placed.values()) == {"r1"}
@@ -61,6 +66,7 @@ def test_the_inventorys_slots_win_over_the_experiments() -> None:
 
 
 def test_same_robot_takes_one_slot_and_costs_the_sum() -> None:
+    """Same robot takes one slot and costs the sum."""
     what = experiment(*(service(name, cost=10) for name in "abcd"), weights=CPU, same_robot=(("a", "b"), ("b", "c")))
     answer = assign(what, found(robot("r1", load1=2.0), robot("r2", load1=1.0)))
     assert answer.placed == {"a": "r2", "b": "r2", "c": "r2", "d": "r1"}
@@ -69,6 +75,7 @@ def test_same_robot_takes_one_slot_and_costs_the_sum() -> None:
 
 
 def test_a_group_needs_what_its_members_need() -> None:
+    """A group needs what its members need."""
     what = experiment(service("a", tags=("arm",)), service("b", tags=("eye",)), same_robot=(("a", "b"),))
     where = found(robot("r1", tags=("arm",)), robot("r2", tags=("eye",)), robot("r3", tags=("arm", "eye")))
     answer = assign(what, where)
@@ -80,11 +87,13 @@ def test_a_group_needs_what_its_members_need() -> None:
 
 
 def test_a_pin_is_kept_whatever_it_costs() -> None:
+    """A pin is kept whatever it costs."""
     answer = assign(experiment(service("a", robot="r1"), weights=CPU), found(*three_robots()))
     assert answer.placed == {"a": "r1"}
 
 
 def test_sticky_services_stay_and_the_gain_of_moving_is_known() -> None:
+    """Sticky services stay and the gain of moving is known."""
     what = experiment(service("a", cost=10), weights=CPU)
     answer = assign(what, found(*three_robots()), {"a": "r1"})
     assert answer.placed == {"a": "r1"}
@@ -95,6 +104,7 @@ def test_sticky_services_stay_and_the_gain_of_moving_is_known() -> None:
 
 
 def test_reassign_moves_to_the_cheapest() -> None:
+    """Reassign moves to the cheapest."""
     answer = assign(experiment(service("a"), weights=CPU), found(*three_robots()), {"a": "r1"}, reassign=True)
     assert answer.placed == {"a": "r2"}
     assert answer.moves == (Move(service="a", source="r1", target="r2"),)
@@ -102,6 +112,7 @@ def test_reassign_moves_to_the_cheapest() -> None:
 
 
 def test_what_is_not_sticky_still_does_not_move_for_nothing() -> None:
+    """What is not sticky still does not move for nothing."""
     what = experiment(service("a"), service("b"), placement=FREE)
     where = found(robot("r1"), robot("r2"), robot("r3"))
     for previous in ({"a": "r3", "b": "r1"}, {"a": "r2", "b": "r3"}):
@@ -109,6 +120,7 @@ def test_what_is_not_sticky_still_does_not_move_for_nothing() -> None:
 
 
 def test_a_running_service_moves_when_its_robot_can_no_longer_run_it() -> None:
+    """A running service moves when its robot can no longer run it."""
     answer = assign(experiment(service("a", tags=("x",))), found(robot("r1"), robot("r2", tags=("x",))), {"a": "r1"})
     assert answer.moves == (Move(service="a", source="r1", target="r2"),)
     assert answer.optimal
@@ -116,6 +128,7 @@ def test_a_running_service_moves_when_its_robot_can_no_longer_run_it() -> None:
 
 def test_as_few_as_possible_move_for_a_service_that_needs_their_place() -> None:
     # New `c` can run only on r1; either a leaves for r3 (one move), or a and b change round (two).
+    """As few as possible move for a service that needs their place."""
     what = experiment(service("a"), service("b"), service("c", robot="r1"), weights=CPU)
     where = found(robot("r1"), robot("r2"), robot("r3", load1=4.0))
     answer = assign(what, where, {"a": "r1", "b": "r2"})
@@ -123,6 +136,7 @@ def test_as_few_as_possible_move_for_a_service_that_needs_their_place() -> None:
 
 
 def test_when_slots_shrink_one_service_leaves() -> None:
+    """When slots shrink one service leaves."""
     what = experiment(service("a", cost=90), service("b", cost=10), weights=CPU)
     where = found(robot("r1", load1=1.0), robot("r2", load1=3.0))
     answer = assign(what, where, {"a": "r1", "b": "r1"})
@@ -130,12 +144,14 @@ def test_when_slots_shrink_one_service_leaves() -> None:
 
 
 def test_a_new_group_meets_where_most_of_it_runs() -> None:
+    """A new group meets where most of it runs."""
     what = experiment(*(service(name) for name in "abc"), same_robot=(("a", "b", "c"),), weights=CPU)
     where = found(robot("r1"), robot("r2", load1=4.0))
     assert assign(what, where, {"a": "r1", "b": "r2", "c": "r2"}).placed == {"a": "r2", "b": "r2", "c": "r2"}
 
 
 def test_services_of_an_unreachable_robot_stay_and_are_not_counted() -> None:
+    """Services of an unreachable robot stay and are not counted."""
     what = experiment(service("a"), service("b", cost=10), weights=CPU)
     where = found(robot("r1", load1=2.0), unreachable={"r2": "no route to host"})
     answer = assign(what, where, {"a": "r2"})
@@ -149,6 +165,7 @@ def test_services_of_an_unreachable_robot_stay_and_are_not_counted() -> None:
 
 
 def test_even_reassign_leaves_them_but_reassign_unreachable_does_not() -> None:
+    """Even reassign leaves them but reassign unreachable does not."""
     what, where = experiment(service("a")), found(robot("r1"), unreachable={"r2": ""})
     assert assign(what, where, {"a": "r2"}, reassign=True).placed == {"a": "r2"}
     answer = assign(what, where, {"a": "r2"}, reassign_unreachable=True)
@@ -157,6 +174,7 @@ def test_even_reassign_leaves_them_but_reassign_unreachable_does_not() -> None:
 
 
 def test_nothing_of_a_group_with_a_frozen_member_moves() -> None:
+    """Nothing of a group with a frozen member moves."""
     what = experiment(*(service(name) for name in "abcd"), same_robot=(("a", "b", "c"),))
     where = found(robot("r1"), robot("r3"), unreachable={"r2": ""})
     answer = assign(what, where, {"a": "r2", "b": "r1"})
@@ -165,18 +183,21 @@ def test_nothing_of_a_group_with_a_frozen_member_moves() -> None:
 
 
 def test_a_service_whose_robot_left_the_inventory_is_placed_anew() -> None:
+    """A service whose robot left the inventory is placed anew."""
     answer = assign(experiment(service("a")), found(robot("r1")), {"a": "gone", "old": "r1"})
     assert answer.placed == {"a": "r1"}
     assert answer.moves == (Move(service="a", source="gone", target="r1"),)
 
 
 def test_costs_that_differ_by_less_than_a_millionth_are_equal() -> None:
+    """Costs that differ by less than a millionth are equal."""
     what = experiment(service("a", cost=1), weights=CPU, placement=FREE)
     where = found(robot("r1", load1=0.01), robot("r2", load1=0.0))
     assert assign(what, where, {"a": "r1"}).placed == {"a": "r1"}
 
 
 def test_nothing_to_place() -> None:
+    """Nothing to place."""
     answer = assign(experiment(), found(robot("r1")))
     assert answer.placed == {}
     assert answer.cost == 0
@@ -184,5 +205,6 @@ def test_nothing_to_place() -> None:
 
 
 def test_a_hundred_slots_are_no_trouble() -> None:
+    """A hundred slots are no trouble."""
     what = experiment(*(service(f"s{i:02}") for i in range(30)), placement=Placement(slots_per_robot=1_000_000))
     assert len(assign(what, found(robot("r1"))).placed) == 30

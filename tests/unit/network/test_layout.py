@@ -27,6 +27,7 @@ def three(**fields: object) -> Experiment:
 
 
 def test_every_member_knows_all_others() -> None:
+    """Every member knows all others."""
     overlay = layout(three(), PLACED, lab())
     assert overlay.active
     assert overlay.vteps == {"r1": "192.168.0.1", "r2": "192.168.0.2", "r3": "192.168.0.3"}
@@ -41,6 +42,7 @@ def test_every_member_knows_all_others() -> None:
 
 
 def test_several_services_on_one_robot_need_no_entries_there() -> None:
+    """Several services on one robot need no entries there."""
     overlay = layout(three(), dict.fromkeys(PLACED, "r1"), lab())
     assert overlay.vteps == {"r1": "192.168.0.1"}
     assert overlay.flood == {"r1": ()}
@@ -48,6 +50,7 @@ def test_several_services_on_one_robot_need_no_entries_there() -> None:
 
 
 def test_a_robot_with_nothing_on_the_overlay_is_no_member() -> None:
+    """A robot with nothing on the overlay is no member."""
     what = experiment(service("map"), service("talker", network="host"), service("listener", network="none"))
     overlay = layout(what, PLACED, lab())
     assert list(overlay.vteps) == ["r1"]
@@ -56,6 +59,7 @@ def test_a_robot_with_nothing_on_the_overlay_is_no_member() -> None:
 
 
 def test_both_has_an_address_but_no_interface_of_its_own() -> None:
+    """Both has an address but no interface of its own."""
     what = experiment(service("map"), service("talker", network="both"), service("listener"))
     overlay = layout(what, PLACED, lab())
     assert overlay.names["talker"] == overlay.addresses["talker"]
@@ -65,6 +69,7 @@ def test_both_has_an_address_but_no_interface_of_its_own() -> None:
 
 
 def test_without_the_overlay_names_remain() -> None:
+    """Without the overlay names remain."""
     what = experiment(*(service(name, network="host") for name in PLACED))
     overlay = layout(what, PLACED, lab())
     assert not overlay.active
@@ -73,6 +78,7 @@ def test_without_the_overlay_names_remain() -> None:
 
 
 def test_the_instance_is_the_experiments_name_unless_given() -> None:
+    """The instance is the experiments name unless given."""
     assert layout(three(), PLACED, lab()).network == "srprov.hello"
     other = layout(three(), PLACED, lab(), instance="second")
     assert (other.instance, other.network) == ("second", "srprov.second")
@@ -91,6 +97,7 @@ def test_the_instance_is_the_experiments_name_unless_given() -> None:
     ],
 )
 def test_mtu(per_robot: dict[str, dict[str, object]], wish: int | None, mtu: int) -> None:
+    """Mtu."""
     assert layout(three(network=NetworkWishes(mtu=wish)), PLACED, lab(**per_robot)).mtu == mtu
 
 
@@ -107,6 +114,7 @@ def test_mtu(per_robot: dict[str, dict[str, object]], wish: int | None, mtu: int
 def test_what_cannot_be_a_segment(
     per_robot: dict[str, dict[str, object]], wishes: dict[str, object], message: str | None
 ) -> None:
+    """What cannot be a segment."""
     what = three(network=NetworkWishes(**wishes))
     if message is None:
         assert layout(what, PLACED, lab(**per_robot)).subnet == "10.200.0.0/29"
@@ -117,6 +125,7 @@ def test_what_cannot_be_a_segment(
 
 
 def test_a_robot_out_of_reach_stays_a_member_with_all_it_had() -> None:
+    """A robot out of reach stays a member with all it had."""
     what, before = three(), layout(three(), PLACED, lab(r2={"underlay_mtu": 1400}))
     remembered = record(before, what, PLACED, "here")
     rest = [one for name, one in lab().facts.items() if name != "r2"]
@@ -125,6 +134,7 @@ def test_a_robot_out_of_reach_stays_a_member_with_all_it_had() -> None:
 
 
 def test_a_robot_out_of_reach_that_nobody_remembers_is_left_out() -> None:
+    """A robot out of reach that nobody remembers is left out."""
     rest = [one for name, one in lab().facts.items() if name != "r2"]
     overlay = layout(three(), PLACED, found(*rest, unreachable={"r2": ""}))
     assert list(overlay.vteps) == ["r1", "r3"]
@@ -133,6 +143,7 @@ def test_a_robot_out_of_reach_that_nobody_remembers_is_left_out() -> None:
 
 
 def test_a_service_keeps_its_addresses_when_it_moves() -> None:
+    """A service keeps its addresses when it moves."""
     before = layout(three(), PLACED, lab())
     after = layout(three(), {**PLACED, "map": "r3"}, lab())
     assert after.addresses == before.addresses
@@ -141,6 +152,7 @@ def test_a_service_keeps_its_addresses_when_it_moves() -> None:
 
 
 def test_hosts_file() -> None:
+    """Hosts file."""
     overlay = Overlay(instance="x", underlays={}, names={"talker": "10.0.0.9", "cam": "fd00::1", "map": "10.0.0.10"})
     assert hosts_file(overlay) == (
         "127.0.0.1\tlocalhost\n"
@@ -154,6 +166,7 @@ def test_hosts_file() -> None:
 
 
 def test_the_record_holds_the_whole_placement() -> None:
+    """The record holds the whole placement."""
     what = experiment(service("map"), service("talker", network="host"))
     placed = {"talker": "r2", "map": "r1"}
     overlay = layout(what, placed, lab())
@@ -179,6 +192,7 @@ def test_the_record_holds_the_whole_placement() -> None:
 
 
 def test_the_serial_counts_changes_only() -> None:
+    """The serial counts changes only."""
     what, overlay = three(), layout(three(), PLACED, lab())
     first = record(overlay, what, PLACED, "here")
     assert record(overlay, what, PLACED, "here", first) == first
@@ -188,6 +202,7 @@ def test_the_serial_counts_changes_only() -> None:
 
 
 def test_read_record_gives_back_what_was_written() -> None:
+    """Read record gives back what was written."""
     what, overlay = three(), layout(three(), PLACED, lab())
     read = read_record(record(overlay, what, PLACED, "here"))
     assert read is not None
@@ -217,6 +232,7 @@ def test_read_record_gives_back_what_was_written() -> None:
     ],
 )
 def test_read_record_believes_nothing_odd(value: dict[str, object]) -> None:
+    """Read record believes nothing odd."""
     read = read_record(value)
     assert read is not None
     assert not (read.robots or read.addresses or read.macs or read.vteps or read.gateways)
@@ -225,6 +241,7 @@ def test_read_record_believes_nothing_odd(value: dict[str, object]) -> None:
 
 @pytest.mark.parametrize(("wish", "remembered", "mtu"), [(None, 1200, 1200), (None, 5, 1450), (1400, 1200, 1400)])
 def test_the_mtu_of_a_robot_out_of_reach_is_the_last_placements(wish: int | None, remembered: int, mtu: int) -> None:
+    """The mtu of a robot out of reach is the last placements."""
     what = three(network=NetworkWishes(mtu=wish))
     value = {**record(layout(what, PLACED, lab()), what, PLACED, "here"), "mtu": remembered}
     rest = [one for name, one in lab().facts.items() if name != "r2"]

@@ -137,9 +137,7 @@ def test_a_disk_that_cannot_be_written_is_told_once_and_stops_nothing(tmp_path: 
 def test_a_file_that_does_not_fit_is_told(tmp_path: Path) -> None:
     """What was there before stays whole, no half file is left, and nothing more is tried."""
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(
-        resource.RLIMIT_FSIZE, (1000, before[1])
-    )
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
     try:
         with RunFolder(tmp_path, "run") as folder:
             folder.put("first", lambda: "first")

@@ -1,0 +1,49 @@
+"""Ctrl-C and SIGTERM while robots are asked: nobody waits for a robot that does not answer."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture
+def silent(tmp_path: Path) -> Iterator[tuple[str, socket.socket]]:
+    """Give an inventory with a robot that accepts connections and says nothing, and its socket."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+        server.settimeout(30)
+        path = tmp_path / "silent.yml"
+        host = f"{{ansible_host: 127.0.0.1, ansible_port: {server.getsockname()[1]}}}"
+        path.write_text(f"all: {{hosts: {{r1: {host}}}}}\n", encoding="utf-8")
+        yield str(path), server
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("verb", ["facts", "locks", "status"])
+def test_an_interrupt_does_not_wait_for_a_silent_robot(
+    silent: tuple[str, socket.socket], verb: str, number: signal.Signals
+) -> None:
+    """Exit 130 with one word and no traceback, within moments, although the robot has a minute to answer."""
+    inventory, server = silent
+    run = subprocess.Popen(
+        [sys.executable, "-m", "srprov", verb, "-i", inventory, "--timeout", "60"],
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True,
+    )  # fmt: skip
+    connection, _ = server.accept()
+    time.sleep(0.3)
+    begun = time.monotonic()
+    run.send_signal(number)
+    out, err = run.communicate(timeout=60)
+    connection.close()
+    assert time.monotonic() - begun < 10
+    assert (run.returncode, out, err.strip()) == (130, "", "interrupted")

@@ -1,0 +1,156 @@
+"""`srprov assign` without a robot: from stored facts, as text, JSON and pictures."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import jsonschema
+import pytest
+
+from srprov import data
+from srprov.cli.main import run
+from srprov.facts.document import facts_document
+from srprov.facts.model import Docker, HostFacts, Link
+from srprov.facts.stored import read_document
+from tests.unit.assignment.worlds import robot
+
+EDF = """\
+edf: 1
+name: demo
+services:
+  cam: {image: busybox, cost: 30, per_robot: {tags: [camera]}}
+  nav: {image: busybox, cost: 50}
+  map: {image: busybox, cost: 40}
+  work: {image: busybox, cost: 20, replicas: 2, depends_on: [cam, nav]}
+pools: [{name: brain, services: [nav, map], discount: 0.8}]
+relations: {different_robot: [[work, nav]]}
+"""
+
+
+@pytest.fixture
+def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Give a folder with an EDF, an inventory and facts of three robots."""
+    (tmp_path / "e.edf").write_text(EDF)
+    (tmp_path / "inv.yml").write_text("all: {hosts: {r1: {}, r2: {}, r3: {}}}\n")
+    facts = {
+        name: robot(name, load1=load, tags=tags)
+        for name, load, tags in (("r1", 1.0, ("camera",)), ("r2", 2.0, ()), ("r3", 3.0, ("camera",)))
+    }
+    (tmp_path / "facts.json").write_text(json.dumps(facts_document(facts, {})))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    return tmp_path
+
+
+def assign(*more: str) -> int:
+    return run(["assign", "e.edf", "-i", "inv.yml", "--facts", "facts.json", *more])
+
+
+def test_stored_facts_are_the_facts() -> None:
+    """What `facts --json` wrote reads back to the same values."""
+    one = robot(
+        "r1",
+        links=(Link(name="eth0", addresses=("10.0.0.1/24",), speed_mbit=100.0),),
+        docker=Docker(version="27", api_version="1.46"),
+        routes=("10.0.0.0/24",),
+    )
+    facts = {"r1": one, "r2": HostFacts(name="r2", docker_problem="none")}
+    document = json.loads(json.dumps(facts_document(facts, {"r3": "no route"})))
+    found = read_document(document)
+    assert dict(found.facts) == facts
+    assert dict(found.unreachable) == {"r3": "no route"}
+
+
+def test_who_runs_what(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Pool, replicas and one per robot, on one line each."""
+    assert assign() == 0
+    text = capsys.readouterr().out
+    for line in ("cam-r3 -> r3", "map    -> r1", "nav    -> r1", "pool brain: together", "the least possible"):
+        assert line in text
+
+
+def test_json_holds_to_its_schema(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """With the keys that scripts rely on, and the front only when asked for."""
+    keys = ["assignment", "cost", "optimal", "matrix", "why_not", "pools", "jain"]
+    assert assign("--json") == 0
+    plain = json.loads(capsys.readouterr().out)
+    assert list(plain) == keys
+    assert assign("--json", "--pareto") == 0
+    front = json.loads(capsys.readouterr().out)
+    assert list(front) == [*keys, "pareto"]
+    for document in (plain, front):
+        jsonschema.validate(document, data.schema("assign"))
+    assert plain["matrix"]["cam-r1"]["r2"] is None
+    assert plain["why_not"]["cam-r1"]["r2"] == "pinned to r1"
+    assert plain["pools"] == {"brain": "together"}
+
+
+def test_explain_says_why_and_why_not(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Cost by term, the next best robot, the reason for every exclusion, and the front."""
+    assert assign("--explain", "--pareto") == 0
+    text = capsys.readouterr().out
+    assert "cam-r1 not on r2: pinned to r1" in text
+    assert "next r2 +" in text
+    assert "FAIRNESS" in text
+
+
+def test_what_cannot_be_is_told_with_8(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The conflict and what would help, on standard error."""
+    (lab / "e.edf").write_text(EDF.replace("replicas: 2", "replicas: 4"))
+    assert assign("--json") == 8
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert "4 places needed, 3 there" in said.err
+    assert "give r1, r2 or r3 one more slot" in said.err
+
+
+def test_robots_without_stored_facts_are_out_of_reach(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """And the exit code says so."""
+    (lab / "inv.yml").write_text("all: {hosts: {r1: {}, r2: {}, r3: {}, r4: {}}}\n")
+    assert assign() == 4
+    assert "unreachable: r4: not in the stored facts" in capsys.readouterr().err
+
+
+def test_history_changes_who_is_next(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """With fairness, who carried much before is spared; a record of the wrong shape is named."""
+    (lab / "e.edf").write_text("edf: 1\nname: d\nservices: {a: {image: x}}\nplacement: {fairness: 0.9}\n")
+    (lab / "runs" / "1").mkdir(parents=True)
+    record = lab / "runs" / "1" / "assignment.json"
+    record.write_text(json.dumps({"assignment": {"a": "r1"}, "costs": {"a": 50.0}}))
+    assert assign("--json") == 0
+    assert json.loads(capsys.readouterr().out)["assignment"] == {"a": "r1"}
+    assert assign("--json", "--history", "runs") == 0
+    assert json.loads(capsys.readouterr().out)["assignment"] == {"a": "r2"}
+    record.write_text("{}")
+    assert assign("--history", "runs") == 5
+    assert "runs/1/assignment.json is not a run record" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[]", '{"robots": []}', '{"robots": {"r1": 3}}', '{"robots": {"r1": {"cpus": "four"}}}',
+             '{"robots": {"r1": {"links": [3]}}}', '{"robots": {"r1": {"tags": "a"}}}'],
+)  # fmt: skip
+def test_facts_of_the_wrong_shape_are_refused(lab: Path, capsys: pytest.CaptureFixture[str], text: str) -> None:
+    """With 5, and a word on where such a file comes from."""
+    (lab / "facts.json").write_text(text)
+    assert assign() == 5
+    assert "srprov facts --json" in capsys.readouterr().err
+
+
+def test_pictures(lab: Path) -> None:
+    """SVG is text with the names in it, the same each time; PNG is a PNG."""
+    pytest.importorskip("matplotlib")
+    assert assign("--svg", "a.svg", "--png", "a.png", "--pareto") == 0
+    assert assign("--svg", "b.svg", "--pareto") == 0
+    assert (lab / "a.svg").read_bytes() == (lab / "b.svg").read_bytes()
+    assert (lab / "a.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_without_matplotlib_the_extra_is_named(
+    lab: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Everything else works without it."""
+    monkeypatch.setitem(__import__("sys").modules, "matplotlib", None)
+    assert assign("--svg", "a.svg") == 5
+    assert "pip install 'srprov[plots]'" in capsys.readouterr().err
