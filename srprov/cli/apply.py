@@ -40,9 +40,7 @@ if TYPE_CHECKING:
 @options.UNREACHABLE
 @options.MAX_FAIL
 @click.option("-y", "--yes", is_flag=True, help="Do not ask.")
-@click.option(
-    "--allow", multiple=True, metavar="KIND", help="Allow what the plan lists as asked for, e.g. host-network; or all."
-)
+@options.ALLOW
 @click.option("--reassign", is_flag=True, help="Let running services move when that is cheaper.")
 @click.option("--adopt", is_flag=True, help="Take over an instance that another file made.")
 @click.option("--wait-timeout", type=click.FloatRange(min=0), default=300.0, show_default=True, metavar="S",
@@ -78,7 +76,7 @@ def apply(
             "not when it is applied"
         )
     definitions = None if saved else options.load_experiment(file)
-    vault = read_secrets(saved, definitions)
+    vault = read_secrets(saved, definitions, allow)
     inventory = options.load_inventory(inventories)
     chosen = options.selected(inventory, limit, exclude)
     wishes = Wishes(
@@ -102,15 +100,24 @@ def apply(
         return carry_out(task, lab, run_options, phases, as_json=as_json, events=events, color=not no_color, runs=runs)
 
 
-def read_secrets(saved: PlanFile | None, definitions: Definitions | None) -> Vault:
-    """Read the values that the run will write, before anything else is started that could inherit a variable."""
+def read_secrets(saved: PlanFile | None, definitions: Definitions | None, allow: tuple[str, ...]) -> Vault:
+    """Read the values that the run will write, before anything else is started that could inherit a variable.
+
+    Raises:
+        RefusedError: The user did not allow it: an EDF could name any variable, file or program of the controller.
+    """
     from srprov.definitions.secretvalues import resolve, used
+    from srprov.planning.policy import permissions
     from srprov.saved import needed
 
+    if definitions is not None and definitions.unsupported:
+        return Vault()
+    asked = permissions(definitions.experiment) if definitions else saved.plan.permissions if saved else ()
+    check_permissions([one for one in asked if one.kind == "secret"], allow)
     if saved:
         return resolve(needed(saved))
     assert definitions is not None
-    return resolve(used(definitions.experiment)) if not definitions.unsupported else Vault()
+    return resolve(used(definitions.experiment))
 
 
 def plan_task(

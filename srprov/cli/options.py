@@ -87,6 +87,9 @@ UNREACHABLE = click.option(
     help="When robots cannot be reached: do the others and exit with 4, or with 0 (skip), "
     "or place their services elsewhere (reassign).",
 )
+ALLOW = click.option(
+    "--allow", multiple=True, metavar="KIND", help="Allow what the plan lists as asked for, e.g. host-network; or all."
+)
 MAX_FAIL = click.option(
     "--max-fail",
     default="",

@@ -35,6 +35,7 @@ UNREACHABLE = 4
 @click.option("--reassign", is_flag=True, help="Let running services move when that is cheaper.")
 @click.option("--adopt", is_flag=True, help="Take over an instance that another file made.")
 @options.UNREACHABLE
+@options.ALLOW
 @click.option("--detailed-exitcode", is_flag=True, help="Exit with 2 when something would change.")
 @click.option("--format", "form", type=click.Choice(["text", "json", "markdown"]), default="text", show_default=True)
 @click.option(
@@ -44,21 +45,22 @@ UNREACHABLE = 4
 def plan(
     file: str, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, instance: str, limit: str,
     exclude: str, reassign: bool, adopt: bool, detailed_exitcode: bool, form: str, target: str | None, verbose: bool,
-    history: Path | None, unreachable: str,
+    history: Path | None, unreachable: str, allow: tuple[str, ...],
 ) -> int:  # fmt: skip
     """Show what would change; changes nothing.
 
     Exits with 0; with 2 when --detailed-exitcode is given and something would change; with 4 when a robot cannot be
     reached, unless --unreachable says otherwise.
     """
-    from srprov.cli.apply import read_secrets
+    from srprov.cli.apply import check_kinds, read_secrets
     from srprov.controller import Wishes, make_plan
     from srprov.planning.markdown import plan_markdown
     from srprov.planning.plan import plan_json
     from srprov.saved import to_file
 
     definitions = options.load_experiment(file)
-    vault = read_secrets(None, definitions)
+    check_kinds(allow)
+    vault = read_secrets(None, definitions, allow)
     inventory = options.load_inventory(inventories)
     chosen = options.selected(inventory, limit, exclude)
     wishes = Wishes(

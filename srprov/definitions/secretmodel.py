@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import dataclass
 
 from srprov.errors import Location
@@ -23,6 +24,13 @@ class SecretSource:
     location: Location = _NOWHERE
     excerpt: str = ""
     """The line of the EDF, for error messages."""
+
+    @property
+    def origin(self) -> str:
+        """Say where it comes from, as plans and permissions show it."""
+        if self.command:
+            return f"the command {shlex.join(self.command)}"
+        return f"the variable {self.env}" if self.env else f"the file {self.file}"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -23,6 +23,7 @@ KINDS = (
     "capability",
     "sysctl",
     "security-opt",
+    "secret",
 )
 _SOCKETS = ("/var/run/docker.sock", "/run/docker.sock")
 
@@ -30,6 +31,11 @@ _SOCKETS = ("/var/run/docker.sock", "/run/docker.sock")
 def permissions(experiment: Experiment) -> tuple[Permission, ...]:
     """List what the experiment asks for, sorted by kind and service."""
     found = [one for service in experiment.services.values() for one in _of_service(service)]
+    for service in experiment.services.values():
+        for use in service.secrets:
+            # whoever writes an EDF could name any variable, file or program of the controller
+            what = f"{use.source}, from {experiment.secrets[use.source].origin}"
+            found.append(Permission(kind="secret", service=service.name, what=what))
     return tuple(sorted(found, key=lambda one: (KINDS.index(one.kind), one.service, one.what)))
 
 

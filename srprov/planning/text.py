@@ -5,10 +5,8 @@ Sorted, without times or random ids, so that equal plans give equal bytes.
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Iterator
 
-from srprov.definitions.secretmodel import SecretSource
 from srprov.planning.plan import Plan, Step
 from srprov.resource import Action
 
@@ -51,7 +49,7 @@ def _lines(plan: Plan, commands: bool) -> Iterator[str]:
         yield ""
         yield "Secrets, read here and shown nowhere:"
         width = max(len(source.name) for source in plan.secrets)
-        yield from (f"  {source.name:<{width}}  from {_origin(source)}" for source in plan.secrets)
+        yield from (f"  {source.name:<{width}}  from {source.origin}" for source in plan.secrets)
     if plan.assignment:
         yield ""
         yield from _assignment(plan)
@@ -71,12 +69,6 @@ def _lines(plan: Plan, commands: bool) -> Iterator[str]:
         yield f"note: {note}"
     yield ""
     yield summary(plan)
-
-
-def _origin(source: SecretSource) -> str:
-    if source.command:
-        return f"the command {shlex.join(source.command)}"
-    return f"the variable {source.env}" if source.env else f"the file {source.file}"
 
 
 def _assignment(plan: Plan) -> Iterator[str]:

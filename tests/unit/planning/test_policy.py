@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import Any
 
 import pytest
 
 from srprov.definitions.model import Mount
+from srprov.definitions.secretmodel import SecretSource, SecretUse
 from srprov.planning.policy import KINDS, permissions, refused
 from tests.worlds import experiment, service
 
@@ -49,7 +51,18 @@ def test_what_is_asked(fields: dict[str, Any], asked: list[tuple[str, str]]) -> 
 
 def test_every_kind_is_asked_by_something() -> None:
     """The list of kinds that a user can allow holds nothing that is never asked."""
-    assert {kind for _, asked in ASKS for kind, _ in asked} == set(KINDS)
+    assert {kind for _, asked in ASKS for kind, _ in asked} | {"secret"} == set(KINDS)
+
+
+def test_reading_a_secret_of_the_controller_is_asked() -> None:
+    """Whoever writes an EDF could name any variable, file or program: each service that gets one asks for it."""
+    use = SecretUse(source="token", target="/run/secrets/token")
+    found = permissions(
+        experiment(
+            dataclasses.replace(service("a"), secrets=(use,)), secrets={"token": SecretSource(name="token", env="HOME")}
+        )
+    )
+    assert [(one.kind, one.service, one.what) for one in found] == [("secret", "a", "token, from the variable HOME")]
 
 
 def test_permissions_are_sorted_by_gravity_then_service() -> None:
