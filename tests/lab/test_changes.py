@@ -84,6 +84,12 @@ def trial(lab_of_module: Lab, tmp_path: Path) -> Any:
     return lambda name, *robots: Trial(lab_of_module, name, robots, tmp_path)
 
 
+def only_the_record(instance: str) -> dict[str, list[str]]:
+    """Give what is left on a robot that runs nothing any more: it is a witness of the placement."""
+    folder = f"/var/lib/srprov/{instance}"
+    return {**NOTHING, "files": [folder, f"{folder}/placement.json"]}
+
+
 def test_a_service_is_changed_and_another_is_removed(trial: Any) -> None:
     """A changed environment replaces that one container, a service that is gone from the EDF goes, others stay."""
     one = trial("edits", "robot1", "robot2", "robot3")
@@ -111,9 +117,7 @@ def test_a_service_is_changed_and_another_is_removed(trial: Any) -> None:
     assert steps[f"robot3/container:{one.name_of('leaves')}"] == "delete: no longer in the experiment"
     assert {step for step in steps if "/container:" in step} == {f"robot3/container:{one.name_of('leaves')}"}
     one.apply(services)
-    # a robot that runs nothing any more may keep the placement record, as a witness
-    kept = ["/var/lib/srprov/edits", "/var/lib/srprov/edits/placement.json"]
-    assert one.lab.leftovers("robot3") == {**NOTHING, "files": kept}
+    assert one.lab.leftovers("robot3") == only_the_record("edits")
     assert {r: one.lab.containers(r) for r in ("robot1", "robot2")} == {r: after[r] for r in ("robot1", "robot2")}
     for robot, service, other in (("robot1", "stays", "edited"), ("robot2", "edited", "stays")):
         ping = ("docker", "exec", one.name_of(service), "ping", "-c", "1", "-W", "2")
@@ -138,7 +142,7 @@ def test_a_service_moves_with_its_address_and_never_runs_twice(trial: Any) -> No
     since = one.now()
     services["mover"]["robot"] = "robot5"
     one.apply(services)
-    assert one.lab.leftovers("robot4") == NOTHING
+    assert one.lab.leftovers("robot4") == only_the_record("moves")
     assert ends("robot5") == address
     assert one.lab.containers("robot6") == witness
     died, started = one.times("robot4", since, "mover", "die"), one.times("robot5", since, "mover", "start")
