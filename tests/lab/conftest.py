@@ -104,6 +104,12 @@ class Lab:
 NOTHING: dict[str, list[str]] = {"containers": [], "networks": [], "volumes": [], "links": [], "files": []}
 
 
+def only_the_record(instance: str) -> dict[str, list[str]]:
+    """Give what is left on a robot that runs nothing any more: it is a witness of the placement."""
+    folder = f"/var/lib/srprov/{instance}"
+    return {**NOTHING, "files": [folder, f"{folder}/placement.json"]}
+
+
 @pytest.fixture(scope="session")
 def lab_session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
     """Bring the lab up once for all tests, and down after them."""

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from tests.lab.conftest import NOTHING, Done, Lab, busybox, causes, changed, edf, part_of_lab
+from tests.lab.conftest import Done, Lab, busybox, causes, changed, edf, only_the_record, part_of_lab
 
 pytestmark = pytest.mark.lab
 
@@ -82,12 +82,6 @@ class Trial:
 def trial(lab_of_module: Lab, tmp_path: Path) -> Any:
     """Give a function that begins an experiment on some robots."""
     return lambda name, *robots: Trial(lab_of_module, name, robots, tmp_path)
-
-
-def only_the_record(instance: str) -> dict[str, list[str]]:
-    """Give what is left on a robot that runs nothing any more: it is a witness of the placement."""
-    folder = f"/var/lib/srprov/{instance}"
-    return {**NOTHING, "files": [folder, f"{folder}/placement.json"]}
 
 
 def test_a_service_is_changed_and_another_is_removed(trial: Any) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from tests.lab.conftest import NOTHING, Lab, busybox, edf, part_of_lab
+from tests.lab.conftest import NOTHING, Lab, busybox, edf, only_the_record, part_of_lab
 from tests.lab.looks import address_of, begin_on, ids, networks, reached, vxlans
 
 pytestmark = pytest.mark.lab
@@ -111,7 +111,7 @@ def test_destroying_one_leaves_the_other_as_it_was(lab: Lab, tmp_path: Path) -> 
 
     assert ids(lab, ROBOTS, "left") == before
     assert ids(lab, ROBOTS, "right") == {}
-    assert lab.leftovers("robot3") == NOTHING
+    assert lab.leftovers("robot3") == only_the_record("left")
     assert set(networks(lab, "robot1")) == {"srprov.left"}
     assert len(vxlans(lab, "robot1")) == 1
     assert who_is_web(lab, "robot2", "srprov.left.client") == "left"
