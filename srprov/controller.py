@@ -14,7 +14,7 @@ from srprov import data, disk, rendering
 from srprov.assignment import problem, solve
 from srprov.assignment.model import Assignment, Problem
 from srprov.context import Parts, contexts
-from srprov.definitions.expand import expand
+from srprov.definitions.expand import expand, nowhere
 from srprov.definitions.model import ContainerDefinition, Definitions, Experiment, Inventory
 from srprov.definitions.pins import unknown_pins
 from srprov.definitions.secretvalues import resolve, used
@@ -95,6 +95,7 @@ def make_plan(
     phase("facts")
     experiment, found, previous = _look(experiment, instance, lab, readers, wishes)
     check_source(found, instance, source, adopt=wishes.adopt)
+    idle = nowhere(definitions.experiment, experiment.services.values(), away=bool(found.unreachable))
     phase("assignment")
     placed = solve.solve(choice_of(experiment, definitions, lab, found, previous, wishes))
     phase("plan")
@@ -123,7 +124,7 @@ def make_plan(
         costs={service: terms.total for service, terms in placed.terms.items()},
         permissions=permissions(experiment),
         secrets=used(experiment),
-        notes=_notes(placed),
+        notes=(*_notes(placed), *idle),
         unreachable=found.unreachable,
     )
     by_tag = {image.tag: image for image in built.values()}

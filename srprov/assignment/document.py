@@ -10,6 +10,7 @@ from typing import Any
 
 from srprov.assignment.fairness import Point
 from srprov.assignment.model import Assignment
+from srprov.errors import NoAssignment
 
 
 def assign_json(answer: Assignment, front: Sequence[Point] = ()) -> dict[str, Any]:
@@ -31,3 +32,8 @@ def assign_json(answer: Assignment, front: Sequence[Point] = ()) -> dict[str, An
             for one in front
         ]
     return document
+
+
+def refusal_json(error: NoAssignment) -> dict[str, Any]:
+    """Give the document where there is no placement: what is in the way, and what would help."""
+    return {"assignment": None, "error": error.message, "why_not": error.misses, "hint": error.hint}

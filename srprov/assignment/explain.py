@@ -7,9 +7,10 @@ resolve it, or lines for the plan. Pure.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from srprov.assignment import remedies
-from srprov.assignment.conflict import cut, places_needed, smallest_conflict
+from srprov.assignment.conflict import cut, feasible, places_needed, smallest_conflict
 from srprov.assignment.model import Assignment, Node, Problem
 from srprov.assignment.remedies import listed, quoted
 from srprov.assignment.report import reasons as _reasons
@@ -77,15 +78,31 @@ def _message(problem: Problem, conflict: Sequence[Node]) -> str:
     needed = places_needed(problem)
     if needed > slots:
         pooled = " even with pools together" if needed < len(conflict) else ""
-        return f"{who} can run only on {places}: {_count(needed, 'place')} needed{pooled}, {slots} there"
+        lack = f"{_count(needed, 'place')} needed{pooled}, {slots} there"
+        return f"{who} can run only on {places}: {lack}{_apart_too(problem)}"
     return f"{who} can run only on {places}, and not all of them at once{_because(problem)}"
+
+
+def _apart_too(problem: Problem) -> str:
+    """Name the relations that would stand in the way however many slots the robots had."""
+    one_each = replace(problem, slots=dict.fromkeys(problem.slots, 1), apart=(), pools=())
+    parts = [_apart(group) for group in _groups(problem) if not feasible(cut(one_each, group))]
+    return f"; and {'; '.join(parts)}" if parts else ""
+
+
+def _groups(problem: Problem) -> list[list[str]]:
+    """Give the parts of groups in `different_robot` that are to be decided."""
+    names = {name for node in problem.nodes for name in node}
+    return [both for group in problem.apart if len(both := sorted(names & set(group))) > 1]
+
+
+def _apart(group: Sequence[str]) -> str:
+    return f"{quoted(group)} must run on different robots"
 
 
 def _because(problem: Problem) -> str:
     """Say which relations and pools take part in a conflict that is no mere lack of slots."""
-    names = {name for node in problem.nodes for name in node}
-    apart = [both for group in problem.apart if len(both := sorted(names & set(group))) > 1]
-    parts = [f"{quoted(group)} must run on different robots" for group in apart]
+    parts = [_apart(group) for group in _groups(problem)]
     parts += [
         f"the pool {quoted(pool.services)} can only share a slot on a robot that can run all of it"
         for pool in problem.pools

@@ -15,7 +15,7 @@ from dataclasses import replace
 from srprov.assignment import capability
 from srprov.assignment.cost import Load, at_slot, load
 from srprov.assignment.model import Fairness, Node, Problem, Rows
-from srprov.assignment.requirements import Miss, missing
+from srprov.assignment.requirements import Miss, missing, pinned_elsewhere
 from srprov.definitions.model import ContainerDefinition, Experiment
 from srprov.errors import UsageError
 from srprov.facts.model import Found
@@ -140,7 +140,11 @@ def _own(
         for robot, able in zip(problem.loads, row.tolist(), strict=True)
         if not able
     }
-    lacks |= {robot: (_out_of_reach(robot, reason),) for robot, reason in unreachable.items()}
+    # a pin is known without asking the robot
+    lacks |= {
+        robot: (_out_of_reach(robot, reason), *pinned_elsewhere(service, robot))
+        for robot, reason in unreachable.items()
+    }
     return dict(sorted(lacks.items()))
 
 

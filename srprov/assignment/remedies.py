@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+import numpy as np
+
 from srprov.assignment.conflict import feasible
 from srprov.assignment.model import Node, Problem
 from srprov.assignment.requirements import Miss
@@ -23,7 +25,7 @@ _TRIED = 12
 
 def for_conflict(problem: Problem) -> list[str]:
     """Give what would help, one change each; several together where no single one does."""
-    helps = [*_slots(problem), *_abilities(problem), *_relations(problem), *_pools(problem)]
+    helps = [*_slots(problem), *_abilities(problem), *_relations(problem), *_robots(problem), *_pools(problem)]
     return helps or [f"leave out one of {quoted([name for node in problem.nodes for name in node])}"]
 
 
@@ -60,6 +62,25 @@ def _one_more_slot(problem: Problem, robot: str) -> Problem:
     return replace(problem, slots=slots, loads=loads)
 
 
+def _robots(problem: Problem) -> Iterator[str]:
+    """Say that one more robot would do, where services must run on different ones."""
+    names = {name for node in problem.nodes for name in node}
+    if not problem.loads or not any(len(names & set(group)) > 1 for group in problem.apart):
+        return
+    new, some = "", next(iter(problem.loads.values()))
+    able = np.array([[not service.robot] for service in problem.services.values()], dtype=bool)
+    more = replace(
+        problem,
+        robots=(*problem.robots, new),
+        slots={**problem.slots, new: 1},
+        loads={**problem.loads, new: some},
+        capable=np.concatenate([problem.capable, able], axis=1),
+    )
+    if feasible(more):
+        anywhere = sorted(name for name in names if not problem.services[name].robot)
+        yield f"add one more robot that can run {quoted(anywhere)}"
+
+
 def _abilities(problem: Problem) -> Iterator[str]:
     """Name the robot that lacks least of what would make one more robot do."""
     pairs = sorted(
@@ -67,6 +88,7 @@ def _abilities(problem: Problem) -> Iterator[str]:
         for node in problem.nodes[:_LOOKED_AT]
         for robot in problem.robots
         if problem.slots.get(robot, 1) and (lacks := _lacks(problem, node, robot))
+        if robot in problem.loads or all(problem.services[name].robot in (None, "", robot) for name in node)
     )
     for _, robot, node in pairs[:_TRIED]:
         if robot not in problem.loads or feasible(_able(problem, node, robot)):

@@ -76,7 +76,12 @@ def _engine_and_pin(service: Service, facts: HostFacts) -> Iterator[Miss]:
     if facts.docker is None:
         cause = f" ({facts.docker_problem})" if facts.docker_problem else ""
         yield Miss(f"no Docker{cause}", f"make Docker work on {facts.name}")
-    if service.robot and service.robot != facts.name:
+    yield from pinned_elsewhere(service, facts.name)
+
+
+def pinned_elsewhere(service: Service, robot: str) -> Iterator[Miss]:
+    """Give what keeps a service off a robot when it is pinned to another."""
+    if service.robot and service.robot != robot:
         yield Miss(f"pinned to {service.robot}", f"remove 'robot: {service.robot}' from service '{service.name}'")
 
 

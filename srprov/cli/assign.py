@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +12,7 @@ from srprov.cli import options
 from srprov.cli.history import HISTORY, read_history
 from srprov.cli.output import err, out, out_json
 from srprov.cli.stray import answers_only
-from srprov.errors import DefinitionError, UsageError
+from srprov.errors import DefinitionError, NoAssignment, UsageError
 
 if TYPE_CHECKING:
     from srprov.assignment.fairness import Point
@@ -44,7 +43,7 @@ UNREACHABLE = 4
     "--time-limit",
     type=click.FloatRange(min=0, min_open=True),
     metavar="S",
-    help="Stop searching after so long, with the best found.",
+    help="Stop each search after so long, with the best found; an answer takes up to three, --pareto more.",
 )
 @click.option("--svg", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", help="Draw the cost matrix.")
 @click.option("--png", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", help="Draw the cost matrix.")
@@ -59,8 +58,9 @@ def assign(
     cannot be reached.
     """
     from srprov.assignment import fairness, solve
-    from srprov.assignment.document import assign_json
+    from srprov.assignment.document import assign_json, refusal_json
     from srprov.controller import Wishes
+    from srprov.definitions.expand import nowhere
 
     definitions, inventory = options.load_experiment(file), options.load_inventory(inventories)
     wishes = Wishes(instance=instance, reassign=reassign, history=read_history(history), forks=forks)
@@ -70,13 +70,20 @@ def assign(
     else:
         with options.open_lab(inventory, timeout, forks) as lab:
             found, task = _asked(definitions, inventory, lab, wishes)
-    with answers_only():
-        answer = solve.solve(task, time_limit)
-        front = fairness.pareto(task, lambda one: solve.solve(one, time_limit)) if pareto else ()
+    try:
+        with answers_only():
+            answer = solve.solve(task, time_limit)
+            front = fairness.pareto(task, lambda one: solve.solve(one, time_limit)) if pareto else ()
+    except NoAssignment as error:
+        if as_json:
+            out_json(refusal_json(error))
+        raise
     if as_json:
         out_json(assign_json(answer, front))
     else:
         _show(answer, explain=explain, front=front)
+    for note in nowhere(definitions.experiment, task.services.values(), away=bool(found.unreachable)):
+        (err if as_json else out)(note)
     for target in (svg, png):
         if target:
             _draw(answer, front, target, "svg" if target is svg else "png")
@@ -87,13 +94,18 @@ def assign(
 
 def _stored(path: Path, inventory: Inventory) -> Found:
     """Read facts from a file; robots of the inventory that it does not have count as out of reach."""
-    from srprov.facts.stored import read_document
+    from srprov.cli.facts_ranges import check_ranges
+    from srprov.facts.host import with_inventory
+    from srprov.facts.stored import parse, read_document
 
     try:
-        found = read_document(json.loads(path.read_text(encoding="utf-8")))
+        document = parse(path.read_text(encoding="utf-8"))
+        found = read_document(document)
+        check_ranges(document["robots"])
     except (OSError, ValueError) as error:
         raise UsageError(f"{path}: {error}", hint="give a file that `srprov facts --json` wrote") from error
-    facts = {name: one for name, one in found.facts.items() if name in inventory.hosts}
+    hosts = inventory.hosts
+    facts = {name: with_inventory(hosts[name], one) for name, one in found.facts.items() if name in hosts}
     away = {
         name: found.unreachable.get(name, "not in the stored facts") for name in inventory.hosts if name not in facts
     }

@@ -24,8 +24,10 @@ def draw(answer: Assignment, front: Sequence[Point], target: Path, form: str) ->
     """Draw the matrix, and beside it the Pareto front when there is one.
 
     Raises:
-        UsageError: matplotlib is not installed.
+        UsageError: Nothing is placed, or matplotlib is not installed.
     """
+    if not answer.matrix:
+        raise UsageError("nothing is placed, so there is no picture", hint="leave out --svg and --png")
     try:
         import matplotlib
 

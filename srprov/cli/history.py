@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -23,11 +22,12 @@ def read_history(folder: Path | None) -> tuple[Mapping[str, float], ...]:
         UsageError: A record cannot be read.
     """
     from srprov.assignment.fairness import read_record
+    from srprov.facts.stored import parse
 
     runs = []
     for path in sorted(folder.glob("*/assignment.json")) if folder else ():
         try:
-            runs.append(read_record(json.loads(path.read_text(encoding="utf-8")), str(path)))
+            runs.append(read_record(parse(path.read_text(encoding="utf-8")), str(path)))
         except (OSError, ValueError) as error:
             raise UsageError(f"{path}: {error}", hint="remove it, or name another folder with --history") from error
     return tuple(runs)

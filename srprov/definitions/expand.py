@@ -49,6 +49,26 @@ def expand(
     )
 
 
+def nowhere(experiment: Experiment, expanded: Iterable[Service], *, away: bool) -> tuple[str, ...]:
+    """Give a note for each service with `per_robot` that no robot matched, so that it has no instance.
+
+    Args:
+        experiment: As it was read.
+        expanded: The services that `expand` made of it.
+        away: Some robots are out of reach, so their tags are not known.
+    """
+    there = {one.instance_of for one in expanded}
+    who = "no robot in reach" if away else "no robot"
+    notes = []
+    for name, service in sorted(experiment.services.items()):
+        if service.per_robot is None or name in there:
+            continue
+        tags = ", ".join(f"'{tag}'" for tag in service.per_robot)
+        has = f"{who} has the tag{'s' if len(service.per_robot) > 1 else ''} {tags}" if tags else f"there is {who}"
+        notes.append(f"{has}, so '{name}' runs nowhere")
+    return tuple(notes)
+
+
 def _instances(service: Service, tags: Mapping[str, set[str]], previous: Mapping[str, str]) -> list[Service]:
     if service.per_robot is not None:
         robots = {robot for robot, has in tags.items() if has >= set(service.per_robot)}

@@ -84,14 +84,14 @@ def parse_host(
     detected = detect_tags(said["devices"], files, links, tuple(said["wireless"]), arch)
     devices = said["devices"]
     disk = _docker_disk(said["disk"], docker.root if docker else "")
-    return HostFacts(
+    facts = HostFacts(
         name=host.name,
         hostname=_first_line(files, "/proc/sys/kernel/hostname"),
         arch=arch,
         kernel=_first_line(files, "/proc/sys/kernel/osrelease"),
         os=_os_name(files),
-        tags=tuple(sorted({*host.tags, *detected})),
-        devices=tuple(sorted({*host.devices, *devices.known, *devices.aliases})),
+        tags=tuple(detected),
+        devices=(*devices.known, *devices.aliases),
         docker=docker,
         docker_problem=problem,
         disk_total=disk.total,
@@ -101,13 +101,24 @@ def parse_host(
         underlay_link=underlay.link,
         underlay_address=underlay.address,
         underlay_mtu=underlay.mtu,
-        speed_mbit=host.bandwidth_mbit if host.bandwidth_mbit is not None else speeds.get(underlay.link, 0.0),
+        speed_mbit=speeds.get(underlay.link, 0.0),
         traffic_mbit=_traffic_mbit(said["traffic"], underlay, underlay.link in said["wireless"]),
         slots=host.slots if host.slots is not None else slots_default,
         clock_offset_s=round(identity.clock_s - now, 3) if now is not None and identity.clock_s is not None else 0.0,
         user=identity.user or host.user or "",
         privileged=identity.uid == 0,
         **_amounts(files, said["cpus"], measures),
+    )
+    return with_inventory(host, facts)
+
+
+def with_inventory(host: Host, facts: HostFacts) -> HostFacts:
+    """Put the inventory's word on top of facts: its tags and devices are added, its bandwidth wins."""
+    return replace(
+        facts,
+        tags=tuple(sorted({*host.tags, *facts.tags})),
+        devices=tuple(sorted({*host.devices, *facts.devices})),
+        speed_mbit=host.bandwidth_mbit if host.bandwidth_mbit is not None else facts.speed_mbit,
     )
 
 

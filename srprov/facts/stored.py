@@ -1,18 +1,50 @@
 """Facts as JSON -> HostFacts: the other way round of `document`, for decisions without a robot.
 
-Takes what `srprov facts --json` printed; gives values. Pure.
+Takes what `srprov facts --json` printed; gives values. Pure. The command line compares them with
+`schemas/facts.schema.json`, which has the ranges of numbers.
 """
 
 from __future__ import annotations
 
+import json
+import math
 from collections.abc import Mapping
 from dataclasses import fields
-from typing import Any
+from typing import Any, NoReturn
 
 from srprov.errors import UsageError
 from srprov.facts.model import Docker, Found, HostFacts, Link
 
 _HINT = "give a file that `srprov facts --json` wrote"
+_MOST = 2**60
+"""No number of a file is larger; what a robot says is cut there, too."""
+_WITHIN = (("memory_available", "memory_total"), ("swap_free", "swap_total"), ("disk_free", "disk_total"))
+
+
+def parse(text: str) -> Any:  # noqa: ANN401 - JSON is any
+    """Give a file's JSON with numbers that can be reckoned with.
+
+    Raises:
+        ValueError: It is no JSON, is nested too deeply, or has a number that is not finite or too large.
+    """
+    try:
+        return json.loads(text, parse_int=_integer, parse_float=_decimal, parse_constant=_refused)
+    except RecursionError as error:
+        raise ValueError("it is nested too deeply") from error
+
+
+def _integer(digits: str) -> int:
+    # Python itself refuses thousands of digits, with words that nobody understands
+    return int(digits) if len(digits) < 25 and abs(int(digits)) <= _MOST else _refused(digits)
+
+
+def _decimal(digits: str) -> float:
+    value = float(digits)
+    return value if math.isfinite(value) and abs(value) <= _MOST else _refused(digits)
+
+
+def _refused(digits: str) -> NoReturn:
+    raise ValueError(f"the number {digits if len(digits) < 25 else digits[:20] + '...'} is too large or not a number")
 
 
 def read_document(document: Any) -> Found:  # noqa: ANN401 - JSON is any
@@ -33,7 +65,7 @@ def read_facts(name: str, values: Any) -> HostFacts:  # noqa: ANN401 - JSON is a
     """Give one robot's facts; fields that are not known are left out, those not given have their default.
 
     Raises:
-        UsageError: A value is of another kind than the field.
+        UsageError: A value is of another kind than the field, or free is more than total.
     """
     if not isinstance(values, Mapping):
         raise UsageError(f"the facts of '{name}' are not a map", hint=_HINT)
@@ -42,8 +74,12 @@ def read_facts(name: str, values: Any) -> HostFacts:  # noqa: ANN401 - JSON is a
         given["links"] = tuple(Link(**_fields(Link, link)) for link in values.get("links", ()))
         docker = values.get("docker")
         given["docker"] = Docker(**_fields(Docker, docker)) if docker is not None else None
-        return HostFacts(**{**given, "name": name})
-    except (TypeError, AttributeError) as error:
+        facts = HostFacts(**{**given, "name": name})
+        for part, whole in _WITHIN:
+            if getattr(facts, part) > getattr(facts, whole):
+                raise TypeError(f"'{part}' is more than '{whole}'")
+        return facts
+    except (TypeError, AttributeError, OverflowError) as error:
         raise UsageError(f"the facts of '{name}' cannot be read: {error}", hint=_HINT) from error
 
 

@@ -87,6 +87,20 @@ CASES = {
         "and not all of them at once: 'a', 'b' and 'c' must run on different robots",
         ("take 'a', 'b' and 'c' out of relations.different_robot",),
     ),
+    "more that must be apart than there are robots": Case(
+        experiment(*many("abc"), different_robot=(("a", "b", "c"),)),
+        (robot("r1"), robot("r2")),
+        {"a", "b", "c"},
+        "3 places needed, 2 there; and 'a', 'b' and 'c' must run on different robots",
+        ("add one more robot that can run 'a', 'b' and 'c'",),
+    ),
+    "two that must be apart where only a slot is missing": Case(
+        experiment(*many("abc"), different_robot=(("a", "b"),)),
+        (robot("r1"), robot("r2")),
+        {"a", "b", "c"},
+        "3 places needed, 2 there",
+        ("give r1 or r2 one more slot", "add one more robot"),
+    ),
     "two that must be apart and are pinned together": Case(
         experiment(
             service("a", robot="r1"), service("b", robot="r1"), service("c"),

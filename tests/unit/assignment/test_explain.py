@@ -137,3 +137,21 @@ def test_the_plans_lines() -> None:
         "map moves from r1 to robot2",
         "r3, robot2: link speed unknown: counted as the reference, no cost for bandwidth (set srprov_bandwidth_mbit)",
     ]
+
+
+def test_a_pin_counts_for_robots_out_of_reach() -> None:
+    """Making a robot reachable does not help a service that is pinned to another."""
+    needs = Requirements(tags=("lidar",))
+    what = experiment(service("a", robot="r1", requires=needs))
+    error = refusal(what, found(robot("r1"), unreachable={"r2": "no route"}))
+    assert error.misses["a"]["r2"] == "unreachable: no route; pinned to r1"
+    assert "reachable" not in error.hint
+    assert "give r1 the tag 'lidar'" in error.hint
+    error = refusal(what, found(robot("r2"), unreachable={"r1": "no route"}))
+    assert "make r1 reachable, so that r1 can run 'a'" in error.hint
+
+
+def test_a_pin_of_the_group_counts_for_robots_out_of_reach() -> None:
+    """What must share its robot is pinned with it."""
+    what = experiment(service("a", tags=("lidar",)), service("b", robot="r1"), same_robot=(("a", "b"),))
+    assert "reachable" not in refusal(what, found(robot("r1"), unreachable={"r2": ""})).hint

@@ -9,7 +9,9 @@ import jsonschema
 import pytest
 
 from srprov import data
+from srprov.cli.assign import _stored
 from srprov.cli.main import run
+from srprov.cli.options import load_inventory
 from srprov.facts.document import facts_document
 from srprov.facts.model import Docker, HostFacts, Link
 from srprov.facts.stored import read_document
@@ -96,11 +98,18 @@ def test_explain_says_why_and_why_not(lab: Path, capsys: pytest.CaptureFixture[s
 
 
 def test_what_cannot_be_is_told_with_8(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """The conflict and what would help, on standard error."""
+    """The conflict and what would help, on standard error; as JSON on standard output, too."""
     (lab / "e.edf").write_text(EDF.replace("replicas: 2", "replicas: 4"))
+    assert assign() == 8
+    assert capsys.readouterr().out == ""
     assert assign("--json") == 8
     said = capsys.readouterr()
-    assert said.out == ""
+    refused = json.loads(said.out)
+    jsonschema.validate(refused, data.schema("assign"))
+    assert list(refused) == ["assignment", "error", "why_not", "hint"]
+    assert refused["assignment"] is None
+    assert "4 places needed, 3 there" in refused["error"]
+    assert "give r1, r2 or r3 one more slot" in refused["hint"]
     assert "4 places needed, 3 there" in said.err
     assert "give r1, r2 or r3 one more slot" in said.err
 
@@ -154,3 +163,86 @@ def test_without_matplotlib_the_extra_is_named(
     monkeypatch.setitem(__import__("sys").modules, "matplotlib", None)
     assert assign("--svg", "a.svg") == 5
     assert "pip install 'srprov[plots]'" in capsys.readouterr().err
+
+
+def test_without_services_there_is_no_picture(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Words instead of what matplotlib says about an empty matrix."""
+    (lab / "e.edf").write_text("edf: 1\nname: d\nservices: {a: {image: x, per_robot: {tags: [lidar]}}}\n")
+    assert assign("--svg", "a.svg") == 5
+    assert "nothing is placed, so there is no picture" in capsys.readouterr().err
+
+
+def test_the_inventory_counts_on_top_of_stored_facts(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Tags and devices are added, and its bandwidth wins, as with robots that are asked."""
+    (lab / "e.edf").write_text(
+        "edf: 1\nname: d\nservices: {a: {image: x, requires: {tags: [lidar], devices: [/dev/lidar]}}}\n"
+    )
+    assert assign() == 8
+    assert "the tag 'lidar' (srprov_tags in the inventory)" in capsys.readouterr().err
+    own = "{srprov_tags: [lidar], srprov_devices: [/dev/lidar], srprov_bandwidth_mbit: 10}"
+    (lab / "inv.yml").write_text(f"all: {{hosts: {{r1: {{}}, r2: {own}, r3: {{}}}}}}\n")
+    assert assign("--json") == 0
+    assert json.loads(capsys.readouterr().out)["assignment"] == {"a": "r2"}
+    found = _stored(lab / "facts.json", load_inventory(("inv.yml",)))
+    assert found.facts["r2"].speed_mbit == 10.0
+    assert found.facts["r3"].tags == ("camera",)
+
+
+ABSURD = {
+    "400 digits": '{"robots": {"r1": {"load1": 1' + "0" * 400 + "}}}",
+    "5000 digits": '{"robots": {"r1": {"memory_total": 1' + "0" * 5000 + "}}}",
+    "beyond floats": '{"robots": {"r1": {"load1": 1e999}}}',
+    "deep": '{"robots": {"r1": ' + "[" * 100_000,
+    "deep enough to parse": '{"robots": {"r1": {"tags": ' + "[" * 800 + "]" * 800 + "}}}",
+}
+
+
+@pytest.mark.parametrize("text", ABSURD.values(), ids=ABSURD)
+def test_absurd_files_are_refused(lab: Path, capsys: pytest.CaptureFixture[str], text: str) -> None:
+    """Facts and earlier runs, with 5 and without a traceback."""
+    (lab / "facts.json").write_text(text)
+    assert assign() == 5
+    (lab / "runs" / "1").mkdir(parents=True)
+    (lab / "runs" / "1" / "assignment.json").write_text(text)
+    assert assign("--history", "runs") == 5
+    assert "Traceback" not in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("load1", "-1"), ("cpus", "0"), ("slots", "0"), ("underlay_mtu", "-1"), ("memory_available", "9"),
+     ("swap_free", "1"), ("docker", '{"version": "1", "api_version": "x"}')],
+)  # fmt: skip
+def test_facts_out_of_range_are_refused(lab: Path, capsys: pytest.CaptureFixture[str], field: str, value: str) -> None:
+    """Naming the robot and the field."""
+    (lab / "facts.json").write_text(f'{{"robots": {{"r1": {{"memory_total": 8, "{field}": {value}}}}}}}')
+    assert assign() == 5
+    said = capsys.readouterr().err
+    assert "'r1'" in said
+    assert field in said
+
+
+@pytest.mark.parametrize("word", ["NaN", "Infinity", "-Infinity"])
+def test_what_is_no_number_is_refused(lab: Path, capsys: pytest.CaptureFixture[str], word: str) -> None:
+    """JSON has no such words, though Python reads them."""
+    (lab / "facts.json").write_text(f'{{"robots": {{"r1": {{"load1": {word}}}}}}}')
+    assert assign() == 5
+    assert f"the number {word} is too large or not a number" in capsys.readouterr().err
+
+
+def test_per_robot_that_matches_none_is_told(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """On standard output, but beside JSON on standard error."""
+    (lab / "e.edf").write_text("edf: 1\nname: d\nservices: {a: {image: x, per_robot: {tags: [lidar, arm]}}}\n")
+    note = "no robot has the tags 'lidar', 'arm', so 'a' runs nowhere"
+    assert assign() == 0
+    assert note in capsys.readouterr().out
+    assert assign("--json") == 0
+    said = capsys.readouterr()
+    assert json.loads(said.out)["assignment"] == {}
+    assert note in said.err
+
+
+def test_the_time_limit_is_per_search(capsys: pytest.CaptureFixture[str]) -> None:
+    """And the help says so."""
+    assert run(["assign", "--help"]) == 0
+    assert "Stop each search after so long" in " ".join(capsys.readouterr().out.split())

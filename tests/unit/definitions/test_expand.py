@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from srprov.definitions import load_experiment
-from srprov.definitions.expand import expand
+from srprov.definitions.expand import expand, nowhere
 from srprov.definitions.model import Experiment, Pool
 from srprov.errors import DefinitionError, UsageError
 
@@ -63,6 +63,16 @@ def test_one_on_each_robot_with_the_tags(tmp_path: Path) -> None:
 def test_without_tags_every_robot_runs_it(tmp_path: Path) -> None:
     """An empty list of tags is no condition."""
     assert len(expand(read(tmp_path, "{cam: {image: x, per_robot: {}}}"), TAGS).services) == 3
+
+
+def test_what_runs_nowhere_is_told(tmp_path: Path) -> None:
+    """With the tags that no robot has; of robots out of reach nobody knows."""
+    what = read(tmp_path, "{a: {image: x, per_robot: {tags: [lidar]}}, cam: {image: x, per_robot: {tags: [camera]}}}")
+    services = expand(what, TAGS).services.values()
+    assert nowhere(what, services, away=False) == ("no robot has the tag 'lidar', so 'a' runs nowhere",)
+    assert nowhere(what, services, away=True) == ("no robot in reach has the tag 'lidar', so 'a' runs nowhere",)
+    bare = read(tmp_path, "{a: {image: x, per_robot: {}}}")
+    assert nowhere(bare, (), away=True) == ("there is no robot in reach, so 'a' runs nowhere",)
 
 
 @pytest.mark.parametrize(

@@ -29,3 +29,9 @@ def test_every_instance_runs_once_and_a_second_plan_is_empty() -> None:
     assert waits == {"cam-r1", "cam-r2", "w-1", "w-2"}
     apply(world, what)
     assert plan_for(world, what).empty
+
+
+def test_what_runs_on_no_robot_is_in_the_notes() -> None:
+    """No robot has the tag, so there is nothing to do, and the plan says why."""
+    made = plan_for(World().add("r1"), experiment(replace(service("cam"), per_robot=("lidar",)), service("a")))
+    assert "no robot has the tag 'lidar', so 'cam' runs nowhere" in made.notes
