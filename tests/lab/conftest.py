@@ -118,6 +118,8 @@ def lab_session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
     with open("/run/lock/srprov-lab-tests", "w", encoding="utf-8") as guard:
         # two test runs at once would clean each other's robots away
         fcntl.flock(guard, fcntl.LOCK_EX)
+        # a lab that is up already may hold what somebody tried; tests begin with fresh robots
+        assert lab.srprov("lab", "down").code == 0
         up = lab.srprov("lab", "up", "-n", str(ROBOTS))
         assert up.code == 0, up
         os.environ.setdefault("SRPROV_RUNS", str(folder / "runs"))  # not among the user's own

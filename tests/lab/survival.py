@@ -219,6 +219,7 @@ def prepare(lab: Lab, folder: Path) -> Survivor:
     path.write_text(edf(INSTANCE, services, placement={"slots_per_robot": 2}), encoding="utf-8")
     inventory = part_of_lab(lab, ROBOTS, folder / "lab.yml")
     made = Survivor(lab, folder, (str(path), "-i", inventory), {}, ())
+    made.clear()  # images of other tests too: what is compared is what this experiment leaves
     first = made.apply()
     assert first.code == 0, first
     seen = look(lab)

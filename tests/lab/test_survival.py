@@ -6,6 +6,7 @@ A few moments of it; `make soak` takes every one.
 from __future__ import annotations
 
 import subprocess
+import time
 from collections.abc import Iterator
 
 import pytest
@@ -66,6 +67,15 @@ def test_a_robot_that_is_cut_off_in_the_middle_is_finished_later(survivor: Survi
     survivor.assert_converges()
 
 
+def wait_for_engine(lab: Lab, robot: str) -> None:
+    """Wait until the robot's dockerd, which its supervisor starts again, answers."""
+    for _ in range(60):
+        if lab.shell(robot, "docker", "version", check=False).code == 0:
+            return
+        time.sleep(0.5)
+    raise AssertionError(f"dockerd of {robot} did not come back")
+
+
 def test_an_engine_that_crashes_in_the_middle_is_finished_later(survivor: Survivor) -> None:
     """dockerd of one robot gets SIGKILL while it starts a container: that robot's steps fail, the others are done."""
     lab, robot = survivor.lab, "robot2"
@@ -80,4 +90,5 @@ def test_an_engine_that_crashes_in_the_middle_is_finished_later(survivor: Surviv
     wrong = {step: one for step, one in ends.items() if one["outcome"] != "changed"}
     assert wrong and all(step.startswith(f"{robot}/") for step in wrong), hit
     assert all(one["message"] for one in wrong.values()), hit
+    wait_for_engine(lab, robot)
     survivor.assert_converges()
