@@ -102,7 +102,7 @@ def plan_json(plan: Plan) -> dict[str, Any]:
         "unreachable": dict(sorted(plan.unreachable.items())),
         "unchanged": plan.unchanged,
         "counts": plan.counts(),
-        "steps": [_step_json(step) for step in plan.steps],
+        "steps": [step_json(step) for step in plan.steps],
     }
 
 
@@ -113,7 +113,8 @@ def secret_json(source: SecretSource) -> dict[str, Any]:
     return {"env": source.env} if source.env else {"file": source.file}
 
 
-def _step_json(step: Step) -> dict[str, Any]:
+def step_json(step: Step) -> dict[str, Any]:
+    """Give one step as JSON, as `plan --json` shows it; a plan file adds what it takes to do it."""
     return {
         "number": step.number,
         "robot": step.host,

@@ -20,7 +20,7 @@ from srprov.definitions.secretmodel import SecretSource
 from srprov.errors import Location, UsageError
 from srprov.facts.model import Existing
 from srprov.planning.fingerprint import lasting
-from srprov.planning.plan import Permission, Plan, Step, command_json, plan_json, secret_json
+from srprov.planning.plan import Permission, Plan, Step, command_json, plan_json, secret_json, step_json
 from srprov.resource import Action, Change, Need, Resource
 from srprov.secret import Hidden
 from srprov.wire import Command, CopyImage, EngineCall, Put, Run
@@ -134,16 +134,8 @@ def _secrets_out(plan: Plan) -> dict[str, Any]:
 
 def _step_out(step: Step, blobs: dict[str, bytes]) -> dict[str, Any]:
     return {
-        "number": step.number,
-        "robot": step.host,
-        "module": step.module,
-        "name": step.name,
-        "action": step.change.action.name.lower(),
-        "cause": step.change.cause,
-        "destructive": step.change.destructive,
+        **step_json(step),
         "before": lasting(step.change.before) if step.change.before is not None else None,
-        "needs": list(step.needs),
-        "waits": [{"id": need.id, "condition": need.condition} for need in step.waits],
         "commands": [_command_out(command, blobs) for command in step.commands],
         "want": _want_out(step.want, blobs),
         "found": {"instance": step.found.instance, "state": lasting(step.found.state)} if step.found else None,

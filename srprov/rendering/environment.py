@@ -106,6 +106,3 @@ def _refuse(name: str, line: int) -> None:
         f"{name}:{line}: a substitution must be a whole YAML value",
         hint='write the parts as one expression, e.g. {{ "ros-" ~ name }}',
     )
-
-
-Context = dict[str, Any]
