@@ -14,7 +14,7 @@ pytestmark = pytest.mark.lab
 
 ROBOTS = ("robot1", "robot2")
 STATE = (
-    "docker ps -aq --no-trunc; docker network ls -q; docker volume ls -q; docker images -q; ip -br link; "
+    "docker ps -aq --no-trunc; docker network ls -q; docker volume ls -q; docker images -q | sort; ip -br link; "
     "iptables-save -t nat | grep -v '^[#:]'; "
     "find /var/lib/srprov /run/srprov /tmp /root /etc -type f 2>/dev/null | sort"
 )
