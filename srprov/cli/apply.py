@@ -78,7 +78,8 @@ def apply(
     definitions = None if saved else options.load_experiment(file)
     vault = read_secrets(saved, definitions, allow)
     inventory = options.load_inventory(inventories)
-    chosen = options.selected(inventory, limit, exclude)
+    name = saved.plan.instance if saved else instance or (definitions.experiment.name if definitions else "")
+    chosen = options.selected(inventory, limit, exclude, options.failed_robots(name, runs))
     wishes = Wishes(
         instance=instance, reassign=reassign, adopt=adopt, forks=forks, history=read_history(history),
         reassign_unreachable=unreachable == "reassign",

@@ -48,8 +48,8 @@ def destroy(
     refuse_without_terminal(yes)
     phases = Phases()
     inventory = options.load_inventory(inventories)
-    chosen = options.selected(inventory, limit, exclude)
     name, source = named_instance(file, instance)
+    chosen = options.selected(inventory, limit, exclude, options.failed_robots(name, runs))
     with options.open_lab(inventory, timeout, forks, locks=True) as lab:
         phases.begin("facts")
         made, found = make_removal(

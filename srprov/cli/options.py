@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import sys
 import threading
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -40,7 +40,12 @@ TIMEOUT = click.option(
     metavar="S",
     help="Seconds to connect to a robot.",
 )
-LIMIT = click.option("--limit", default="", metavar="PATTERN", help="Change only these robots (Ansible pattern).")
+LIMIT = click.option(
+    "--limit",
+    default="",
+    metavar="PATTERN",
+    help="Change only these robots (Ansible pattern; @failed: those that the last run did not finish; @FILE: a list).",
+)
 EXCLUDE = click.option("--exclude", default="", metavar="PATTERN", help="Do not change these robots.")
 
 
@@ -201,13 +206,37 @@ def _prepare_record() -> None:
     controller()
 
 
-def selected(inventory: Inventory, limit: str, exclude: str) -> frozenset[str]:
-    """Give the robots that may be changed."""
+def failed_robots(instance: str, runs: Path | None) -> Callable[[], frozenset[str]]:
+    """Give what `@failed` stands for: the robots that the last recorded run of an instance did not finish."""
+
+    def look() -> frozenset[str]:
+        from srprov.record import default_root, last_run
+
+        root = runs or default_root()
+        last = last_run(root, instance)
+        if last is None:
+            hint = "--runs or SRPROV_RUNS names where runs are recorded, --instance the experiment's instance"
+            raise UsageError(f"'@failed': no run of {instance} is recorded in {root}", hint=hint)
+        if not last.failed:
+            raise UsageError(
+                f"'@failed' matches no robot: nothing failed in the last run of {instance} ({last.path.name})",
+                hint="leave it out to change all robots",
+            )
+        return last.failed
+
+    return look
+
+
+def selected(
+    inventory: Inventory, limit: str, exclude: str, failed: Callable[[], Collection[str]] | None = None
+) -> frozenset[str]:
+    """Give the robots that may be changed; `failed` is what `@failed` stands for, for verbs with an experiment."""
     from srprov.definitions.patterns import select
 
-    chosen = set(select(inventory, limit)) if limit else set(inventory.hosts)
+    known = {"failed": failed} if failed else {}
+    chosen = set(select(inventory, limit, **known)) if limit else set(inventory.hosts)
     if exclude:
-        chosen -= set(select(inventory, exclude))
+        chosen -= set(select(inventory, exclude, **known))
     if not chosen:
         raise UsageError("--limit and --exclude leave no robot", hint=f"known: {', '.join(inventory.hosts)}")
     return frozenset(chosen)

@@ -31,6 +31,7 @@ UNREACHABLE = 4
 @options.INSTANCE
 @options.LIMIT
 @options.EXCLUDE
+@options.RUNS
 @HISTORY
 @click.option("--reassign", is_flag=True, help="Let running services move when that is cheaper.")
 @click.option("--adopt", is_flag=True, help="Take over an instance that another file made.")
@@ -45,7 +46,7 @@ UNREACHABLE = 4
 def plan(
     file: str, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, instance: str, limit: str,
     exclude: str, reassign: bool, adopt: bool, detailed_exitcode: bool, form: str, target: str | None, verbose: bool,
-    history: Path | None, unreachable: str, allow: tuple[str, ...],
+    history: Path | None, unreachable: str, allow: tuple[str, ...], runs: Path | None,
 ) -> int:  # fmt: skip
     """Show what would change; changes nothing.
 
@@ -62,7 +63,8 @@ def plan(
     check_kinds(allow)
     vault = read_secrets(None, definitions, allow)
     inventory = options.load_inventory(inventories)
-    chosen = options.selected(inventory, limit, exclude)
+    last = options.failed_robots(instance or definitions.experiment.name, runs)
+    chosen = options.selected(inventory, limit, exclude, last)
     wishes = Wishes(
         instance=instance, reassign=reassign, adopt=adopt, forks=forks, history=read_history(history),
         reassign_unreachable=unreachable == "reassign",

@@ -1,9 +1,11 @@
 """Ansible's host patterns -> names of hosts.
 
-Takes an Inventory and a pattern such as `robots:!robot3`; gives the hosts that it picks. Pure. Terms are parted by
+Takes an Inventory and a pattern such as `robots:!robot3`; gives the hosts that it picks. Reads the files that a pattern
+names, and nothing else. Terms are parted by
 `,` or `:`; plain terms are joined, then `&term` keeps what is in both, then `!term` takes away, in whatever order
-they are written. A term is a host, a group, `all` or `*`, a wildcard, `~regex`, a range `robot[01:04]`, or a part of
-a group by position, `robots[0]` and `robots[1:3]`.
+they are written. A term is a host, a group, `all` or `*`, a wildcard, `~regex`, a range `robot[01:04]`, a part of
+a group by position, `robots[0]` and `robots[1:3]`, `@failed`, or `@FILE`, a file with one robot per line. The name
+`failed` is taken: a file of that name is `@./failed`.
 """
 
 from __future__ import annotations
@@ -11,7 +13,8 @@ from __future__ import annotations
 import difflib
 import fnmatch
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Collection, Sequence
+from pathlib import Path
 
 from srprov.definitions import ranges
 from srprov.definitions.model import Inventory
@@ -19,9 +22,23 @@ from srprov.errors import UsageError
 
 _SUBSCRIPT = re.compile(r"(?P<name>.+)\[(?:(?P<one>-?[0-9]+)|(?P<first>[0-9]*)[:-](?P<last>[0-9]*))\]", re.ASCII)
 
+FAILED = "@failed"
+Failed = Callable[[], Collection[str]]
+"""Gives the robots that `@failed` stands for; raises UsageError when there are none."""
 
-def select(inventory: Inventory, pattern: str | Sequence[str]) -> tuple[str, ...]:
+
+def _no_run() -> Collection[str]:
+    """Refuse: only who knows an experiment knows its last run."""
+    raise UsageError(f"'{FAILED}' means the last run of an experiment, and there is none here", hint="name the robots")
+
+
+def select(inventory: Inventory, pattern: str | Sequence[str], failed: Failed = _no_run) -> tuple[str, ...]:
     """Give the names that a pattern (or several, joined) picks, in name order.
+
+    Args:
+        inventory: Hosts and groups.
+        pattern: As the user wrote it.
+        failed: What `@failed` stands for; asked only when the pattern has it.
 
     Raises:
         UsageError: A term matches nothing, or nothing is left; the hint lists hosts and groups.
@@ -31,13 +48,13 @@ def select(inventory: Inventory, pattern: str | Sequence[str]) -> tuple[str, ...
     plain = [term for term in terms if term[0] not in "&!"]
     picked: set[str] = set()
     for term in plain or ["all"]:
-        picked |= _match(inventory, term)
+        picked |= _match(inventory, term, failed)
     for term in terms:
         if term.startswith("&"):
-            picked &= _match(inventory, term[1:])
+            picked &= _match(inventory, term[1:], failed)
     for term in terms:
         if term.startswith("!"):
-            picked -= _match(inventory, term[1:])
+            picked -= _match(inventory, term[1:], failed)
     if not picked:
         raise UsageError(f"the pattern '{text}' matches no host", hint=_known(inventory))
     return tuple(sorted(picked))
@@ -58,18 +75,49 @@ def _is_ipv6(text: str) -> bool:
     return text.count(":") > 1 and re.fullmatch(r"[&!]?[0-9a-fA-F:.]+", text) is not None
 
 
-def _match(inventory: Inventory, term: str) -> set[str]:
+def _match(inventory: Inventory, term: str, failed: Failed = _no_run) -> set[str]:
     """Give the hosts of one term without its sign.
 
     Raises:
         UsageError: There are none.
     """
+    if term == FAILED:
+        return _failed(inventory, failed())
+    if term.startswith("@"):
+        return _of_file(inventory, term[1:])
     found = _find(inventory, term)
     if not found:
         close = difflib.get_close_matches(term[:100], [*inventory.hosts, *inventory.groups], n=1)
         mean = f"did you mean '{close[0]}'? " if close else ""
         raise UsageError(f"'{term[:100]}' matches no host and no group", hint=mean + _known(inventory))
     return set(found)
+
+
+def _failed(inventory: Inventory, robots: Collection[str]) -> set[str]:
+    here = set(robots) & set(inventory.hosts)
+    if not here:
+        message = f"'{FAILED}' means {', '.join(sorted(robots))}: not in this inventory"
+        raise UsageError(message, hint=_known(inventory))
+    return here
+
+
+def _of_file(inventory: Inventory, name: str) -> set[str]:
+    """Give the hosts that a file lists, one term per line; empty lines and `#` lines are passed over."""
+    try:
+        lines = [line.strip() for line in Path(name).read_text(encoding="utf-8").split("\n")]
+    except (OSError, ValueError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
+        hint = f"'@FILE' is a file with one robot per line; '{FAILED}' are those that failed in the last run"
+        raise UsageError(f"'@{name}': {reason}", hint=hint) from None
+    found: set[str] = set()
+    for line in lines:
+        if line and line[0] not in "#@":
+            found |= _match(inventory, line)
+        elif line.startswith("@"):
+            raise UsageError(f"'@{name}': a list of robots cannot name another: '{line[:100]}'")
+    if not found:
+        raise UsageError(f"'@{name}' names no robot", hint=_known(inventory))
+    return found
 
 
 def _find(inventory: Inventory, term: str) -> list[str]:

@@ -1,15 +1,17 @@
 """What a run leaves on the controller: one folder with what it was given, what it decided, what it did, and where.
 
 Takes values from the other rooms; writes files below one folder, each through `redact`, in a thread of its own: a run
-never waits for its record, and a record that cannot be written is told, and stops nothing. Reads nothing but the
-versions of installed libraries.
+never waits for its record, and a record that cannot be written is told, and stops nothing. Reads the versions of
+installed libraries, and for `@failed` the newest record.
 
     folder       the folder and its writer        documents    the files' contents, from values
+    last         the newest record, read again
 """
 
 from __future__ import annotations
 
 from srprov.record.documents import Run, event_json, run_id, write_inputs
 from srprov.record.folder import RunFolder, default_root
+from srprov.record.last import LastRun, last_run
 
-__all__ = ["Run", "RunFolder", "default_root", "event_json", "run_id", "write_inputs"]
+__all__ = ["LastRun", "Run", "RunFolder", "default_root", "event_json", "last_run", "run_id", "write_inputs"]

@@ -92,10 +92,13 @@ def test_robots_that_cannot_be_reached_are_named_and_the_others_done(mended: Lab
 
     lab.srprov("lab", "restart", home["c"])
     inventory = part_of_lab(lab, robots, tmp_path / "lab.yml")
-    back = lab.srprov("apply", str(path), "-i", inventory, "--yes", "--json")
+    back = lab.srprov("apply", str(path), "-i", inventory, "--yes", "--json", "--limit", "@failed")
     assert back.code == 0, back
     assert back.json["assignment"] == home
+    assert {step["id"].partition("/")[0] for step in back.json["steps"]} == {home["c"]}
     assert "srprov.three.c" in lab.containers(home["c"], running=True)
+    again = lab.srprov("apply", str(path), "-i", inventory, "--yes", "--limit", "@failed")
+    assert again.code == 5 and "nothing failed in the last run of three" in again.err, again
 
 
 def test_a_service_does_not_start_before_one_whose_robot_is_gone(mended: Lab, tmp_path: Path) -> None:

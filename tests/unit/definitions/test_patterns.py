@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+from pathlib import Path
+
 import pytest
 
 from srprov.definitions.model import Host, Inventory
@@ -67,3 +70,60 @@ def test_the_error_lists_hosts_and_groups_and_guesses() -> None:
     assert "did you mean 'robot01'?" in error.value.hint
     assert "hosts: arm1, robot01" in error.value.hint
     assert "groups: all, robots, fast" in error.value.hint
+
+
+@pytest.mark.parametrize(
+    ("pattern", "expected"),
+    [
+        ("@failed", ["arm1", "robot02", "robot03"]),
+        ("@failed,!robot03", ["arm1", "robot02"]),
+        ("@failed:!robot03", ["arm1", "robot02"]),
+        ("@failed:&robots", ["robot02", "robot03"]),
+        ("robots,&@failed", ["robot02", "robot03"]),
+        ("!@failed", ["robot01", "robot10", "spare"]),
+        ("spare,@failed", ["arm1", "robot02", "robot03", "spare"]),
+    ],
+)
+def test_failed_is_a_term_like_any_other(pattern: str, expected: list[str]) -> None:
+    assert select(LAB, pattern, lambda: {"arm1", "robot02", "robot03", "sold"}) == tuple(expected)
+
+
+def test_failed_is_asked_for_only_when_it_is_named() -> None:
+    def never() -> Collection[str]:
+        raise AssertionError
+
+    assert select(LAB, "arm1,robots:!robot10", never) == ("arm1", "robot01", "robot02", "robot03")
+
+
+def test_failed_without_an_experiment_or_without_its_robots_is_an_error() -> None:
+    with pytest.raises(UsageError, match="the last run of an experiment"):
+        select(LAB, "@failed")
+    with pytest.raises(UsageError, match="means sold: not in this inventory"):
+        select(LAB, "@failed", lambda: {"sold"})
+
+
+def test_a_file_lists_robots(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Empty lines and comments are passed over; a file that is called `failed` is named with its folder."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "failed").write_text("# after the fire\n\n robot01 \r\nfast\n")
+    assert select(LAB, "@./failed") == ("arm1", "robot01", "robot02")
+    assert select(LAB, f"@{tmp_path}/failed,!fast") == ("robot01",)
+    assert select(LAB, "@failed", lambda: {"spare"}) == ("spare",)
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (None, "No such file"),
+        (b"", "names no robot"),
+        (b"# robot01\n", "names no robot"),
+        (b"robot01\nrobto02\n", "'robto02' matches no host"),
+        (b"@failed\n", "cannot name another"),
+        (b"robot\xff01\n", "not UTF-8 text"),
+    ],
+)
+def test_a_list_that_is_no_list_is_an_error(tmp_path: Path, content: bytes | None, said: str) -> None:
+    if content is not None:
+        (tmp_path / "list").write_bytes(content)
+    with pytest.raises(UsageError, match=said):
+        select(LAB, f"@{tmp_path}/list")

@@ -1,0 +1,87 @@
+"""The last recorded run of an instance, and the robots on which it did not do all that it should: `@failed`.
+
+Takes the folder of records and an instance; reads the newest record of it; gives a LastRun. A run that came to its end
+says so in `result.json`. Of one that was killed, plan and events tell how far it came.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from srprov.errors import UsageError
+from srprov.execution import Outcome
+
+_NAME = re.compile(r"(?P<time>\d{8}T\d{6}Z)-(?P<instance>.+)-[0-9a-f]{8}(?:-\d{1,2})?", re.ASCII)
+_DONE = frozenset({Outcome.CHANGED.value, Outcome.UNCHANGED.value})
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LastRun:
+    """One record, read again."""
+
+    path: Path
+    failed: frozenset[str]
+    """Robots with a step that failed, was skipped or was never begun, and robots that could not be reached."""
+
+
+def last_run(root: Path, instance: str) -> LastRun | None:
+    """Read the newest record of an instance below `root`; None when there is none.
+
+    Raises:
+        UsageError: It cannot be read, or is no record.
+    """
+    path = _newest(root, instance)
+    if path is None:
+        return None
+    try:
+        return LastRun(path=path, failed=frozenset(_failed(path)))
+    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        hint = "name the robots instead of @failed, or remove that folder"
+        raise UsageError(f"{path} is no record that can be read: {error!r}", hint=hint) from error
+
+
+def _newest(root: Path, instance: str) -> Path | None:
+    try:
+        names = [path for path in root.iterdir() if (found := _NAME.fullmatch(path.name))
+                 and found["instance"] == instance and path.is_dir()]  # fmt: skip
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise UsageError(f"{root}: {error.strerror}", hint="name another folder with --runs") from error
+    return max(names, key=_begun, default=None)
+
+
+def _begun(path: Path) -> tuple[str, int, str]:
+    """Order records by the second in their name, and within it by when their first file was written."""
+    try:
+        written = (path / "environment.json").stat().st_mtime_ns
+    except OSError:
+        written = 0
+    return path.name[:16], written, path.name
+
+
+def _failed(path: Path) -> Iterator[str]:
+    result = path / "result.json"
+    if result.exists():
+        read = json.loads(result.read_text(encoding="utf-8"))
+        yield from read["unreachable"]
+        yield from (str(step["id"]).partition("/")[0] for step in read["steps"] if step["outcome"] not in _DONE)
+        return
+    plan = json.loads((path / "plan.json").read_text(encoding="utf-8"))
+    done = {event["step"] for event in _events(path) if event["event"] == "end" and event["outcome"] in _DONE}
+    yield from plan["unreachable"]
+    yield from (step["robot"] for step in plan["steps"] if step["number"] not in done)
+
+
+def _events(path: Path) -> Iterator[Mapping[str, Any]]:
+    """Give the events that are whole: the last line of a killed run may not be."""
+    for line in (path / "events.jsonl").read_text(encoding="utf-8").split("\n"):
+        try:
+            yield json.loads(line)
+        except ValueError:
+            continue
