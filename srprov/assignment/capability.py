@@ -44,7 +44,7 @@ class _Answers:
     def of(self, service: Service, platforms: Sequence[str]) -> list[Array]:
         """Give a vector for each thing that a service asks for."""
         wanted, ask = service.requires, self._ask
-        vectors = [ask("docker", lambda robot: robot.docker is not None)]
+        vectors = [ask("docker", lambda robot: robot.docker is not None and not robot.docker.rootless)]
         if service.robot:
             vectors.append(ask(("robot", service.robot), lambda robot: robot.name == service.robot))
         if wanted.arch:

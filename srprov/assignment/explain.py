@@ -119,7 +119,12 @@ def _price(assignment: Assignment, service: str) -> str:
     if runner is None:
         return f"cost {terms.total:.3f} ({parts}); no other robot can"
     note = " but is full" if runner.full else ""
-    return f"cost {terms.total:.3f} ({parts}); next {runner.robot} {runner.difference:+.3f}{note}"
+    return f"cost {terms.total:.3f} ({parts}); next {runner.robot} {signed(runner.difference, 3)}{note}"
+
+
+def signed(number: float, digits: int) -> str:
+    """Give a difference with its sign; none where it rounds to nothing, as sums of floats differ in their last bits."""
+    return f"{number:+.{digits}f}" if round(number, digits) else f"{0:.{digits}f}"
 
 
 def _sum(assignment: Assignment) -> str:

@@ -5,7 +5,7 @@ Takes a Problem that holds nothing but the services of one conflict; gives hints
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -26,7 +26,7 @@ _TRIED = 12
 def for_conflict(problem: Problem) -> list[str]:
     """Give what would help, one change each; several together where no single one does."""
     helps = [*_slots(problem), *_abilities(problem), *_relations(problem), *_robots(problem), *_pools(problem)]
-    return helps or [f"leave out one of {quoted([name for node in problem.nodes for name in node])}"]
+    return helps or [_leave_out(problem)]
 
 
 def listed(words: Sequence[str], last: str = "and") -> str:
@@ -38,6 +38,21 @@ def listed(words: Sequence[str], last: str = "and") -> str:
 def quoted(names: Sequence[str]) -> str:
     """Give names in quotes as a sentence has them."""
     return listed([f"'{name}'" for name in names])
+
+
+def in_edf(problem: Problem, names: Iterable[str]) -> list[str]:
+    """Give services as an EDF can name them: of `a-1` and `a-2`, replicas of `a`, just `a`."""
+    return list(dict.fromkeys(problem.services[name].instance_of or name for name in names))
+
+
+def _leave_out(problem: Problem) -> str:
+    names = [name for node in problem.nodes for name in node]
+    alone = in_edf(problem, names)
+    several = [name for name in alone if name not in problem.services]
+    fewer = f"lower 'replicas' of {quoted(several)}" if several else ""
+    if len(alone) == 1:
+        return fewer or f"leave out {quoted(alone)}"
+    return f"leave out one of {quoted(alone)}" + (f", or {fewer}" if fewer else "")
 
 
 def _slots(problem: Problem) -> Iterator[str]:
@@ -78,7 +93,7 @@ def _robots(problem: Problem) -> Iterator[str]:
     )
     if feasible(more):
         anywhere = sorted(name for name in names if not problem.services[name].robot)
-        yield f"add one more robot that can run {quoted(anywhere)}"
+        yield f"add one more robot that can run {quoted(in_edf(problem, anywhere))}"
 
 
 def _abilities(problem: Problem) -> Iterator[str]:
@@ -93,7 +108,7 @@ def _abilities(problem: Problem) -> Iterator[str]:
     for _, robot, node in pairs[:_TRIED]:
         if robot not in problem.loads or feasible(_able(problem, node, robot)):
             what = " and ".join(dict.fromkeys(miss.remedy for miss in _lacks(problem, node, robot)))
-            yield f"{what}, so that {robot} can run {quoted(node)}"
+            yield f"{what}, so that {robot} can run {quoted(in_edf(problem, node))}"
             return
 
 
@@ -115,11 +130,11 @@ def _relations(problem: Problem) -> Iterator[str]:
     for group in problem.apart:
         rest = tuple(other for other in problem.apart if other != group)
         if len(names & set(group)) > 1 and feasible(replace(problem, apart=rest)):
-            yield f"take {quoted(sorted(names & set(group)))} out of relations.different_robot"
+            yield f"take {quoted(in_edf(problem, sorted(names & set(group))))} out of relations.different_robot"
     for node in problem.nodes:
         parts = tuple(sorted((*(other for other in problem.nodes if other != node), *((name,) for name in node))))
         if len(node) > 1 and feasible(replace(problem, nodes=parts)):
-            yield f"take {quoted(node)} out of relations.same_robot"
+            yield f"take {quoted(in_edf(problem, node))} out of relations.same_robot"
 
 
 def _pools(problem: Problem) -> Iterator[str]:
@@ -131,7 +146,15 @@ def _pools(problem: Problem) -> Iterator[str]:
             if tries == _TRIED or not able[index] & able[later]:
                 continue
             tries += 1
-            pool = Pool(name="", services=tuple(sorted((first[0], second[0]))))
-            if feasible(replace(problem, pools=(*problem.pools, pool))):
-                yield f"pool {first[0]} and {second[0]} (pools in the EDF), they then share one slot"
+            names = in_edf(problem, sorted((first[0], second[0])))
+            members = _instances(problem, names)
+            if members and feasible(replace(problem, pools=(*problem.pools, Pool(name="", services=members)))):
+                yield f"pool {listed(names)} (pools in the EDF), they then share one slot"
                 return
+
+
+def _instances(problem: Problem, names: Sequence[str]) -> tuple[str, ...]:
+    """Give all that a pool of these services of the EDF would hold; nothing when that reaches beyond the conflict."""
+    members = {name for name, one in problem.services.items() if (one.instance_of or name) in names}
+    decided = {name for node in problem.nodes for name in node}
+    return tuple(sorted(members)) if members <= decided and len(names) > 1 else ()

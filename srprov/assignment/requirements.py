@@ -27,6 +27,14 @@ class Miss:
 
 GPU_TAG = "gpu"
 """As the facts detect it, or the inventory says."""
+_OVERLAY = "its bridges are in a network namespace of its own, where no VXLAN link of the robot can join them"
+_UNFIT = {
+    "overlay": _OVERLAY,
+    "both": _OVERLAY,
+    "host": "the network of the host is to it a namespace of its own, not the robot's network",
+    "none": "its containers have only a user's rights on the robot: too few for secrets and devices",
+}
+"""Network of a service -> why a rootless engine does not run it."""
 _BOUND = re.compile(r"\s*(?:>=)?\s*(\d+(?:\.\d+)*)\s*")
 
 
@@ -76,13 +84,16 @@ def _engine_and_pin(service: Service, facts: HostFacts) -> Iterator[Miss]:
     if facts.docker is None:
         cause = f" ({facts.docker_problem})" if facts.docker_problem else ""
         yield Miss(f"no Docker{cause}", f"make Docker work on {facts.name}")
+    elif facts.docker.rootless:
+        yield Miss(f"its Docker is rootless: {_UNFIT[service.network]}", f"run a rootful Docker on {facts.name}")
     yield from pinned_elsewhere(service, facts.name)
 
 
 def pinned_elsewhere(service: Service, robot: str) -> Iterator[Miss]:
     """Give what keeps a service off a robot when it is pinned to another."""
     if service.robot and service.robot != robot:
-        yield Miss(f"pinned to {service.robot}", f"remove 'robot: {service.robot}' from service '{service.name}'")
+        remedy = f"remove 'robot: {service.robot}' from service '{service.instance_of or service.name}'"
+        yield Miss(f"pinned to {service.robot}", remedy)
 
 
 def _architecture(wanted: Requirements, platforms: Sequence[str], facts: HostFacts) -> Iterator[Miss]:

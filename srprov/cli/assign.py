@@ -132,7 +132,7 @@ def _problem(definitions: Definitions, inventory: Inventory, found: Found, wishe
 
 
 def _show(answer: Assignment, *, explain: bool, front: tuple[Point, ...]) -> None:
-    from srprov.assignment.explain import describe, reasons
+    from srprov.assignment.explain import describe, reasons, signed
 
     lines = describe(answer) if explain else _short(answer)
     if explain:
@@ -141,7 +141,7 @@ def _show(answer: Assignment, *, explain: bool, front: tuple[Point, ...]) -> Non
         lines += ["", "FAIRNESS  COST      MORE     JAIN"]
         least = front[0].cost
         for point in front:
-            more = f"{100 * (point.cost / least - 1):+.2f} %" if least else "-"
+            more = f"{signed(100 * (point.cost / least - 1), 2)} %" if least else "-"
             lines.append(f"{point.fairness:<8g}  {point.cost:<8.3f}  {more:<7}  {point.jain:.3f}")
     out("\n".join(lines))
 

@@ -18,9 +18,9 @@ def pools(root: Map) -> tuple[Pool, ...]:
     """Give the pools in name order."""
     found = []
     for _, pool in _pools(root):
-        services = tuple(sorted({item.text for item in scalars(pool.entries.get("services"))}))
+        services = _services(pool)
         discount = nodes.as_number(pool.entries["discount"]) if "discount" in pool.entries else None
-        name = text(pool.entries.get("name")) or "+".join(services)
+        name = text(pool.entries.get("name")) or _joined(pool)
         found.append(Pool(name=name, services=services, discount=1.0 if discount is None else discount))
     return tuple(sorted(found, key=lambda pool: (pool.name, pool.services)))
 
@@ -37,10 +37,26 @@ def check(root: Map, known: Mapping[str, Map], same_robot: Sequence[Sequence[str
     _instances(known, findings)
     seen: set[str] = set()
     for index, pool in _pools(root):
-        name = text(pool.entries.get("name"))
+        given = pool.entries.get("name")
+        name = text(given) or _joined(pool)
         if name and name in seen:
-            findings.add(pool.entries["name"], f"there are two pools '{name}'", ("pools", index, "name"))
+            hint = "give each a 'name' of its own" if given is None else ""
+            findings.add(
+                given or pool,
+                f"there are two pools '{name}'",
+                ("pools", index, "name") if given else ("pools", index),
+                hint,
+            )
         seen.add(name)
+
+
+def _services(pool: Map) -> tuple[str, ...]:
+    return tuple(sorted({item.text for item in scalars(pool.entries.get("services"))}))
+
+
+def _joined(pool: Map) -> str:
+    """Give what a pool without a name is called."""
+    return "+".join(_services(pool))
 
 
 def _pools(root: Map) -> Iterator[tuple[int, Map]]:

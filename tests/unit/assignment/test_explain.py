@@ -3,15 +3,18 @@
 import pytest
 
 from srprov.assignment import explain
+from srprov.definitions.expand import expand
 from srprov.definitions.model import Experiment, Placement, Requirements, Weights
 from srprov.errors import NoAssignment
-from srprov.facts.model import Found
+from srprov.facts.model import Docker, Found
 from tests.unit.assignment.worlds import GIB, assign, experiment, found, robot, service
 
 
-def refusal(what: Experiment, where: Found, previous: dict[str, str] | None = None) -> NoAssignment:
+def refusal(
+    what: Experiment, where: Found, previous: dict[str, str] | None = None, slots: dict[str, int] | None = None
+) -> NoAssignment:
     with pytest.raises(NoAssignment) as caught:
-        assign(what, where, previous)
+        assign(what, where, previous, slots=slots)
     return caught.value
 
 
@@ -155,3 +158,47 @@ def test_a_pin_of_the_group_counts_for_robots_out_of_reach() -> None:
     """What must share its robot is pinned with it."""
     what = experiment(service("a", tags=("lidar",)), service("b", robot="r1"), same_robot=(("a", "b"),))
     assert "reachable" not in refusal(what, found(robot("r1"), unreachable={"r2": ""})).hint
+
+
+def test_a_rootless_engine_is_a_reason_in_both_explanations() -> None:
+    """A service goes elsewhere and `why_not` has the reason; with nowhere else to go, the refusal has it."""
+    rootless = robot("r1", docker=Docker(version="24.0.5", api_version="1.43", rootless=True))
+    placed = assign(experiment(service("a")), found(rootless, robot("r2")))
+    assert dict(placed.placed) == {"a": "r2"}
+    assert placed.why_not["a"]["r1"].startswith("its Docker is rootless: its bridges are in a network namespace")
+    error = refusal(experiment(service("a", network="host")), found(rootless))
+    assert error.message == "no robot can run 'a'"
+    assert "rootless: the network of the host is to it a namespace of its own" in error.misses["a"]["r1"]
+    assert error.hint == "run a rootful Docker on r1, so that r1 can run 'a'"
+
+
+@pytest.mark.parametrize(
+    ("number", "shown"), [(-0.0, "0.000"), (-0.0004, "0.000"), (0.0004, "0.000"), (-0.0006, "-0.001"), (0.5, "+0.500")]
+)
+def test_a_difference_that_rounds_to_nothing_has_no_sign(number: float, shown: str) -> None:
+    assert explain.signed(number, 3) == shown
+
+
+def test_hints_name_what_the_edf_names() -> None:
+    """Nobody can write `a-1` in an EDF: hints name the service, and tell to lower its replicas."""
+    alone = expand(experiment(service("a", replicas=3)), {})
+    assert (
+        refusal(alone, found(robot("r1"), robot("r2"))).hint
+        == "give r1 or r2 one more slot (srprov_slots in the inventory)"
+    )
+    pinned = expand(experiment(service("a", replicas=2, robot="r9")), {})
+    assert refusal(pinned, found(robot("r1"))).hint == "remove 'robot: r9' from service 'a', so that r1 can run 'a'"
+    apart = expand(experiment(service("a", replicas=2), different_robot=(("a",),)), {})
+    hint = refusal(apart, found(robot("r1")), slots={"r1": 2}).hint
+    assert hint == "take 'a' out of relations.different_robot; or add one more robot that can run 'a'"
+    stuck = experiment(service("a", replicas=2, robot="r1"), different_robot=(("a",),))
+    assert refusal(expand(stuck, {}), found(robot("r1"))).hint == "lower 'replicas' of 'a'"
+
+
+def test_a_pool_is_advised_only_as_an_edf_can_have_it() -> None:
+    """A pool of `a` holds every replica of it; two replicas alone are no pool."""
+    two = expand(experiment(service("a", replicas=2, tags=("x",))), {})
+    assert "pool" not in refusal(two, found(robot("r1", tags=("x",)))).hint
+    three = expand(experiment(service("a", replicas=2, tags=("x",)), service("b", tags=("x",))), {})
+    hint = refusal(three, found(robot("r1", tags=("x",)), robot("r2"))).hint
+    assert "a-1" not in hint

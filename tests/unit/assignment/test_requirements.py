@@ -4,9 +4,11 @@ from typing import Any
 
 import pytest
 
+from srprov.assignment.capability import matrix
 from srprov.assignment.requirements import kernel_fits, missing
 from srprov.definitions.model import Requirements
 from srprov.errors import UsageError
+from srprov.facts.model import Docker
 from tests.unit.assignment.worlds import GIB, robot, service
 
 
@@ -43,6 +45,27 @@ def test_reasons(wants: dict[str, Any], has: dict[str, Any], texts: list[str]) -
     lacks = missing(service("s", requires=Requirements(**wants)), (), robot("r", **has))
     assert [miss.text for miss in lacks] == texts
     assert all(miss.remedy for miss in lacks)
+
+
+ROOTLESS = Docker(version="24.0.5", api_version="1.43", rootless=True)
+
+
+@pytest.mark.parametrize(
+    ("network", "why"),
+    [
+        ("overlay", "its bridges are in a network namespace of its own"),
+        ("both", "its bridges are in a network namespace of its own"),
+        ("host", "a namespace of its own, not the robot's network"),
+        ("none", "its containers have only a user's rights"),
+    ],
+)
+def test_a_rootless_engine_runs_nothing_and_says_why(network: str, why: str) -> None:
+    """The reason is about the service's own network; the matrix, which asks once for all, agrees with the words."""
+    one, able, unable = service("s", network=network), robot("able"), robot("r", docker=ROOTLESS)
+    (miss,) = missing(one, (), unable)
+    assert miss.text.startswith("its Docker is rootless: ") and why in miss.text
+    assert miss.remedy == "run a rootful Docker on r"
+    assert matrix({"s": one}, {}, [able, unable]).tolist() == [[True, False]]
 
 
 def test_a_pin_excludes_all_others() -> None:

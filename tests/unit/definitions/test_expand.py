@@ -102,6 +102,11 @@ def test_what_runs_nowhere_is_told(tmp_path: Path) -> None:
             "pools: [{name: p, services: [a, b]}, {name: p, services: [a, b]}]",
             "there are two pools 'p'",
         ),
+        (
+            "{a: {image: x}, b: {image: x}}",
+            "pools: [{services: [a, b]}, {services: [b, a], discount: 0.5}]",
+            "there are two pools 'a+b'",
+        ),
     ],
 )
 def test_what_cannot_be_is_told_at_its_line(tmp_path: Path, services: str, rest: str, message: str) -> None:
