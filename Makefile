@@ -5,7 +5,7 @@ BIN := .venv/bin
 SOURCES := srprov tests tools examples benchmarks
 CHECKED := $(wildcard $(SOURCES))
 
-.PHONY: help setup demo test unit soak lint fmt type clean bench-assignment
+.PHONY: help setup demo test unit soak lint fmt type clean bench-assignment bench-provisioning
 
 help: ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | column -t -s '|' 2>/dev/null \
@@ -33,6 +33,10 @@ bench-assignment: setup ## the assignment: the paper's experiment, and how fast 
 	@$(BIN)/python -m benchmarks.assignment.paper
 	@$(BIN)/python -m benchmarks.assignment.whole
 	@$(BIN)/python -m benchmarks.assignment.scaling
+
+bench-provisioning: setup ## srprov beside other tools on the lab (needs root; hours; see benchmarks/provisioning/README.md)
+	@$(BIN)/pip install -q -e '.[bench]'
+	@$(BIN)/python -m benchmarks.provisioning.compare
 
 lint: setup ## ruff: rules and format
 	@echo "lint: ruff check"

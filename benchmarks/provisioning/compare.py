@@ -1,0 +1,106 @@
+"""Side by side in one run: the floor, srprov and other tools do the same job on the same lab.
+
+    python -m benchmarks.provisioning.compare
+    python -m benchmarks.provisioning.compare --robots 12 --tools floor,srprov --scenarios nothing --repeat 5 --scratch
+
+Needs root, for the lab. Tools take turns within each repetition, and another one begins each time.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import platform
+import sys
+import tempfile
+from collections.abc import Callable, Collection, Sequence
+from pathlib import Path
+from typing import Any
+
+from benchmarks.provisioning import measure, plots, robots, rounds, stats
+from benchmarks.provisioning.contestants import TOOLS
+from benchmarks.provisioning.job import make
+
+RESULTS = Path(__file__).parent / "results"
+LOCK_PATIENCE_S = 3600
+
+
+def main() -> None:
+    """Measure what is asked for, and write JSON, a table and a plot."""
+    wish = _arguments()
+    measure.adopt_orphans()
+    measure.raise_limits()
+    rows: list[dict[str, Any]] = []
+    try:
+        for latency in wish.latency:
+            for count in wish.robots:
+                rows += measure_lab(count, latency, wish)
+    except KeyboardInterrupt:
+        print("interrupted; writing what there is", file=sys.stderr)
+    found = stats.medians(rows)
+    print("\n" + stats.table(found))
+    if rows and wish.out:
+        write(wish.out, rows, found)
+    sys.exit(1 if any(row["problem"] for row in rows) else 0)
+
+
+def measure_lab(count: int, latency: int, wish: argparse.Namespace) -> list[dict[str, Any]]:
+    """Measure all wanted tools on one lab."""
+    rows: list[dict[str, Any]] = []
+    with tempfile.TemporaryDirectory(prefix="srprov-bench-tools-") as name:
+        classes = [TOOLS[tool] for tool in wish.tools]
+        for each in classes:
+            each.install_once()
+        with robots.lab(count, latency, LOCK_PATIENCE_S) as lab:
+            tools = [each(lab, Path(name) / str(index)) for index, each in enumerate(classes)]
+            job = make(lab.robots)
+            for repetition in range(wish.repeat):
+                first = repetition % len(tools)
+                for tool in tools[first:] + tools[:first]:
+                    rows += [{**row, "repetition": repetition} for row in rounds.play(lab, tool, job, wish.scenarios)]
+    return rows
+
+
+def write(folder: Path, rows: Sequence[dict[str, Any]], found: Sequence[dict[str, Any]]) -> None:
+    """Write provisioning.json, .md and .svg."""
+    folder.mkdir(parents=True, exist_ok=True)
+    about: dict[str, Any] = {"cpus": os.cpu_count(), "python": platform.python_version(), "kernel": platform.release()}
+    used = {row["tool"] for row in rows}
+    about["versions"] = {name: each.version() for name, each in TOOLS.items() if each.name in used}
+    text = json.dumps({"about": about, "medians": list(found), "runs": list(rows)}, indent=1) + "\n"
+    (folder / "provisioning.json").write_text(text, encoding="utf-8")
+    versions = ", ".join(f"{name} {version}" for name, version in about["versions"].items() if version)
+    head = f"{about['cpus']} CPUs for controller and robots together, Python {about['python']}. {versions}\n\n"
+    (folder / "provisioning.md").write_text(head + stats.table(found), encoding="utf-8")
+    plots.bars(found, folder / "provisioning.svg")
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--robots", type=_numbers, default=[1, 4, 12, 25], help="how many, e.g. 4,12")
+    parser.add_argument("--latency", type=_numbers, default=[0, 40], help="SSH round trips in ms, e.g. 0,40")
+    parser.add_argument("--tools", type=_among(TOOLS), default=list(TOOLS), help=",".join(TOOLS))
+    parser.add_argument("--scenarios", type=_among(stats.SCENARIOS), default=list(stats.SCENARIOS))
+    parser.add_argument("--repeat", type=int, default=3)
+    parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the results")
+    parser.add_argument("--scratch", dest="out", action="store_const", const=None, help="write no results")
+    return parser.parse_args()
+
+
+def _numbers(text: str) -> list[int]:
+    return [int(word) for word in text.split(",")]
+
+
+def _among(known: Collection[str]) -> Callable[[str], list[str]]:
+    def parse(text: str) -> list[str]:
+        words = text.split(",")
+        if unknown := [word for word in words if word not in known]:
+            raise argparse.ArgumentTypeError(f"{', '.join(unknown)}: not among {', '.join(known)}")
+        return words
+
+    return parse
+
+
+if __name__ == "__main__":
+    main()

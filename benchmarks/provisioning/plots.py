@@ -1,0 +1,44 @@
+"""Plots of what was measured."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+def _figure(width: float, height: float) -> Figure:
+    import matplotlib
+
+    matplotlib.use("agg")
+    matplotlib.rcParams["svg.hashsalt"] = "srprov"
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def bars(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
+    """Draw the medians: a panel per scenario and latency, seconds over robots (logarithmic), a line per tool."""
+    latencies = sorted({row["latency_ms"] for row in rows})
+    scenarios = list(dict.fromkeys(row["scenario"] for row in rows))
+    figure = _figure(4.2 * len(scenarios), 3.6 * len(latencies))
+    panels = figure.subplots(len(latencies), len(scenarios), squeeze=False, sharex=True)
+    tools = list(dict.fromkeys(row["tool"] for row in rows))
+    for latency, line in zip(latencies, panels, strict=True):
+        for scenario, panel in zip(scenarios, line, strict=True):
+            for index, tool in enumerate(tools):
+                mine = [
+                    (row["robots"], row["seconds"])
+                    for row in rows
+                    if (row["tool"], row["scenario"], row["latency_ms"]) == (tool, scenario, latency)
+                    and row["seconds"] is not None
+                ]
+                if mine:
+                    panel.plot(*zip(*mine, strict=True), marker="o", color=f"C{index}", label=tool)
+            panel.set(title=f"{scenario}, SSH latency {latency} ms", xlabel="robots", ylabel="seconds", yscale="log")
+            panel.grid(True, which="both", linewidth=0.3)
+    panels[0][0].legend(fontsize=8)
+    figure.savefig(path, metadata={"Date": None})

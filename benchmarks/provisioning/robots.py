@@ -1,0 +1,149 @@
+"""The lab, for the benchmark alone, and means to look at and clean its robots that are nobody's contestant.
+
+Robots are entered by nsenter, as `srprov lab shell` does; no SSH is involved.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import json
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from srprov.lab import lab as labs
+from srprov.lab import places
+
+ROOT = Path(__file__).parents[2]
+LOCK = "/run/lock/srprov-lab-tests"
+KEY, KNOWN_HOSTS = places.KEY, places.KNOWN_HOSTS
+RESET = (
+    'c=$(docker ps -aq); test -z "$c" || docker rm -f $c >/dev/null; '
+    "n=$(docker network ls -q --filter type=custom --filter driver=bridge | sort -u); "
+    'for i in $n; do test "$(docker network inspect -f "{{.Name}}" $i)" = docker_gwbridge || '
+    "docker network rm $i >/dev/null; done; "
+    'for l in $(ls /sys/class/net | grep -E "^(srp|bench)"); do ip link del $l; done; '
+    "rm -rf /var/lib/srprov /run/srprov/*/ /root/.ansible /tmp/pyinfra* /tmp/ansible*"
+)
+LOOK = (
+    'c=$(docker ps -q); test -n "$c" && docker inspect $c || echo "[]"; echo ----; '
+    "ip -j -d link show type vxlan; echo ----; bridge -j fdb show"
+)
+
+
+class Trouble(Exception):
+    """The lab, or what a tool left on it, isn't as it should be."""
+
+
+@dataclass(frozen=True)
+class Lab:
+    """Robots that are up, and the folder with their inventory."""
+
+    folder: Path
+    robots: tuple[tuple[str, str], ...]
+    """Name and address of each."""
+    latency_ms: int
+
+    @property
+    def inventory(self) -> Path:
+        """The inventory that `srprov lab up` wrote."""
+        return self.folder / "inventory" / "lab.yml"
+
+    def enter(self, robot: str, script: str, limit_s: float = 120) -> str:
+        """Run a shell script on a robot, past its network; give what it prints."""
+        argv = labs.shell(robot, ["sh", "-c", script])
+        done = subprocess.run(
+            argv, capture_output=True, text=True, timeout=limit_s, check=False, stdin=subprocess.DEVNULL
+        )
+        if done.returncode:
+            raise Trouble(f"{robot}: {script[:60]}: exit {done.returncode}: {done.stderr.strip()[-300:]}")
+        return done.stdout
+
+    def everywhere(self, script: str, workers: int = 8) -> dict[str, str]:
+        """Run a shell script on all robots; robot -> what it printed."""
+        names = [name for name, _ in self.robots]
+        with ThreadPoolExecutor(workers) as pool:
+            return dict(zip(names, pool.map(lambda name: self.enter(name, script), names), strict=True))
+
+    def reset(self) -> None:
+        """Remove from all robots what any tool may have left."""
+        self.everywhere(RESET)
+
+    def look(self) -> dict[str, dict[str, Any]]:
+        """Give robot -> running containers (name, id, pid, env, addresses), VXLAN links and their entries."""
+        return {robot: _seen(text) for robot, text in self.everywhere(LOOK).items()}
+
+
+def _seen(text: str) -> dict[str, Any]:
+    containers, links, entries = (json.loads(part or "[]") for part in text.split("----\n"))
+    names = [link["ifname"] for link in links if link.get("master")]
+    return {
+        "containers": [
+            {
+                "id": one["Id"],
+                "pid": one["State"]["Pid"],
+                "env": one["Config"]["Env"],
+                "addresses": {name: net["IPAddress"] for name, net in one["NetworkSettings"]["Networks"].items()},
+            }
+            for one in containers
+            if one["State"]["Running"]
+        ],
+        "links": names,
+        "vteps": sorted({entry["dst"] for entry in entries if entry.get("ifname") in names and entry.get("dst")}),
+    }
+
+
+def _srprov(*words: str, cwd: Path, limit_s: float = 400) -> None:
+    argv = [sys.executable, "-m", "srprov", *words]
+    done = subprocess.run(argv, cwd=cwd, capture_output=True, text=True, timeout=limit_s, check=False)
+    if done.returncode:
+        raise Trouble(f"srprov {' '.join(words)}: exit {done.returncode}: {done.stderr.strip()[-500:]}")
+
+
+@contextlib.contextmanager
+def guarded(patience_s: float) -> Iterator[None]:
+    """Hold the lock that tests of this machine take around the lab."""
+    deadline = time.monotonic() + patience_s
+    told = False
+    with open(LOCK, "w", encoding="utf-8") as guard:
+        while True:
+            try:
+                fcntl.flock(guard, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                if time.monotonic() > deadline:
+                    raise Trouble(f"somebody else used the lab for {patience_s:g} s") from None
+            if not told:
+                print("waiting for the lab, which somebody else uses", file=sys.stderr)
+                told = True
+            time.sleep(0.5)
+        yield
+
+
+@contextlib.contextmanager
+def lab(count: int, latency_ms: int = 0, patience_s: float = 1800) -> Iterator[Lab]:
+    """Bring up a fresh lab of `count` robots that have the image, and take it down in the end."""
+    with guarded(patience_s), tempfile.TemporaryDirectory(prefix="srprov-bench-") as name:
+        folder = Path(name)
+        late = {"defaults": {"ssh_latency_ms": latency_ms}} if latency_ms else {}
+        (folder / "lab-spec.yml").write_text(json.dumps({"count": count, **late}), encoding="utf-8")
+        _srprov("lab", "down", cwd=folder)
+        try:
+            _srprov("lab", "up", "--spec", "lab-spec.yml", cwd=folder)
+            robots = tuple((robot, str(places.address(robot))) for robot in _names(count))
+            made = Lab(folder, robots, latency_ms)
+            made.everywhere("docker image inspect busybox >/dev/null 2>&1 || docker pull -q busybox >/dev/null")
+            yield made
+        finally:
+            _srprov("lab", "down", cwd=folder)
+
+
+def _names(count: int) -> Sequence[str]:
+    return [places.robot_name(number) for number in range(1, count + 1)]

@@ -1,0 +1,95 @@
+"""What a contestant is: how it is set up, and the one command that does the job. Here: the floor and srprov."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import yaml
+
+from benchmarks.provisioning.job import Job, edf, floor_script
+from benchmarks.provisioning.robots import KEY, KNOWN_HOSTS, Lab
+
+BIN = Path(sys.executable).parent
+HERE = Path(__file__).parent
+
+
+@dataclass(frozen=True)
+class Call:
+    """One command."""
+
+    argv: tuple[str, ...]
+    env: Mapping[str, str] = field(default_factory=dict)
+    stdin: str = ""
+
+
+class Tool:
+    """A contestant. `name` is what tables say."""
+
+    name = ""
+    vxlan = True
+    """False: the tool brings an overlay of its own."""
+
+    def __init__(self, lab: Lab, folder: Path) -> None:
+        self.lab = lab
+        self.folder = folder
+        folder.mkdir(parents=True, exist_ok=True)
+
+    @classmethod
+    def install_once(cls) -> None:
+        """Install the tool into an environment of its own; what is there stays."""
+
+    @classmethod
+    def version(cls) -> str:
+        """Give what the table's head says about the tool."""
+        return ""
+
+    def begin(self) -> None:
+        """Set up on the robots what isn't part of the job; not measured with it."""
+
+    def call(self, job: Job, variant: str) -> Call:
+        """Write the job's files, named by `variant`, and give the command. Only the command is measured."""
+        raise NotImplementedError
+
+    def end(self) -> None:
+        """Undo `begin`."""
+
+
+class Floor(Tool):
+    """One compiled script per robot over parallel paramiko connections."""
+
+    name = "floor"
+
+    def call(self, job: Job, variant: str) -> Call:
+        """Compile."""
+        robots = {
+            member.robot: {"address": member.underlay, "user": "root", "script": floor_script(job, member)}
+            for member in job.members
+        }
+        plan = self.folder / f"{variant}.json"
+        plan.write_text(json.dumps({"key": str(KEY), "known_hosts": str(KNOWN_HOSTS), "robots": robots}))
+        return Call((sys.executable, str(HERE / "floor.py"), "up", str(plan)))
+
+
+class Srprov(Tool):
+    """`srprov apply --yes` with its defaults."""
+
+    name = "srprov"
+    options: tuple[str, ...] = ()
+
+    def call(self, job: Job, variant: str) -> Call:
+        """Write the EDF: one file for all variants, as a user edits it."""
+        path = self.folder / "experiment.edf"
+        path.write_text(yaml.safe_dump(edf(job), sort_keys=False))
+        words = ("apply", str(path), "-i", str(self.lab.inventory), "--yes", "--runs", str(self.folder / "runs"))
+        return Call((str(BIN / "srprov"), *words, *self.options))
+
+
+class SrprovAtOnce(Srprov):
+    """The same without the two seconds in which srprov watches that services stay up; no other tool does that."""
+
+    name = "srprov --settle 0"
+    options = ("--settle", "0")

@@ -1,0 +1,68 @@
+"""The pure parts of the provisioning benchmark: a wrong median or slope would be believed."""
+
+from __future__ import annotations
+
+import subprocess
+from typing import Any
+
+import pytest
+
+from benchmarks.provisioning import job, stats
+
+
+def run(tool: str, seconds: float, scenario: str = "fresh", **more: Any) -> dict[str, Any]:
+    about = {"robots": 12, "latency_ms": 0, "tool": tool, "scenario": scenario, "seconds": seconds, "problem": ""}
+    return {**about, "cpu": 1.0, "rss_mib": 50.0, "sent": 1024, "received": 2048, **more}
+
+
+def test_medians_are_per_tool_and_ratios_are_to_the_floor_of_the_same_scenario() -> None:
+    rows = [run("srprov", s) for s in (3.0, 9.0, 4.0)] + [run("floor", s) for s in (1.0, 2.0, 8.0)]
+    rows += [run("srprov", 1.0, "nothing"), run("floor", 0.5, "nothing")]
+    found = {(row["scenario"], row["tool"]): row for row in stats.medians(rows)}
+    assert found["fresh", "srprov"]["seconds"] == 4.0
+    assert found["fresh", "srprov"]["ratio"] == 2.0
+    assert (found["fresh", "floor"]["least"], found["fresh", "floor"]["most"]) == (1.0, 8.0)
+    assert found["nothing", "srprov"]["ratio"] == 2.0
+
+
+def test_a_failed_run_is_counted_and_its_time_is_not() -> None:
+    found = stats.medians([run("a", 1.0), run("a", 0.01, problem="exit 1"), run("b", 0.01, problem="exit 1")])
+    assert (found[0]["seconds"], found[0]["failed"], found[0]["runs"]) == (1.0, 1, 1)
+    assert found[1]["seconds"] is None
+    assert "| 1 of 1 |" in stats.table(found).splitlines()[-1]
+
+
+def test_without_a_floor_there_is_no_ratio() -> None:
+    assert stats.medians([run("srprov", 1.0)])[0]["ratio"] is None
+
+
+def test_the_table_has_a_row_per_median_in_the_order_of_the_scenarios() -> None:
+    text = stats.table(stats.medians([run("x", 2.0, "changed"), run("x", 1.0), run("x", 0.5, "nothing")]))
+    assert [line.split(" | ")[2] for line in text.splitlines()[2:]] == ["fresh", "nothing", "changed"]
+    assert len({line.count("|") for line in text.splitlines()}) == 1
+
+
+def test_a_plane_is_found_again() -> None:
+    points = [(x, y, 1.5 + 0.25 * x - 2.0 * y) for x in range(1, 5) for y in range(1, 4)]
+    assert stats.plane(points) == pytest.approx((1.5, 0.25, -2.0))
+    with pytest.raises(ValueError, match="plane"):
+        stats.plane([(1, 1, 1), (2, 2, 2), (3, 3, 3)])
+
+
+def test_a_line_is_found_again() -> None:
+    assert stats.line([(100, 3.0), (300, 7.0), (1000, 21.0)]) == pytest.approx((1.0, 0.02))
+
+
+def test_the_floors_script_is_shell_and_names_every_peer() -> None:
+    whole = job.make([(f"robot{n}", f"10.213.0.{10 + n}") for n in range(1, 26)])
+    for member in whole.members:
+        script = job.floor_script(whole, member)
+        assert subprocess.run(["sh", "-n"], input=script, text=True, timeout=10, check=False).returncode == 0
+        assert sum(f"dst {other.underlay} self" in script for other in whole.members) == 24
+
+
+def test_a_changed_job_differs_in_one_service() -> None:
+    whole = job.make([("robot1", "10.213.0.11"), ("robot2", "10.213.0.12")])
+    differing = [a for a, b in zip(whole.members, whole.changed.members, strict=True) if a != b]
+    assert [member.robot for member in differing] == ["robot2"]
+    assert job.config_hash(whole.members[1]) != job.config_hash(whole.changed.members[1])
