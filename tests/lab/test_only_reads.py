@@ -1,0 +1,134 @@
+"""Whoever plans only reads: every byte that reaches a robot's shell and its engine is written down there, and judged.
+
+The robot's root gets a login shell that keeps a copy of its command line and input before a real shell sees them.
+`tests/readonly.py` is the judge; tests/unit/test_readonly.py shows what it sees.
+"""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+from tests.lab.conftest import Lab, busybox, edf, part_of_lab
+from tests.readonly import commands, engine_requests, engine_violations, shell_violations
+
+pytestmark = pytest.mark.lab
+
+ROBOT = "robot9"
+LISTENER = """\
+#!/bin/sh
+# Written by a test: the login shell of root, which writes down what it is told.
+[ "$1" = -c ] || exec /bin/sh "$@"
+printf '%s' "$2" >/var/log/told/$$.command
+tee /var/log/told/$$.input | /bin/sh -c "$2"
+"""
+SET_UP = """\
+mkdir -p /var/log/told
+printf %s "$0" | base64 -d >/usr/local/bin/listener
+chmod 755 /usr/local/bin/listener
+cp -p /etc/passwd /etc/passwd.before
+sed -i 's|^\\(root:.*\\):[^:]*$|\\1:/usr/local/bin/listener|' /etc/passwd
+grep ^root: /etc/passwd
+"""
+TAKE_DOWN = "mv /etc/passwd.before /etc/passwd; rm -rf /var/log/told /usr/local/bin/listener"
+
+
+@dataclass
+class Told:
+    """What a robot was told since the last look."""
+
+    command_lines: list[str] = field(default_factory=list)
+    shell: list[bytes] = field(default_factory=list)
+    engine: list[bytes] = field(default_factory=list)
+
+    def violations(self) -> list[str]:
+        """Give everything that does not only read."""
+        lines = [found for line in self.command_lines for found in shell_violations(line)]
+        typed = [found for text in self.shell for found in shell_violations(text.decode("utf-8", "surrogateescape"))]
+        return lines + typed + [found for sent in self.engine for found in engine_violations(sent)]
+
+
+class Listening:
+    """The lab with a robot that writes down what it is told."""
+
+    def __init__(self, lab: Lab, inventory: str) -> None:
+        self.lab, self.inventory = lab, inventory
+
+    def told(self) -> Told:
+        """Give what was written down, and begin anew."""
+        show = "echo $(base64 -w0 $f.command) $(base64 -w0 $f.input) && rm $f.command $f.input"
+        script = f"cd /var/log/told && for f in *.command; do f=${{f%.command}}; [ ! -e $f.input ] || {show}; done; :"
+        heard = Told()
+        for line in self.lab.shell(ROBOT, "sh", "-c", script).out.splitlines():
+            command, _, sent = (base64.b64decode(part) for part in (line.partition(" ")))
+            heard.command_lines.append(command.decode())
+            (heard.engine if b"dial-stdio" in command else heard.shell).append(sent)
+        return heard
+
+
+@pytest.fixture
+def listening(lab: Lab, tmp_path: Path) -> Iterator[Listening]:
+    """Give root of one robot the listening shell, and its own one back afterwards."""
+    done = lab.shell(ROBOT, "sh", "-c", SET_UP, base64.b64encode(LISTENER.encode()).decode())
+    assert done.out.strip().endswith(":/usr/local/bin/listener"), done
+    try:
+        yield Listening(lab, part_of_lab(lab, [ROBOT], tmp_path / "lab.yml"))
+    finally:
+        lab.shell(ROBOT, "sh", "-c", TAKE_DOWN)
+
+
+def test_what_plans_only_reads_and_what_applies_does_not(listening: Listening, tmp_path: Path) -> None:
+    """All verbs that look, on a bare robot and on one with the experiment; and the judge sees what `apply` does."""
+    lab, inventory = listening.lab, listening.inventory
+    path = tmp_path / "read.edf"
+    path.write_text(edf("read", {"one": busybox(environment={"WORD": "it's $(reboot)"})}), encoding="utf-8")
+    looks = [
+        ("validate", str(path)),
+        ("facts", "-i", inventory),
+        ("doctor", "-i", inventory),
+        ("assign", str(path), "-i", inventory, "--explain"),
+        ("plan", str(path), "-i", inventory, "-v"),
+        ("plan", str(path), "-i", inventory, "--format", "markdown"),
+        ("plan", str(path), "-i", inventory, "-o", str(tmp_path / "plan.json"), "--reassign"),
+        ("status", str(path), "-i", inventory),
+        ("locks", "-i", inventory),
+    ]
+
+    def look(*more: tuple[str, ...]) -> None:
+        since = lab.shell(ROBOT, "date", "+%s.%N").out.strip()
+        for verb in (*looks, *more):
+            done = lab.srprov(*verb)
+            assert done.code == 0, done
+            heard = listening.told()
+            assert heard.violations() == [], verb
+            if verb[0] == "validate":
+                assert not heard.command_lines
+                continue
+            assert heard.shell, f"nothing was heard of {verb}"
+            words = {words[0].text for text in heard.shell for words in commands(text.decode())}
+            assert "eval" in words and "printf" in words, verb
+            if verb[0] != "locks":
+                requests = [path for sent in heard.engine for _, path in engine_requests(sent)]
+                assert any(path.endswith("/version") for path in requests), (verb, requests)
+        until = lab.shell(ROBOT, "date", "+%s.%N").out.strip()
+        assert lab.shell(ROBOT, "docker", "events", "--since", since, "--until", until).out == ""
+
+    look()
+
+    applied = lab.srprov("apply", str(path), "-i", inventory, "--yes", "--settle", "0")
+    assert applied.code == 0, applied
+    acts = listening.told().violations()
+    assert any(act.startswith("ip link add srp") for act in acts), acts
+    assert any(act.startswith("mkdir -p /var/lib/srprov/read") for act in acts), acts
+    assert any(act.startswith("POST ") and "/containers/create" in act for act in acts), acts
+
+    lab.shell(ROBOT, "docker", "stop", "srprov.read.one")  # so that a plan has something to say
+    look(("logs", str(path), "-i", inventory))
+
+    assert lab.srprov("destroy", str(path), "-i", inventory, "--yes").code == 0
+    acts = listening.told().violations()
+    assert any(act.startswith("DELETE ") for act in acts) and any(act.startswith("rm -rf ") for act in acts), acts

@@ -1,0 +1,86 @@
+"""The judge of what only reads: it passes every question that srprov asks, and none of what changes a robot."""
+
+from __future__ import annotations
+
+import pytest
+
+from srprov.execution.locks import who_holds
+from srprov.facts.gather import _PLACEMENTS
+from srprov.facts.host import host_queries
+from srprov.facts.observe import observe_queries
+from srprov.facts.preconditions import precondition_queries
+from srprov.transport.frames import batch, start_command
+from srprov.wire import Query
+from tests.fakes import World
+from tests.readonly import READS, commands, engine_requests, engine_violations, shell_violations
+from tests.worlds import experiment, plan_for, service
+
+QUESTIONS = [*host_queries(sample=True), *observe_queries(), _PLACEMENTS, *precondition_queries(), who_holds()]
+
+
+@pytest.mark.parametrize("question", [one for one in QUESTIONS if isinstance(one, Query)], ids=lambda q: q.command[:30])
+def test_every_question_only_reads(question: Query) -> None:
+    assert shell_violations(question.command) == []
+    assert len(list(commands(question.command))) >= 1, "the judge saw something"
+
+
+def test_a_whole_session_only_reads() -> None:
+    """The login's command line, and the batch with its frames, as they are sent."""
+    assert shell_violations(start_command("0" * 32, "sh", root=True, mark="1" * 32)) == []
+    assert shell_violations(start_command("0" * 32, "docker system dial-stdio", root=True)) == []
+    every = [one.command for one in QUESTIONS if isinstance(one, Query)]
+    sent = batch("0" * 32, every).decode()
+    assert shell_violations(sent) == []
+    names = {words[0].text for words in commands(sent)}
+    assert names >= {"eval", "printf"}
+
+
+def test_every_step_of_a_plan_is_seen_to_change_something() -> None:
+    """Scripts and files of all modules: the judge passes none of them."""
+    world = World().add("r1", "r2")
+    steps = plan_for(world, experiment(service("a", robot="r1"), service("b", robot="r2"))).steps
+    scripts = [
+        c.script if isinstance(c.script, str) else c.script() for s in steps for c in s.commands if hasattr(c, "script")
+    ]
+    assert len(scripts) >= 4
+    for script in scripts:
+        assert shell_violations(batch("0" * 32, [script]).decode()), script
+
+
+@pytest.mark.parametrize(
+    "script",
+    [
+        "touch /tmp/x", "cat /etc/passwd > /tmp/x", "cat x >> y", "echo x | tee y", "cat $(touch /tmp/x)",
+        'printf "%s" "$(rm -rf /tmp/x)"', "`id`", "ip link add x type dummy", "ip link set x up", "ip -j link del x",
+        "bridge fdb append 00:00:00:00:00:00 dev x", "bridge -batch -", "iptables -A INPUT -j DROP", "iptables -F",
+        "modprobe vxlan", "docker run x", "docker system prune", "find . -delete", "find . -exec rm {} +",
+        "sed -i s/a/b/ x", "sed -n 's/a/b/w x' y", "date -s 10:00", "eval \"$x\"", "$x", "sh -c 'touch x'", "sh x",
+        "if true; then mkdir x; fi", "for f in a b; do rm $f; done", "case x in y) kill 1;; esac", "(reboot)",
+        "true && reboot", "x=$(reboot)", "PATH=/tmp ls", "LD_PRELOAD=x ls", "cat <<E\nE", "f() { rm x; }",
+        "flock x rm",
+        "exec reboot", "while read l; do dd of=$l; done", "sort -o x y", "test -e x || mkdir x", "ls\nrm x",
+        "cat x 2>/tmp/y", "echo 'unterminated", "case x in a) ls;; *) touch y;; esac", "export LD_PRELOAD=x",
+        "\\rm x", "r'm' x", "(eval 'rm x')", "command rm x", "r[m] x", "PATH=/usr/local/evil ls",
+    ],
+)  # fmt: skip
+def test_what_changes_something_is_seen(script: str) -> None:
+    assert shell_violations(script), [[word.text for word in words] for words in commands(script)]
+
+
+def test_the_list_is_closed_and_says_nothing_that_writes() -> None:
+    writers = "rm mv cp dd tee touch mkdir rmdir ln chmod chown kill mount tar base64 sysctl sh eval exec env xargs"
+    assert not set(READS) & set(writers.split())
+
+
+def test_requests_are_read_with_their_bodies() -> None:
+    """A body that looks like a request is none, whether its length is told or it comes in chunks."""
+    get = b"GET /v1.41/info HTTP/1.1\r\nHost: engine\r\n\r\n"
+    post = b"POST /v1.41/x HTTP/1.1\r\nContent-Length: %d\r\n\r\n%s" % (len(get), get)
+    chunks = b"POST /images/load HTTP/1.1\r\nTransfer-Encoding: chunked\r\n\r\n5\r\nGET /\r\n0\r\n\r\n"
+    assert list(engine_requests(get + post + get + chunks + get)) == [
+        ("GET", "/v1.41/info"), ("POST", "/v1.41/x"), ("GET", "/v1.41/info"), ("POST", "/images/load"),
+        ("GET", "/v1.41/info"),
+    ]  # fmt: skip
+    assert engine_violations(get + get) == []
+    assert engine_violations(get + post) == ["POST /v1.41/x"]
+    assert engine_violations(b"rm -rf /") and engine_violations(get[:-2])
