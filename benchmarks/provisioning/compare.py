@@ -54,6 +54,8 @@ def measure_lab(count: int, latency: int, wish: argparse.Namespace) -> list[dict
             each.install_once()
         with robots.lab(count, latency, LOCK_PATIENCE_S) as lab:
             tools = [each(lab, Path(name) / str(index)) for index, each in enumerate(classes)]
+            for tool in tools:
+                tool.prepare_robots()
             job = make(lab.robots)
             for repetition in range(wish.repeat):
                 first = repetition % len(tools)

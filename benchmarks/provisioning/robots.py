@@ -56,21 +56,20 @@ class Lab:
         """The inventory that `srprov lab up` wrote."""
         return self.folder / "inventory" / "lab.yml"
 
-    def enter(self, robot: str, script: str, limit_s: float = 120) -> str:
+    def enter(self, robot: str, script: str, limit_s: float = 120, stdin: bytes = b"") -> str:
         """Run a shell script on a robot, past its network; give what it prints."""
         argv = labs.shell(robot, ["sh", "-c", script])
-        done = subprocess.run(
-            argv, capture_output=True, text=True, timeout=limit_s, check=False, stdin=subprocess.DEVNULL
-        )
+        done = subprocess.run(argv, capture_output=True, input=stdin, timeout=limit_s, check=False)
         if done.returncode:
-            raise Trouble(f"{robot}: {script[:60]}: exit {done.returncode}: {done.stderr.strip()[-300:]}")
-        return done.stdout
+            raise Trouble(f"{robot}: {script[:60]}: exit {done.returncode}: {done.stderr.decode().strip()[-300:]}")
+        return done.stdout.decode()
 
-    def everywhere(self, script: str, workers: int = 8) -> dict[str, str]:
+    def everywhere(self, script: str, workers: int = 8, stdin: bytes = b"") -> dict[str, str]:
         """Run a shell script on all robots; robot -> what it printed."""
         names = [name for name, _ in self.robots]
         with ThreadPoolExecutor(workers) as pool:
-            return dict(zip(names, pool.map(lambda name: self.enter(name, script), names), strict=True))
+            answers = pool.map(lambda name: self.enter(name, script, stdin=stdin), names)
+            return dict(zip(names, answers, strict=True))
 
     def reset(self) -> None:
         """Remove from all robots what any tool may have left."""

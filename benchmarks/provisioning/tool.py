@@ -47,6 +47,9 @@ class Tool:
         """Give what the table's head says about the tool."""
         return ""
 
+    def prepare_robots(self) -> None:
+        """Give fresh robots what the tool needs there; once per lab, not measured."""
+
     def begin(self) -> None:
         """Set up on the robots what isn't part of the job; not measured with it."""
 
