@@ -10,11 +10,12 @@ Touches nothing. Facts and definition files are values here and are never render
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import yaml
-from jinja2 import TemplateError
+from jinja2 import Template, TemplateError
 
 from srprov.errors import RenderError
 from srprov.rendering.environment import check_whole_values, environment, load
@@ -43,15 +44,9 @@ def render(
     Raises:
         RenderError: An undefined value, a broken YAML, an unknown module, or two resources with one id.
     """
-    env = environment()
     resources: dict[str, Resource] = {}
     for name in sorted(playbooks):
-        try:
-            check_whole_values(env, playbooks[name], name)
-            template = env.from_string(playbooks[name])
-        except TemplateError as error:
-            line = getattr(error, "lineno", None) or 1
-            raise RenderError(f"{name}:{line}: {error.message}", hint="mend the template") from error
+        template = _template(name, playbooks[name])
         for number, item in enumerate(_items(template, name, host, context), start=1):
             resource = _resource(item, host, modules, blobs, f"{name}, item {number}")
             if resource.id in resources:
@@ -60,7 +55,19 @@ def render(
     return tuple(resources.values())
 
 
-def _items(template: Any, name: str, host: str, context: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:  # noqa: ANN401 - jinja2's Template is untyped here
+@functools.lru_cache(maxsize=256)
+def _template(name: str, text: str) -> Template:
+    """Compile a playbook, once for all robots: it takes several times as long as rendering it."""
+    env = environment()
+    try:
+        check_whole_values(env, text, name)
+        return env.from_string(text)
+    except TemplateError as error:
+        line = getattr(error, "lineno", None) or 1
+        raise RenderError(f"{name}:{line}: {error.message}", hint="mend the template") from error
+
+
+def _items(template: Template, name: str, host: str, context: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
     try:
         text = template.render(**context)
     except (TemplateError, TypeError, ValueError, ArithmeticError, LookupError, AttributeError) as error:
