@@ -64,18 +64,20 @@ def measure_lab(count: int, latency: int, wish: argparse.Namespace) -> list[dict
     return rows
 
 
-def write(folder: Path, rows: Sequence[dict[str, Any]], found: Sequence[dict[str, Any]]) -> None:
-    """Write provisioning.json, .md and .svg."""
+def write(
+    folder: Path, rows: Sequence[dict[str, Any]], found: Sequence[dict[str, Any]], name: str = "provisioning"
+) -> None:
+    """Write NAME.json, NAME.md and NAME.svg."""
     folder.mkdir(parents=True, exist_ok=True)
     about: dict[str, Any] = {"cpus": os.cpu_count(), "python": platform.python_version(), "kernel": platform.release()}
     used = {row["tool"] for row in rows}
-    about["versions"] = {name: each.version() for name, each in TOOLS.items() if each.name in used}
+    about["versions"] = {key: each.version() for key, each in TOOLS.items() if each.name in used}
     text = json.dumps({"about": about, "medians": list(found), "runs": list(rows)}, indent=1) + "\n"
-    (folder / "provisioning.json").write_text(text, encoding="utf-8")
-    versions = ", ".join(f"{name} {version}" for name, version in about["versions"].items() if version)
+    (folder / f"{name}.json").write_text(text, encoding="utf-8")
+    versions = ", ".join(f"{key} {version}" for key, version in about["versions"].items() if version)
     head = f"{about['cpus']} CPUs for controller and robots together, Python {about['python']}. {versions}\n\n"
-    (folder / "provisioning.md").write_text(head + stats.table(found), encoding="utf-8")
-    plots.bars(found, folder / "provisioning.svg")
+    (folder / f"{name}.md").write_text(head + stats.table(found), encoding="utf-8")
+    plots.bars(found, folder / f"{name}.svg")
 
 
 def _arguments() -> argparse.Namespace:

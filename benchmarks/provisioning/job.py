@@ -70,6 +70,11 @@ def _member(index: int, robot: str, underlay: str) -> Member:
     )
 
 
+def words() -> str:
+    """Give the container's command for a shell."""
+    return shlex.join(COMMAND)
+
+
 def config_hash(member: Member) -> str:
     """Give the hash that the floor and the peers keep as a label."""
     return hashlib.sha256(json.dumps([IMAGE, COMMAND, member.__dict__], sort_keys=True).encode()).hexdigest()[:16]
@@ -108,7 +113,7 @@ def floor_script(job: Job, member: Member) -> str:
     digest = config_hash(member)
     run = (
         f"docker run -d --name {CONTAINER} --network {NETWORK} --ip {member.address} --env VALUE={member.value} "
-        f"--label bench={digest} {IMAGE} {shlex.join(COMMAND)}"
+        f"--label bench={digest} {IMAGE} {words()}"
     )
     # a running container holds its network, so one call of Docker's client tells both
     return f"""{link_script(job, member)}

@@ -42,3 +42,19 @@ def bars(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
             panel.grid(True, which="both", linewidth=0.3)
     panels[0][0].legend(fontsize=8)
     figure.savefig(path, metadata={"Date": None})
+
+
+def surfaces(rows: Sequence[Mapping[str, Any]], path: Path) -> None:
+    """Draw seconds over robots and services: a panel per tool."""
+    tools = list(dict.fromkeys(row["tool"] for row in rows))
+    figure = _figure(5.5 * len(tools), 4.6)
+    highest = max((row["seconds"] for row in rows), default=1.0)
+    for index, tool in enumerate(tools):
+        mine = [row for row in rows if row["tool"] == tool]
+        panel: Any = figure.add_subplot(1, len(tools), index + 1, projection="3d")
+        if len(mine) > 3:
+            columns = [[row[name] for row in mine] for name in ("robots", "services", "seconds")]
+            panel.plot_trisurf(*columns, cmap="viridis", vmin=0, vmax=highest, linewidth=0.2, edgecolor="grey")
+        panel.set(title=tool, xlabel="robots", ylabel="services", zlabel="seconds", zlim=(0, highest * 1.05))
+        panel.view_init(elev=22, azim=-125)
+    figure.savefig(path, metadata={"Date": None})

@@ -47,8 +47,8 @@ def table(rows: Sequence[Row]) -> str:
     """Give a Markdown table of what `medians` gave."""
     lines = [
         "| robots | SSH latency | scenario | tool | median s | least - most | times floor "
-        "| controller CPU s | sent KiB | received KiB | failed |",
-        "|---|---|---|---|---|---|---|---|---|---|---|",
+        "| controller CPU s | peak MiB | sent KiB | received KiB | failed |",
+        "|---|---|---|---|---|---|---|---|---|---|---|---|",
     ]
     for row in rows:
         spread = f"{_number(row['least'])} - {_number(row['most'])}"
@@ -61,6 +61,7 @@ def table(rows: Sequence[Row]) -> str:
             spread,
             _number(row["ratio"]),
             _number(row["cpu"]),
+            _number(row["rss_mib"], 0),
             _number(None if row["sent"] is None else row["sent"] / 1024, 0),
             _number(None if row["received"] is None else row["received"] / 1024, 0),
             f"{row['failed']} of {row['failed'] + row['runs']}" if row["failed"] else "",
