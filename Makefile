@@ -36,7 +36,11 @@ bench-assignment: setup ## the assignment: the paper's experiment, and how fast 
 
 bench-provisioning: setup ## srprov beside other tools on the lab (needs root; hours; see benchmarks/provisioning/README.md)
 	@$(BIN)/pip install -q -e '.[bench]'
+	@$(BIN)/python -m benchmarks.provisioning.startup
 	@$(BIN)/python -m benchmarks.provisioning.compare
+	@$(BIN)/python -m benchmarks.provisioning.surface
+	@$(BIN)/python -m benchmarks.provisioning.hundred
+	@$(BIN)/python -m benchmarks.provisioning.thousand
 
 lint: setup ## ruff: rules and format
 	@echo "lint: ruff check"

@@ -11,6 +11,7 @@ count of bytes changes). Host keys are written to FOLDER/FIRST.known, which is c
 """
 
 import asyncio
+import contextlib
 import json
 import os
 import re
@@ -86,10 +87,11 @@ class Exchange:
 
 
 async def passed(source: object, sink: object, tell: object) -> None:
-    while data := await source.read(65536):
-        tell(data)
-        sink.write(data)
-    sink.write_eof()
+    with contextlib.suppress(asyncssh.Error, OSError):  # whoever hangs up ends it
+        while data := await source.read(65536):
+            tell(data)
+            sink.write(data)
+        sink.write_eof()
 
 
 async def record(out: str, address: str, key: str, known: str, port: str) -> None:

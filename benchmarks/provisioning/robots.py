@@ -127,9 +127,24 @@ def guarded(patience_s: float) -> Iterator[None]:
 
 
 @contextlib.contextmanager
+def _neighbours(count: int) -> Iterator[None]:
+    """Let the kernel remember as many neighbours as so many robots have; all network namespaces share one table."""
+    settings = [Path(f"/proc/sys/net/ipv4/neigh/default/gc_thresh{index}") for index in (3, 2, 1)]
+    before = [setting.read_text() for setting in settings]
+    needed = 2 * count * count
+    try:
+        for setting in settings:
+            setting.write_text(str(max(needed, int(setting.read_text()))))
+        yield
+    finally:
+        for setting, value in reversed(list(zip(settings, before, strict=True))):
+            setting.write_text(value)
+
+
+@contextlib.contextmanager
 def lab(count: int, latency_ms: int = 0, patience_s: float = 1800) -> Iterator[Lab]:
     """Bring up a fresh lab of `count` robots that have the image, and take it down in the end."""
-    with guarded(patience_s), tempfile.TemporaryDirectory(prefix="srprov-bench-") as name:
+    with guarded(patience_s), _neighbours(count), tempfile.TemporaryDirectory(prefix="srprov-bench-") as name:
         folder = Path(name)
         late = {"defaults": {"ssh_latency_ms": latency_ms}} if latency_ms else {}
         (folder / "lab-spec.yml").write_text(json.dumps({"count": count, **late}), encoding="utf-8")

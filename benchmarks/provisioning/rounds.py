@@ -118,7 +118,7 @@ def _reaches(lab: Lab, seen: Seen) -> None:
         shared = sorted(set(source["addresses"]) & set(target["addresses"]) - {"ingress"})
         if not shared:
             raise Trouble(f"{first} and {robot} share no network")
-        words = f"nsenter -t {source['pid']} -n ping -c1 -W3 {target['addresses'][shared[0]]} >/dev/null"
+        words = f"nsenter -t {source['pid']} -n ping -c1 -w8 {target['addresses'][shared[0]]} >/dev/null"
         try:
             lab.enter(first, words, limit_s=20)
         except (Trouble, subprocess.TimeoutExpired):

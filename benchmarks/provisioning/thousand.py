@@ -32,6 +32,8 @@ from benchmarks.provisioning.robots import KEY, KNOWN_HOSTS, Lab, Trouble
 from benchmarks.provisioning.tool import BIN, HERE
 
 MEMBERS = 12
+SPARE = 3
+"""Idle robots: two keep a record of the placement for srprov, the third is as all others are."""
 PORT = 2222
 SERVERS = 4
 READY_S = 120
@@ -49,7 +51,7 @@ def main() -> None:
     peers.environment("asyncssh", ["asyncssh>=2.20"])
     with (
         tempfile.TemporaryDirectory(prefix="srprov-bench-") as name,
-        robots.lab(MEMBERS + 1, 0, LOCK_PATIENCE_S) as lab,
+        robots.lab(MEMBERS + SPARE, 0, LOCK_PATIENCE_S) as lab,
     ):
         rows = Fleet(lab, Path(name)).measure(wish.robots, wish.repeat)
     text = table(rows)
@@ -62,7 +64,7 @@ def main() -> None:
 
 
 class Fleet:
-    """Twelve robots that run an experiment, one that is idle, and its doubles."""
+    """Twelve robots that run an experiment, three that are idle, and the doubles of one of those."""
 
     def __init__(self, lab: Lab, folder: Path) -> None:
         """Start the experiment and find out which robot is idle."""
@@ -75,7 +77,8 @@ class Fleet:
         taken = self.run("apply", "--settle", "0")
         if taken.code:
             raise Trouble(f"apply: exit {taken.code}: {taken.out[-500:]}")
-        self.idle = next(robot for robot, found in lab.look().items() if not found["containers"])
+        files = lab.everywhere("docker ps -q; ls /var/lib/srprov 2>/dev/null; true")
+        self.idle = next(robot for robot, text in files.items() if not text.strip())
         self.address = dict(lab.robots)[self.idle]
 
     def run(self, verb: str, *more: str) -> measure.Taken:
@@ -104,7 +107,7 @@ class Fleet:
                     raise Trouble(f"{verb}, while recording: exit {taken.code}: {taken.out[-500:]}")
         self.hosts.pop(self.idle)
         for size in sizes:
-            with self.doubles(size - MEMBERS):
+            with self.doubles(size - len(self.hosts)):
                 for repetition in range(repeat):
                     for verb in VERBS:
                         rows.append({**self.one(verb, size), "repetition": repetition})
@@ -119,7 +122,9 @@ class Fleet:
         row = {"robots": size, "verb": verb, "seconds": round(taken.seconds, 3), "cpu": round(taken.cpu, 3)}
         row |= {"rss_mib": round(taken.rss_mib, 1), "problem": problem}
         print(
-            f"{size:5} robots  {verb:6} {taken.seconds:7.2f} s  cpu {taken.cpu:6.2f} s  {taken.rss_mib:6.0f} MiB  {problem}"
+            f"{size:5} robots  {verb:6} {taken.seconds:7.2f} s  cpu {taken.cpu:6.2f} s"
+            f"  {taken.rss_mib:6.0f} MiB  {problem}",
+            flush=True,
         )
         return row
 
@@ -127,9 +132,8 @@ class Fleet:
     def recorded(self) -> Iterator[None]:
         """Let the idle robot be reached through the recorder."""
         out = self.folder / "record.json"
-        with _server(
-            "record", str(out), self.address, str(KEY), str(KNOWN_HOSTS), str(PORT), log=self.folder / "rec.log"
-        ):
+        words = ("record", str(out), self.address, str(KEY), str(KNOWN_HOSTS), str(PORT))
+        with _server(*words, log=self.folder / "record.log"):
             self._trust([Path(f"{out}.known")])
             self.hosts[self.idle] = {"ansible_host": "127.0.0.1", "ansible_port": PORT}
             yield

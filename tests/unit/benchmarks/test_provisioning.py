@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from benchmarks.provisioning import job, stats
+from benchmarks.provisioning import job, startup, stats, surface
+from benchmarks.provisioning.fake_names import identity
 
 
 def run(tool: str, seconds: float, scenario: str = "fresh", **more: Any) -> dict[str, Any]:
@@ -66,3 +67,25 @@ def test_a_changed_job_differs_in_one_service() -> None:
     differing = [a for a, b in zip(whole.members, whole.changed.members, strict=True) if a != b]
     assert [member.robot for member in differing] == ["robot2"]
     assert job.config_hash(whole.members[1]) != job.config_hash(whole.changed.members[1])
+
+
+def test_the_surface_leaves_failed_runs_out_and_gives_slopes() -> None:
+    about = {"tool": "floor", "problem": ""}
+    rows = [
+        {**about, "robots": x, "services": y, "seconds": 1 + 0.1 * x + 0.5 * y} for x in (1, 6, 12) for y in (1, 6, 12)
+    ]
+    rows.append({**rows[0], "seconds": 99.0, "problem": "exit 1"})
+    assert surface.slopes(surface.medians(rows)).splitlines()[-1] == "| floor | 1.000 | 0.1000 | 0.5000 | 1.60 | 8.20 |"
+
+
+def test_start_up_times_are_multiples_of_the_first_command() -> None:
+    assert (
+        startup.table({"python": [0.01, 0.02, 0.03], "srprov": [0.1]}).splitlines()[-1] == "| `srprov` | 100.0 | 5.0 |"
+    )
+
+
+def test_simulated_robots_have_names_and_addresses_of_the_recorded_ones_length() -> None:
+    found = [identity(number, "robot13") for number in range(2000)]
+    assert {len(name) for name, _ in found} == {7}
+    assert {len(address) for _, address in found} == {len("10.213.0.23")}
+    assert len(set(found)) == len({name for name, _ in found}) == len({address for _, address in found}) == 2000
