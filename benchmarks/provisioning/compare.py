@@ -39,7 +39,7 @@ def main() -> None:
     except KeyboardInterrupt:
         print("interrupted; writing what there is", file=sys.stderr)
     found = stats.medians(rows)
-    print("\n" + stats.table(found))
+    print("\n" + stats.table(found) + "\n" + stats.phases(rows))
     if rows and wish.out:
         write(wish.out, rows, found)
     sys.exit(1 if any(row["problem"] for row in rows) else 0)
@@ -76,7 +76,7 @@ def write(
     (folder / f"{name}.json").write_text(text, encoding="utf-8")
     versions = ", ".join(f"{key} {version}" for key, version in about["versions"].items() if version)
     head = f"{about['cpus']} CPUs for controller and robots together, Python {about['python']}. {versions}\n\n"
-    (folder / f"{name}.md").write_text(head + stats.table(found), encoding="utf-8")
+    (folder / f"{name}.md").write_text(head + stats.table(found) + "\n" + stats.phases(rows), encoding="utf-8")
     plots.bars(found, folder / f"{name}.svg")
 
 

@@ -32,8 +32,14 @@ class Taken:
     """bytes, from the controller to the robots"""
     received: int
     out: str
+    err: str
     idle: float
     """Share of the machine's CPU time that was idle just before."""
+
+    @property
+    def failure(self) -> str:
+        """What a run that failed said last; nothing when it didn't fail."""
+        return f"exit {self.code}: {(self.out + self.err)[-400:]}" if self.code else ""
 
 
 def adopt_orphans() -> None:
@@ -103,9 +109,9 @@ def run(
     """Run a command to its end, at most `limit_s` seconds (then its code is -9)."""
     idle = calm() if wait_calm else 1.0
     mine = set(_children())
-    said, given = cwd / "last.out", cwd / "last.in"
+    said, complained, given = cwd / "last.out", cwd / "last.err", cwd / "last.in"
     given.write_text(stdin, encoding="utf-8")
-    with said.open("wb") as out, given.open("rb") as source:
+    with said.open("wb") as out, complained.open("wb") as err, given.open("rb") as source:
         before, begun = wire(), time.perf_counter()
         process = subprocess.Popen(
             list(argv),
@@ -113,7 +119,7 @@ def run(
             env={**os.environ, **(env or {})},
             stdin=source,
             stdout=out,
-            stderr=subprocess.STDOUT,
+            stderr=err,
             start_new_session=True,
         )
         watch = threading.Timer(limit_s, lambda: os.killpg(process.pid, signal.SIGKILL))
@@ -132,6 +138,7 @@ def run(
         sent=after[0] - before[0],
         received=after[1] - before[1],
         out=said.read_text(encoding="utf-8", errors="replace"),
+        err=complained.read_text(encoding="utf-8", errors="replace"),
         idle=idle,
     )
 

@@ -29,8 +29,7 @@ def play(lab: Lab, tool: Tool, job: Job, wanted: Sequence[str]) -> list[dict[str
             call = tool.call(todo, "second" if scenario == "changed" else "first")
             taken = measure.run(call.argv, cwd=tool.folder, env=call.env, stdin=call.stdin, limit_s=PATIENCE_S)
             after = lab.look()
-            problem = f"exit {taken.code}: {taken.out[-400:]}" if taken.code else ""
-            problem = problem or verify(lab, tool, todo, scenario, before, after)
+            problem = taken.failure or verify(lab, tool, todo, scenario, before, after)
             before = after
             if scenario in wanted:
                 rows.append(_row(lab, tool, scenario, taken, problem))
@@ -55,6 +54,7 @@ def _row(lab: Lab, tool: Tool, scenario: str, taken: measure.Taken, problem: str
         "sent": taken.sent,
         "received": taken.received,
         "idle_before": taken.idle,
+        "reported": {} if problem else tool.reported(taken.out),
         "problem": problem,
     }
 

@@ -54,7 +54,7 @@ def times(repeat: int) -> dict[str, list[float]]:
             for what, argv in commands.items():
                 taken = measure.run(argv, cwd=folder, limit_s=60, wait_calm=False)
                 if taken.code:
-                    sys.exit(f"{what}: exit {taken.code}: {taken.out[-300:]}")
+                    sys.exit(f"{what}: {taken.failure}")
                 if repetition:
                     found[what].append(round(taken.seconds, 5))
     return found

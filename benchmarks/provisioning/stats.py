@@ -70,6 +70,30 @@ def table(rows: Sequence[Row]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def phases(rows: Iterable[Row]) -> str:
+    """Give a Markdown table of the medians of what srprov says itself: its phases, and its traffic per robot."""
+    groups: dict[tuple[int, int, str, str], list[Row]] = {}
+    for row in rows:
+        if row.get("reported"):
+            groups.setdefault((row["robots"], row["latency_ms"], row["scenario"], row["tool"]), []).append(row)
+    reports = [row["reported"] for group in groups.values() for row in group]
+    names = list(dict.fromkeys(name for report in reports for name in report["phases"]))
+    if not names:
+        return ""
+    heads = ["robots", "SSH latency", "scenario", "tool", *(f"{name} s" for name in names), "all s"]
+    heads += ["connections per robot", "round trips per robot", "sent KiB", "received KiB"]
+    lines = ["| " + " | ".join(heads) + " |", "|---" * len(heads) + "|"]
+    for (robots, latency, scenario, tool), group in sorted(groups.items(), key=lambda g: (g[0][:2], g[0][3])):
+        told = [row["reported"] for row in group]
+        times = [_number(statistics.median(one["phases"].get(name, 0.0) for one in told)) for name in names]
+        middle = {name: statistics.median(one[name] for one in told) for name in told[0] if name != "phases"}
+        cells = [robots, f"{latency} ms", scenario, tool, *times, _number(middle["duration_s"])]
+        cells += [_number(middle[name] / robots, 1) for name in ("connections", "round_trips")]
+        cells += [_number(middle[name] / 1024, 0) for name in ("bytes_sent", "bytes_received")]
+        lines.append("| " + " | ".join(str(cell) for cell in cells) + " |")
+    return "\n".join(lines) + "\n"
+
+
 def _number(value: float | None, digits: int = 2) -> str:
     return "-" if value is None else f"{value:.{digits}f}"
 

@@ -71,7 +71,7 @@ def one(lab: Lab, folder: Path, tool: str, count: int, services: int) -> dict[st
     chosen = lab.robots[:count]
     argv = _floor(folder, chosen, services) if tool == "floor" else _srprov(lab, folder, chosen, services, tool)
     taken = measure.run(argv, cwd=folder, limit_s=300)
-    problem = f"exit {taken.code}: {taken.out[-300:]}" if taken.code else ""
+    problem = taken.failure
     seen = lab.look()
     running = sum(len(found["containers"]) for found in seen.values())
     if not problem and running != services:

@@ -76,7 +76,7 @@ class Fleet:
         (folder / "experiment.edf").write_text(json.dumps(edf(make(lab.robots[:MEMBERS]))))
         taken = self.run("apply", "--settle", "0")
         if taken.code:
-            raise Trouble(f"apply: exit {taken.code}: {taken.out[-500:]}")
+            raise Trouble(f"apply: {taken.failure}")
         files = lab.everywhere("docker ps -q; ls /var/lib/srprov 2>/dev/null; true")
         self.idle = next(robot for robot, text in files.items() if not text.strip())
         self.address = dict(lab.robots)[self.idle]
@@ -104,7 +104,7 @@ class Fleet:
             for verb in VERBS:
                 taken = self.run(verb)
                 if taken.code:
-                    raise Trouble(f"{verb}, while recording: exit {taken.code}: {taken.out[-500:]}")
+                    raise Trouble(f"{verb}, while recording: {taken.failure}")
         self.hosts.pop(self.idle)
         for size in sizes:
             with self.doubles(size - len(self.hosts)):
@@ -116,9 +116,9 @@ class Fleet:
     def one(self, verb: str, size: int) -> dict[str, Any]:
         """Measure once."""
         taken = self.run(verb)
-        problem = f"exit {taken.code}: {taken.out[-400:]}" if taken.code else ""
-        if verb != "facts" and not problem and "Nothing to do" not in taken.out:
-            problem = f"not nothing to do: {taken.out[-400:]}"
+        problem = taken.failure
+        if verb != "facts" and not problem and "Nothing to do" not in taken.out + taken.err:
+            problem = f"not nothing to do: {(taken.out + taken.err)[-400:]}"
         row = {"robots": size, "verb": verb, "seconds": round(taken.seconds, 3), "cpu": round(taken.cpu, 3)}
         row |= {"rss_mib": round(taken.rss_mib, 1), "problem": problem}
         print(

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import yaml
 
@@ -57,6 +58,10 @@ class Tool:
         """Write the job's files, named by `variant`, and give the command. Only the command is measured."""
         raise NotImplementedError
 
+    def reported(self, out: str) -> dict[str, Any]:
+        """Give what the tool says itself about the run."""
+        return {}
+
     def end(self) -> None:
         """Undo `begin`."""
 
@@ -87,8 +92,16 @@ class Srprov(Tool):
         """Write the EDF: one file for all variants, as a user edits it."""
         path = self.folder / "experiment.edf"
         path.write_text(yaml.safe_dump(edf(job), sort_keys=False))
-        words = ("apply", str(path), "-i", str(self.lab.inventory), "--yes", "--runs", str(self.folder / "runs"))
+        where = (str(path), "-i", str(self.lab.inventory), "--runs", str(self.folder / "runs"))
+        words = ("apply", *where, "--yes", "--json")
         return Call((str(BIN / "srprov"), *words, *self.options))
+
+    def reported(self, out: str) -> dict[str, Any]:
+        """Add up what `--json` says about robots, and give the phases."""
+        said = json.loads(out)
+        names = ("connections", "round_trips", "bytes_sent", "bytes_received")
+        sums = {name: sum(robot[name] for robot in said["robots"].values()) for name in names}
+        return {**sums, "phases": said["phases"], "duration_s": said["duration_s"]}
 
 
 class SrprovAtOnce(Srprov):

@@ -89,3 +89,17 @@ def test_simulated_robots_have_names_and_addresses_of_the_recorded_ones_length()
     assert {len(name) for name, _ in found} == {7}
     assert {len(address) for _, address in found} == {len("10.213.0.23")}
     assert len(set(found)) == len({name for name, _ in found}) == len({address for _, address in found}) == 2000
+
+
+def test_what_srprov_reports_is_a_table_of_medians_per_phase() -> None:
+    def report(facts: float) -> dict[str, Any]:
+        sums = {"connections": 12, "round_trips": 36, "bytes_sent": 12288, "bytes_received": 1024}
+        return {**sums, "phases": {"facts": facts, "plan": 0.1}, "duration_s": 1.0}
+
+    rows = [run("srprov", 1.0, reported=report(facts)) for facts in (0.5, 0.25, 0.75)] + [
+        run("floor", 1.0, reported={})
+    ]
+    lines = stats.phases(rows).splitlines()
+    assert lines[2] == "| 12 | 0 ms | fresh | srprov | 0.50 | 0.10 | 1.00 | 1.0 | 3.0 | 12 | 1 |"
+    assert len({line.count("|") for line in lines}) == 1
+    assert stats.phases([run("floor", 1.0, reported={})]) == ""
