@@ -67,6 +67,7 @@ def carry_out(
     from srprov import controller
 
     made = task.plan
+    lab.sessions.prepare(sorted({step.host for step in made.steps}))
     if as_json:  # the plan was not shown, and it is what says these
         for note in made.notes:
             err(f"note: {note}")

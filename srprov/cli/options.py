@@ -194,7 +194,7 @@ def open_lab(
     catch_logs()
     if locks:
         threading.Thread(target=_prepare_record, name="import record", daemon=True).start()
-    connecting = ConnectOptions(connect_timeout_s=timeout, warm_hold=locks, vault=vault or Vault())
+    connecting = ConnectOptions(connect_timeout_s=timeout, vault=vault or Vault())
     with Sessions(inventory.hosts, options=connecting, forks=forks) as sessions:
         yield Lab(inventory, sessions)
 

@@ -1,9 +1,9 @@
 """The wire: the only room with sockets. It carries what `wire.py` describes, and decides nothing.
 
 Takes a `Host`, gives a `Session` over one SSH connection (`ssh.py`) or over local pipes (`local.py`). A session has
-one shell (`shell.py`, cut apart by `frames.py`) for `Query`, `Run` and `Put`, and one Docker Engine client
-(`engine.py`) for `EngineQuery`, `EngineCall` and `CopyImage`. `Sessions` (`pool.py`) connects to many robots at once;
-one that fails is a value there.
+one shell (`shell.py`, cut apart by `frames.py`) for `Query`, `Run` and `Put`, a stream to the Docker Engine for
+`EngineQuery` (`engine_reads.py`), and a client for `EngineCall` and `CopyImage` (`engine.py`). `Sessions` (`pool.py`)
+connects to many robots at once; one that fails is a value there.
 
 Importing this package is cheap: paramiko, fabric and the docker SDK are imported when the first connection is made.
 """
@@ -40,8 +40,6 @@ class ConnectOptions:
     """Used instead of ~/.ssh/config and /etc/ssh/ssh_config, as `ssh -F` does."""
     warm_engine: bool = True
     """Open the channel to the Docker Engine in the background while the first questions are asked."""
-    warm_hold: bool = False
-    """Start the shell for `hold` in the background too, so that it costs one round trip when it is needed."""
     vault: Vault = field(default_factory=Vault)
     """What the sessions put in the place of the names of secrets."""
 

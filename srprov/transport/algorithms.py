@@ -13,10 +13,9 @@ import re
 from pathlib import Path
 from typing import Any
 
-from paramiko.transport import Transport
-
 from srprov.transport.deadline import Deadline
 from srprov.transport.hostkeys import KnownKey
+from srprov.transport.local_stream import LocalStreamTransport
 
 _GCM = ("aes128-gcm@openssh.com", "aes256-gcm@openssh.com")
 _CTR = ("aes128-ctr", "aes192-ctr", "aes256-ctr")
@@ -38,12 +37,12 @@ def transport_for(
     known: list[KnownKey],
     deadline: Deadline,
     **options: Any,  # noqa: ANN401 - what paramiko passes on
-) -> Transport:
+) -> LocalStreamTransport:
     """Build the transport: modern algorithms only, the key type on record first, and every wait with an end.
 
     Asking for the type on record matters: sshd would else show another of its keys, which looks like a changed one.
     """
-    transport = Transport(sock, **options)
+    transport = LocalStreamTransport(sock, **options)
     security = transport.get_security_options()
     offered = (*_GCM, *_CTR) if _has_aes() else (*_CTR, *_GCM)
     security.ciphers = [cipher for cipher in offered if cipher in security.ciphers]

@@ -1,8 +1,8 @@
-"""The Docker Engine of one robot, through the docker SDK's `APIClient` over the robot's own connection.
+"""What changes the Docker Engine of one robot, by the docker SDK's `APIClient` over the robot's own connection.
 
-Takes `EngineQuery`, `EngineCall` and image streams, gives replies. An engine that is not there is a reply with status
-0 and the reason in words, not an exception. The API version is the lower one of the engine's and the SDK's; a robot's
-docker CLI may be newer than its engine, so the CLI is never asked.
+Takes `EngineCall`s and image streams, gives replies; `engine_reads.py` has the questions. An engine that is not there
+is a reply with status 0 and the reason in words, not an exception. The API version is the lower one of the engine's
+and the SDK's; a robot's docker CLI may be newer than its engine, so the CLI is never asked.
 """
 
 from __future__ import annotations
@@ -14,13 +14,14 @@ from typing import Any
 
 import requests
 from docker import APIClient
-from docker.constants import MINIMUM_DOCKER_API_VERSION
+from docker.constants import DEFAULT_DOCKER_API_VERSION, MINIMUM_DOCKER_API_VERSION
 
 from srprov.errors import TransportError
 from srprov.transport.deadline import Deadline
-from srprov.transport.engine_http import Dial, EngineAdapter, EngineGone, root_cause
-from srprov.transport.engine_text import demultiplex, demultiplexed, follow, lines, message_of, negotiated, quoted
-from srprov.wire import EngineCall, EngineQuery, Progress, Reply, Traffic
+from srprov.transport.engine_http import EngineAdapter, root_cause
+from srprov.transport.engine_stream import Dial, EngineGone
+from srprov.transport.engine_text import demultiplex, follow, lines, message_of, quoted
+from srprov.wire import EngineCall, Progress, Reply, Traffic
 
 _BASE = "http+docker://engine"
 _PING_TIMEOUT_S = 20.0
@@ -50,26 +51,6 @@ class Engine:
     def close(self) -> None:
         """Close every connection to the engine."""
         self._adapter.close()
-
-    def query(self, query: EngineQuery) -> Reply:
-        """GET something.
-
-        Raises:
-            TransportError: The robot, not only its engine, is gone.
-        """
-        for last in (False, True):
-            try:
-                with self._send("GET", query.path, dict(query.params), query.timeout_s) as response:
-                    body = response.content
-                    is_log = query.path.endswith("/logs")
-                    text = (demultiplexed(body) if is_log else body).decode("utf-8", "replace")
-                    ok = 200 <= response.status_code < 300
-                    return Reply(status=response.status_code, out=text, err="" if ok else message_of(text), ok=ok)
-            except _FAILURES as error:
-                # The engine may close an idle connection just as it is used again; a GET can be repeated.
-                if last or isinstance(root_cause(error), (EngineGone, TimeoutError)):
-                    return self._unreachable(error, query.timeout_s)
-        raise AssertionError("the second attempt returns")
 
     def call(self, call: EngineCall, progress: Progress) -> Reply:
         """Send a request that changes something; a stream's lines go to `progress`.
@@ -197,3 +178,19 @@ class Engine:
         if isinstance(cause, (TimeoutError, requests.Timeout)):
             return Reply(status=0, ok=False, err=f"the Docker Engine did not answer within {seconds:g} s")
         return Reply(status=0, ok=False, err=" ".join(str(cause).split()) or "the Docker Engine closed the connection")
+
+
+def negotiated(engine: str) -> str:
+    """Give the API version that both sides speak.
+
+    Raises:
+        EngineGone: The engine is older than the SDK can speak to, or names no version.
+    """
+    try:
+        theirs = tuple(int(part) for part in engine.split("."))
+    except ValueError:
+        raise EngineGone(f"what answers is no Docker Engine (Api-Version {engine!r})") from None
+    ours, least = (tuple(map(int, v.split("."))) for v in (DEFAULT_DOCKER_API_VERSION, MINIMUM_DOCKER_API_VERSION))
+    if theirs < least:
+        raise EngineGone(f"the Docker Engine is too old: API {engine}, needed is {MINIMUM_DOCKER_API_VERSION}")
+    return ".".join(map(str, min(ours, theirs)))

@@ -1,4 +1,4 @@
-"""What a Docker Engine says, as text: versions, paths, error answers, progress streams and container logs.
+"""What a Docker Engine says, as text: paths, error answers, progress streams and container logs.
 
 Takes strings, bytes and responses, gives strings; pure apart from reading a response to its end.
 """
@@ -9,31 +9,15 @@ import json
 import urllib.parse
 from collections import deque
 from collections.abc import Iterable, Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import requests
-from docker.constants import DEFAULT_DOCKER_API_VERSION, MINIMUM_DOCKER_API_VERSION
-
-from srprov.transport.engine_http import EngineGone
+from srprov.transport.engine_stream import EngineGone
 from srprov.wire import Progress, Reply
 
+if TYPE_CHECKING:
+    import requests
+
 _LAST_LINES = 15
-
-
-def negotiated(engine: str) -> str:
-    """Give the API version that both sides speak.
-
-    Raises:
-        EngineGone: The engine is older than the SDK can speak to, or names no version.
-    """
-    try:
-        theirs = tuple(int(part) for part in engine.split("."))
-    except ValueError:
-        raise EngineGone(f"what answers is no Docker Engine (Api-Version {engine!r})") from None
-    ours, least = (tuple(map(int, v.split("."))) for v in (DEFAULT_DOCKER_API_VERSION, MINIMUM_DOCKER_API_VERSION))
-    if theirs < least:
-        raise EngineGone(f"the Docker Engine is too old: API {engine}, needed is {MINIMUM_DOCKER_API_VERSION}")
-    return ".".join(map(str, min(ours, theirs)))
 
 
 def quoted(path: str) -> str:

@@ -28,7 +28,7 @@ from srprov.wire import Measures, Traffic
 
 if TYPE_CHECKING:
     from srprov.transport import ConnectOptions, Peers
-    from srprov.transport.engine_http import EngineSocket
+    from srprov.transport.engine_stream import EngineSocket
 
 _CHUNK = 1 << 16
 _BESIDE_S = 20.0
@@ -175,7 +175,7 @@ class LocalSession(BaseSession):
 
     def _dial_engine(self, seconds: float) -> EngineSocket:
         """Connect to the engine's socket: DOCKER_HOST, or the usual one."""
-        from srprov.transport.engine_http import EngineGone, EngineSocket
+        from srprov.transport.engine_stream import EngineGone, EngineSocket
 
         where = os.environ.get("DOCKER_HOST") or _DEFAULT_SOCKET
         parts = urlsplit(where)

@@ -10,12 +10,13 @@ from __future__ import annotations
 import queue
 import threading
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from types import TracebackType
 
 from srprov.definitions.model import Host
 from srprov.errors import ConnectError, TransportError, UsageError
 from srprov.transport import ConnectOptions, connect
+from srprov.transport.session import BaseSession
 from srprov.wire import Session
 
 _RATE_PER_S = 40.0
@@ -111,6 +112,13 @@ class Sessions:
         """Wait for all robots and give the sessions of those that were reached, in the inventory's order."""
         self._wait()
         return {name: place.session for name, place in self._places.items() if place.session is not None}
+
+    def prepare(self, hosts: Iterable[str]) -> None:
+        """Let these robots' sessions get ready to change something, in the background; those not reached are left."""
+        for name in hosts:
+            session = self._places[name].session
+            if isinstance(session, BaseSession):
+                session.prepare()
 
     def failures(self) -> dict[str, TransportError]:
         """Wait for all robots and give the errors of those that were not reached."""

@@ -9,11 +9,12 @@ from __future__ import annotations
 import contextlib
 import functools
 import threading
-from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Generic, TypeVar
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
 from srprov.errors import TransportError
 from srprov.secret import Secret, Vault
+from srprov.transport.background import Background
 from srprov.transport.hold import Heartbeat
 from srprov.transport.secretfile import secret_script
 from srprov.transport.shell import Shell, Streams
@@ -38,15 +39,15 @@ from srprov.wire import (
 if TYPE_CHECKING:
     from srprov.transport import Peers
     from srprov.transport.engine import Engine
-    from srprov.transport.engine_http import EngineSocket
+    from srprov.transport.engine_reads import EngineReader
+    from srprov.transport.engine_stream import EngineSocket
 
 _COPY_STEP = 16 << 20
-_T = TypeVar("_T")
 
 
 @functools.lru_cache(maxsize=1)
 def prefetch() -> threading.Thread:
-    """Import the docker SDK (0.2 s) in the background, once, while connections come up."""
+    """Import the docker SDK (0.15 s) in the background, once; only what changes something needs it."""
 
     def load() -> None:
         import srprov.transport.engine
@@ -73,6 +74,7 @@ class BaseSession:
         self._become: Secret | None = None
         self._engine_lock = threading.Lock()
         self._engine: Engine | None = None
+        self._engine_reader: EngineReader | None = None
         self._hold: Heartbeat | None = None
         self._lost: TransportError | None = None
 
@@ -92,8 +94,18 @@ class BaseSession:
         raise NotImplementedError
 
     @property
+    def reader(self) -> EngineReader:
+        """What asks the robot's Docker Engine, whether that is there or not."""
+        with self._engine_lock:
+            if self._engine_reader is None:
+                from srprov.transport.engine_reads import EngineReader
+
+                self._engine_reader = EngineReader(self._host, self._dial_reads, self._traffic, lambda: self.alive)
+            return self._engine_reader
+
+    @property
     def engine(self) -> Engine:
-        """The robot's Docker Engine, whether it is there or not."""
+        """What changes the robot's Docker Engine, whether that is there or not."""
         with self._engine_lock:
             if self._engine is None:
                 from srprov.transport.engine import Engine
@@ -101,8 +113,13 @@ class BaseSession:
                 self._engine = Engine(self._host, self._dial_engine, self._traffic, lambda: self.alive)
             return self._engine
 
-    def warm(self) -> None:
-        """Get the engine ready; for a thread of its own."""
+    def prepare(self) -> None:
+        """Get ready in the background for what changes the robot: the engine's second stream, and the hold's shell."""
+        prefetch()
+        threading.Thread(target=self._warm_engine, name="warm engine", daemon=True).start()
+
+    def _warm_engine(self) -> None:
+        """Import what the engine's client needs, and connect."""
         self.engine.warm()
 
     def ask(self, queries: Sequence[AnyQuery]) -> Sequence[Reply]:
@@ -136,13 +153,8 @@ class BaseSession:
             raise
 
     def _ask_engine(self, queries: dict[int, EngineQuery]) -> dict[int, Reply]:
-        """Ask the engine one by one on one kept connection; once there is no engine, there is none for the rest."""
-        replies: dict[int, Reply] = {}
-        gone: Reply | None = None
-        for at, query in queries.items():
-            replies[at] = gone or self.engine.query(query)
-            gone = replies[at] if replies[at].status == 0 else None
-        return replies
+        """Ask the engine, by position."""
+        return dict(zip(queries, self.reader.ask(list(queries.values())), strict=True))
 
     def execute(self, command: Command, progress: Progress = no_progress) -> Reply:
         """Do one thing and wait for its end; a failure is a reply with `ok` false and the reason in `err`.
@@ -235,6 +247,8 @@ class BaseSession:
     def close(self) -> None:
         """End the session; safe to call twice, and from another thread to end a wait."""
         self._shell.close()
+        if self._engine_reader is not None:
+            self._engine_reader.close()
         if self._engine is not None:
             self._engine.close()
         if self._hold is not None:
@@ -244,6 +258,10 @@ class BaseSession:
     def _dial_engine(self, seconds: float) -> EngineSocket:
         """Open a stream to the engine; raises EngineGone in words."""
         raise NotImplementedError
+
+    def _dial_reads(self, seconds: float) -> EngineSocket:
+        """Open a stream to the engine that is only read from; raises EngineGone in words."""
+        return self._dial_engine(seconds)
 
     def _beside(self) -> Streams:
         """Start a second shell, without the session's mark, and give its streams when it is ready."""
@@ -264,28 +282,3 @@ def _counted(chunks: Iterator[bytes], image: str, progress: Progress) -> Iterato
             progress(f"{image}: {total / (1 << 20):.0f} MiB copied")
             step = total + _COPY_STEP
     progress(f"{image}: {total / (1 << 20):.1f} MiB copied, loading")
-
-
-class Background(Generic[_T]):
-    """A function that runs in a thread; `result()` gives its value or raises its error."""
-
-    def __init__(self, function: Callable[[], _T]) -> None:
-        """Start it."""
-        self._values: list[_T] = []
-        self._error: BaseException | None = None
-        self._function = function
-        self._thread = threading.Thread(target=self._run, name="background", daemon=True)
-        self._thread.start()
-
-    def _run(self) -> None:
-        try:
-            self._values.append(self._function())
-        except BaseException as error:  # handed to whoever waits
-            self._error = error
-
-    def result(self) -> _T:
-        """Wait for the end."""
-        self._thread.join()
-        if self._error is not None:
-            raise self._error
-        return self._values[0]

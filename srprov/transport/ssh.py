@@ -18,22 +18,24 @@ import paramiko
 from srprov.definitions.model import Host
 from srprov.errors import ConnectError, DeadlineError, TransportError
 from srprov.secret import Secret
+from srprov.transport.background import Background
 from srprov.transport.connection import StrictConnection, guard, open_connection
 from srprov.transport.deadline import Deadline
 from srprov.transport.frames import ready_line, start_command, sudo_prompt
 from srprov.transport.options import settle
-from srprov.transport.session import Background, BaseSession, prefetch
+from srprov.transport.session import BaseSession
 from srprov.transport.shell import Shell
 from srprov.wire import Traffic
 
 if TYPE_CHECKING:
     from srprov.transport import ConnectOptions, Peers
-    from srprov.transport.engine_http import EngineSocket
+    from srprov.transport.engine_stream import EngineSocket
 
 _CHUNK = 1 << 20
 _BLOCKED_WRITE_POLL_S = 0.002
 _ANSWER_POLL_S = 0.005
 _BESIDE_S = 20.0
+_ENGINE_SOCKET = "/var/run/docker.sock"
 
 
 class ChannelStreams:
@@ -140,7 +142,6 @@ class SshSession(BaseSession):
         Raises:
             TransportError: As `srprov.transport.connect`.
         """
-        prefetch()
         traffic = Traffic()
         settings = settle(host, ssh_config=options.ssh_config)
         deadline = Deadline(settings.connect_timeout_s or options.connect_timeout_s)
@@ -153,10 +154,8 @@ class SshSession(BaseSession):
             shell = Shell(host.name, ChannelStreams(channel), traffic, user=settings.user, password=become)
             session = cls(host.name, connection, shell, traffic, peers, mark)
             session._become = become
-            if options.warm_hold:
-                session._spare = Background(session._second_shell)
             if options.warm_engine:
-                threading.Thread(target=session.warm, name="warm engine", daemon=True).start()
+                threading.Thread(target=session.reader.warm, name="warm engine", daemon=True).start()
             shell.wait_ready(nonce, deadline)
             if connection.wire:
                 connection.wire.acknowledge_at_once = False
@@ -171,9 +170,36 @@ class SshSession(BaseSession):
         transport = self.connection.transport
         return transport is not None and transport.is_active()
 
+    def prepare(self) -> None:
+        """Start the hold's shell too, so that the hold costs one round trip when it is needed."""
+        super().prepare()
+        if self._spare is None and self._hold is None:
+            self._spare = Background(self._second_shell)
+
+    def _dial_reads(self, seconds: float) -> EngineSocket:
+        """Let sshd itself connect to the engine's socket: the docker CLI takes 15 ms of a desktop's CPU to start.
+
+        Only for reading. What changes something must die with the session's lock, and that is found by a word in the
+        environment of its processes; here there is no process. A user who may not open the socket, an sshd that does
+        not forward streams, or an engine elsewhere: `docker system dial-stdio` finds its way.
+        """
+        from srprov.transport.engine_stream import EngineGone, EngineSocket
+
+        try:
+            channel = self.connection.transport.open_local_stream(_ENGINE_SOCKET, seconds)
+        except paramiko.SSHException as error:
+            raise EngineGone(f"sshd opens no stream to the engine: {error}") from error
+        if channel is None:
+            return self._dial_engine(seconds)
+
+        def waiting() -> bool:
+            return bool(channel.recv_ready() or channel.eof_received or channel.closed)
+
+        return EngineSocket(channel, lambda: "", waiting)
+
     def _dial_engine(self, seconds: float) -> EngineSocket:
         """Start `docker system dial-stdio` on a channel of its own, and skip what a `.bashrc` prints before it."""
-        from srprov.transport.engine_http import EngineGone, EngineSocket
+        from srprov.transport.engine_stream import EngineGone, EngineSocket
 
         assert self.connection.settings
         deadline, nonce = Deadline(seconds), secrets.token_hex(16)

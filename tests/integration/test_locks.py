@@ -454,8 +454,11 @@ def server(tmp_path: Path, shell: str) -> Iterator[Sshd]:
 
 
 def over_ssh(server: Sshd, *, warm: bool = True) -> Session:
-    options = ConnectOptions(connect_timeout_s=5.0, warm_engine=False, warm_hold=warm, ssh_config=Path("/dev/null"))
-    return connect(server.host(name="here"), options=options)
+    options = ConnectOptions(connect_timeout_s=5.0, warm_engine=False, ssh_config=Path("/dev/null"))
+    session = connect(server.host(name="here"), options=options)
+    if warm:
+        session.prepare()  # type: ignore[attr-defined]  # it is a BaseSession
+    return session
 
 
 def failure_of(session: Session, script: str) -> str:

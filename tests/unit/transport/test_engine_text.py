@@ -4,14 +4,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from srprov.transport.engine_http import EngineGone, root_cause
+from srprov.transport.engine import negotiated
+from srprov.transport.engine_http import root_cause
+from srprov.transport.engine_stream import EngineGone
 from srprov.transport.engine_text import (
     demultiplex,
     demultiplexed,
     failure,
     lines,
     message_of,
-    negotiated,
     quoted,
     told,
 )

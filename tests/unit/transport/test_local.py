@@ -133,9 +133,46 @@ def test_engine_queries_share_one_connection(session: Session, play: Callable[[A
             EngineQuery(path="/nope"),
         ]
     )
-    assert a.out == "GET /v1.41/images/a%20b/json?filters=%7B%22label%22%3A%5B%22x%3D1%22%5D%7D"
+    assert a.out == "GET /images/a%20b/json?filters=%7B%22label%22%3A%5B%22x%3D1%22%5D%7D"
     assert (shell.out, b.status, b.ok) == ("s\n", 404, False)
-    assert engine.connections == 1 and engine.requests[0] == "GET /_ping"
+    assert engine.connections == 1 and len(engine.requests) == 2
+
+
+def test_a_batch_of_engine_queries_is_one_round_trip(session: Session, play: Callable[[Answer], PlayedEngine]) -> None:
+    """All requests are there before the first answer is read; bodies of any length are cut apart again."""
+    sizes = {f"/{size}": size for size in (0, 1, 70_000, 300_000, 5)}
+    play(lambda request, *_: reply(b"x" * sizes[request.split()[1]]))
+    before = session.traffic.round_trips
+    replies = session.ask([EngineQuery(path=path) for path in sizes])
+    assert [len(one.out) for one in replies] == list(sizes.values())
+    assert session.traffic.round_trips == before + 1
+
+
+def test_an_engine_that_dies_in_a_batch(session: Session, play: Callable[[Answer], PlayedEngine]) -> None:
+    """What it said before counts; and it is asked again, once, when it may have been an idle stream that ended."""
+    engine = play(lambda request, *_: b"" if "bad" in request else reply(b"ok"))
+    good, bad, rest = session.ask([EngineQuery(path="/good"), EngineQuery(path="/bad"), EngineQuery(path="/good")])
+    assert good.ok and (bad.status, rest.status) == (0, 0) and bad.err
+    assert session.ask([EngineQuery(path="/good")])[0].ok
+    before = engine.connections
+    assert session.ask([EngineQuery(path="/bad")])[0].status == 0
+    assert engine.connections == before + 1
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        b"SSH-2.0-OpenSSH\r\n",
+        b"HTTP/1.1 banana\r\n\r\n",
+        b"\0" * 70_000,
+        b"HTTP/1.1 200 OK\r\nContent-Length: 9\r\n\r\n",
+    ],
+)
+def test_what_is_no_engine_is_a_value(session: Session, play: Callable[[Answer], PlayedEngine], said: bytes) -> None:
+    """Whatever comes instead of HTTP, or an answer that stays away, is a reply in words, and soon."""
+    play(lambda *_: said)
+    one = session.ask([EngineQuery(path="/x", timeout_s=0.5)])[0]
+    assert (one.status, one.ok) == (0, False) and one.err
 
 
 def test_a_closed_idle_connection_is_opened_again(session: Session, play: Callable[[Answer], PlayedEngine]) -> None:
