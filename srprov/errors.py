@@ -16,13 +16,17 @@
     │  └─ DeadlineError          an answer did not come in time
     └─ LabError                  the embedded lab (3)
 
-Each message says what happened; `hint` says what to do next.
+Each message says what happened; `hint` says what to do next. A message may hold a robot's words: its further lines are
+indented, so that none of them passes for one of srprov's own.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+
+_FURTHER = re.compile(r"\n(?=\S)")
 
 
 class SrprovError(Exception):
@@ -32,9 +36,15 @@ class SrprovError(Exception):
 
     def __init__(self, message: str, *, hint: str = "") -> None:
         """Take one sentence on what happened and one on what to do next."""
+        message = _FURTHER.sub("\n  ", message)
         super().__init__(message)
         self.message = message
         self.hint = hint
+
+
+def visible(text: str) -> str:
+    """Give one printable line: what ends a line, moves the cursor or turns the writing around, by its number."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 class UsageError(SrprovError):

@@ -36,6 +36,7 @@ def draw(answer: Assignment, front: Sequence[Point], target: Path, form: str) ->
     except ImportError as error:
         raise UsageError("pictures need matplotlib", hint="pip install 'srprov[plots]'") from error
     matplotlib.rcParams["svg.hashsalt"] = "srprov"
+    matplotlib.rcParams["text.parse_math"] = False  # a name with two $ is a name, no formula
     robots = sorted({robot for row in answer.matrix.values() for robot in row})
     width, height = 2.5 + 0.6 * len(robots), 1.6 + 0.35 * len(answer.matrix)
     figure = Figure(

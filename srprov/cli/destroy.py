@@ -11,7 +11,7 @@ from srprov.cli.apply import Phases, refuse_without_terminal
 from srprov.cli.execute import Task, carry_out, confirm
 from srprov.cli.output import err
 from srprov.cli.plan import show_plan
-from srprov.errors import UsageError
+from srprov.errors import UsageError, visible
 from srprov.planning.limit import limited
 from srprov.wire import Pulse
 
@@ -60,7 +60,7 @@ def destroy(
             show_plan(made, None, verbose=verbose)
         others = other_names(found, name, source)
         if others:
-            err(f"note: the same file also made: {', '.join(others)}; destroy them with --instance NAME")
+            err(f"note: the same file also made: {visible(', '.join(others))}; destroy them with --instance NAME")
         confirm(made, yes)
         phases.begin("destroy")
         run_options = Options(forks=forks, verb="destroy", lock_wait_s=lock_wait, pulse=pulse)

@@ -10,7 +10,7 @@ import click
 from srprov.cli import options
 from srprov.cli.destroy import named_instance
 from srprov.cli.output import err, out
-from srprov.errors import TransportError, UsageError
+from srprov.errors import TransportError, UsageError, visible
 from srprov.wire import Session
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ def logs(
         for host, reason in sorted(found.unreachable.items()):
             err(f"unreachable: {host}: {reason}")
         chosen = _containers(found, name, services)
-        show = _Lines(max((len(service) for service, _, _ in chosen), default=0))
+        show = _Lines(max((len(visible(service)) for service, _, _ in chosen), default=0))
         threads = [
             threading.Thread(
                 target=show.stream, args=(lab.sessions.get(host), service, container, tail, follow), daemon=True
@@ -88,7 +88,7 @@ class _Lines:
         try:
             for line in session.container_log(container, tail=tail, follow=follow):
                 with self.lock:
-                    out(f"{service:<{self.width}} | {line}")
+                    out(f"{visible(service):<{self.width}} | {line}")
         except TransportError as error:
             self.lost.append(service)
-            err(f"{service}: {error.message}")
+            err(f"{visible(service)}: {error.message}")

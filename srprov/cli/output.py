@@ -19,16 +19,22 @@ import click
 
 from srprov.secret import redact, redacted
 
-_CONTROL = re.compile(r"\x1b\[[0-?]*[ -/]*[@-~]|[\x00-\x08\x0b-\x1f\x7f-\x9f]")
-"""Whole CSI sequences first, so that no `[31m` is left; then every C0 but newline and tab, DEL, and C1."""
+_CONTROL = re.compile(
+    r"\x1b\[[0-?]*[ -/]*[@-~]|\x1b[\]PX^_][^\x07\x1b]*(?:\x07|\x1b\\)|[\x00-\x08\x0b-\x1f\x7f-\x9f]"
+    r"|[\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff]|[\U000e0000-\U000e007f]"
+)
+"""Whole CSI and OSC sequences first, so that no `[31m` is left; then every C0 but newline and tab, DEL, and C1; then
+what turns the writing around, ends a line by another name, or is a letter that nobody sees."""
+_NO_CHARACTER = re.compile("[\ud800-\udfff]")
+"""Halves of characters, from JSON or from a path's bytes: no terminal takes them, and Python refuses to print them."""
 
 
 def clean(text: str) -> str:
-    """Give text without secrets, that cannot move the cursor, change colours or retitle the terminal.
+    """Give text without secrets, that cannot move the cursor, change colours, retitle the terminal or run backwards.
 
     A control character in the middle of a secret hides it from the first look, and one in the secret from the second.
     """
-    return redact(_CONTROL.sub("", redact(text)))
+    return _NO_CHARACTER.sub("\ufffd", redact(_CONTROL.sub("", redact(text))))
 
 
 def out(text: str) -> None:

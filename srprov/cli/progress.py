@@ -43,6 +43,13 @@ def _live() -> Iterator[Any]:
         yield status
 
 
+def _plain(status: str) -> Any:  # noqa: ANN401 - rich's Text
+    """Give a text for rich, to which `[x]` in a robot's words is no markup; an end of what never began would raise."""
+    from rich.text import Text
+
+    return Text(clean(status)[:200])
+
+
 class _Shown:
     """What was shown so far; called from several threads."""
 
@@ -73,7 +80,7 @@ class _Shown:
                 self.stream.flush()
             getattr(self, f"_{event.kind}")(event)
             if self.live:
-                self.live.update(clean(self._status())[:200])
+                self.live.update(_plain(self._status()))
 
     def _start(self, event: Event) -> None:
         if event.step:
@@ -82,7 +89,7 @@ class _Shown:
     def _progress(self, event: Event) -> None:
         """A build says much: off the terminal one line every few seconds is enough to see that it lives."""
         now = time.monotonic()
-        text = f"{event.host}: {event.text.strip()}"
+        text = f"{event.host}: {' '.join(event.text.split())}"
         self.running[event.host] = text
         if not self.live and event.text.strip() and now - self.last_said.get(event.host, 0.0) > _PROGRESS_EVERY_S:
             self.last_said[event.host] = now

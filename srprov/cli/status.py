@@ -10,6 +10,7 @@ import click
 from srprov.cli import options
 from srprov.cli.destroy import named_instance
 from srprov.cli.output import err, out, out_json
+from srprov.errors import visible
 
 if TYPE_CHECKING:
     from srprov.facts.model import Found
@@ -74,9 +75,11 @@ def _row(instance: str, service: str, host: str, state: Mapping[str, Any]) -> di
 
 
 def table(rows: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> str:
-    """Give rows as aligned text; a column in which nobody has anything is left out."""
+    """Give rows as aligned text; a column in which nobody has anything is left out. No cell can begin a row."""
     used = [column for column in columns if any(str(row[column]) for row in rows)]
-    lines = [[column.upper() for column in used]] + [[str(row[column]) or "-" for column in used] for row in rows]
+    lines = [[column.upper() for column in used]] + [
+        [visible(str(row[column])) or "-" for column in used] for row in rows
+    ]
     widths = [max(len(line[index]) for line in lines) for index in range(len(used))]
     return "\n".join(
         "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True)).rstrip() for line in lines

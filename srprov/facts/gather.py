@@ -18,6 +18,7 @@ from srprov.errors import TransportError
 from srprov.facts.host import host_queries, parse_host
 from srprov.facts.model import Existing, Found, HostFacts
 from srprov.facts.observe import observe_queries, parse_observed
+from srprov.facts.untrusted import text
 from srprov.modules.module import STATE_ROOT
 from srprov.wire import EngineQuery, Query, Reader, Reply
 
@@ -86,7 +87,7 @@ def _one(host: Host, readers: Readers, sample: bool) -> tuple[HostFacts, tuple[E
     mute = [reply for query, reply in zip(ours, seen, strict=True) if isinstance(query, EngineQuery) and not reply.ok]
     if mute and facts.docker is not None:
         # an engine that says its version but not what it runs is as good as none
-        facts = dataclasses.replace(facts, docker=None, docker_problem=mute[0].err or f"status {mute[0].status}")
+        facts = dataclasses.replace(facts, docker=None, docker_problem=text(mute[0].err) or f"status {mute[0].status}")
     return facts, parse_observed(seen), _placements(replies[-1])
 
 

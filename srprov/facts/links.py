@@ -75,6 +75,9 @@ def _addresses(items: object) -> Iterable[str]:
         # An address that is not usable yet, or being phased out, is none to build on.
         if item.get("tentative") or item.get("deprecated") or item.get("dadfailed"):
             continue
+        # Behind the % of a scope ipaddress takes any text: blanks and quotes too. No address of an underlay has one.
+        if "%" in whole:
+            continue
         try:
             yield str(ip_interface(whole))
         except ValueError:

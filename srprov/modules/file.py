@@ -57,8 +57,10 @@ class FileModule:
         return (remove_path(found.name),)
 
 
-def remove_path(path: str, root: str = STATE_ROOT) -> Run:
+def remove_path(path: str, root: str = STATE_ROOT, *, with_root: bool = False) -> Run:
     """Give the script that removes a file or tree and then each folder above it, below `root`, that is empty.
+
+    `with_root` tries the root itself, too.
 
     Raises:
         ValueError: The path is not inside an instance's folder; nothing else may ever be removed.
@@ -66,7 +68,7 @@ def remove_path(path: str, root: str = STATE_ROOT) -> Run:
     parts = path.removeprefix(root + "/").split("/")
     if not path.startswith(root + "/") or len(parts) < _MIN_PARTS or not all(p not in ("", ".", "..") for p in parts):
         raise ValueError(f"{path} is not inside an instance's folder")
-    folders = [f"{root}/{'/'.join(parts[:n])}" for n in range(len(parts) - 1, 0, -1)]
+    folders = [f"{root}/{'/'.join(parts[:n])}" for n in range(len(parts) - 1, 0, -1)] + [root] * with_root
     # rmdir refuses a folder that still holds something: that is the wanted end, not a failure
     tidy = "".join(f"; rmdir {quote(folder)} 2>/dev/null" for folder in folders)
     return Run(script=f"rm -rf {quote(path)} || exit 1{tidy}; test ! -e {quote(path)}")

@@ -20,7 +20,7 @@ from srprov.modules.file import remove_path
 from srprov.modules.module import MEMORY_ROOT
 from srprov.resource import Action, Change, Resource, State
 from srprov.secret import Hidden, Vault
-from srprov.wire import AnyQuery, Command, Put, Query, Reply, Run
+from srprov.wire import AnyQuery, Command, Put, Query, Reply
 
 _FIND = "find . -mindepth 3 -maxdepth 3 -path './*/secrets/*' -type f -exec"
 # it cannot fail: what a failed command printed is shown
@@ -87,6 +87,4 @@ class SecretModule:
 
     def removal(self, found: Existing) -> tuple[Command, ...]:
         """Remove it, and the folders above it that are empty then."""
-        away = remove_path(found.name, MEMORY_ROOT)
-        tidy, _, test = away.script.rpartition("; ")
-        return (Run(script=f"{tidy}; rmdir {MEMORY_ROOT} 2>/dev/null; {test}"),)
+        return (remove_path(found.name, MEMORY_ROOT, with_root=True),)

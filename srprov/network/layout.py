@@ -119,7 +119,10 @@ def _underlays(placed: Mapping[str, str], found: Found, record: Record | None) -
     """Give each robot's underlay address: as it says itself, or for one out of reach as the last placement says."""
     known = dict(record.vteps) if record else {}
     known |= {robot: facts.underlay_address for robot, facts in found.facts.items()}
-    return {robot: known[robot] for robot in sorted(set(placed.values())) if known.get(robot)}
+    # facts may come from a file; an address with a scope (and whatever text that is) reaches no other robot
+    return {
+        robot: known[robot] for robot in sorted(set(placed.values())) if known.get(robot) and "%" not in known[robot]
+    }
 
 
 def _check_vteps(members: list[str], vteps: Mapping[str, str], found: Found) -> None:

@@ -132,6 +132,9 @@ def _ipv4(value: Mapping[str, Any], key: str) -> IPv4Address | None:
 
 
 def _is_address(text: str) -> bool:
+    """Tell whether a text is a plain address; the scope that ipaddress takes behind a % may be any text, lines too."""
+    if "%" in text:
+        return False
     try:
         ip_address(text)
     except ValueError:

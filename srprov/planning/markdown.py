@@ -8,10 +8,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
+from srprov.errors import visible
 from srprov.planning.plan import Plan
 from srprov.planning.text import summary
 
-_MARKUP = re.compile(r"([\\`*_{}\[\]()<>#+\-!|~@])")
+_MARKUP = re.compile(r"([\\`*_{}\[\]()<>#+\-!|~@&$^])")
 
 
 def plan_markdown(plan: Plan) -> str:
@@ -21,7 +22,7 @@ def plan_markdown(plan: Plan) -> str:
 
 def escaped(text: str) -> str:
     """Give text that Markdown shows as it is, on one line."""
-    return _MARKUP.sub(r"\\\1", " ".join(text.split()))
+    return _MARKUP.sub(r"\\\1", visible(" ".join(text.split())))
 
 
 def _lines(plan: Plan) -> Iterator[str]:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from srprov.errors import visible
 from srprov.planning.plan import Plan, Step
 from srprov.resource import Action
 
@@ -21,12 +22,8 @@ _WORDS = {
 
 def plan_text(plan: Plan, *, commands: bool = False) -> str:
     """Give the plan as lines. `commands` adds what each step runs, exactly."""
-    return "\n".join(_visible(line) for line in _lines(plan, commands)) + "\n"
-
-
-def _visible(line: str) -> str:
-    """Show control characters by number: names and causes come from robots, and must not write lines of their own."""
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in line)
+    # names and causes come from robots, and must not write lines of their own
+    return "\n".join(visible(line) for line in _lines(plan, commands)) + "\n"
 
 
 def summary(plan: Plan) -> str:

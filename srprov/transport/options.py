@@ -26,6 +26,7 @@ from srprov.errors import ConnectError
 from srprov.secret import Secret
 
 _BEYOND_PARAMIKO = re.compile(r"^\s*(include|match)\b\s*=?\s*(.*)$", re.IGNORECASE | re.MULTILINE)
+_NO_WORD = re.compile(r"^-|[\s\x00-\x1f\x7f'`\"$\\;&<>|(){}]")
 _DEFAULT_KEYS = ("id_ed25519", "id_ecdsa", "id_rsa")
 _SSH_G_KEYS = frozenset({*_DEFAULT_KEYS, "id_ecdsa_sk", "id_ed25519_sk", "id_xmss", "id_dsa"})
 _ADDS_UP = frozenset({"identityfile", "certificatefile"})
@@ -184,6 +185,8 @@ def _settings(
     checking = one("stricthostkeychecking", "yes").lower()
     jump = one("proxyjump")
     proxy = one("proxycommand")
+    if proxy.lower() not in ("", "none"):
+        _check_words(host.name, (hostname, host.address, user, alias or ""))
     return SshSettings(
         name=host.name,
         hostname=hostname,
@@ -211,6 +214,18 @@ def _settings(
             if key in given
         ),
     )
+
+
+def _check_words(name: str, words: Sequence[str]) -> None:
+    """Refuse what would be more than a word in a ProxyCommand, which a shell runs; as OpenSSH does since 9.6.
+
+    Raises:
+        ConnectError: A host or user name holds what means something to a shell, or would be read as an option.
+    """
+    for word in words:
+        if _NO_WORD.search(word):
+            hint = "a ProxyCommand is run by a shell: correct ansible_host, ansible_user or ssh_config"
+            raise ConnectError(name, f"{word[:80]!r} is no host or user name for a ProxyCommand", hint=hint)
 
 
 def _agent(text: str, tokens: Mapping[str, str]) -> str | None:

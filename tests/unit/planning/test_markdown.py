@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import re
+
+from hypothesis import given
+
 from srprov.planning.markdown import escaped, plan_markdown
 from srprov.planning.plan import Permission, Plan, Step
 from srprov.resource import Action, Change
+from tests.hostile import texts, unprintable
 
 
 def step(number: int, name: str, cause: str, *, destructive: bool = False) -> Step:
@@ -59,3 +64,23 @@ def test_an_empty_plan_says_so() -> None:
 
     assert "Nothing to do: 5 resources are right already." in text
     assert "<details>" not in text
+
+
+@given(name=texts, cause=texts, robot=texts)
+def test_no_word_breaks_out(name: str, cause: str, robot: str) -> None:
+    """Whatever stands in names, causes and reasons: the same lines and cells, no HTML, no markup, nothing unseen."""
+
+    def lines(one: str, two: str, three: str) -> list[str]:
+        plan = Plan(
+            instance=one, source="here", steps=(step(1, one, two),), assignment={one: three}, notes=(two,),
+            unreachable={three: two}, permissions=(Permission(kind="device", service=one, what=two),),
+        )  # fmt: skip
+        return plan_markdown(plan).split("\n")
+
+    plain, hostile = lines("a", "b", "c"), lines(name, cause, robot)
+    bare = [re.sub(r"\\[\\`*_{}\[\]()<>#+\-!|~@&$^]", "", line) for line in hostile]
+    assert len(hostile) == len(plain)
+    assert [line.count("|") for line in bare] == [line.count("|") for line in plain]
+    for mark in "<>`*#[]&$":
+        assert sum(line.count(mark) for line in bare) == sum(line.count(mark) for line in plain), mark
+    assert unprintable("\n".join(hostile)) == []

@@ -146,3 +146,38 @@ def test_expand(monkeypatch: pytest.MonkeyPatch) -> None:
 )
 def test_parse_hop(text: str, expected: tuple[str | None, str, int | None]) -> None:
     assert parse_hop(text) == expected
+
+
+WORDS = [
+    "$(touch x)",
+    "`touch x`",
+    "-oProxyCommand=touch x",
+    "a;touch",
+    "a b",
+    "a\nb",
+    "a|b",
+    "a'b",
+    'a"b',
+    "a>b",
+    "a\\b",
+]
+
+
+@pytest.mark.parametrize("where", ["address", "user", "HostName"])
+@pytest.mark.parametrize("word", WORDS)
+def test_a_proxy_command_gets_no_shell_text_as_a_name(tmp_path: Path, where: str, word: str) -> None:
+    """The command is run by a shell, and `%h` would be part of its text; OpenSSH refuses such names, too."""
+    proxied = (("proxycommand", "ssh -W %h:%p %r@bastion"),)
+    text = f'Host bot\n  HostName "{word}"\n' if where == "HostName" else ""
+    if where == "HostName" and set(word) & set('\n"\\'):
+        return  # ssh_config cannot hold it
+    given = {} if where == "HostName" else {where: word}
+    with pytest.raises(ConnectError, match="is no host or user name for a ProxyCommand"):
+        settled(tmp_path, text, ssh_options=proxied, **given)
+    assert settled(tmp_path, text, **given).proxy_command is None
+
+
+@pytest.mark.parametrize("address", ["10.0.0.1", "2001:db8::1", "fe80::1%eth0", "bot.lan", "b_o-t"])
+def test_a_proxy_command_gets_any_proper_name(tmp_path: Path, address: str) -> None:
+    found = settled(tmp_path, address=address, user="ada.l@site", ssh_options=(("proxycommand", "nc %h %p"),))
+    assert found.proxy_command == f"nc {address} 22"

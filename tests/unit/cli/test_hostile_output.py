@@ -1,0 +1,120 @@
+"""What robots and files say, on its way to a terminal: it shows, and does nothing else."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+
+from srprov.cli import output, progress
+from srprov.cli.logs import _Lines
+from srprov.cli.output import clean, out_json
+from srprov.cli.status import table
+from srprov.errors import RefusedError, visible
+from srprov.execution import Event
+from srprov.secret import forget
+from srprov.wire import Session
+from tests.hostile import WORDS, texts, unprintable
+
+
+@pytest.fixture(autouse=True)
+def _none_left() -> Iterator[None]:
+    """Secrets are known to the whole process: no test sees those of another."""
+    forget()
+    yield
+    forget()
+
+
+anything = texts | st.text(
+    st.characters(codec=None, categories=("Cc", "Cf", "Cs", "Zl", "Zp", "Lu"))
+)  # halves of characters too
+
+
+@given(anything)
+def test_only_what_shows_is_printed(text: str) -> None:
+    """Also halves of characters, which no stream takes; a newline and a tab are all that is left of control."""
+    shown = clean(text)
+    assert unprintable(shown) == []
+    shown.encode("utf-8")
+    assert visible(text).isprintable()
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("\x1b]0;title\x07x", "x"),
+        ("\x1b]8;;http://evil\x1b\\link\x1b]8;;\x1b\\", "link"),
+        ("\x1bPq#0\x1b\\x", "x"),
+        ("\x1b]0;never ended", "]0;never ended"),
+        ("a\u202eb\u2066c\u2028d", "abcd"),
+        ("a\ud800b", "a\ufffdb"),
+        ("naïve 😀 عربي", "naïve 😀 عربي"),
+    ],
+)
+def test_sequences_go_whole(text: str, shown: str) -> None:
+    assert clean(text) == shown
+
+
+def test_many_beginnings_of_a_sequence_take_no_time() -> None:
+    assert clean("\x1b]" * 200_000) == "]" * 200_000
+
+
+@given(st.dictionaries(texts, anything, max_size=4))
+def test_json_stays_json_and_shows_nothing_else(value: dict[str, str]) -> None:
+    said: list[str] = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(output.click, "echo", said.append)
+        out_json(value)
+    assert unprintable(said[0]) == [] and said[0].isascii()
+    assert json.loads(said[0]) == json.loads(json.dumps(value))
+
+
+@given(st.lists(texts, min_size=1, max_size=4))
+def test_no_cell_begins_a_row(cells: list[str]) -> None:
+    """A label with a newline cannot write a line of `status`."""
+    rows = [{"service": cell, "state": "Up"} for cell in cells]
+    assert len(table(rows, ("service", "state")).split("\n")) == len(cells) + 1
+
+
+def test_a_log_line_names_its_service_on_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    said: list[str] = []
+    monkeypatch.setattr("srprov.cli.logs.out", said.append)
+    session = SimpleNamespace(container_log=lambda *_a, **_k: iter(["one"]))
+    _Lines(1).stream(cast(Session, session), "a\nb", "c", 1, False)
+    assert said == ["a\\nb | one"]
+
+
+def test_further_lines_of_an_error_are_indented() -> None:
+    """An error may hold a robot's words: they cannot pass for a line of srprov's own."""
+    error = RefusedError("made from x\nhello: done in 1.0 s: 5 changed\n  as it was")
+    assert error.message == "made from x\n  hello: done in 1.0 s: 5 changed\n  as it was"
+
+
+@pytest.mark.parametrize("word", [*WORDS, "[/b]", "[red]x", "[link=http://x]y[/link]", "[/]"])
+def test_the_status_line_takes_any_word_of_a_robot(word: str) -> None:
+    """To rich, `[/b]` in a build's output is the end of what never began: it must not be markup."""
+    stream = io.StringIO()
+    live = Console(file=stream, force_terminal=True).status("starting")
+    record: Any = SimpleNamespace(event=lambda _value: None)
+    shown = progress._Shown(1, record, None, live, color=False)
+    shown.listen(Event(kind="progress", host="r1", text=f"{word} seen"))
+    assert "seen" in str(live.renderable.text) or len(word) > 150  # type: ignore[union-attr]
+
+
+def test_pictures_take_any_name(tmp_path: Path) -> None:
+    """To matplotlib two `$` are a formula, and a wrong one raises."""
+    pytest.importorskip("matplotlib")
+    from srprov.cli.assign_plot import draw
+    from tests.unit.assignment.worlds import assign, experiment, found, robot, service
+
+    answer = assign(experiment(service("a")), found(robot("$\\frac{$"), robot("<script>")))
+    draw(answer, (), tmp_path / "x.svg", "svg")
+    assert "<script>" not in (tmp_path / "x.svg").read_text()
