@@ -6,6 +6,7 @@ import json
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import yaml
 
 from benchmarks.provisioning.job import Job, edf, floor_script
 from benchmarks.provisioning.robots import KEY, KNOWN_HOSTS, Lab
+from srprov import __version__
 
 BIN = Path(sys.executable).parent
 HERE = Path(__file__).parent
@@ -71,6 +73,11 @@ class Floor(Tool):
 
     name = "floor"
 
+    @classmethod
+    def version(cls) -> str:
+        """Give paramiko's version."""
+        return f"paramiko {metadata.version('paramiko')}"
+
     def call(self, job: Job, variant: str) -> Call:
         """Compile."""
         robots = {
@@ -87,6 +94,11 @@ class Srprov(Tool):
 
     name = "srprov"
     options: tuple[str, ...] = ()
+
+    @classmethod
+    def version(cls) -> str:
+        """Give its version."""
+        return __version__
 
     def call(self, job: Job, variant: str) -> Call:
         """Write the EDF: one file for all variants, as a user edits it."""
