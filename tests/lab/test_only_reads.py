@@ -1,18 +1,24 @@
 """Whoever plans only reads: every byte that reaches a robot's shell and its engine is written down there, and judged.
 
-The robot's root gets a login shell that keeps a copy of its command line and input before a real shell sees them.
+The robot's root gets a login shell that keeps a copy of its command line and input before a real one sees them. Before
+the engine's socket stands one of the test's: it hears whatever way srprov comes, by a stream of sshd or the docker CLI.
 `tests/readonly.py` is the judge; tests/unit/test_readonly.py shows what it sees.
 """
 
 from __future__ import annotations
 
 import base64
+import contextlib
+import os
+import socket
+import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
 
+from srprov.lab import state
 from tests.lab.conftest import Lab, busybox, edf, part_of_lab
 from tests.readonly import commands, engine_requests, engine_violations, shell_violations
 
@@ -52,11 +58,53 @@ class Told:
         return lines + typed + [found for sent in self.engine for found in engine_violations(sent)]
 
 
+class Tap:
+    """A socket in the place of the engine's, which hands everything on and keeps what clients say, per connection."""
+
+    def __init__(self, robot: str) -> None:
+        booted = state.read_robot(robot)
+        assert booted is not None
+        # a socket is found by its file, whatever namespace that is looked at from
+        self.place = Path(f"/proc/{booted.init.pid}/root/run/docker.sock")
+        self.real = self.place.with_name("docker.sock.real")
+        self.place.rename(self.real)
+        self.said: list[bytearray] = []
+        self.listener = socket.socket(socket.AF_UNIX)
+        self.listener.bind(str(self.place))
+        os.chown(self.place, 0, self.real.stat().st_gid)
+        self.place.chmod(0o660)
+        self.listener.listen(64)
+        threading.Thread(target=self._serve, daemon=True).start()
+
+    def _serve(self) -> None:
+        with contextlib.suppress(OSError):  # closed: the test is over
+            while True:
+                client, _ = self.listener.accept()
+                engine = socket.socket(socket.AF_UNIX)
+                engine.connect(str(self.real))
+                said = bytearray()
+                self.said.append(said)
+                threading.Thread(target=self._pump, args=(client, engine, said), daemon=True).start()
+                threading.Thread(target=self._pump, args=(engine, client, bytearray()), daemon=True).start()
+
+    def _pump(self, source: socket.socket, target: socket.socket, said: bytearray) -> None:
+        with contextlib.suppress(OSError):
+            while piece := source.recv(65536):
+                said += piece
+                target.sendall(piece)
+        with contextlib.suppress(OSError):
+            target.shutdown(socket.SHUT_WR)
+
+    def close(self) -> None:
+        self.listener.close()
+        self.real.rename(self.place)
+
+
 class Listening:
     """The lab with a robot that writes down what it is told."""
 
-    def __init__(self, lab: Lab, inventory: str) -> None:
-        self.lab, self.inventory = lab, inventory
+    def __init__(self, lab: Lab, inventory: str, tap: Tap) -> None:
+        self.lab, self.inventory, self.tap = lab, inventory, tap
 
     def told(self) -> Told:
         """Give what was written down, and begin anew."""
@@ -66,7 +114,9 @@ class Listening:
         for line in self.lab.shell(ROBOT, "sh", "-c", script).out.splitlines():
             command, _, sent = (base64.b64decode(part) for part in (line.partition(" ")))
             heard.command_lines.append(command.decode())
-            (heard.engine if b"dial-stdio" in command else heard.shell).append(sent)
+            if b"dial-stdio" not in command:  # else the engine heard it
+                heard.shell.append(sent)
+        heard.engine, self.tap.said = [bytes(said) for said in self.tap.said if said], []
         return heard
 
 
@@ -75,9 +125,11 @@ def listening(lab: Lab, tmp_path: Path) -> Iterator[Listening]:
     """Give root of one robot the listening shell, and its own one back afterwards."""
     done = lab.shell(ROBOT, "sh", "-c", SET_UP, base64.b64encode(LISTENER.encode()).decode())
     assert done.out.strip().endswith(":/usr/local/bin/listener"), done
+    tap = Tap(ROBOT)
     try:
-        yield Listening(lab, part_of_lab(lab, [ROBOT], tmp_path / "lab.yml"))
+        yield Listening(lab, part_of_lab(lab, [ROBOT], tmp_path / "lab.yml"), tap)
     finally:
+        tap.close()
         lab.shell(ROBOT, "sh", "-c", TAKE_DOWN)
 
 
@@ -101,6 +153,7 @@ def test_what_plans_only_reads_and_what_applies_does_not(listening: Listening, t
     def look(*more: tuple[str, ...]) -> None:
         since = lab.shell(ROBOT, "date", "+%s.%N").out.strip()
         for verb in (*looks, *more):
+            listening.told()  # the test's own looks
             done = lab.srprov(*verb)
             assert done.code == 0, done
             heard = listening.told()
@@ -114,11 +167,13 @@ def test_what_plans_only_reads_and_what_applies_does_not(listening: Listening, t
             if verb[0] != "locks":
                 requests = [path for sent in heard.engine for _, path in engine_requests(sent)]
                 assert any(path.endswith("/version") for path in requests), (verb, requests)
+                assert any("/containers/json" in path for path in requests) or verb[0] == "logs", (verb, requests)
         until = lab.shell(ROBOT, "date", "+%s.%N").out.strip()
         assert lab.shell(ROBOT, "docker", "events", "--since", since, "--until", until).out == ""
 
     look()
 
+    listening.told()
     applied = lab.srprov("apply", str(path), "-i", inventory, "--yes", "--settle", "0")
     assert applied.code == 0, applied
     acts = listening.told().violations()
@@ -129,6 +184,7 @@ def test_what_plans_only_reads_and_what_applies_does_not(listening: Listening, t
     lab.shell(ROBOT, "docker", "stop", "srprov.read.one")  # so that a plan has something to say
     look(("logs", str(path), "-i", inventory))
 
+    listening.told()
     assert lab.srprov("destroy", str(path), "-i", inventory, "--yes").code == 0
     acts = listening.told().violations()
     assert any(act.startswith("DELETE ") for act in acts) and any(act.startswith("rm -rf ") for act in acts), acts
