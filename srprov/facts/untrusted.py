@@ -57,9 +57,12 @@ def decimal(value: object, *, low: float, high: float, default: float) -> float:
 
 
 def parsed(source: str) -> Any:  # noqa: ANN401 - JSON is any; each parser checks the shape that it needs
-    """Give JSON as values; broken or too deeply nested JSON is None."""
+    """Give JSON as values; broken or too deeply nested JSON is None.
+
+    `ip -j` writes control characters of a link's name or alias as they are: one odd link must not hide all others.
+    """
     try:
-        return json.loads(source)
+        return json.loads(source, strict=False)
     except (ValueError, RecursionError):
         return None
 

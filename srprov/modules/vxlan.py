@@ -98,7 +98,8 @@ class VxlanModule:
 
 def _json(reply: Reply) -> object:
     try:
-        return json.loads(reply.out) if reply.ok else []
+        # `ip -j` writes control characters of an alias as they are: somebody's odd link must not hide ours
+        return json.loads(reply.out, strict=False) if reply.ok else []
     except (ValueError, RecursionError):
         return []
 

@@ -270,3 +270,11 @@ def test_a_robot_that_lies_about_its_address_reaches_no_other_robot(word: str) -
     ]
     (link,) = parse_links(json.dumps(answer))
     assert link.addresses == ("10.0.0.2/24",)
+
+
+def test_one_odd_link_hides_no_other() -> None:
+    """`ip -j` writes most control characters of names and aliases as they are, which is no JSON to the strict."""
+    odd = '{"ifname":"d\x1b[31m","ifalias":"x"},{"ifname":"liar","ifalias":"srprov:\x1b[1m\x07"},'
+    links = parse_links("[" + odd + '{"ifname":"eth0","addr_info":[{"local":"10.0.0.2","prefixlen":24}]}]')
+    assert [link.name for link in links] == ["eth0", "liar"]
+    assert all(link.alias.isprintable() for link in links)
