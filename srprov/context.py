@@ -92,6 +92,8 @@ def _one(
     volumes = {m.source for service in services for m in service.runtime.mounts if m.kind == "volume"}
     return {
         "host": host,
+        "folder": f"{STATE_ROOT}/{parts.instance}",
+        "robot": _robot(facts),
         "instance": parts.instance,
         "source": parts.source,
         "api": facts.docker.api_version if facts.docker else "1.41",
@@ -106,6 +108,12 @@ def _one(
         "secrets": _secrets(parts.instance, services),
         "services": [_service(parts, service, overlay, trees) for service in services],
     }
+
+
+def _robot(facts: HostFacts) -> dict[str, Any]:
+    """Give what users' playbooks may decide by: facts that do not change by themselves."""
+    lasting = {"arch": facts.arch, "cpus": facts.cpus, "memory": facts.memory_total, "kernel": facts.kernel}
+    return {**lasting, "os": facts.os, "tags": list(facts.tags), "devices": list(facts.devices)}
 
 
 def _files(parts: Parts, *, member: bool) -> list[dict[str, Any]]:

@@ -7,7 +7,7 @@ calling `apply`.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from srprov import data, disk, rendering
@@ -17,11 +17,12 @@ from srprov.context import Parts, contexts
 from srprov.definitions.expand import expand, nowhere
 from srprov.definitions.model import ContainerDefinition, Definitions, Experiment, Inventory
 from srprov.definitions.pins import unknown_pins
+from srprov.definitions.playbookmodel import Playbook
 from srprov.definitions.secretvalues import resolve, used
 from srprov.definitions.source import source_of
 from srprov.errors import DefinitionError
 from srprov.execution import Listener, Options, RunResult, run_plan
-from srprov.facts.gather import Readers, gather
+from srprov.facts.gather import Readers, gather, probe
 from srprov.facts.model import Found
 from srprov.images.plan import ImagePlan
 from srprov.images.tag import plan_image
@@ -30,8 +31,8 @@ from srprov.modules import MODULES
 from srprov.modules.secret import with_value
 from srprov.network.layout import Overlay, layout
 from srprov.network.record import read_record, record
-from srprov.planning import Plan, Removal, diff, removal_plan
-from srprov.planning.policy import permissions
+from srprov.planning import Plan, PlaybookUse, Removal, diff, removal_plan
+from srprov.planning.policy import permissions, require
 from srprov.resource import Resource
 from srprov.secret import Vault
 from srprov.wire import Session
@@ -50,6 +51,11 @@ class Wishes:
     reassign_unreachable: bool = False
     """Place services of robots that cannot be reached elsewhere."""
     forks: int = 64
+    playbooks: tuple[Playbook, ...] = ()
+    """The user's own, from his folder."""
+    allow: frozenset[str] = frozenset()
+    """Kinds of permission that the user gave. Only an experiment's playbooks are held to them here: to plan is to
+    render them, and to ask their commands' checks."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -64,6 +70,8 @@ class Planned:
     """What should be true on all robots."""
     images: Mapping[str, ImagePlan]
     """Tag -> what is built under it; a failed build can name the line of the CDF."""
+    playbooks: tuple[Playbook, ...] = ()
+    """Those that users wrote, the experiment's and the user's own."""
 
 
 Timer = Callable[[str], None]
@@ -82,7 +90,7 @@ def make_plan(
 
     Raises:
         DefinitionError: The files ask for what is not built yet, or for robots that are not in the inventory.
-        RefusedError: The instance belongs to another source.
+        RefusedError: The instance belongs to another source; or the experiment has playbooks that were not allowed.
         NoAssignment: There is no feasible placement.
         UsageError, RenderError, PlanError: as their rooms say.
     """
@@ -91,6 +99,7 @@ def make_plan(
     experiment = definitions.experiment
     if unknown := unknown_pins(experiment, lab):
         raise DefinitionError(unknown)
+    require([one for one in permissions(experiment) if one.kind == "playbook"], wishes.allow)
     instance, source = wishes.instance or experiment.name, source_of(experiment.file)
     phase("facts")
     experiment, found, previous = _look(experiment, instance, lab, readers, wishes)
@@ -112,7 +121,9 @@ def make_plan(
         record=record(overlay, experiment, placed.placed, source, found.placements.get(instance)),
         found=found,
     )
-    desired = _desired(parts, vault or resolve(used(experiment)))
+    theirs = (*experiment.playbooks, *wishes.playbooks)
+    desired = _desired(parts, theirs, vault or resolve(used(experiment)))
+    found = probe(found, desired, readers, forks=wishes.forks)
     steps, unchanged = diff(desired, owned(found, instance), instance)
     plan = Plan(
         instance=instance,
@@ -126,9 +137,13 @@ def make_plan(
         secrets=used(experiment),
         notes=(*_notes(placed), *idle),
         unreachable=found.unreachable,
+        playbooks=tuple(PlaybookUse(name=one.name, file=one.file, place=one.place) for one in theirs),
     )
     by_tag = {image.tag: image for image in built.values()}
-    return Planned(plan=plan, found=found, assignment=placed, overlay=overlay, desired=tuple(desired), images=by_tag)
+    return Planned(
+        plan=plan, found=found, assignment=placed, overlay=overlay, desired=tuple(desired), images=by_tag,
+        playbooks=theirs,
+    )  # fmt: skip
 
 
 def _look(
@@ -172,15 +187,11 @@ def choice_of(
     )
 
 
-def _desired(parts: Parts, vault: Vault) -> list[Resource]:
+def _desired(parts: Parts, theirs: Sequence[Playbook], vault: Vault) -> list[Resource]:
     """Give what should be true on all robots; only after rendering a secret gets its value."""
     per_host, blobs = contexts(parts)
-    texts = playbooks()
-    return [
-        with_value(resource, vault)
-        for host, context in per_host.items()
-        for resource in rendering.render(texts, host, context, modules=MODULES, blobs=blobs)
-    ]
+    every = rendering.render_all(playbooks(), theirs, per_host, modules=MODULES, blobs=blobs)
+    return [with_value(resource, vault) for resource in every]
 
 
 def make_removal(

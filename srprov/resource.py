@@ -32,6 +32,8 @@ class Condition(enum.Enum):
     STARTED = "started"
     HEALTHY = "healthy"
     COMPLETED = "completed"
+    AFTER = "after"
+    """Only the order: of playbooks that stand one after the other. What is needed so is no reason to act again."""
 
 
 def resource_id(host: str, module: str, name: str) -> str:

@@ -14,7 +14,7 @@ from srprov.controller import Planned
 from srprov.definitions.model import Definitions, Inventory
 from srprov.definitions.secretmodel import SecretSource
 from srprov.errors import StalePlan, UsageError
-from srprov.facts.gather import Readers, gather
+from srprov.facts.gather import Readers, gather, probe
 from srprov.facts.model import Found
 from srprov.modules.secret import with_value
 from srprov.planning import Plan
@@ -31,6 +31,8 @@ def to_file(planned: Planned, plan: Plan, definitions: Definitions) -> PlanFile:
     folder = definitions.experiment.folder
     files = {definitions.experiment.file, *definitions.containers}
     inputs = {os.path.relpath(path, folder): disk.read(path).decode("utf-8", "replace") for path in sorted(files)}
+    # as they were rendered: the record says what ran, not what lies there by now
+    inputs |= {os.path.relpath(one.file, folder): one.text for one in planned.playbooks}
     return PlanFile(
         plan=plan, fingerprints=fingerprints(plan, planned.found), inputs=inputs, made_by=srprov.__version__
     )
@@ -64,6 +66,7 @@ def check_file(saved: PlanFile, lab: Inventory, readers: Readers, *, vault: Vaul
         )
     part = dataclasses.replace(lab, hosts={name: lab.hosts[name] for name in sorted(saved.fingerprints)})
     found = gather(part, readers, sample=False, forks=forks)
+    found = probe(found, [step.want for step in saved.plan.steps if step.want], readers, forks=forks)
     now = fingerprints(saved.plan, found)
     moved = [
         f"{host}: {difference}"

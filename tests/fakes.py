@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -244,6 +245,7 @@ class FakeRobot:
             "files": dict(sorted(self.disk.files.items())),
             "modes": dict(sorted(self.disk.modes.items())),
             "trees": dict(sorted(self.disk.trees.items())),
+            "marks": sorted(self.disk.marks),
         }
 
     # -- the session ---------------------------------------------------------------------------------------------------
@@ -262,6 +264,9 @@ class FakeRobot:
             one = self.engine.containers.get(match[2])
             text = self.engine.behaviours.get(one.service, Behaviour()).log if one else ""
             return shell_reply("" if one else f"Error: No such container: {match[2]}", text)
+        if command.startswith("timeout -k 2 10 sh -c "):
+            words = shlex.split(command)
+            return Reply(status=0, out=f"{self.disk.command(words[4 : words.index('</dev/null')])}\n")
         answers = {
             **{probe.command: self._probe(probe.name) for probe in PROBES},
             SAMPLE.command: "",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import sys
 import time
 from collections.abc import Mapping
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from srprov.cli import options
+from srprov.cli.config import user_folder
 from srprov.cli.execute import Task, carry_out, confirm
 from srprov.cli.history import HISTORY, read_history
 from srprov.cli.output import err
@@ -24,6 +26,7 @@ from srprov.secret import Vault
 if TYPE_CHECKING:
     from srprov.controller import Wishes
     from srprov.definitions.model import Definitions
+    from srprov.definitions.playbookmodel import Playbook
     from srprov.planning.planfile import PlanFile
     from srprov.wire import Pulse
 
@@ -82,7 +85,7 @@ def apply(
     chosen = options.selected(inventory, limit, exclude, options.failed_robots(name, runs))
     wishes = Wishes(
         instance=instance, reassign=reassign, adopt=adopt, forks=forks, history=read_history(history),
-        reassign_unreachable=unreachable == "reassign",
+        reassign_unreachable=unreachable == "reassign", allow=frozenset(allow), playbooks=own_playbooks(saved),
     )  # fmt: skip
     failing = options.budget(max_fail, len(chosen))
     with options.open_lab(inventory, timeout, forks, locks=True, vault=vault) as lab:
@@ -108,13 +111,13 @@ def read_secrets(saved: PlanFile | None, definitions: Definitions | None, allow:
         RefusedError: The user did not allow it: an EDF could name any variable, file or program of the controller.
     """
     from srprov.definitions.secretvalues import resolve, used
-    from srprov.planning.policy import permissions
+    from srprov.planning.policy import ASKED_FIRST, permissions, require
     from srprov.saved import needed
 
     if definitions is not None and definitions.unsupported:
         return Vault()
     asked = permissions(definitions.experiment) if definitions else saved.plan.permissions if saved else ()
-    check_permissions([one for one in asked if one.kind == "secret"], allow)
+    require([one for one in asked if one.kind in ASKED_FIRST], allow)
     if saved:
         return resolve(needed(saved))
     assert definitions is not None
@@ -184,6 +187,21 @@ def saved_plan(file: str) -> PlanFile | None:
     return load(text, file) if is_plan(text) else None
 
 
+def own_playbooks(saved: object = None) -> tuple[Playbook, ...]:
+    """Give the playbooks of the user's own folder; a plan from a file was made with those of its time.
+
+    Raises:
+        DefinitionError: With everything that is wrong with them.
+    """
+    folder = user_folder(os.environ) / "playbooks"
+    if saved or not folder.is_dir():
+        return ()
+    from srprov.controller import playbooks
+    from srprov.definitions.playbook import from_folder
+
+    return from_folder(str(folder), playbooks())
+
+
 def refuse_without_terminal(yes: bool) -> None:
     """A question that nobody can answer is refused before anything is done."""
     if not yes and not sys.stdin.isatty():
@@ -201,13 +219,6 @@ def check_kinds(allow: tuple[str, ...]) -> None:
 
 def check_permissions(asked: Any, allow: tuple[str, ...]) -> None:  # noqa: ANN401 - tuple[Permission, ...], imported lazily
     """Refuse what the user did not allow."""
-    from srprov.planning.policy import refused
+    from srprov.planning.policy import require
 
-    missing = refused(asked, allow)
-    if missing:
-        kinds = sorted({one.kind for one in missing})
-        what = "; ".join(f"{one.service}: {one.kind} ({one.what})" for one in missing)
-        flags = " ".join(f"--allow {kind}" for kind in kinds)
-        raise RefusedError(
-            f"the experiment asks for more than its own containers: {what}", hint=f"if you trust it: {flags}"
-        )
+    require(asked, allow)

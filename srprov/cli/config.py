@@ -30,10 +30,10 @@ def default_map(verbs: Mapping[str, Any], folder: Path, environ: Mapping[str, st
     Raises:
         UsageError: A file that cannot be read as TOML, or a project's file that gives permission.
     """
-    home = Path(environ.get("XDG_CONFIG_HOME") or Path(environ.get("HOME", "/")) / ".config")
+    own = user_folder(environ) / "srprov.toml"
     defaults: dict[str, dict[str, Any]] = {verb: {} for verb in verbs}
     for path, table, trusted in (
-        (home / "srprov" / "srprov.toml", _read(home / "srprov" / "srprov.toml"), True),
+        (own, _read(own), True),
         (folder / "pyproject.toml", _tool(_read(folder / "pyproject.toml")), False),
         (folder / "srprov.toml", _read(folder / "srprov.toml"), False),
     ):
@@ -45,6 +45,11 @@ def default_map(verbs: Mapping[str, Any], folder: Path, environ: Mapping[str, st
             here = {**everywhere, **(section if isinstance(section, dict) else {})}
             chosen.update({_parameter(key): value for key, value in here.items()})
     return defaults
+
+
+def user_folder(environ: Mapping[str, str]) -> Path:
+    """Give the user's own folder for srprov: `~/.config/srprov`, or below XDG_CONFIG_HOME."""
+    return Path(environ.get("XDG_CONFIG_HOME") or Path(environ.get("HOME", "/")) / ".config") / "srprov"
 
 
 def _parameter(key: str) -> str:

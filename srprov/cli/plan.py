@@ -53,7 +53,7 @@ def plan(
     Exits with 0; with 2 when --detailed-exitcode is given and something would change; with 4 when a robot cannot be
     reached, unless --unreachable says otherwise.
     """
-    from srprov.cli.apply import check_kinds, read_secrets
+    from srprov.cli.apply import check_kinds, own_playbooks, read_secrets
     from srprov.controller import Wishes, make_plan
     from srprov.planning.markdown import plan_markdown
     from srprov.planning.plan import plan_json
@@ -67,7 +67,7 @@ def plan(
     chosen = options.selected(inventory, limit, exclude, last)
     wishes = Wishes(
         instance=instance, reassign=reassign, adopt=adopt, forks=forks, history=read_history(history),
-        reassign_unreachable=unreachable == "reassign",
+        reassign_unreachable=unreachable == "reassign", allow=frozenset(allow), playbooks=own_playbooks(),
     )  # fmt: skip
     with options.open_lab(inventory, timeout, forks) as lab, answers_only():
         planned = make_plan(definitions, inventory, lab.sessions.get, wishes, vault=vault)

@@ -12,7 +12,19 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
-from srprov.definitions import checks, container, merging, nodes, paths, relations, schema, secrets, service, yamlfile
+from srprov.definitions import (
+    checks,
+    container,
+    merging,
+    nodes,
+    paths,
+    playbook,
+    relations,
+    schema,
+    secrets,
+    service,
+    yamlfile,
+)
 from srprov.definitions.container import Container
 from srprov.definitions.model import Definitions, Experiment, NetworkWishes, Placement, Service, Weights
 from srprov.definitions.nodes import Findings, Map, Node, Scalar
@@ -47,6 +59,7 @@ def load(path: str, environ: Mapping[str, str]) -> Definitions:
             built = service.build(place, entries[name], containers.get(key), folder, environ, findings)
             services[name] = secrets.with_uses(built, entries[name], root, findings)
     sources = secrets.sources(root, folder, findings)
+    playbooks = playbook.from_experiment(root, folder, findings)
     checks.check(root, services, {name: containers.get(_cdf_key(entries[name])) for name in services}, findings)
     note_unsupported(root, unsupported)
     for one in containers.values():
@@ -54,7 +67,7 @@ def load(path: str, environ: Mapping[str, str]) -> Definitions:
     if findings.problems:
         raise DefinitionError(findings.problems)
     return Definitions(
-        experiment=replace(_experiment(root, path, services), secrets=sources),
+        experiment=replace(_experiment(root, path, services), secrets=sources, playbooks=playbooks),
         containers=MappingProxyType({key: one.definition for key, one in sorted(containers.items())}),
         unsupported=tuple(sorted(unsupported.problems)),
     )

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
+from srprov.definitions.playbookmodel import Playbook
 from srprov.definitions.secretmodel import SecretSource, SecretUse
 from srprov.errors import Location, Problem
 from srprov.secret import Secret
@@ -261,6 +262,8 @@ class Experiment:
     folder: str
     services: Mapping[str, Service]
     secrets: Mapping[str, SecretSource] = field(default_factory=lambda: MappingProxyType({}))
+    playbooks: tuple[Playbook, ...] = ()
+    """Those that come with the EDF, in its order."""
     same_robot: tuple[tuple[str, ...], ...] = ()
     different_robot: tuple[tuple[str, ...], ...] = ()
     """Groups of which no two services run on one robot."""

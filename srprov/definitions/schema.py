@@ -67,6 +67,7 @@ def _shadow(node: Node) -> Any:  # noqa: ANN401 - what jsonschema walks
 
 @cache
 def _validator(kind: str) -> Any:  # noqa: ANN401 - a class that jsonschema makes
+    """Give what holds a document to a schema, or with `name/part` to one of its definitions."""
     from jsonschema import Draft202012Validator, TypeChecker, validators
 
     from srprov.data import schema
@@ -86,7 +87,9 @@ def _validator(kind: str) -> Any:  # noqa: ANN401 - a class that jsonschema make
     extended: Any = validators.extend(  # type: ignore[no-untyped-call]  # jsonschema does not type it
         Draft202012Validator, validators=keywords, type_checker=TypeChecker(types)
     )
-    return extended(schema(kind))
+    name, _, part = kind.partition("/")
+    whole = schema(name)
+    return extended({"$ref": f"#/$defs/{part}", "$defs": whole["$defs"]} if part else whole)
 
 
 def _is_text(value: object) -> bool:
@@ -223,6 +226,9 @@ def _tell_keys(
         place = nodes.key_or_value(node, present[1])
         findings.add(place, f"'{present[0]}' and '{present[1]}' exclude each other", (*path, present[1]))
     elif isinstance(node, Map) and not _misspelt(node, keys, error.schema):
+        if says := error.schema.get(f"{error.validator}ErrorMessage"):
+            findings.add(_owner(root, path[len(prefix) :], node), says, path)
+            return
         word = "exactly one" if error.validator == "oneOf" else "one"
         findings.add(_owner(root, path[len(prefix) :], node), f"needs {word} of {', '.join(keys)}", path)
 

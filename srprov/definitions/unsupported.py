@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from srprov.definitions.nodes import Findings, Map, Node, Path, Scalar, Seq
 
-_TOP = ("parameters", "trials", "results", "playbooks")
+_TOP = ("parameters", "trials", "results")
 
 
 def note_unsupported(root: Map, findings: Findings) -> None:

@@ -7,6 +7,8 @@
 | act    | -                         | failed, with the command and what it said     |
 | after  | still a change            | failed: did not converge                      |
 | after  | it is right               | changed                                       |
+
+What only shows when it is asked for (a command) is looked at right before and right after its own act.
 """
 
 from __future__ import annotations
@@ -18,8 +20,8 @@ from dataclasses import dataclass, field
 from srprov.errors import TransportError
 from srprov.execution.outcome import Event, Listener, Outcome, StepResult
 from srprov.facts.model import Existing
-from srprov.facts.observe import observe_queries, parse_observed
-from srprov.modules import MODULES
+from srprov.facts.observe import observe_queries, parse_observed, parse_probed, probe_queries
+from srprov.modules import MODULES, PROBING
 from srprov.planning import Step
 from srprov.resource import Action, Change
 from srprov.wire import Command, EngineCall, Query, Reply, Session, sh
@@ -54,7 +56,8 @@ class Robot:
                 message = f"its state cannot be read: {why}"
                 raise TransportError(self.session.host, message, hint="is its Docker Engine up?")
         fresh = {(e.module, e.name): e for e in parse_observed(replies, wanted)}
-        kept = {key: e for key, e in (self.seen or {}).items() if key[0] not in kinds}
+        again = set(kinds) - set(PROBING)
+        kept = {key: e for key, e in (self.seen or {}).items() if key[0] not in again}
         self.seen = kept | fresh
 
     def act(self, step: Step) -> StepResult | None:
@@ -65,9 +68,11 @@ class Robot:
         """
         started = time.monotonic()
         self.listener(Event(kind="start", host=step.host, step=step))
+        self._probe(step)
         change = self._due(step)
         if change is None:
-            return StepResult(step=step, outcome=Outcome.UNCHANGED, message="somebody was faster")
+            why = "its check holds by now" if step.module in PROBING else "somebody was faster"
+            return StepResult(step=step, outcome=Outcome.UNCHANGED, message=why)
         if step.want is not None and MODULES[step.module].commands(step.want, change) != step.commands:
             message = f"the robot changed since the plan was made: now {change.cause}; plan again"
             return StepResult(step=step, outcome=Outcome.FAILED, message=message)
@@ -76,6 +81,11 @@ class Robot:
             if not reply.ok:
                 took = time.monotonic() - started
                 return StepResult(step=step, outcome=Outcome.FAILED, message=_failure(command, reply), duration_s=took)
+        self._probe(step)
+        if step.module in PROBING and (due := self._due(step)):
+            # what needs it must not begin, so it is not left to the end of the stretch
+            took, message = time.monotonic() - started, f"it ran, and did not converge: {due.cause}"
+            return StepResult(step=step, outcome=Outcome.FAILED, message=message, duration_s=took)
         if step.change.action is Action.DELETE and self.seen is not None:
             # a later step of this stretch makes the same thing anew: for it, it is gone
             self.seen.pop((step.module, step.name), None)
@@ -94,6 +104,13 @@ class Robot:
         if step.module == "container":
             message += last_words(self.session, step.name)
         return StepResult(step=step, outcome=Outcome.FAILED, message=message, duration_s=self.acted[step.number])
+
+    def _probe(self, step: Step) -> None:
+        """Look at what only shows when it is asked for: what ran before in this run may have changed it."""
+        if step.want is not None and step.module in PROBING:
+            replies = self.session.ask(probe_queries([step.want]))
+            seen = {(one.module, one.name): one for one in parse_probed(replies, [step.want])}
+            self.seen = (self.seen or {}) | seen
 
     def _due(self, step: Step) -> Change | None:
         seen = self.seen or {}

@@ -10,16 +10,18 @@ import concurrent.futures
 import dataclasses
 import json
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from srprov.definitions.model import Host, Inventory
 from srprov.errors import TransportError
 from srprov.facts.host import host_queries, parse_host
 from srprov.facts.model import Existing, Found, HostFacts
-from srprov.facts.observe import observe_queries, parse_observed
+from srprov.facts.observe import observe_queries, parse_observed, parse_probed, probe_queries
 from srprov.facts.untrusted import text
+from srprov.modules import PROBING
 from srprov.modules.module import STATE_ROOT
+from srprov.resource import Resource
 from srprov.wire import EngineQuery, Query, Reader, Reply
 
 _PLACEMENTS = Query(command=f'for f in {STATE_ROOT}/*/placement.json; do test -f "$f" && cat "$f" && echo; done; :')
@@ -68,6 +70,31 @@ def gather(lab: Inventory, readers: Readers, *, sample: bool, forks: int = 64, o
             del existing[name]
             unreachable[name] = f"its Docker Engine does not answer: {reason}\n  start it there, or restart the robot"
     return Found(facts=facts, existing=existing, placements=records, unreachable=unreachable)
+
+
+def probe(found: Found, wants: Iterable[Resource], readers: Readers, *, forks: int = 64) -> Found:
+    """Give what was found together with what only shows when a wanted resource is asked for; one round trip per robot.
+
+    A robot that fails meanwhile is noted as unreachable; what it said before stays.
+    """
+    asked: dict[str, list[Resource]] = {}
+    for want in wants:
+        if want.module in PROBING and want.host in found.facts:
+            asked.setdefault(want.host, []).append(want)
+    if not asked:
+        return found
+    existing, unreachable = dict(found.existing), dict(found.unreachable)
+    with concurrent.futures.ThreadPoolExecutor(max(1, min(forks, len(asked)))) as pool:
+        futures = {
+            host: pool.submit(lambda host=host, mine=mine: readers(host).ask(probe_queries(mine)))  # type: ignore[misc]
+            for host, mine in asked.items()
+        }
+    for host, future in sorted(futures.items()):
+        try:
+            existing[host] = (*existing[host], *parse_probed(future.result(), asked[host]))
+        except TransportError as error:
+            unreachable[host] = error.message + (f"\n  {error.hint}" if error.hint else "")
+    return dataclasses.replace(found, existing=existing, unreachable=unreachable)
 
 
 def _holds_services(robot: str, records: Mapping[str, Mapping[str, Any]]) -> bool:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from srprov.facts.model import Existing
-from srprov.modules import MODULES
+from srprov.modules import MODULES, PROBING
+from srprov.resource import Resource
 from srprov.wire import AnyQuery, Reader, Reply
 
 
@@ -33,3 +34,20 @@ def observe(reader: Reader, kinds: Iterable[str] = tuple(MODULES)) -> tuple[Exis
     """
     wanted = tuple(kinds)
     return parse_observed(reader.ask(observe_queries(wanted)), wanted)
+
+
+def probe_queries(wants: Iterable[Resource]) -> tuple[AnyQuery, ...]:
+    """Give what to ask for those of the wanted resources that do not show by themselves."""
+    return tuple(query for want in wants if want.module in PROBING for query in PROBING[want.module].probes(want))
+
+
+def parse_probed(replies: Sequence[Reply], wants: Iterable[Resource]) -> tuple[Existing, ...]:
+    """Read the replies to `probe_queries(wants)`."""
+    found: list[Existing] = []
+    start = 0
+    for want in wants:
+        if want.module in PROBING:
+            count = len(PROBING[want.module].probes(want))
+            found.append(PROBING[want.module].probed(want, replies[start : start + count]))
+            start += count
+    return tuple(found)

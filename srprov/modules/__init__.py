@@ -5,10 +5,11 @@
 
 from __future__ import annotations
 
+from srprov.modules.command import CommandModule
 from srprov.modules.container import ContainerModule
 from srprov.modules.file import FileModule
 from srprov.modules.image import ImageModule
-from srprov.modules.module import Module
+from srprov.modules.module import Module, Probing
 from srprov.modules.network import NetworkModule
 from srprov.modules.secret import SecretModule
 from srprov.modules.tree import TreeModule
@@ -23,8 +24,11 @@ _ALL: tuple[Module, ...] = (
     TreeModule(),
     SecretModule(),
     VolumeModule(),
+    CommandModule(),
     ContainerModule(),
 )
 
 MODULES: dict[str, Module] = {module.kind: module for module in _ALL}
+PROBING: dict[str, Probing] = {module.kind: module for module in _ALL if isinstance(module, Probing)}
+"""Kinds whose resources only show to who knows the wish."""
 RANK: dict[str, int] = {module.kind: rank for rank, module in enumerate(_ALL)}

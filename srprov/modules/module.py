@@ -13,11 +13,11 @@ import hashlib
 import json
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from srprov.facts.model import Existing
 from srprov.resource import Change, Resource, State
-from srprov.wire import AnyQuery, Command, Reply
+from srprov.wire import AnyQuery, Command, Query, Reply
 
 INSTANCE = "srprov.instance"
 SERVICE = "srprov.service"
@@ -55,6 +55,19 @@ class Module(Protocol):
 
     def removal(self, found: Existing, /) -> tuple[Command, ...]:
         """Say what takes it away."""
+        ...
+
+
+@runtime_checkable
+class Probing(Protocol):
+    """A kind whose resources cannot be found by looking around, only by asking for one that is wanted."""
+
+    def probes(self, want: Resource, /) -> tuple[Query, ...]:
+        """Say what to ask to see whether this one is right."""
+        ...
+
+    def probed(self, want: Resource, replies: Sequence[Reply], /) -> Existing:
+        """Read the replies to `probes`; owned by nobody, so that nothing is ever removed for it."""
         ...
 
 

@@ -10,16 +10,18 @@ Touches nothing. Equal inputs, in any order, give the same steps.
 
 from __future__ import annotations
 
+import dataclasses
 import heapq
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from srprov.errors import PlanError
 from srprov.facts.model import Existing
-from srprov.modules import MODULES, RANK
+from srprov.modules import PROBING
+from srprov.planning.draft import Draft, checked, draft_of, removal_of
 from srprov.planning.plan import Step
+from srprov.planning.rebuild import rebuild_on_lost_networks, rebuild_on_replaced_networks
 from srprov.resource import Action, Change, Condition, Need, Resource, resource_id
-from srprov.wire import Command
 
 Found = Mapping[str, Sequence[Existing]]
 """Robot -> everything of ours there, of every instance."""
@@ -32,31 +34,6 @@ class Removal:
     volumes: bool = False
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class _Draft:
-    """A step before it has a number."""
-
-    host: str
-    module: str
-    name: str
-    change: Change
-    commands: tuple[Command, ...]
-    want: Resource | None = None
-    found: Existing | None = None
-
-    @property
-    def key(self) -> tuple[str, int, int, str]:
-        """Place in the order, and identity: at most one removal and one other step per resource."""
-        removes = self.change.action is Action.DELETE
-        rank = len(RANK) - RANK[self.module] if removes else RANK[self.module]
-        return (self.host, 0 if removes else 1, rank, self.name)
-
-    @property
-    def id(self) -> str:
-        """The resource's address."""
-        return resource_id(self.host, self.module, self.name)
-
-
 def diff(desired: Iterable[Resource], found: Found, instance: str) -> tuple[tuple[Step, ...], int]:
     """Give the steps that make `desired` true, and the number of resources that are right already.
 
@@ -64,32 +41,58 @@ def diff(desired: Iterable[Resource], found: Found, instance: str) -> tuple[tupl
         PlanError: Two resources with one id, or needs that form a circle.
     """
     wanted = _by_id(desired)
-    drafts: list[_Draft] = []
+    drafts: list[Draft] = []
     unchanged = 0
     there = {(host, item.module, item.name): item for host, items in found.items() for item in items}
     for resource in wanted.values():
         item = there.get((resource.host, resource.module, resource.name))
-        change = MODULES[resource.module].check(resource, item.state if item else None)
+        change = checked(resource, item)
         if change is None:
             unchanged += 1
         else:
-            drafts.append(_draft(resource, change))
+            drafts.append(draft_of(resource, change))
     orphans = _orphans(wanted, found, instance)
-    drafts, taken = _rebuild_on_replaced_networks(drafts, orphans, wanted, there)
+    drafts, taken = rebuild_on_replaced_networks(drafts, orphans, wanted, there)
     unchanged -= taken
-    drafts = _rebuild_on_lost_networks(drafts, there) + orphans
-    return _in_order(drafts, wanted), unchanged
+    drafts = rebuild_on_lost_networks(drafts, there) + orphans
+    drafts += (again := _asked_again(drafts, wanted, there))
+    return _in_order(drafts, wanted), unchanged - len(again)
+
+
+def _asked_again(
+    drafts: Sequence[Draft], wanted: Mapping[str, Resource], there: Mapping[tuple[str, str, str], Existing]
+) -> list[Draft]:
+    """Give steps for commands whose check holds now, but which need something that this plan changes.
+
+    The check is asked again right before the command; without the step, the next plan would find it to be due.
+    """
+    changing = {draft.id: draft for draft in drafts}
+    again = []
+    solid = {key: dataclasses.replace(one, needs=_without_order(one.needs)) for key, one in wanted.items()}
+    for resource in wanted.values():
+        if resource.module not in PROBING or resource.id in changing:
+            continue
+        if reached := sorted(_reached(solid[resource.id].needs, solid, changing)):
+            item = there.get((resource.host, resource.module, resource.name))
+            cause = f"asked again after {', '.join(reached)}, which it needs"
+            change = Change(action=Action.RUN, cause=cause, before=item.state if item else None)
+            again.append(draft_of(resource, change))
+    return again
 
 
 def removal_plan(found: Found, instance: str, removal: Removal) -> tuple[Step, ...]:
     """Give the steps that remove all of an instance; volumes only when `removal` says so."""
     drafts = [
-        _remove(host, item, "destroy", destructive=item.module == "volume")
+        removal_of(host, item, "destroy", destructive=item.module == "volume")
         for host, items in found.items()
         for item in items
         if item.instance == instance and (item.module != "volume" or removal.volumes)
     ]
     return _in_order(drafts, {})
+
+
+def _without_order(needs: Iterable[Need]) -> tuple[Need, ...]:
+    return tuple(need for need in needs if need.condition != Condition.AFTER.value)
 
 
 def _by_id(desired: Iterable[Resource]) -> dict[str, Resource]:
@@ -101,20 +104,7 @@ def _by_id(desired: Iterable[Resource]) -> dict[str, Resource]:
     return wanted
 
 
-def _draft(resource: Resource, change: Change) -> _Draft:
-    commands = MODULES[resource.module].commands(resource, change)
-    return _Draft(
-        host=resource.host, module=resource.module, name=resource.name, change=change, commands=commands, want=resource
-    )
-
-
-def _remove(host: str, item: Existing, cause: str, *, destructive: bool = False) -> _Draft:
-    change = Change(action=Action.DELETE, cause=cause, destructive=destructive, before=item.state)
-    commands = MODULES[item.module].removal(item)
-    return _Draft(host=host, module=item.module, name=item.name, change=change, commands=commands, found=item)
-
-
-def _orphans(wanted: Mapping[str, Resource], found: Found, instance: str) -> list[_Draft]:
+def _orphans(wanted: Mapping[str, Resource], found: Found, instance: str) -> list[Draft]:
     homes = {r.params["service"]: r.host for r in wanted.values() if r.module == "container"}
     busy = {r.host for r in wanted.values() if r.module == "container"}
     drafts = []
@@ -122,7 +112,7 @@ def _orphans(wanted: Mapping[str, Resource], found: Found, instance: str) -> lis
         for item in items:
             ours = item.instance == instance and item.module not in ("volume", "image")
             if ours and resource_id(host, item.module, item.name) not in wanted:
-                drafts.append(_remove(host, item, _orphan_cause(item, homes, host in busy)))
+                drafts.append(removal_of(host, item, _orphan_cause(item, homes, host in busy)))
     return drafts
 
 
@@ -133,71 +123,7 @@ def _orphan_cause(item: Existing, homes: Mapping[str, str], busy: bool) -> str:
     return "no longer needed" if busy else "no service of the experiment here any more"
 
 
-def _rebuild_on_replaced_networks(
-    drafts: list[_Draft],
-    orphans: Sequence[_Draft],
-    wanted: Mapping[str, Resource],
-    there: Mapping[tuple[str, str, str], Existing],
-) -> tuple[list[_Draft], int]:
-    """Docker cannot change or remove a network that is in use: what stands on it goes before, and comes back after.
-
-    Returns the drafts, and how many resources that counted as unchanged are now rebuilt.
-    """
-    replaced = {d.id: d.name for d in drafts if d.module == "network" and d.change.action is Action.REPLACE}
-    leaving = {(d.host, d.name) for d in (*drafts, *orphans) if d.module == "network" and d.change.before is not None}
-    causes = {draft.id: draft.change.cause for draft in drafts}
-    taken = 0
-    for resource in wanted.values():
-        base = next((replaced[need.id] for need in resource.needs if need.id in replaced), None)
-        item = there.get((resource.host, resource.module, resource.name))
-        if item is None:
-            continue
-        if base is not None:
-            cause = f"network {base} is replaced"
-        elif _stands_on(item, resource.host, leaving):
-            # it wants another network from now on, and still holds the old one
-            cause = causes.get(resource.id, "its network goes")
-        else:
-            continue
-        before = len(drafts)
-        drafts = [d for d in drafts if d.id != resource.id]
-        taken += before == len(drafts)
-        drafts += [_remove(resource.host, item, cause), _draft(resource, Change(action=Action.CREATE, cause=cause))]
-    return drafts, taken
-
-
-def _stands_on(item: Existing, host: str, networks: Collection[tuple[str, str]]) -> bool:
-    """Tell whether a container that was found is attached to one of some robots' networks."""
-    attached = item.state["addresses"] if item.module == "container" else ()
-    return any((host, name) in networks for name in attached)
-
-
-def _rebuild_on_lost_networks(drafts: Iterable[_Draft], there: Mapping[tuple[str, str, str], Existing]) -> list[_Draft]:
-    """Docker starts a stopped container on the very network that it was made on; without that it never starts again."""
-    rebuilt: list[_Draft] = []
-    for draft in drafts:
-        item = there.get((draft.host, draft.module, draft.name))
-        starts = draft.module == "container" and draft.change.action is Action.UPDATE
-        if draft.want is None or item is None or not starts or not _lost(draft.want, item, there):
-            rebuilt.append(draft)
-            continue
-        cause = f"{draft.change.cause}; its network was removed"
-        rebuilt += [_remove(draft.host, item, cause), _draft(draft.want, Change(action=Action.CREATE, cause=cause))]
-    return rebuilt
-
-
-def _lost(want: Resource, item: Existing, there: Mapping[tuple[str, str, str], Existing]) -> bool:
-    """Tell whether a container's end is on another network than the one that has its network's name now, or on none."""
-    if want.params["network"]["mode"] != "overlay":
-        return False
-    name = want.params["network"]["name"]
-    network = there.get((want.host, "network", name))
-    holds = item.state["network_ids"].get(name)
-    # one that was never started has no id yet: Docker looks its network up by name
-    return holds is None or (holds != "" and (network is None or holds != network.state["id"]))
-
-
-def _in_order(drafts: Sequence[_Draft], wanted: Mapping[str, Resource]) -> tuple[Step, ...]:
+def _in_order(drafts: Sequence[Draft], wanted: Mapping[str, Resource]) -> tuple[Step, ...]:
     by_key = {draft.key: draft for draft in drafts}
     if len(by_key) != len(drafts):
         raise PlanError("two steps for one resource")
@@ -226,7 +152,7 @@ def _in_order(drafts: Sequence[_Draft], wanted: Mapping[str, Resource]) -> tuple
 
 
 def _step(
-    draft: _Draft,
+    draft: Draft,
     numbers: Mapping[tuple[str, int, int, str], int],
     needs: Iterable[tuple[str, int, int, str]],
     wanted: Mapping[str, Resource],
@@ -254,7 +180,7 @@ def _waited_for(need: Need, wanted: Mapping[str, Resource]) -> bool:
 
 
 def _needs(
-    draft: _Draft, by_key: Mapping[tuple[str, int, int, str], _Draft], wanted: Mapping[str, Resource]
+    draft: Draft, by_key: Mapping[tuple[str, int, int, str], Draft], wanted: Mapping[str, Resource]
 ) -> set[tuple[str, int, int, str]]:
     removals = [d for d in by_key.values() if d.change.action is Action.DELETE and d.key != draft.key]
     if draft.want is None:

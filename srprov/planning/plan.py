@@ -60,6 +60,24 @@ class Permission:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class PlaybookUse:
+    """A playbook that is not srprov's own and was part of the plan."""
+
+    name: str
+    file: str
+    place: str
+    """`before` or `after` srprov's own, from the experiment; `added` or `replaces`, from the user's folder."""
+
+    @property
+    def how(self) -> str:
+        """Say in words what it does to srprov's own playbooks."""
+        if self.place in ("before", "after"):
+            return f"{self.place} srprov's own, from the experiment"
+        word = "replaces srprov's own" if self.place == "replaces" else "added"
+        return f"{word}, from {self.file}"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Plan:
     """All steps for one instance, numbered from 1 in an order that respects what they need."""
 
@@ -75,6 +93,7 @@ class Plan:
     permissions: tuple[Permission, ...] = ()
     secrets: tuple[SecretSource, ...] = ()
     """Where the values come from that services get; the values are nowhere in a plan."""
+    playbooks: tuple[PlaybookUse, ...] = ()
     notes: tuple[str, ...] = ()
     unreachable: Mapping[str, str] = field(default_factory=dict)
 
@@ -98,6 +117,7 @@ def plan_json(plan: Plan) -> dict[str, Any]:
         "cost": round(plan.cost, 6),
         "permissions": [{"kind": p.kind, "service": p.service, "what": p.what} for p in plan.permissions],
         "secrets": {source.name: secret_json(source) for source in plan.secrets},
+        "playbooks": [{"name": p.name, "file": p.file, "place": p.place} for p in plan.playbooks],
         "notes": list(plan.notes),
         "unreachable": dict(sorted(plan.unreachable.items())),
         "unchanged": plan.unchanged,

@@ -20,7 +20,7 @@ from srprov.definitions.secretmodel import SecretSource
 from srprov.errors import Location, UsageError
 from srprov.facts.model import Existing
 from srprov.planning.fingerprint import lasting
-from srprov.planning.plan import Permission, Plan, Step, command_json, plan_json, secret_json, step_json
+from srprov.planning.plan import Permission, Plan, PlaybookUse, Step, command_json, plan_json, secret_json, step_json
 from srprov.resource import Action, Change, Need, Resource
 from srprov.secret import Hidden
 from srprov.wire import Command, CopyImage, EngineCall, Put, Run
@@ -110,6 +110,7 @@ def _load(read: Mapping[str, Any], name: str) -> PlanFile:
         costs=read["costs"],
         permissions=tuple(Permission(**one) for one in read["permissions"]),
         secrets=tuple(_secret_in(name, one) for name, one in read["secrets"].items()),
+        playbooks=tuple(PlaybookUse(**one) for one in read.get("playbooks", ())),
         notes=tuple(read["notes"]),
         unreachable=read["unreachable"],
     )

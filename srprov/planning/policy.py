@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 
 from srprov.definitions.model import Experiment, Runtime, Service
+from srprov.errors import RefusedError
 from srprov.planning.plan import Permission
 
 KINDS = (
@@ -24,24 +25,48 @@ KINDS = (
     "sysctl",
     "security-opt",
     "secret",
+    "playbook",
 )
+ASKED_FIRST = ("secret", "playbook")
+"""Kinds that `plan` must not serve without permission either: to plan is to read, render or ask what they say."""
 _SOCKETS = ("/var/run/docker.sock", "/run/docker.sock")
 
 
 def permissions(experiment: Experiment) -> tuple[Permission, ...]:
-    """List what the experiment asks for, sorted by kind and service."""
+    """List what the experiment asks for, sorted by kind and service; playbooks last, in their order."""
     found = [one for service in experiment.services.values() for one in _of_service(service)]
     for service in experiment.services.values():
         for use in service.secrets:
             # whoever writes an EDF could name any variable, file or program of the controller
             what = f"{use.source}, from {experiment.secrets[use.source].origin}"
             found.append(Permission(kind="secret", service=service.name, what=what))
-    return tuple(sorted(found, key=lambda one: (KINDS.index(one.kind), one.service, one.what)))
+    listed = sorted(found, key=lambda one: (KINDS.index(one.kind), one.service, one.what))
+    for playbook in experiment.playbooks:
+        # a playbook may state anything, as root: no list of modules would make one from a stranger harmless
+        listed.append(Permission(kind="playbook", service=playbook.name, what="states anything on the robots, as root"))
+        for command in playbook.commands:
+            listed.append(Permission(kind="playbook", service=f"{playbook.name}:{command.line}", what=command.what))
+    return tuple(listed)
 
 
 def refused(asked: Collection[Permission], allowed: Collection[str]) -> tuple[Permission, ...]:
     """Give those that are not allowed; the word `all` allows every kind."""
     return () if "all" in allowed else tuple(one for one in asked if one.kind not in allowed)
+
+
+def require(asked: Collection[Permission], allowed: Collection[str]) -> None:
+    """Refuse what is not allowed.
+
+    Raises:
+        RefusedError: Names all of it, and the flags that would allow it.
+    """
+    missing = refused(asked, allowed)
+    if missing:
+        what = "; ".join(f"{one.service}: {one.kind} ({one.what})" for one in missing)
+        flags = " ".join(f"--allow {kind}" for kind in sorted({one.kind for one in missing}))
+        raise RefusedError(
+            f"the experiment asks for more than its own containers: {what}", hint=f"if you trust it: {flags}"
+        )
 
 
 def _of_service(service: Service) -> Iterator[Permission]:

@@ -47,6 +47,11 @@ def _lines(plan: Plan, commands: bool) -> Iterator[str]:
         yield "Secrets, read here and shown nowhere:"
         width = max(len(source.name) for source in plan.secrets)
         yield from (f"  {source.name:<{width}}  from {source.origin}" for source in plan.secrets)
+    if plan.playbooks:
+        yield ""
+        yield "Playbooks beside srprov's own:"
+        width = max(len(playbook.name) for playbook in plan.playbooks)
+        yield from (f"  {playbook.name:<{width}}  {playbook.how}" for playbook in plan.playbooks)
     if plan.assignment:
         yield ""
         yield from _assignment(plan)

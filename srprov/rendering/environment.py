@@ -17,7 +17,7 @@ from jinja2.sandbox import ImmutableSandboxedEnvironment
 
 from srprov.errors import RenderError
 
-_TAG = "!json"
+TAG = "!json"
 """Of a substitution in the rendered text: JSON in one quoted scalar, since not all JSON means the same in YAML 1.1."""
 _VALUE_OPENERS = ("", ":", "-", "[", ",", "{")
 _VALUE_CLOSERS = ("", "]", ",", "}", "#")
@@ -28,7 +28,7 @@ def _finalize(value: object) -> str:
     if isinstance(value, Undefined):
         return str(value)
     text = json.dumps(value, ensure_ascii=True, sort_keys=True, default=_no_json)
-    return f"{_TAG} {json.dumps(text)}"
+    return f"{TAG} {json.dumps(text)}"
 
 
 def _no_json(value: object) -> str:
@@ -43,13 +43,13 @@ class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mi
 
     def construct_scalar(self, node: yaml.ScalarNode) -> Any:  # noqa: ANN401 - as yaml has it
         """Give the text of a scalar that the author wrote."""
-        if f'{_TAG} "' in str(node.value):
+        if f'{TAG} "' in str(node.value):
             problem = "a substitution must be a whole YAML value"
             raise yaml.constructor.ConstructorError(None, None, problem, node.start_mark)
         return super().construct_scalar(node)
 
 
-_Loader.add_constructor(_TAG, lambda _loader, node: json.loads(node.value))
+_Loader.add_constructor(TAG, lambda _loader, node: json.loads(node.value))
 
 
 def load(text: str) -> Any:  # noqa: ANN401 - whatever the playbook says

@@ -1,0 +1,230 @@
+"""A user's playbook -> Playbook: read, and checked as far as that is possible without a robot.
+
+Takes the EDF's `playbooks`, or a folder; gives `Playbook`s, and problems with file, line and column. Touches files, for
+reading. Jinja2 says what is wrong with the template; then its skeletons are read as YAML and held to
+`schemas/playbook.schema.json`, where a substitution may stand for anything. What it renders to is held to the same
+schema once more, by `check_item`.
+"""
+
+from __future__ import annotations
+
+import glob
+import os
+import re
+from collections.abc import Collection, Iterator
+from dataclasses import replace
+
+from srprov.data import schema as shipped_schema
+from srprov.definitions import nodes, paths, schema, template, yamlfile
+from srprov.definitions.nodes import Findings, Map, Node, Path, Scalar, Seq, Source
+from srprov.definitions.playbookmodel import ADDED, AFTER, BEFORE, REPLACES, Playbook, PlaybookCommand
+from srprov.definitions.template import HOLE, MARK
+from srprov.errors import DefinitionError, Problem
+
+VARIABLES = (
+    "api", "files", "folder", "host", "images", "instance", "overlay", "robot", "secrets", "services", "source",
+    "trees", "volumes",
+)  # fmt: skip
+"""What a playbook is rendered with; docs/playbooks.md says what each holds."""
+
+
+def from_experiment(root: Map, folder: str, findings: Findings) -> tuple[Playbook, ...]:
+    """Read the playbooks that an EDF names; what is wrong with them or with their paths is added to the findings."""
+    given = root.entries.get("playbooks")
+    found: dict[str, Playbook] = {}
+    for place in (BEFORE, AFTER):
+        listed = given.entries.get(place) if isinstance(given, Map) else None
+        for index, item in enumerate(listed.items if isinstance(listed, Seq) else ()):
+            path: Path = ("playbooks", place, index)
+            if not isinstance(item, Scalar) or findings.broken(path):
+                continue
+            file = paths.resolve(item, folder, findings, path)
+            if file and (file in found or not os.path.isfile(file)):
+                what = "stands here twice" if file in found else "is a folder, not a playbook"
+                findings.add(item, f"'{item.text}' {what}", path)
+            elif file:
+                shown = paths.shown_beside(item.source.file, item.text)
+                try:
+                    found[file] = read(file, shown, os.path.normpath(item.text), place)
+                except DefinitionError as error:
+                    findings.extend(error.problems)
+    return tuple(found.values())
+
+
+def from_folder(folder: str, ours: Collection[str]) -> tuple[Playbook, ...]:
+    """Read the user's own playbooks; one that is named like one of `ours` takes its place.
+
+    Raises:
+        DefinitionError: With everything that is wrong with any of them.
+    """
+    found: list[Playbook] = []
+    problems: list[Problem] = []
+    for file in sorted(glob.glob(os.path.join(glob.escape(folder), "*.yml"))):
+        name = os.path.basename(file)
+        try:
+            found.append(read(file, file, name, REPLACES if name in ours else ADDED))
+        except DefinitionError as error:
+            problems.extend(error.problems)
+    if problems:
+        raise DefinitionError(problems)
+    return tuple(found)
+
+
+def read(file: str, shown: str, name: str, place: str) -> Playbook:
+    """Read one playbook; `shown` is what problems call it.
+
+    Raises:
+        DefinitionError: With everything that is wrong with it.
+    """
+    text = yamlfile.read_text(file, shown).replace("\r\n", "\n").replace("\r", "\n")
+    source = Source(shown, tuple(text.split("\n")))
+    findings = Findings()
+    if not _check_template(text, source, findings):
+        raise DefinitionError(findings.problems)
+    keys: set[tuple[int, int]] = set()
+    commands: dict[int, PlaybookCommand] = {}
+    holes = _holes(text)
+    for skeleton in template.skeletons(text):
+        for item in _items(skeleton, source, holes, findings):
+            keys |= {(key.line, key.column) for key in item.keys.values() if key.text != "<<"}
+            if next(iter(item.entries), "") == "command":
+                commands[item.line] = PlaybookCommand(line=item.line, what=_told(item, holes))
+    if findings.problems:
+        raise DefinitionError(findings.problems)
+    return Playbook(
+        name=name, file=os.path.abspath(file), source=source, place=place, text=text,
+        marked=template.marked(text, iter(keys)), commands=tuple(commands[line] for line in sorted(commands)),
+    )  # fmt: skip
+
+
+def _check_template(text: str, source: Source, findings: Findings) -> bool:
+    """Add what Jinja2 refuses, blocks that a playbook has no use for, and unknown names; tell if it can be read on."""
+    from jinja2 import TemplateSyntaxError, meta
+    from jinja2 import nodes as syntax
+    from jinja2.sandbox import ImmutableSandboxedEnvironment
+
+    for number, line in enumerate(source.lines, 1):
+        if (column := min((line.find(one) for one in (HOLE, MARK) if one in line), default=-1)) >= 0:
+            findings.add(Scalar(source, number, column + 1, ""), "holds a character that srprov keeps for itself")
+    for part in template.pieces(text):
+        if part.kind == "block" and part.word not in template.BLOCKS:
+            place = _scalar(text, part.start, source)
+            hint = f"known: {', '.join(template.BLOCKS)}"
+            findings.add(place, f"a playbook knows no block '{part.word[:40]}'", (), hint)
+    if findings.problems:
+        return False
+    env = ImmutableSandboxedEnvironment()
+    try:
+        env.from_string(text)
+        tree = env.parse(text)
+    except TemplateSyntaxError as error:
+        findings.add(Scalar(source, error.lineno, 1, ""), f"is no Jinja2 template: {error.message}")
+        return False
+    for name in sorted(meta.find_undeclared_variables(tree) - {*VARIABLES, *env.globals}):
+        for one in tree.find_all(syntax.Name):
+            if one.name == name:
+                match = re.search(rf"\b{re.escape(name)}\b", source.excerpt(one.lineno))
+                place = Scalar(source, one.lineno, match.start() + 1 if match else 1, "")
+                hint = schema.did_you_mean(name, VARIABLES) or f"known: {', '.join(VARIABLES)}"
+                findings.add(place, f"there is no variable '{name[:60]}'", (), hint)
+    return True
+
+
+def _scalar(text: str, offset: int, source: Source) -> Scalar:
+    line_start = text.rfind("\n", 0, offset) + 1
+    return Scalar(source, text.count("\n", 0, offset) + 1, offset - line_start + 1, "")
+
+
+def _holes(text: str) -> dict[tuple[int, int], str]:
+    """Give the substitutions as they are written, by line and column."""
+    found = {}
+    for part in template.pieces(text):
+        if part.kind == "value":
+            place = _scalar(text, part.start, Source(""))
+            found[(place.line, place.column)] = text[part.start : part.end]
+    return found
+
+
+def _items(skeleton: str, source: Source, holes: Collection[tuple[int, int]], findings: Findings) -> Iterator[Map]:
+    """Give the items of a skeleton that are maps; everything that is wrong is added."""
+    try:
+        root = yamlfile.parse(skeleton, source.file)
+    except DefinitionError as error:
+        findings.extend(replace(one, excerpt=source.excerpt(one.location.line)) for one in error.problems)
+        return
+    if root is None:
+        return
+    root = _placed(root, source)
+    if not isinstance(root, Seq):
+        findings.add(root, f"a playbook is a list of resources, not {nodes.kind(root)}")
+        return
+    for index, item in enumerate(root.items):
+        _check_holes(item, (index,), findings)
+        found = Findings()
+        check_item(item, found, (index,))
+        findings.extend(one for one in found.problems if (one.location.line, one.location.column) not in holes)
+        if isinstance(item, Map):
+            yield item
+        elif (item.line, item.column) in holes:
+            findings.add(item, "an item is a map whose first key names its module, and is not substituted", (index,))
+
+
+def _placed(node: Node, source: Source) -> Node:
+    """Give the node with the template's lines for its excerpts, not the skeleton's."""
+    if isinstance(node, Map):
+        entries = {key: _placed(value, source) for key, value in node.entries.items()}
+        keys = {key: replace(one, source=source) for key, one in node.keys.items()}
+        return replace(node, source=source, entries=entries, keys=keys)
+    if isinstance(node, Seq):
+        return replace(node, source=source, items=tuple(_placed(item, source) for item in node.items))
+    return replace(node, source=source)
+
+
+def _check_holes(node: Node, path: Path, findings: Findings) -> None:
+    """Add every substitution that is only a part of a value, or of a key: its type would be lost."""
+    hint = 'write the parts as one expression, e.g. {{ "ros-" ~ host }}'
+    if isinstance(node, Scalar) and HOLE in node.text and (node.text != HOLE or not node.plain):
+        findings.add(node, "a substitution must be a whole YAML value", path, hint)
+    for index, item in enumerate(node.items if isinstance(node, Seq) else ()):
+        _check_holes(item, (*path, index), findings)
+    if not isinstance(node, Map):
+        return
+    for key, value in node.entries.items():
+        if HOLE in key:
+            findings.add(node.keys.get(key, node), "a key cannot be substituted", path)
+        _check_holes(value, (*path, key.replace(HOLE, "")), findings)
+
+
+def modules() -> tuple[str, ...]:
+    """Name the modules that an item may begin with, in name order."""
+    return tuple(sorted(shipped_schema("playbook")["$defs"]))
+
+
+def check_item(item: Node, findings: Findings, path: Path = ()) -> None:
+    """Add every way in which one item of a playbook is not a resource of its module."""
+    if not isinstance(item, Map) or not item.entries:
+        findings.add(item, f"an item is a map whose first key names its module, not {nodes.kind(item)}", path)
+        return
+    kind = next(iter(item.entries))
+    if kind not in modules():
+        later = next((key for key in item.entries if key in modules()), "")
+        known = f"known: {', '.join(modules())}"
+        hint = f"put '{later}' first" if later else schema.did_you_mean(kind, modules()) or known
+        findings.add(item.keys.get(kind, item), f"there is no module '{kind[:60]}'", (*path, kind), hint)
+        return
+    schema.check_tags(item, findings, frozenset(), path)
+    schema.check(item, f"playbook/{kind}", findings, path)
+
+
+def _told(item: Map, holes: dict[tuple[int, int], str]) -> str:
+    """Say what a `command` runs and how it is checked, as it is written."""
+
+    def words(node: Node | None) -> str:
+        if isinstance(node, Seq):
+            return " ".join(words(one) for one in node.items)
+        written = holes.get((node.line, node.column), node.text) if isinstance(node, Scalar) else ""
+        return " ".join(written.split())
+
+    get = item.entries.get
+    told = f"runs: {words(get('argv')) or words(get('shell'))}"
+    return told + (f"; its check, which plan runs too: {words(get('unless'))}" if "unless" in item.entries else "")

@@ -1,0 +1,144 @@
+"""All playbooks of one robot in their order: srprov's own, and what users added before, between and after them.
+
+Takes the playbooks that ship and those of users; gives the robot's resources. What a user added stands in order: it
+waits for all that comes before it, and all that comes after it waits for it. Touches nothing.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Collection, Iterable, Mapping
+from typing import Any
+
+from srprov.definitions.playbookmodel import ADDED, AFTER, BEFORE, REPLACES, Playbook
+from srprov.definitions.schema import did_you_mean
+from srprov.errors import DefinitionError, Location, Problem
+from srprov.rendering.environment import environment
+from srprov.rendering.render import render
+from srprov.rendering.user import render_user
+from srprov.resource import Condition, Need, Resource
+
+Entry = tuple[str, Playbook | None]
+"""A playbook's name, and the playbook itself unless it is srprov's own."""
+
+
+def arrange(ours: Collection[str], theirs: Iterable[Playbook]) -> tuple[Entry, ...]:
+    """Give all playbooks in order: those `before`, then ours and the user's by file name, then those `after`."""
+    every = list(theirs)
+    own = {one.base: one for one in every if one.place in (ADDED, REPLACES)}
+    middle = [(name, own.get(name)) for name in sorted({*ours, *own})]
+    first = [(one.name, one) for one in every if one.place == BEFORE]
+    return (*first, *middle, *((one.name, one) for one in every if one.place == AFTER))
+
+
+def render_all(
+    ours: Mapping[str, str],
+    theirs: Iterable[Playbook],
+    contexts: Mapping[str, Mapping[str, Any]],
+    *,
+    modules: Collection[str],
+    blobs: Mapping[str, bytes],
+) -> list[Resource]:
+    """Render all playbooks for all robots; what a user added only for robots that run a service.
+
+    Raises:
+        DefinitionError: With all that is wrong in users' playbooks, for any robot.
+        RenderError: One of srprov's own does not render.
+    """
+    entries = arrange(ours, theirs)
+    if not any(playbook for _, playbook in entries):
+        return [
+            one
+            for host, context in contexts.items()
+            for one in render(ours, host, context, modules=modules, blobs=blobs)
+        ]
+    found: list[Resource] = []
+    problems: dict[Problem, None] = {}
+    for host, context in contexts.items():
+        chain = _Chain(host)
+        for name, playbook in entries:
+            if playbook is None:
+                chain.add(render({name: ours[name]}, host, context, modules=modules, blobs=blobs))
+            elif playbook.place == REPLACES or context["services"]:
+                try:
+                    chain.add(render_user(environment(), playbook, context, blobs), playbook)
+                except DefinitionError as error:
+                    problems.update(dict.fromkeys(error.problems))
+        problems.update(dict.fromkeys(chain.finish()))
+        found += chain.resources.values()
+    if problems:
+        raise DefinitionError(list(problems))
+    return found
+
+
+class _Chain:
+    """One robot's resources as they come."""
+
+    def __init__(self, host: str) -> None:
+        self.host = host
+        self.resources: dict[str, Resource] = {}
+        self.problems: list[Problem] = []
+        self._last: tuple[Need, ...] = ()
+        """What the next resources wait for: those of the last playbook that a user added."""
+        self._since: list[str] = []
+        self._users: dict[str, Playbook] = {}
+        self._later: dict[str, set[str]] = {}
+        """Resource -> those that stood before its playbook was over."""
+
+    def add(self, some: Iterable[Resource], playbook: Playbook | None = None) -> None:
+        """Add the resources of one playbook, ours when none is given."""
+        standing = playbook is not None and playbook.place != REPLACES
+        waits = (*self._last, *(Need(one, Condition.AFTER.value) for one in self._since)) if standing else self._last
+        mine = []
+        for resource in some:
+            if resource.id in self.resources:
+                self._clash(resource, playbook)
+                continue
+            named = {need.id for need in resource.needs}
+            extra = tuple(need for need in waits if need.id not in named)
+            self.resources[resource.id] = dataclasses.replace(resource, needs=(*resource.needs, *extra))
+            mine.append(resource.id)
+            if playbook is not None:
+                self._users[resource.id] = playbook
+        for one in mine if standing else ():
+            self._later[one] = set(self.resources)
+        if standing and mine:
+            self._last, self._since = tuple(Need(one, Condition.AFTER.value) for one in mine), []
+        else:
+            self._since += mine
+
+    def finish(self) -> list[Problem]:
+        """Give what is wrong with the needs of users' resources, and resources that stand twice."""
+        for identity, playbook in self._users.items():
+            resource = self.resources[identity]
+            for need in resource.needs:
+                if need.id.split("/", 1)[0] != self.host or need.condition == Condition.AFTER.value:
+                    continue
+                if need.id not in self.resources:
+                    names = [one.split("/", 1)[1] for one in self.resources]
+                    hint = did_you_mean(need.id.split("/", 1)[1], names)
+                    self._tell(resource, playbook, f"needs {need.id}, which no playbook states", hint)
+                elif need.id not in self._later.get(identity, self.resources):
+                    hint = "put it into a playbook that comes after"
+                    self._tell(resource, playbook, f"needs {need.id}, which stands in a later playbook", hint)
+                elif need.condition != Condition.PRESENT.value and not _is_container(need.id):
+                    self._tell(resource, playbook, f"needs {need.id} {need.condition}, which only a container can be")
+        return self.problems
+
+    def _clash(self, resource: Resource, playbook: Playbook | None) -> None:
+        """Tell that a resource stands twice, at the user's: the one that is ours is where it belongs."""
+        first = self.resources[resource.id]
+        owner = playbook or self._users.get(resource.id)
+        assert owner is not None  # those of one of our playbooks were compared when it was rendered
+        told, other = (resource, first) if playbook else (first, resource)
+        message = f"{resource.module}:{resource.name} stands in {other.source} as well"
+        self._tell(told, owner, message, "give it another name")
+
+    def _tell(self, resource: Resource, playbook: Playbook, message: str, hint: str = "") -> None:
+        file, line, column = resource.source.rsplit(":", 2)
+        excerpt = playbook.source.excerpt(int(line))
+        self.problems.append(Problem(Location(file, int(line), int(column)), message, "", excerpt, hint))
+
+
+def _is_container(identity: str) -> bool:
+    return identity.split("/", 1)[1].startswith("container:")
