@@ -94,12 +94,7 @@ def make_plan(
         NoAssignment: There is no feasible placement.
         UsageError, RenderError, PlanError: as their rooms say.
     """
-    if definitions.unsupported:
-        raise DefinitionError(definitions.unsupported)
-    experiment = definitions.experiment
-    if unknown := unknown_pins(experiment, lab):
-        raise DefinitionError(unknown)
-    require([one for one in permissions(experiment) if one.kind == "playbook"], wishes.allow)
+    experiment = _possible(definitions, lab, wishes)
     instance, source = wishes.instance or experiment.name, source_of(experiment.file)
     phase("facts")
     experiment, found, previous = _look(experiment, instance, lab, readers, wishes)
@@ -139,11 +134,20 @@ def make_plan(
         unreachable=found.unreachable,
         playbooks=tuple(PlaybookUse(name=one.name, file=one.file, place=one.place) for one in theirs),
     )
-    by_tag = {image.tag: image for image in built.values()}
     return Planned(
-        plan=plan, found=found, assignment=placed, overlay=overlay, desired=tuple(desired), images=by_tag,
-        playbooks=theirs,
+        plan=plan, found=found, assignment=placed, overlay=overlay, desired=tuple(desired), playbooks=theirs,
+        images={image.tag: image for image in built.values()},
     )  # fmt: skip
+
+
+def _possible(definitions: Definitions, lab: Inventory, wishes: Wishes) -> Experiment:
+    """Give the experiment, or refuse, before any robot is asked, what cannot be planned or must not."""
+    if definitions.unsupported:
+        raise DefinitionError(definitions.unsupported)
+    if unknown := unknown_pins(definitions.experiment, lab):
+        raise DefinitionError(unknown)
+    require([one for one in permissions(definitions.experiment) if one.kind == "playbook"], wishes.allow)
+    return definitions.experiment
 
 
 def _look(
