@@ -19,13 +19,17 @@ from srprov.definitions import nodes, paths, schema, template, yamlfile
 from srprov.definitions.nodes import Findings, Map, Node, Path, Scalar, Seq, Source
 from srprov.definitions.playbookmodel import ADDED, AFTER, BEFORE, REPLACES, Playbook, PlaybookCommand
 from srprov.definitions.template import HOLE, MARK
-from srprov.errors import DefinitionError, Problem
+from srprov.errors import DefinitionError, Location, Problem
 
 VARIABLES = (
     "api", "files", "folder", "host", "images", "instance", "overlay", "robot", "secrets", "services", "source",
     "trees", "volumes",
 )  # fmt: skip
 """What a playbook is rendered with; docs/playbooks.md says what each holds."""
+
+
+MAX_LENGTH = 200_000
+"""Ours have a few hundred characters; checking takes time with the square of it."""
 
 
 def from_experiment(root: Map, folder: str, findings: Findings) -> tuple[Playbook, ...]:
@@ -79,6 +83,8 @@ def read(file: str, shown: str, name: str, place: str) -> Playbook:
     text = yamlfile.read_text(file, shown).replace("\r\n", "\n").replace("\r", "\n")
     source = Source(shown, tuple(text.split("\n")))
     findings = Findings()
+    if len(text) > MAX_LENGTH:
+        raise DefinitionError([Problem(Location(shown), f"is longer than {MAX_LENGTH} characters", hint="cut it up")])
     if not _check_template(text, source, findings):
         raise DefinitionError(findings.problems)
     keys: set[tuple[int, int]] = set()
@@ -99,7 +105,7 @@ def read(file: str, shown: str, name: str, place: str) -> Playbook:
 
 def _check_template(text: str, source: Source, findings: Findings) -> bool:
     """Add what Jinja2 refuses, blocks that a playbook has no use for, and unknown names; tell if it can be read on."""
-    from jinja2 import TemplateSyntaxError, meta
+    from jinja2 import TemplateSyntaxError
     from jinja2 import nodes as syntax
     from jinja2.sandbox import ImmutableSandboxedEnvironment
 
@@ -115,18 +121,28 @@ def _check_template(text: str, source: Source, findings: Findings) -> bool:
         return False
     env = ImmutableSandboxedEnvironment()
     try:
-        env.from_string(text)
+        # parsed, never compiled: the compiler computes constants, and `9**9**9` would keep it busy for ever
         tree = env.parse(text)
     except TemplateSyntaxError as error:
         findings.add(Scalar(source, error.lineno, 1, ""), f"is no Jinja2 template: {error.message}")
         return False
-    for name in sorted(meta.find_undeclared_variables(tree) - {*VARIABLES, *env.globals}):
-        for one in tree.find_all(syntax.Name):
-            if one.name == name:
-                match = re.search(rf"\b{re.escape(name)}\b", source.excerpt(one.lineno))
-                place = Scalar(source, one.lineno, match.start() + 1 if match else 1, "")
-                hint = schema.did_you_mean(name, VARIABLES) or f"known: {', '.join(VARIABLES)}"
-                findings.add(place, f"there is no variable '{name[:60]}'", (), hint)
+    except RecursionError:
+        findings.add(Scalar(source, 1, 1, ""), "is no Jinja2 template: its expressions are nested too deeply")
+        return False
+    names = list(tree.find_all(syntax.Name))
+    known = {*VARIABLES, *env.globals, *(one.name for one in names if one.ctx == "store"), "loop"}
+    used: list[tuple[str, int, str, Collection[str]]] = []
+    used += [("variable", one.lineno, one.name, VARIABLES) for one in names if one.name not in known]
+    used += [
+        ("filter", f.lineno, f.name, env.filters) for f in tree.find_all(syntax.Filter) if f.name not in env.filters
+    ]
+    used += [("test", t.lineno, t.name, env.tests) for t in tree.find_all(syntax.Test) if t.name not in env.tests]
+    for what, row, name, choices in used:
+        match = re.search(rf"\b{re.escape(name)}\b", source.excerpt(row))
+        hint = schema.did_you_mean(name, choices)
+        hint = hint or (f"known: {', '.join(VARIABLES)}" if what == "variable" else "")
+        place = Scalar(source, row, match.start() + 1 if match else 1, "")
+        findings.add(place, f"there is no {what} '{name[:60]}'", (), hint)
     return True
 
 

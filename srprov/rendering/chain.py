@@ -1,7 +1,7 @@
 """All playbooks of one robot in their order: srprov's own, and what users added before, between and after them.
 
-Takes the playbooks that ship and those of users; gives the robot's resources. What a user added stands in order: it
-waits for all that comes before it, and all that comes after it waits for it. Touches nothing.
+Takes the playbooks that ship and those of users; gives the robot's resources. What a user added stands in order, item
+by item: each waits for all that comes before it, and all that comes after it waits for it. Touches nothing.
 """
 
 from __future__ import annotations
@@ -78,34 +78,32 @@ class _Chain:
         self.host = host
         self.resources: dict[str, Resource] = {}
         self.problems: list[Problem] = []
-        self._last: tuple[Need, ...] = ()
-        """What the next resources wait for: those of the last playbook that a user added."""
+        self._last: list[str] = []
+        """What all that comes now waits for: the last resource that a user added."""
         self._since: list[str] = []
+        """Those of ours that came since then; the next one that a user added waits for all of them."""
         self._users: dict[str, Playbook] = {}
-        self._later: dict[str, set[str]] = {}
-        """Resource -> those that stood before its playbook was over."""
+        self._earlier: dict[str, set[str]] = {}
+        """Resource that a user added -> those that stand before it."""
 
     def add(self, some: Iterable[Resource], playbook: Playbook | None = None) -> None:
         """Add the resources of one playbook, ours when none is given."""
         standing = playbook is not None and playbook.place != REPLACES
-        waits = (*self._last, *(Need(one, Condition.AFTER.value) for one in self._since)) if standing else self._last
-        mine = []
         for resource in some:
             if resource.id in self.resources:
                 self._clash(resource, playbook)
                 continue
             named = {need.id for need in resource.needs}
-            extra = tuple(need for need in waits if need.id not in named)
-            self.resources[resource.id] = dataclasses.replace(resource, needs=(*resource.needs, *extra))
-            mine.append(resource.id)
+            waits = (*self._last, *self._since) if standing else self._last
+            order = tuple(Need(one, Condition.AFTER.value) for one in waits if one not in named)
+            if standing:
+                self._earlier[resource.id] = set(self.resources)
+                self._last, self._since = [resource.id], []
+            else:
+                self._since.append(resource.id)
+            self.resources[resource.id] = dataclasses.replace(resource, needs=(*resource.needs, *order))
             if playbook is not None:
                 self._users[resource.id] = playbook
-        for one in mine if standing else ():
-            self._later[one] = set(self.resources)
-        if standing and mine:
-            self._last, self._since = tuple(Need(one, Condition.AFTER.value) for one in mine), []
-        else:
-            self._since += mine
 
     def finish(self) -> list[Problem]:
         """Give what is wrong with the needs of users' resources, and resources that stand twice."""
@@ -118,9 +116,9 @@ class _Chain:
                     names = [one.split("/", 1)[1] for one in self.resources]
                     hint = did_you_mean(need.id.split("/", 1)[1], names)
                     self._tell(resource, playbook, f"needs {need.id}, which no playbook states", hint)
-                elif need.id not in self._later.get(identity, self.resources):
-                    hint = "put it into a playbook that comes after"
-                    self._tell(resource, playbook, f"needs {need.id}, which stands in a later playbook", hint)
+                elif need.id not in self._earlier.get(identity, self.resources):
+                    hint = "a playbook is done from top to bottom; put this one behind it"
+                    self._tell(resource, playbook, f"needs {need.id}, which comes later", hint)
                 elif need.condition != Condition.PRESENT.value and not _is_container(need.id):
                     self._tell(resource, playbook, f"needs {need.id} {need.condition}, which only a container can be")
         return self.problems

@@ -11,11 +11,14 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from srprov.definitions.playbook import read
+from srprov.definitions.playbookmodel import ADDED, AFTER, BEFORE
 from srprov.planning import Plan
 from srprov.planning.text import plan_text
 from tests.fakes import World
@@ -105,6 +108,23 @@ def permissions() -> Plan:
     return plan_for(World().add("r1"), experiment(greedy))
 
 
+def playbooks() -> Plan:
+    """What the experiment's and the user's own playbooks add, with the exact commands."""
+    lines = {
+        BEFORE: "- command: driver\n  argv: [modprobe, uvcvideo]\n  unless: test -e /dev/video0\n",
+        AFTER: '- file: {{ folder ~ "/done" }}\n  content: x\n  needs: [{{ "container:srprov.hello.web" }}]\n',
+        ADDED: "- command: mark\n  shell: touch /opt/m\n  creates: /opt/m\n",
+    }
+    made = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for place, text in lines.items():
+            file = Path(folder) / f"{place}.yml"
+            file.write_text(text)
+            made[place] = dataclasses.replace(read(str(file), file.name, file.name, place), file=f"/p/{file.name}")
+    what = experiment(WEB, playbooks=(made[BEFORE], made[AFTER]))
+    return plan_for(World().add("r1"), what, allow=frozenset({"playbook"}), playbooks=(made[ADDED],))
+
+
 def unreachable() -> Plan:
     """A robot that cannot be reached keeps its service; the others are planned all the same."""
     world = applied()
@@ -120,7 +140,7 @@ def new_and_gone() -> Plan:
 
 SCENES: tuple[Callable[[], Plan], ...] = (
     fresh, nothing, move, removal, removal_with_volumes, network_replaced, drift, permissions, unreachable,
-    new_and_gone,
+    new_and_gone, playbooks,
 )  # fmt: skip
 
 

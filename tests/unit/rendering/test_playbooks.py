@@ -112,7 +112,7 @@ def test_before_stands_before_and_is_idempotent(write: Any) -> None:
     plan = plan_for(world, what, allow=ALLOW)
     first = [step.number for step in plan.steps if step.name in ("marker is there", "/var/lib/srprov/hello/motd")]
     ours = [step for step in plan.steps if step.host == "r1" and step.number not in first]
-    assert ours and all(set(first) <= set(step.needs) for step in ours)
+    assert first == [1, 2] and ours and all(2 in step.needs for step in ours)
     assert not [step for step in plan.steps if step.host == "r2" and step.module == "command"], "only a witness"
 
     assert run(world, plan).exit_code == 0
@@ -127,6 +127,21 @@ def test_before_stands_before_and_is_idempotent(write: Any) -> None:
     assert [(step.name, step.change.action) for step in drift.steps] == [("marker is there", Action.RUN)]
     assert run(world, drift).exit_code == 0
     assert plan_for(world, what, allow=ALLOW).empty
+
+
+def test_a_playbook_is_done_from_top_to_bottom(write: Any) -> None:
+    """Neither names nor kinds decide; what follows a failed item is not begun, and needs only look back."""
+    text = (
+        "- command: b\n  shell: exit 7\n  creates: /opt/b\n- command: a\n  argv: [touch, /opt/a]\n  creates: /opt/a\n"
+    )
+    text += '- file: {{ folder ~ "/x" }}\n  content: x\n'
+    world = World().add("r1")
+    plan = plan_for(world, with_playbooks(write(text)), allow=ALLOW)
+    assert [step.name for step in plan.steps][:3] == ["b", "a", "/var/lib/srprov/hello/x"]
+    result = run(world, plan)
+    assert {one.outcome for one in result.results[1:]} == {Outcome.SKIPPED}
+    ahead = text.replace("creates: /opt/b\n", "creates: /opt/b\n  needs: [command:a]\n")
+    assert told(world, with_playbooks(write(ahead)))[0].startswith("1:3 needs r1/command:a, which comes later")
 
 
 def test_after_waits_for_ours_and_added_ones_stand_by_name(write: Any) -> None:
@@ -260,7 +275,7 @@ WRONG = [  # `@` begins a command up to what its check is
     ),
     (
         "@b\n  needs: ['container:srprov.hello.a']\n",
-        "1:3 needs r1/container:srprov.hello.a, which stands in a later playbook (put it into a",
+        "1:3 needs r1/container:srprov.hello.a, which comes later (a playbook is done from top",
     ),
     ("@b\n@b\n", "4:3 command:x stands in p.yml:1"),
     ("- tree: {{ folder ~ '/trees/x' }}\n  blob: 'y'\n", "2:3 there is no such blob"),
@@ -274,6 +289,19 @@ def test_what_renders_to_something_wrong_is_told_at_its_place(write: Any, text: 
     (first, *more) = told(World().add("r1"), with_playbooks(write(whole)))
     assert first.startswith(said)
     assert not more
+
+
+def test_reading_a_playbook_computes_nothing(write: Any) -> None:
+    """A stranger's file is only looked at: what would take for ever, or too much, is not begun."""
+    text = "- file: x\n  content: {{ 9**9**9**9 }}\n  mode: {{ 'a' * 10**12 }}\n"
+    text += "{% for i in range(10**12) %}\n{% endfor %}\n"
+    assert write(text).commands == ()
+    with pytest.raises(DefinitionError) as caught:
+        write("- file: {{ " + "(" * 5000 + "1" + ")" * 5000 + " }}\n  content: x\n")
+    assert "nested too deeply" in caught.value.problems[0].message
+    with pytest.raises(DefinitionError) as caught:
+        write("{{ a }}" * 40_000)
+    assert "is longer than" in caught.value.problems[0].message
 
 
 def test_all_that_is_wrong_is_told_at_once(write: Any) -> None:
