@@ -93,7 +93,10 @@ UNREACHABLE = click.option(
     "or place their services elsewhere (reassign).",
 )
 ALLOW = click.option(
-    "--allow", multiple=True, metavar="KIND", help="Allow what the plan lists as asked for, e.g. host-network; or all."
+    "--allow",
+    multiple=True,
+    metavar="KIND",
+    help="Allow what the plan lists as asked for, e.g. host-network or playbook; or all.",
 )
 MAX_FAIL = click.option(
     "--max-fail",

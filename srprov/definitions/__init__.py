@@ -9,6 +9,7 @@ field means is in `schemas/` and in docs/definitions.md.
     paths, values, mounts  what a text stands for
     merging, runtime       one definition over another -> run-time part
     container, dockerfile  CDF        service, envfile, checks, unsupported, experiment, pins  EDF
+    template, playbook, playbookmodel  playbooks that users write
     secrets, secretmodel, secretvalues  where secrets come from, and what they are
     inventory, inifile, script, hostvars, ranges, patterns  the lab
 """

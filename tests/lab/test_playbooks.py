@@ -87,6 +87,7 @@ def test_a_playbook_is_done_once_mended_and_taken_away(trial: Trial) -> None:
     assert "! #1 command marker is there: its check exits with 1" in plan.out
     mended = trial.apply("--allow", "playbook")
     assert (mended.code, changed(mended.json)) == (0, STEPS), mended
+    assert trial.there(MARKER) == {MARKER}
     assert trial.lab.shell(ROBOT, "cat", MOTD).out == f"hello from {ROBOT}\n"
 
     trial.write({})

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from pathlib import Path
 from typing import Any
 
 import pytest
+from jsonschema import Draft202012Validator
 
 from srprov import controller
 from srprov.context import Parts
+from srprov.data import schema
 from srprov.definitions import playbook as reading
 from srprov.definitions.playbookmodel import ADDED, AFTER, BEFORE, REPLACES, Playbook
 from srprov.errors import DefinitionError, PlanError, RefusedError
@@ -328,6 +331,30 @@ def test_a_field_decides_the_type_of_what_is_written(write: Any) -> None:
     plan = plan_for(World().add("r1"), with_playbooks(write(text)), allow=ALLOW)
     params = next(step.want.params for step in plan.steps if step.want and step.name.endswith("/x"))
     assert params == {"content": "on", "mode": "0600", "in_place": True}
+
+
+def test_the_manuals_playbooks_work(write: Any) -> None:
+    """Each example in docs/playbooks.md can be planned as it stands there, and is true once applied."""
+    manual = (Path(__file__).parents[3] / "docs" / "playbooks.md").read_text(encoding="utf-8")
+    examples = re.findall(r"```yaml\n(.*?)```", manual, re.DOTALL)
+    assert len(examples) == 2
+    for text in examples:
+        world = World().add("r1")
+        plan = plan_for(world, with_playbooks(write(text)), allow=ALLOW)
+        assert "command" in {step.module for step in plan.steps}
+    assert all(f"`{name}`" in manual for name in reading.VARIABLES)
+
+
+def test_every_field_of_a_playbook_is_explained() -> None:
+    """For people, and for editors."""
+    whole = schema("playbook")
+    Draft202012Validator.check_schema(whole)
+    for kind, part in whole["$defs"].items():
+        assert part["description"] and next(iter(part["properties"])) == kind
+        for name, field in part["properties"].items():
+            assert field["description"] and field["examples"], f"{kind}.{name}"
+            for example in field["examples"]:
+                assert Draft202012Validator(field).is_valid(example), f"{kind}.{name}: {example}"
 
 
 def test_the_plan_shows_playbooks_that_are_not_ours(write: Any) -> None:
