@@ -13,7 +13,6 @@ from typing import Any
 from srprov.definitions.playbookmodel import ADDED, AFTER, BEFORE, REPLACES, Playbook
 from srprov.definitions.schema import did_you_mean
 from srprov.errors import DefinitionError, Location, Problem
-from srprov.rendering.environment import environment
 from srprov.rendering.render import render
 from srprov.rendering.user import render_user
 from srprov.resource import Condition, Need, Resource
@@ -61,7 +60,7 @@ def render_all(
                 chain.add(render({name: ours[name]}, host, context, modules=modules, blobs=blobs))
             elif playbook.place == REPLACES or context["services"]:
                 try:
-                    chain.add(render_user(environment(), playbook, context, blobs), playbook)
+                    chain.add(render_user(playbook, context, blobs), playbook)
                 except DefinitionError as error:
                     problems.update(dict.fromkeys(error.problems))
         problems.update(dict.fromkeys(chain.finish()))

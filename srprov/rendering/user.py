@@ -6,14 +6,14 @@ there. What a field means decides its type, as in every file that users write: `
 
 from __future__ import annotations
 
+import functools
 import json
 import re
 import traceback
 from collections.abc import Mapping
 from typing import Any
 
-from jinja2 import TemplateError
-from jinja2.sandbox import ImmutableSandboxedEnvironment
+from jinja2 import Template, TemplateError
 
 from srprov.data import schema as shipped_schema
 from srprov.definitions import nodes, schema, yamlfile
@@ -22,22 +22,24 @@ from srprov.definitions.playbook import check_item
 from srprov.definitions.playbookmodel import Playbook
 from srprov.definitions.template import unmarked
 from srprov.errors import DefinitionError, Location, Problem
-from srprov.rendering.environment import TAG
+from srprov.rendering.environment import TAG, environment
 from srprov.resource import Condition, Need, Resource
 
 _FILE_FOLDER_MODULES = ("file", "tree", "secret")
+_FAILURES = (
+    TemplateError, TypeError, ValueError, ArithmeticError, LookupError, AttributeError, RecursionError, SyntaxError,
+)  # fmt: skip
+"""What expressions raise, and what compiling does with too many nested blocks."""
 _UNDEFINED = re.compile(r"'(\w+)' is undefined")
 
 
-def render_user(
-    env: ImmutableSandboxedEnvironment, playbook: Playbook, context: Mapping[str, Any], blobs: Mapping[str, bytes]
-) -> list[Resource]:
+def render_user(playbook: Playbook, context: Mapping[str, Any], blobs: Mapping[str, bytes]) -> list[Resource]:
     """Render one playbook for the robot of a context.
 
     Raises:
         DefinitionError: With all that is wrong, each at its place.
     """
-    root = _rendered(env, playbook, context)
+    root = _rendered(playbook, context)
     items = root.items if isinstance(root, Seq) else ()
     findings = Findings()
     if root is not None and not isinstance(root, Seq):
@@ -48,11 +50,17 @@ def render_user(
     return [resource for resource in found if resource is not None]
 
 
-def _rendered(env: ImmutableSandboxedEnvironment, playbook: Playbook, context: Mapping[str, Any]) -> Node | None:
+@functools.lru_cache(maxsize=256)
+def _template(text: str) -> Template:
+    """Compile a playbook, once for all robots."""
+    return environment().from_string(text)
+
+
+def _rendered(playbook: Playbook, context: Mapping[str, Any]) -> Node | None:
     host = context["host"]
     try:
-        text = env.from_string(playbook.marked).render(**context)
-    except (TemplateError, TypeError, ValueError, ArithmeticError, LookupError, AttributeError, OverflowError) as error:
+        text = _template(playbook.marked).render(**context)
+    except _FAILURES as error:
         unknown = _UNDEFINED.search(str(error))
         hint = schema.did_you_mean(unknown[1], context) if unknown else ""
         raise DefinitionError([_problem(playbook, _line(error), f"for robot {host}: {error}", hint)]) from error

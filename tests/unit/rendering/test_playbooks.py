@@ -307,6 +307,12 @@ def test_reading_a_playbook_computes_nothing(write: Any) -> None:
     assert "is longer than" in caught.value.problems[0].message
 
 
+def test_too_many_blocks_are_an_error_of_the_playbook(write: Any) -> None:
+    """Python cannot nest loops as deep as a template can."""
+    text = "".join(f"{{% for a{n} in services %}}\n" for n in range(30)) + "{% endfor %}\n" * 30
+    assert "too many statically nested" in told(World().add("r1"), with_playbooks(write(text)))[0]
+
+
 def test_all_that_is_wrong_is_told_at_once(write: Any) -> None:
     """Two playbooks, two robots: each mistake once, in the order of their lines."""
     services = (service("a", robot="r1"), service("b", robot="r2"))
