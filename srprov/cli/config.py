@@ -1,6 +1,7 @@
 """Defaults from files: the user's own configuration, then the project's.
 
     ~/.config/srprov/srprov.toml    the user's (XDG_CONFIG_HOME is honoured)
+    ~/.config/srprov/playbooks/     the user's own playbooks, see docs/playbooks.md
     ./srprov.toml                   the project's
     ./pyproject.toml                the project's, in its table [tool.srprov]
 

@@ -50,6 +50,8 @@ def plan(
 ) -> int:  # fmt: skip
     """Show what would change; changes nothing.
 
+    Playbooks in ~/.config/srprov/playbooks replace srprov's own by name, or add to them; the plan names them.
+
     Exits with 0; with 2 when --detailed-exitcode is given and something would change; with 4 when a robot cannot be
     reached, unless --unreachable says otherwise.
     """

@@ -51,10 +51,10 @@ def render_all(
             for host, context in contexts.items()
             for one in render(ours, host, context, modules=modules, blobs=blobs)
         ]
-    found: list[Resource] = []
+    chains: dict[str, _Chain] = {}
     problems: dict[Problem, None] = {}
     for host, context in contexts.items():
-        chain = _Chain(host)
+        chain = chains[host] = _Chain(host)
         for name, playbook in entries:
             if playbook is None:
                 chain.add(render({name: ours[name]}, host, context, modules=modules, blobs=blobs))
@@ -63,11 +63,12 @@ def render_all(
                     chain.add(render_user(playbook, context, blobs), playbook)
                 except DefinitionError as error:
                     problems.update(dict.fromkeys(error.problems))
-        problems.update(dict.fromkeys(chain.finish()))
-        found += chain.resources.values()
+    stated = {host: chain.resources.keys() for host, chain in chains.items()}
+    for chain in chains.values():
+        problems.update(dict.fromkeys(chain.finish(stated)))
     if problems:
         raise DefinitionError(list(problems))
-    return found
+    return [resource for chain in chains.values() for resource in chain.resources.values()]
 
 
 class _Chain:
@@ -104,21 +105,24 @@ class _Chain:
             if playbook is not None:
                 self._users[resource.id] = playbook
 
-    def finish(self) -> list[Problem]:
-        """Give what is wrong with the needs of users' resources, and resources that stand twice."""
+    def finish(self, stated: Mapping[str, Collection[str]]) -> list[Problem]:
+        """Give what is wrong with the needs of users' resources, and resources that stand twice.
+
+        What is needed of a robot that is out of reach cannot be judged; `stated` has the ids of all others.
+        """
         for identity, playbook in self._users.items():
             resource = self.resources[identity]
             for need in resource.needs:
-                if need.id.split("/", 1)[0] != self.host or need.condition == Condition.AFTER.value:
+                host, _, name = need.id.partition("/")
+                if need.condition == Condition.AFTER.value or host not in stated:
                     continue
-                if need.id not in self.resources:
-                    names = [one.split("/", 1)[1] for one in self.resources]
-                    hint = did_you_mean(need.id.split("/", 1)[1], names)
+                if need.id not in stated[host]:
+                    hint = did_you_mean(name, [one.split("/", 1)[1] for one in stated[host]])
                     self._tell(resource, playbook, f"needs {need.id}, which no playbook states", hint)
-                elif need.id not in self._earlier.get(identity, self.resources):
+                elif host == self.host and need.id not in self._earlier.get(identity, self.resources):
                     hint = "a playbook is done from top to bottom; put this one behind it"
                     self._tell(resource, playbook, f"needs {need.id}, which comes later", hint)
-                elif need.condition != Condition.PRESENT.value and not _is_container(need.id):
+                elif need.condition != Condition.PRESENT.value and not name.startswith("container:"):
                     self._tell(resource, playbook, f"needs {need.id} {need.condition}, which only a container can be")
         return self.problems
 
@@ -135,7 +139,3 @@ class _Chain:
         file, line, column = resource.source.rsplit(":", 2)
         excerpt = playbook.source.excerpt(int(line))
         self.problems.append(Problem(Location(file, int(line), int(column)), message, "", excerpt, hint))
-
-
-def _is_container(identity: str) -> bool:
-    return identity.split("/", 1)[1].startswith("container:")

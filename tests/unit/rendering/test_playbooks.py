@@ -307,6 +307,21 @@ def test_reading_a_playbook_computes_nothing(write: Any) -> None:
     assert "is longer than" in caught.value.problems[0].message
 
 
+def test_needs_of_other_robots_are_known_too(write: Any) -> None:
+    """What no playbook states there is a mistake; waiting for a file to be healthy is one as well."""
+    services = (service("a", robot="r1"), service("b", robot="r2"))
+    text = "- command: x\n  argv: [touch, /x]\n  creates: /x\n  needs: [NEED]\n"
+    fine = with_playbooks(write(text.replace("NEED", "'r2/container:srprov.hello.b'"), AFTER), services=services)
+    world = World().add("r1", "r2")
+    assert "r2/container:srprov.hello.c" not in str(plan_for(world, fine, allow=ALLOW))
+    for need, said in (
+        ("'r2/container:srprov.hello.c'", "needs r2/container:srprov.hello.c, which no playbook states"),
+        ("{id: 'image:busybox:latest', condition: healthy}", "which only a container can be"),
+    ):
+        what = with_playbooks(write(text.replace("NEED", need), AFTER), services=services)
+        assert said in told(world, what)[0]
+
+
 def test_too_many_blocks_are_an_error_of_the_playbook(write: Any) -> None:
     """Python cannot nest loops as deep as a template can."""
     text = "".join(f"{{% for a{n} in services %}}\n" for n in range(30)) + "{% endfor %}\n" * 30
