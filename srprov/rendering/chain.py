@@ -64,7 +64,8 @@ def render_all(
                 except DefinitionError as error:
                     problems.update(dict.fromkeys(error.problems))
     stated = {host: chain.resources.keys() for host, chain in chains.items()}
-    for chain in chains.values():
+    # what a playbook that did not render would have stated is no mistake of others
+    for chain in chains.values() if not problems else ():
         problems.update(dict.fromkeys(chain.finish(stated)))
     if problems:
         raise DefinitionError(list(problems))
