@@ -1,11 +1,9 @@
 """What may travel to a robot, as data, and the two protocols that carry it.
 
 A `Query` or `EngineQuery` reads; a `Run`, `Put`, `EngineCall` or `CopyImage` changes. They are plain values: they
-can be printed in a plan, compared, stored and sent later. `Reader` can only ask, `Session` can also execute, so
-that mypy refuses a change where only reading is allowed.
-
-Touches nothing; `transport/` implements the protocols. `quote` is the one function through which every shell word
-passes.
+can be printed in a plan, compared, stored and sent later. `Reader` can only ask, `Session` can also execute: mypy
+refuses a change where only reading is allowed. Touches nothing; `transport/` implements the protocols. `quote` is the
+one function through which every shell word passes.
 """
 
 from __future__ import annotations
@@ -50,6 +48,8 @@ class EngineQuery:
     path: str
     params: tuple[tuple[str, str], ...] = ()
     timeout_s: float = 20.0
+    headers: bool = False
+    """The answer's headers are wanted, not its body: JSON, names in lower case."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

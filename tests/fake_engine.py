@@ -78,10 +78,16 @@ class Engine:
             return Reply(status=0, ok=False, err="the Docker Engine did not answer within 20 s")
         path, filters = query.path, json.loads(dict(query.params).get("filters", "{}"))
         wanted = filters.get("label", [])
-        if path == "/version":
-            return _answer({"Version": "20.10.24", "ApiVersion": self.api, "MinAPIVersion": "1.12", "Arch": "amd64"})
+        if path == "/_ping":
+            assert query.headers, "its body says nothing"
+            return _answer({"api-version": self.api, "server": "Docker/20.10.24 (linux)"})
         if path == "/info":
-            info = {"DockerRootDir": "/var/lib/docker", "Driver": "overlay2", "SecurityOptions": ["name=seccomp"]}
+            info = {
+                "ServerVersion": "20.10.24",
+                "DockerRootDir": "/var/lib/docker",
+                "Driver": "overlay2",
+                "SecurityOptions": ["name=seccomp"],
+            }
             return _answer(info)
         if path == "/containers/json":
             assert dict(query.params).get("all") == "true", "a stopped container counts too"

@@ -60,11 +60,6 @@ class Kernel:
         self.links = {link.name: Link(link.name, "bridge", mtu=link.mtu, up=True) for link in bridges}
         self.fdb = set()
 
-    def show(self, kind: str) -> str:
-        """Print `ip -j -d link show type KIND`."""
-        shown = [self._json(i, link) for i, link in enumerate(self.links.values(), start=3) if link.kind == kind]
-        return json.dumps(shown)
-
     def show_addresses(self) -> str:
         """Print `ip -j -d addr show`."""
         first: list[dict[str, Any]] = [

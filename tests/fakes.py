@@ -274,8 +274,6 @@ class FakeRobot:
             MODULES["file"].queries()[0].command: self.disk.hashes(),  # type: ignore[union-attr]
             MODULES["tree"].queries()[0].command: self.disk.list_trees(),  # type: ignore[union-attr]
             MODULES["secret"].queries()[0].command: self.disk.secrets(),  # type: ignore[union-attr]
-            "ip -j -d link show type vxlan": self.kernel.show("vxlan"),
-            "ip -j -d link show type bridge": self.kernel.show("bridge"),
             "bridge -j fdb show": self.kernel.show_fdb(),
         }
         assert command in answers, f"the fake robot knows no {command!r}"
@@ -285,7 +283,7 @@ class FakeRobot:
         here = f"connection 10.0.0.254 50000 {self.kernel.address} 22"
         routes = '[{"dst":"default","gateway":"10.0.0.254","dev":"eth0"},{"dst":"10.0.0.0/24","dev":"eth0"}]'
         return {
-            "identity": f"clock {time.time():.9f}\nmachine {self.arch}\nuid 0\n{here}\nuser root\n",
+            "identity": f"clock {time.time():.9f}\nmachine {self.arch}\nbits 64\nid uid=0(root) gid=0(root)\n{here}\n",
             "files": (
                 "/proc/loadavg:0.00 0.00 0.00 1/100 1000\n/proc/meminfo:MemTotal:       4000000 kB\n"
                 "/proc/meminfo:MemAvailable:   4000000 kB\n/proc/sys/kernel/hostname:" + self._host + "\n"

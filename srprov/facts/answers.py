@@ -25,6 +25,8 @@ class Identity:
     """Seconds since the epoch by the robot's clock; None when it said nothing."""
     machine: str = ""
     """As `uname -m` has it."""
+    bits: int = 0
+    """Of the system's programs, 32 or 64; 0 where it does not say."""
     uid: int = -1
     user: str = ""
     reached_at: str = ""
@@ -71,11 +73,14 @@ def parse_identity(out: str) -> Identity:
     if clock >= 0 and clock == int(clock):
         clock += 0.5  # busybox's date knows no fractions: so the error is half a second at most
     connection = text(words.get("connection", "")).split()
+    uid, _, _groups = words.get("id", "").removeprefix("uid=").partition(" ")
+    number, _, name = uid.partition("(")
     return Identity(
         clock_s=clock if clock >= 0 else None,
         machine=text(words.get("machine", ""), length=32),
-        uid=integer(words.get("uid"), low=0, high=2**32, default=-1),
-        user=text(words.get("user", ""), length=64),
+        bits=integer(words.get("bits"), low=0, high=64, default=0),
+        uid=integer(number, low=0, high=2**32, default=-1),
+        user=text(words.get("user", name.partition(")")[0]), length=64),
         reached_at=connection[2] if len(connection) == 4 else "",
     )
 

@@ -39,6 +39,8 @@ _ARCHITECTURES = {
     "ppc64le": "ppc64le",
     "s390x": "s390x",
 }
+_HALVES = {"x86_64": "i386", "amd64": "i386", "aarch64": "arm", "arm64": "arm"}
+"""What a 64-bit processor is to a 32-bit system."""
 
 
 def host_queries(*, sample: bool) -> tuple[Query | EngineQuery, ...]:
@@ -48,7 +50,7 @@ def host_queries(*, sample: bool) -> tuple[Query | EngineQuery, ...]:
     """
     last = (Query(command=SAMPLE.command),) if sample else ()
     probes = (Query(command=probe.command) for probe in PROBES)
-    return (*probes, *(EngineQuery(path=path) for path in ENGINE), *last)
+    return (*probes, *ENGINE, *last)
 
 
 def docker_arch(machine: str) -> str:
@@ -74,9 +76,11 @@ def parse_host(
     said = _read(replies)
     identity: Identity = said["identity"]
     files: Files = said["files"]
-    docker, problem, engine_arch = _docker(replies)
-    # A 32-bit system on a 64-bit kernel runs 32-bit containers: the engine's word wins over the kernel's.
-    arch = engine_arch or docker_arch(identity.machine)
+    docker, problem = _docker(replies)
+    # A 32-bit system on a 64-bit kernel, as Raspberry Pi OS has it, runs 32-bit containers.
+    arch = docker_arch(_HALVES.get(identity.machine, "") if identity.bits == 32 else "") or docker_arch(
+        identity.machine
+    )
     speeds = {**_speeds(files), **{k: v for k, v in said["wireless"].items() if v > 0}}
     speeds |= {k: v for k, v in (measures.link_speed_mbit if measures else {}).items() if v > 0}
     links = tuple(replace(link, speed_mbit=speeds.get(link.name, 0.0)) for link in said["links"])
@@ -216,19 +220,17 @@ def _traffic_mbit(counters: Mapping[str, Counters], underlay: Underlay, shared_a
     return round(min((sum(both) if shared_air else max(both)) * 8 / 1e6, 1e6), 3)
 
 
-def _docker(replies: Sequence[Reply]) -> tuple[Docker | None, str, str]:
-    """Give the engine, or why there is none; and its architecture."""
+def _docker(replies: Sequence[Reply]) -> tuple[Docker | None, str]:
+    """Give the engine, or why there is none."""
     asked = replies[len(PROBES) : len(PROBES) + len(ENGINE)]
     if len(asked) < len(ENGINE):
-        return None, "was not asked", ""
-    version, info = (mapping(parsed(reply.out)) if reply.ok and reply.status == 200 else {} for reply in asked)
-    name, api = text(version.get("Version"), length=64), text(version.get("ApiVersion"), length=16)
+        return None, "was not asked"
+    ping, info = (mapping(parsed(reply.out)) if reply.ok and reply.status == 200 else {} for reply in asked)
+    name, api = text(info.get("ServerVersion"), length=64), text(ping.get("api-version"), length=16)
     if not name or not re.fullmatch(r"[0-9]{1,3}\.[0-9]{1,4}", api):
-        said = text(asked[0].err)
-        return (
-            None,
-            said or (f"the engine answered {asked[0].status}" if asked[0].status else "no Docker Engine answers"),
-            "",
+        said = next((text(reply.err) for reply in asked if not reply.ok), "")
+        return None, said or (
+            f"the engine answered {asked[0].status}" if asked[0].status else "no Docker Engine answers"
         )
     options = info.get("SecurityOptions")
     root = info.get("DockerRootDir")
@@ -240,7 +242,7 @@ def _docker(replies: Sequence[Reply]) -> tuple[Docker | None, str, str]:
         rootless=isinstance(options, list)
         and any("rootless" in option for option in options if isinstance(option, str)),
     )
-    return docker, "", docker_arch(text(version.get("Arch"), length=20))
+    return docker, ""
 
 
 def _docker_disk(mounts: Sequence[Filesystem], root: str) -> Filesystem:

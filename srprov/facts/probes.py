@@ -24,6 +24,7 @@ from srprov.facts.answers import (
     parse_wireless,
 )
 from srprov.facts.links import parse_links, parse_routes
+from srprov.wire import EngineQuery
 
 DEVICE_GLOBS = (
     "video* media* ttyUSB* ttyACM* ttyAMA* ttyTHS* serial[0-9]* i2c-* spidev* gpiochip* gpiomem* hidraw* vchiq "
@@ -39,9 +40,10 @@ _FILES = (
 # The clock comes first: every later command would only add to its error. sudo takes SSH_CONNECTION away, but itself
 # still has it in its environment, and is an ancestor of this shell.
 _IDENTITY = """\
-printf 'clock %s\\n' "$(date +%s.%N)"
-printf 'machine %s\\n' "$(uname -m)"
-printf 'uid %s\\n' "$(id -u)"
+date +'clock %s.%N'
+printf 'machine '; uname -m
+printf 'bits '; getconf LONG_BIT 2>/dev/null || echo
+printf 'id '; id
 c=${SSH_CONNECTION:-} u=${SUDO_USER:-} p=$PPID n=0
 while [ -n "$u" ] && [ -z "$c" ] && [ "${p:-0}" -gt 1 ] && [ $n -lt 6 ]; do
   n=$((n + 1))
@@ -50,7 +52,7 @@ while [ -n "$u" ] && [ -z "$c" ] && [ "${p:-0}" -gt 1 ] && [ $n -lt 6 ]; do
   p=$q
 done
 printf 'connection %s\\n' "$c"
-printf 'user %s\\n' "${u:-$(id -un)}"
+[ -z "$u" ] || printf 'user %s\\n' "$u"
 """
 # udev rules of robots give their devices names: /dev/rplidar -> ttyUSB0. Those are the links to a character device.
 _DEVICES = f"""\
@@ -74,7 +76,8 @@ while IFS= read -r l; do
 done 2>/dev/null </etc/docker/daemon.json
 df -Pk / /var/lib/docker "${HOME:-/}" "${r:-/}" 2>/dev/null
 :"""
-_COUNT_CPUS = "grep -c '^processor[[:space:]]*:' /proc/cpuinfo"
+# the list of CPUs is among the files; only where there is none they are counted
+_COUNT_CPUS = "[ -r /sys/devices/system/cpu/online ] || grep -c '^processor[[:space:]]*:' /proc/cpuinfo"
 _COUNTERS = "cat /proc/uptime /proc/net/dev"
 _TRAFFIC = f"{_COUNTERS}; sleep 0.3 2>/dev/null || sleep 1; {_COUNTERS}"
 
@@ -99,7 +102,7 @@ PROBES = (
     Probe("disk", _DISK, parse_disk),
 )
 """In the order of asking."""
-ENGINE = ("/version", "/info")
-"""What the engine is asked, after the probes."""
+ENGINE = (EngineQuery(path="/_ping", headers=True), EngineQuery(path="/info"))
+"""What the engine is asked, after the probes. `/version` would make it start three programs to ask for theirs."""
 SAMPLE = Probe("traffic", _TRAFFIC, parse_traffic)
 """Asked last, and only when wanted: it takes 0.3 s (1 s where `sleep` takes no fractions)."""

@@ -24,7 +24,7 @@ class TreeModule:
 
     def queries(self) -> tuple[AnyQuery, ...]:
         """List the shipped trees of every instance."""
-        return (Query(command=f"ls -1d {STATE_ROOT}/*/trees/* 2>/dev/null || :"),)
+        return (Query(command=f'for d in {STATE_ROOT}/*/trees/*; do [ -e "$d" ] && printf "%s\\n" "$d"; done; :'),)
 
     def parse(self, replies: Sequence[Reply]) -> tuple[Existing, ...]:
         """Read one path per line; half-extracted ones (`.part`, `.tar`) are the instance's too and are cleaned up."""

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import http.client
 import io
+import json
 import threading
 import urllib.parse
 from collections.abc import Callable, Sequence
@@ -130,6 +131,8 @@ class _Answers:
         answer.begin()
         body = answer.read()
         text = (demultiplexed(body) if query.path.endswith("/logs") else body).decode("utf-8", "replace")
+        if query.headers:
+            text = json.dumps({name.lower(): value for name, value in answer.headers.items()})
         ok = 200 <= answer.status < 300
         reply = Reply(status=answer.status, out=text, err="" if ok else message_of(text), ok=ok)
         return reply, answer.will_close

@@ -128,15 +128,18 @@ class BaseSession:
         Raises:
             TransportError: The robot cannot be talked to any more.
         """
-        shell = {at: query for at, query in enumerate(queries) if isinstance(query, Query)}
-        engine = {at: query for at, query in enumerate(queries) if isinstance(query, EngineQuery)}
+        # modules ask for themselves: what several want to know is asked once
+        first: dict[AnyQuery, int] = {}
+        same = [first.setdefault(query, at) for at, query in enumerate(queries)]
+        shell = {at: query for query, at in first.items() if isinstance(query, Query)}
+        engine = {at: query for query, at in first.items() if isinstance(query, EngineQuery)}
         with self._in_contact():
             if not shell or not engine:
                 replies = self._ask_engine(engine) or self._ask_shell(shell)
             else:
                 background = Background(lambda: self._ask_engine(engine))
                 replies = self._ask_shell(shell) | background.result()
-        return [replies[at] for at in range(len(queries))]
+        return [replies[at] for at in same]
 
     def _ask_shell(self, queries: dict[int, Query]) -> dict[int, Reply]:
         """Ask the shell, by position."""

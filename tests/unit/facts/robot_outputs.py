@@ -73,7 +73,7 @@ ROUTES = [
     {"dst": "172.17.0.0/16", "dev": "docker0", "protocol": "kernel", "scope": "link", "flags": ["linkdown"]},
 ]
 
-VERSION = {"Version": "20.10.24+dfsg1", "ApiVersion": "1.41", "MinAPIVersion": "1.12", "Os": "linux", "Arch": "amd64"}
+PING = {"api-version": "1.41", "server": "Docker/20.10.24+dfsg1 (linux)", "ostype": "linux"}
 INFO = {
     "ServerVersion": "20.10.24+dfsg1",
     "Driver": "overlay2",
@@ -96,7 +96,13 @@ TRAFFIC = (
 )
 
 COMPUTER = {
-    "identity": "clock 1795223387.500000000\nmachine x86_64\nuid 0\nconnection 192.0.2.1 5 192.0.2.2 22\nuser root\n",
+    "identity": """\
+clock 1795223387.500000000
+machine x86_64
+bits 64
+id uid=0(root) gid=0(root) groups=0(root)
+connection 192.0.2.1 5 192.0.2.2 22
+""",
     "files": "/proc/loadavg:0.17 0.12 0.09 2/95 13306\n"
     + MEMINFO
     + """\
@@ -124,7 +130,14 @@ Filesystem     1024-blocks     Used Available Capacity Mounted on
 }
 
 PI = {
-    "identity": "clock 1795223388.25\nmachine aarch64\nuid 0\nconnection 10.0.0.1 50022 10.0.0.5 22\nuser pi\n",
+    "identity": """\
+clock 1795223388.25
+machine aarch64
+bits 64
+id uid=0(root) gid=0(root)
+connection 10.0.0.1 50022 10.0.0.5 22
+user pi
+""",
     "files": """\
 /proc/loadavg:1.52 0.90 0.40 3/201 2345
 /proc/meminfo:MemTotal:        3884408 kB
@@ -168,7 +181,7 @@ Filesystem     1024-blocks    Used Available Capacity Mounted on
 
 BUSYBOX = {
     **COMPUTER,
-    "identity": "clock 1795223387.%N\nmachine armv7l\nuid 1000\nconnection \nuser robot\n",
+    "identity": "clock 1795223387.%N\nmachine armv7l\nbits \nid uid=1000(robot) gid=1000(robot)\nconnection \n",
     "disk": """\
 Filesystem           1024-blocks    Used Available Capacity Mounted on
 /dev/mmcblk0p2       264212084 24175900  82215012  23% /
@@ -177,15 +190,13 @@ Filesystem           1024-blocks    Used Available Capacity Mounted on
 }
 
 
-def replies(
-    robot: dict[str, str], version: object = VERSION, info: object = INFO, traffic: str | None = None
-) -> list[Reply]:
-    """Give the replies in the order of `host_queries`; with `version` None there is no engine."""
+def replies(robot: dict[str, str], ping: object = PING, info: object = INFO, traffic: str | None = None) -> list[Reply]:
+    """Give the replies in the order of `host_queries`; with `ping` None there is no engine."""
     shell = [Reply(status=0, out=robot[probe.name]) for probe in PROBES]
-    if version is None:
+    if ping is None:
         engine = [Reply(status=0, err="no Docker Engine listens on /var/run/docker.sock", ok=False)] * len(ENGINE)
     else:
-        engine = [Reply(status=200, out=json.dumps(value)) for value in (version, info)]
+        engine = [Reply(status=200, out=json.dumps(value)) for value in (ping, info)]
     found = [*shell, *engine, *([Reply(status=0, out=traffic)] if traffic is not None else [])]
     assert len(found) == len(host_queries(sample=traffic is not None))
     return found

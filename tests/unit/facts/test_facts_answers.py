@@ -39,8 +39,11 @@ def test_json_that_is_too_deep_is_none() -> None:
 
 
 def test_identity_takes_the_first_of_each() -> None:
-    found = parse_identity("clock 5.5\nclock 9\nconnection a b 10.0.0.1 22\nuser me\nuser you\nuid x\n")
+    found = parse_identity("clock 5.5\nclock 9\nconnection a b 10.0.0.1 22\nuser me\nuser you\nid x\n")
     assert (found.clock_s, found.reached_at, found.user, found.uid) == (5.5, "10.0.0.1", "me", -1)
+    own = parse_identity("bits 32\nid uid=1000(anna) gid=1000(anna) groups=1000(anna),27(sudo)\nuser root\n")
+    assert (own.user, own.uid, own.bits) == ("root", 1000, 32)
+    assert parse_identity("id uid=1000(anna) gid=1000(anna)\n").user == "anna"
 
 
 @pytest.mark.parametrize(

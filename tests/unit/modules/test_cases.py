@@ -42,7 +42,10 @@ def merged(base: Any, over: Any) -> Any:
 
 
 def reply(raw: Any, known: dict[str, Any]) -> Reply:
-    """Give one reply of a robot."""
+    """Give one reply of a robot; `joined` lists are one."""
+    if isinstance(raw, dict) and set(raw) == {"joined"}:
+        parts = [known[part[1:]] if isinstance(part, str) else part for part in raw["joined"]]
+        raw = [item for part in parts for item in part]
     if isinstance(raw, str) and raw.startswith("$"):
         raw = known[raw[1:]]
     if isinstance(raw, dict) and set(raw) <= {"status", "out"}:

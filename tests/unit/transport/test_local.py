@@ -151,7 +151,7 @@ def test_a_batch_of_engine_queries_is_one_round_trip(session: Session, play: Cal
 def test_an_engine_that_dies_in_a_batch(session: Session, play: Callable[[Answer], PlayedEngine]) -> None:
     """What it said before counts; and it is asked again, once, when it may have been an idle stream that ended."""
     engine = play(lambda request, *_: b"" if "bad" in request else reply(b"ok"))
-    good, bad, rest = session.ask([EngineQuery(path="/good"), EngineQuery(path="/bad"), EngineQuery(path="/good")])
+    good, bad, rest = session.ask([EngineQuery(path="/good"), EngineQuery(path="/bad"), EngineQuery(path="/fine")])
     assert good.ok and (bad.status, rest.status) == (0, 0) and bad.err
     assert session.ask([EngineQuery(path="/good")])[0].ok
     before = engine.connections
