@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import json
+import signal
 import subprocess
 import sys
 import tempfile
@@ -144,6 +145,7 @@ def _neighbours(count: int) -> Iterator[None]:
 @contextlib.contextmanager
 def lab(count: int, latency_ms: int = 0, patience_s: float = 1800) -> Iterator[Lab]:
     """Bring up a fresh lab of `count` robots that have the image, and take it down in the end."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that `timeout` and `kill` leave no lab behind
     with guarded(patience_s), _neighbours(count), tempfile.TemporaryDirectory(prefix="srprov-bench-") as name:
         folder = Path(name)
         late = {"defaults": {"ssh_latency_ms": latency_ms}} if latency_ms else {}
