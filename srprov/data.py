@@ -38,8 +38,18 @@ def schema(kind: str) -> dict[str, Any]:
     Raises:
         UsageError: There is no such kind; the hint names those that exist.
     """
-    if kind not in schema_kinds():
-        raise UsageError(f"there is no schema named '{kind}'", hint=f"known: {', '.join(schema_kinds())}")
-    content = json.loads((_folder("schemas") / f"{kind}.schema.json").read_text(encoding="utf-8"))
+    content = json.loads(schema_text(kind))
     assert isinstance(content, dict)
     return content
+
+
+@cache
+def schema_text(kind: str) -> str:
+    """Give one JSON Schema as it is written.
+
+    Raises:
+        UsageError: There is no such kind; the hint names those that exist.
+    """
+    if kind not in schema_kinds():
+        raise UsageError(f"there is no schema named '{kind}'", hint=f"known: {', '.join(schema_kinds())}")
+    return (_folder("schemas") / f"{kind}.schema.json").read_text(encoding="utf-8")

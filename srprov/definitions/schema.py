@@ -9,12 +9,13 @@ or value that is meant.
 from __future__ import annotations
 
 import difflib
+import hashlib
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from typing import Any
 
-from srprov.definitions import nodes
+from srprov.definitions import nodes, remembered
 from srprov.definitions.nodes import Findings, Map, Node, Path, Scalar, Seq
 
 _WORDS = {"object": "a map", "array": "a list", "string": "text", "integer": "a whole number", "number": "a number"}
@@ -29,8 +30,27 @@ class Text(str):
 
 def check(root: Node, kind: str, findings: Findings, path: Path = ()) -> None:
     """Add every way in which a document breaks a schema; `path` is where `root` stands in its document."""
-    for error in _validator(kind).iter_errors(_shadow(root)):
+    from srprov.data import schema_text
+
+    digest = hashlib.sha256(
+        "\0".join((remembered.code(), schema_text(kind), _canonical(root))).encode("utf-8", "surrogatepass")
+    ).hexdigest()
+    if remembered.is_known(digest):
+        return
+    faults = 0
+    for faults, error in enumerate(_validator(kind).iter_errors(_shadow(root)), start=1):  # noqa: B007 - counted
         _tell(error, root, path, findings)
+    if not faults:
+        remembered.remember(digest)
+
+
+def _canonical(node: Node) -> str:
+    """Give everything that a schema asks of a document, in one text."""
+    if isinstance(node, Map):
+        return "{" + ",".join(f"{key!r}:{_canonical(value)}" for key, value in node.entries.items()) + "}"
+    if isinstance(node, Seq):
+        return "[" + ",".join(_canonical(item) for item in node.items) + "]"
+    return f"{'p' if node.plain else 'q'}{node.text!r}"
 
 
 def check_tags(node: Node, findings: Findings, allowed: frozenset[str], path: Path = ()) -> None:

@@ -6,18 +6,18 @@ passwords as `***`: a copy of the user's files would hold whatever else they kee
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import datetime as dt
 import enum
 import functools
 import hashlib
 import json
-import platform
-import re
+import os
+import sys
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from importlib import metadata
 from pathlib import PurePosixPath
 from typing import Any
 
@@ -111,21 +111,27 @@ def environment(run: Run, begun: dt.datetime) -> dict[str, Any]:
 @functools.lru_cache(maxsize=1)
 def controller() -> dict[str, Any]:
     """Give this machine's Python, platform and libraries; worth calling early, as it takes a few milliseconds."""
+    system = os.uname()
     return {
-        "python": platform.python_version(),
-        "platform": platform.platform(),
-        "libraries": {name: version for name in _LIBRARIES if (version := _version(name))},
+        "python": sys.version.split()[0],
+        "platform": f"{system.sysname}-{system.release}-{system.machine}",
+        "libraries": _versions(),
     }
 
 
-def _version(name: str) -> str:
-    """Give an installed library's version, or nothing, without parsing the README behind it."""
-    try:
-        text = metadata.distribution(name).read_text("METADATA") or ""
-    except metadata.PackageNotFoundError:
-        return ""
-    found = re.search(r"^Version: *(\S+)", text, re.MULTILINE)
-    return found[1] if found else ""
+def _versions() -> dict[str, str]:
+    """Give the installed libraries' versions, by the names of their folders: importlib.metadata takes 20 ms to say it.
+
+    Source: the specification of installed distributions, `NAME-VERSION.dist-info`.
+    """
+    found: dict[str, str] = {}
+    for folder in sys.path:
+        with contextlib.suppress(OSError):
+            for entry in os.listdir(folder or "."):
+                name, dash, version = entry.removesuffix(".dist-info").partition("-")
+                if dash and entry.endswith(".dist-info") and name.lower() in _LIBRARIES:
+                    found.setdefault(name.lower(), version)
+    return dict(sorted(found.items()))
 
 
 def inventory_document(lab: Inventory) -> dict[str, Any]:

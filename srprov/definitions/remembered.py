@@ -1,0 +1,60 @@
+"""Documents that were found to fit their schema before: they need not be checked again, nor jsonschema be imported.
+
+Takes a document's digest, gives whether it is known. A digest covers the document, the schema and the code that
+checks, so it is known only what would be found again. Touches one file in the user's cache folder
+(`XDG_CACHE_HOME`), of one digest per line; nothing is lost with it, and where it cannot be used everything is checked.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+import stat
+from functools import cache
+from pathlib import Path
+
+_MOST_BYTES = 64 * 1024
+_LINE = 65
+
+
+def is_known(digest: str) -> bool:
+    """Tell whether a document with this digest was without fault."""
+    return digest.encode("ascii") in _lines()
+
+
+def remember(digest: str) -> None:
+    """Keep a digest; the file begins anew when it is full."""
+    path = _path()
+    with contextlib.suppress(OSError):
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        full = path.exists() and path.stat().st_size > _MOST_BYTES - _LINE
+        with path.open("w" if full else "a", encoding="ascii") as file:
+            file.write(f"{digest}\n")
+    _lines.cache_clear()
+
+
+@cache
+def code() -> str:
+    """Give a digest of the code that checks documents."""
+    here = Path(__file__).parent
+    return hashlib.sha256(b"".join((here / name).read_bytes() for name in ("schema.py", "nodes.py"))).hexdigest()
+
+
+@cache
+def _lines() -> frozenset[bytes]:
+    """Give the digests of a file that is the user's alone; somebody else's would say what is without fault."""
+    try:
+        with _path().open("rb") as file:
+            about = os.fstat(file.fileno())
+            if about.st_uid != os.geteuid() or stat.S_IMODE(about.st_mode) & 0o022:
+                return frozenset()
+            return frozenset(file.read(_MOST_BYTES).split())
+    except OSError:
+        return frozenset()
+
+
+def _path() -> Path:
+    cache_home = os.environ.get("XDG_CACHE_HOME", "")
+    base = Path(cache_home) if cache_home.startswith("/") else Path(os.environ.get("HOME", "/nonexistent")) / ".cache"
+    return base / "srprov" / "documents"
