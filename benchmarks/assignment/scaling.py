@@ -15,7 +15,7 @@ from typing import Any
 
 from benchmarks.assignment import rivals
 from benchmarks.assignment.instances import table
-from srprov.assignment.solve import run
+from srprov.assignment.solve_arrays import run
 from srprov.assignment.table import Table
 
 RESULTS = Path(__file__).parent / "results"

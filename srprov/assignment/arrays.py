@@ -18,11 +18,8 @@ import numpy as np
 
 from srprov.assignment.bundles import Item, items
 from srprov.assignment.cost import terms
-from srprov.assignment.model import Node, Problem
+from srprov.assignment.model import SCALE, Node, Problem
 from srprov.assignment.table import Array, Table
-
-SCALE = 1_000_000
-"""Units per 1.0 of cost: costs are compared to a millionth."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -112,12 +109,10 @@ def arrays(problem: Problem) -> Arrays:
 
 def _allowed(problem: Problem, names: tuple[Node, ...], robots: Array) -> Array:
     """Give bool [K, P]: the robot lacks nothing for any service of the item."""
-    row = {name: index for index, name in enumerate(problem.services)}
-    able: Array = np.ones((len(names), len(problem.loads)), dtype=bool)
-    most = max((len(item) for item in names), default=0)
-    for position in range(most):  # the first service of every item, the second of those that have one, ...
-        having = [index for index, item in enumerate(names) if len(item) > position]
-        able[having] &= problem.capable[[row[names[index][position]] for index in having]]
+    width = (len(problem.loads) + 7) // 8
+    rows = b"".join(problem.able(item).to_bytes(width, "little") for item in names)
+    packed = np.frombuffer(rows, dtype=np.uint8).reshape(len(names), width)
+    able = np.unpackbits(packed, axis=1, count=len(problem.loads), bitorder="little").astype(bool)
     allowed: Array = able[:, robots]
     return allowed
 

@@ -7,14 +7,15 @@ only when somebody asks for it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import reduce
+from operator import and_
 from types import MappingProxyType
 from typing import TypeVar
 
 from srprov.assignment.cost import CostTerms, Load, terms
 from srprov.assignment.requirements import Miss
-from srprov.assignment.table import Array
 from srprov.definitions.model import Pool, Service, Weights
 from srprov.facts.model import HostFacts
 
@@ -22,6 +23,9 @@ Node = tuple[str, ...]
 """Services that must share a robot, in name order; most often just one."""
 Choice = tuple[Node, str, int]
 """What takes one slot (services in name order: a node, or nodes whose pool runs together), its robot, the slot."""
+
+SCALE = 1_000_000
+"""Units per 1.0 of cost: costs are compared to a millionth."""
 
 _V = TypeVar("_V")
 
@@ -76,8 +80,8 @@ class Problem:
     """Free places per reachable robot, at most one per node; what `frozen` holds there is taken off."""
     loads: Mapping[str, tuple[Load, ...]]
     """Reachable robot -> the loads in each of its slots, at least in the first."""
-    capable: Array
-    """bool [services, reachable robots], both in name order: the robot lacks nothing for the service itself."""
+    capable: Mapping[str, int]
+    """Service -> its row: bit i is set where the i-th of `loads` lacks nothing for the service itself."""
     misses: Mapping[str, Mapping[str, tuple[Miss, ...]]]
     """Service -> robot -> what it lacks; a robot that lacks nothing is not listed."""
     pools: tuple[Pool, ...] = ()
@@ -110,13 +114,30 @@ class Problem:
 
     def eligible(self, node: Node) -> tuple[str, ...]:
         """Give the reachable robots that lack nothing for any service of the node, in name order."""
-        rows = [index for index, name in enumerate(self.services) if name in node]
-        able = self.capable[rows].all(axis=0)
-        return tuple(robot for robot, fits in zip(self.loads, able, strict=True) if fits)
+        able = self.able(node)
+        return tuple(robot for bit, robot in enumerate(self.loads) if able >> bit & 1)
+
+    def able(self, services: Iterable[str]) -> int:
+        """Give the row of services that share a robot: bit i is set where the i-th of `loads` lacks nothing for any."""
+        return reduce(and_, (self.capable[name] for name in services), (1 << len(self.loads)) - 1)
 
     def moved(self, node: Node, robot: str) -> int:
         """Count the services of a node that run on some other robot now."""
         return sum(self.previous.get(service, robot) != robot for service in node)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Decision:
+    """What a solver chose, and what it proved; an Assignment says the same to users."""
+
+    chosen: tuple[Choice, ...]
+    """In the order of nodes, then of bundles."""
+    pools: tuple[Pool, ...] = ()
+    """Those that run together."""
+    spared: int = 0
+    """How much less the cheapest placement costs, in millionths."""
+    gap: int = 0
+    """How much less a better placement might cost where a time limit ended the search, in millionths."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

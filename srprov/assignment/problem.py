@@ -134,11 +134,11 @@ def _own(
     problem: Problem, name: str, platforms: Sequence[str], unreachable: Mapping[str, str]
 ) -> dict[str, tuple[Miss, ...]]:
     """Give robot -> what it lacks for a service alone; nothing for a robot that lacks nothing."""
-    service, row = problem.services[name], problem.capable[list(problem.services).index(name)]
+    service, able = problem.services[name], problem.capable[name]
     lacks = {
         robot: missing(service, platforms, problem.facts[robot])
-        for robot, able in zip(problem.loads, row.tolist(), strict=True)
-        if not able
+        for bit, robot in enumerate(problem.loads)
+        if not able >> bit & 1
     }
     # a pin is known without asking the robot
     lacks |= {

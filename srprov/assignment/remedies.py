@@ -8,8 +8,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
-import numpy as np
-
 from srprov.assignment.conflict import feasible
 from srprov.assignment.model import Node, Problem
 from srprov.assignment.requirements import Miss
@@ -83,13 +81,13 @@ def _robots(problem: Problem) -> Iterator[str]:
     if not problem.loads or not any(len(names & set(group)) > 1 for group in problem.apart):
         return
     new, some = "", next(iter(problem.loads.values()))
-    able = np.array([[not service.robot] for service in problem.services.values()], dtype=bool)
+    bit = 1 << len(problem.loads)
     more = replace(
         problem,
         robots=(*problem.robots, new),
         slots={**problem.slots, new: 1},
         loads={**problem.loads, new: some},
-        capable=np.concatenate([problem.capable, able], axis=1),
+        capable={name: row if problem.services[name].robot else row | bit for name, row in problem.capable.items()},
     )
     if feasible(more):
         anywhere = sorted(name for name in names if not problem.services[name].robot)
@@ -118,10 +116,8 @@ def _lacks(problem: Problem, node: Node, robot: str) -> tuple[Miss, ...]:
 
 
 def _able(problem: Problem, node: Node, robot: str) -> Problem:
-    capable = problem.capable.copy()
-    rows = [row for row, name in enumerate(problem.services) if name in node]
-    capable[rows, list(problem.loads).index(robot)] = True
-    return replace(problem, capable=capable)
+    bit = 1 << list(problem.loads).index(robot)
+    return replace(problem, capable={**problem.capable, **{name: problem.capable[name] | bit for name in node}})
 
 
 def _relations(problem: Problem) -> Iterator[str]:

@@ -30,11 +30,9 @@ def runners_up(problem: Problem, chosen: Sequence[Choice], discounts: Mapping[st
     used: dict[str, int] = {}
     for _, robot, _ in chosen:
         used[robot] = used.get(robot, 0) + 1
-    row = {name: index for index, name in enumerate(problem.services)}
     mine: dict[str, Choice] = {}
     for choice in chosen:
-        able = problem.capable[[row[name] for name in choice[0]]].all(axis=0)
-        if int(able.sum()) > 1:
+        if problem.able(choice[0]).bit_count() > 1:
             mine.update(dict.fromkeys(choice[0], choice))
     return Rows(tuple(sorted(mine)), lambda service: _runner_up(problem, mine[service], used, discounts))
 

@@ -1,23 +1,18 @@
 """Who runs what: the exact answer, and what is said about it.
 
 Takes a Problem, gives an Assignment or raises NoAssignment. Pure and deterministic: everything is laid out in name
-order. Which objective is minimised is in `arrays`; without pools and relations it is the paper's min-cost flow
-(`solve_flow`), otherwise `solve_pools`. With `sticky` a service stays unless no placement at all lets it, and then as
-few as possible move. What is equal in cost and moves is decided by the solver, which sees the same input each time.
+order. `solve_small` decides what is small and plain, `solve_arrays` everything else; both minimise the same. With
+`sticky` a service stays unless no placement at all lets it, and then as few as possible move.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
-from srprov.assignment import explain, report
-from srprov.assignment.arrays import SCALE, Arrays, arrays
+from srprov.assignment import report, solve_small
 from srprov.assignment.cost import CostTerms, jain
-from srprov.assignment.model import Assignment, Choice, Move, Problem
-from srprov.assignment.solve_flow import flow
-from srprov.assignment.solve_pools import solve_table
-from srprov.assignment.table import Array, Outcome, Table
+from srprov.assignment.model import SCALE, Assignment, Decision, Move, Problem
+from srprov.errors import NoAssignment
 
 
 def solve(problem: Problem, seconds: float | None = None) -> Assignment:
@@ -29,98 +24,52 @@ def solve(problem: Problem, seconds: float | None = None) -> Assignment:
 
     Raises:
         NoAssignment: Some services can't all be placed; says which, and what would help.
+        UsageError: Too many ways to combine pools with same_robot.
     """
     if any(robot in problem.misses[name] for name, robot in problem.fixed.items()):
-        raise explain.no_assignment(problem)
-    laid = arrays(problem)
-    best = _best(problem, laid, seconds)
-    if best is None:
-        raise explain.no_assignment(problem)
-    return _assignment(problem, laid, best, _least(problem, laid, best, seconds))
+        raise _refusal(problem)
+    decision = solve_small.decide(problem) if solve_small.small(problem) else _by_arrays(problem, seconds)
+    if decision is None:
+        raise _refusal(problem)
+    return _assignment(problem, decision)
 
 
-@dataclass(frozen=True, slots=True)
-class _Best:
-    """A choice, and by how much another could be better in what was minimised."""
+def _by_arrays(problem: Problem, seconds: float | None) -> Decision | None:
+    from srprov.assignment import solve_arrays  # heavy: numpy and OR-Tools
 
-    outcome: Outcome
-    gap: int
-    """Millionths."""
+    return solve_arrays.decide(problem, seconds)
 
 
-def run(table: Table, seconds: float | None = None) -> Outcome | None:
-    """Give the cheapest choice of a table by the method that fits it, or None when there is none."""
-    return flow(table) if table.plain else solve_table(table, seconds)
+def _refusal(problem: Problem) -> NoAssignment:
+    from srprov.assignment import explain  # heavy: numpy and OR-Tools
+
+    return explain.no_assignment(problem)
 
 
-def _best(problem: Problem, laid: Arrays, seconds: float | None) -> _Best | None:
-    if not problem.sticky or not laid.moves.any():
-        return _free(laid, laid.wanted, seconds)
-    # where everything can stay that could stay alone, fewer moves are not possible, and only the cost is left to decide
-    stay = run(laid.table(laid.wanted, laid.fewest()), seconds)
-    if stay is not None:
-        return _Best(stay, stay.cost - stay.bound)
-    factor = 1 + laid.nodes * int(laid.wanted[laid.allowed].max(initial=0))
-    found = run(laid.table(laid.sticky(laid.wanted)), seconds)
-    return None if found is None else _Best(found, (found.cost - found.bound) % factor)
-
-
-def _free(laid: Arrays, wanted: Array, seconds: float | None) -> _Best | None:
-    factor = 1 + int(laid.moves.max(axis=1, initial=0).sum())
-    found = run(laid.table(laid.free(wanted)), seconds)
-    return None if found is None else _Best(found, found.cost // factor - found.bound // factor)
-
-
-def _least(problem: Problem, laid: Arrays, best: _Best, seconds: float | None) -> _Best:
-    """Give the choice of least cost, which stickiness and fairness may keep from being the best."""
-    if (laid.wanted == laid.cost).all() and not (problem.sticky and laid.moves.any()):
-        return best
-    cheapest = _free(laid, laid.cost, seconds)
-    assert cheapest is not None, "stickiness and fairness change costs, not what is possible"
-    return cheapest
-
-
-def _assignment(problem: Problem, laid: Arrays, best: _Best, least: _Best) -> Assignment:
-    chosen = _choices(laid, best.outcome)
-    shares = _discounts(laid, best.outcome)
+def _assignment(problem: Problem, decision: Decision) -> Assignment:
+    shares = {name: pool.discount for pool in decision.pools for name in pool.services}
     where: dict[str, tuple[str, int]] = {name: (robot, 0) for name, robot in problem.fixed.items()}
-    where |= {name: (robot, slot) for names, robot, slot in chosen for name in names}
+    where |= {name: (robot, slot) for names, robot, slot in decision.chosen for name in names}
     terms = {name: problem.cost(name, *where[name], shares.get(name, 1.0)) for name in sorted(where)}
     placed = dict(sorted({**problem.frozen, **{name: robot for name, (robot, _) in where.items()}}.items()))
     cost = sum(term.total for term in terms.values())
-    spared = _units(laid, best.outcome) - _units(laid, least.outcome)
-    together = {pool.name for item in best.outcome.items for pool in laid.items[item].pools}
+    together = {pool.name for pool in decision.pools}
     return Assignment(
         placed=placed,
         cost=cost,
         terms=terms,
-        optimal=spared <= 0 and least.gap == 0 and best.gap == 0,
-        least=cost - spared / SCALE if spared > 0 else cost,
-        gap=max(best.gap, least.gap) / SCALE,
+        optimal=decision.spared <= 0 and decision.gap == 0,
+        least=cost - decision.spared / SCALE if decision.spared > 0 else cost,
+        gap=decision.gap / SCALE,
         moves=_moves(problem, placed),
         frozen=tuple(sorted(problem.frozen)),
         pools={pool.name: "together" if pool.name in together else "apart" for pool in problem.pools},
         matrix=report.matrix(problem),
         why_not=report.why_not(problem),
-        runner_up=report.runners_up(problem, chosen, shares),
+        runner_up=report.runners_up(problem, decision.chosen, shares),
         jain=_jain(problem, placed, terms),
         notes=_notes(problem),
     )
-
-
-def _choices(laid: Arrays, found: Outcome) -> list[Choice]:
-    """Give what runs where, in the order of items."""
-    return [(laid.names[item], *laid.places[place]) for item, place in zip(found.items, found.places, strict=True)]
-
-
-def _discounts(laid: Arrays, found: Outcome) -> dict[str, float]:
-    """Give the discount of every service whose pool runs together."""
-    pools = [pool for item in found.items for pool in laid.items[item].pools]
-    return {name: pool.discount for pool in pools for name in pool.services}
-
-
-def _units(laid: Arrays, found: Outcome) -> int:
-    return sum(int(laid.cost[pair]) for pair in zip(found.items, found.places, strict=True))
 
 
 def _jain(problem: Problem, placed: Mapping[str, str], terms: Mapping[str, CostTerms]) -> float:

@@ -135,6 +135,38 @@ def test_as_few_as_possible_move_for_a_service_that_needs_their_place() -> None:
     assert answer.placed == {"a": "r3", "b": "r2", "c": "r1"}
 
 
+def test_no_saving_is_worth_a_move_not_even_of_several_services() -> None:
+    """While `s` stays, both `n1` and `n3` cost the most there is; would it leave, neither would cost anything."""
+    ways = {"s": "ae", "n1": "ab", "n2": "bc", "n3": "cd"}
+    what = experiment(
+        *(service(name, cost=0 if name in ("s", "n2") else 100, tags=("+".join(way),)) for name, way in ways.items()),
+        weights=CPU,
+    )
+    robots = [
+        robot(one, load1=4.0 if one in "bd" else 0.0, tags=tuple("+".join(way) for way in ways.values() if one in way))
+        for one in "abcde"
+    ]
+    answer = assign(what, found(*robots), {"s": "a"})
+    assert answer.placed == {"n1": "b", "n2": "c", "n3": "d", "s": "a"}
+    assert (answer.cost, answer.least) == (200, 0)
+
+
+def test_what_is_not_sticky_moves_whatever_it_takes_for_a_millionth() -> None:
+    """Three services move for the smallest gain that counts."""
+    what = experiment(
+        service("a1", cost=5.0),
+        service("a2", cost=5.0),
+        service("b", cost=9.9),
+        weights=CPU,
+        placement=FREE,
+        same_robot=(("a1", "a2"),),
+    )
+    # (0.225 / 4)^4 is 0.00001: on r1 the group costs 100 millionths, b costs 99
+    where = found(robot("r1", load1=0.225), robot("r2"))
+    answer = assign(what, where, {"a1": "r1", "a2": "r1", "b": "r2"})
+    assert answer.placed == {"a1": "r2", "a2": "r2", "b": "r1"}
+
+
 def test_when_slots_shrink_one_service_leaves() -> None:
     """When slots shrink one service leaves."""
     what = experiment(service("a", cost=90), service("b", cost=10), weights=CPU)

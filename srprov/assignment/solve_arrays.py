@@ -1,0 +1,78 @@
+"""Problems of any size and kind, over whole arrays.
+
+Takes a Problem, gives a Decision, or None when not every node finds a place. Pure and deterministic: everything is laid
+out in name order. Which objective is minimised is in `arrays`; without pools and relations it is the paper's min-cost
+flow (`solve_flow`), otherwise `solve_pools`. What is equal in cost and moves is decided by the solver, which sees the
+same input each time. It imports numpy and OR-Tools, so `solve` imports it only when `solve_small` is not enough.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from srprov.assignment.arrays import Arrays, arrays
+from srprov.assignment.model import Decision, Problem
+from srprov.assignment.solve_flow import flow
+from srprov.assignment.solve_pools import solve_table
+from srprov.assignment.table import Array, Outcome, Table
+
+
+def decide(problem: Problem, seconds: float | None = None) -> Decision | None:
+    """Give the best placement, or the best found in `seconds` for each search."""
+    laid = arrays(problem)
+    best = _best(problem, laid, seconds)
+    if best is None:
+        return None
+    least = _least(problem, laid, best, seconds)
+    pairs = zip(best.outcome.items, best.outcome.places, strict=True)
+    return Decision(
+        chosen=tuple((laid.names[item], *laid.places[place]) for item, place in pairs),
+        pools=tuple(pool for item in best.outcome.items for pool in laid.items[item].pools),
+        spared=_units(laid, best.outcome) - _units(laid, least.outcome),
+        gap=max(best.gap, least.gap),
+    )
+
+
+def run(table: Table, seconds: float | None = None) -> Outcome | None:
+    """Give the cheapest choice of a table by the method that fits it, or None when there is none."""
+    return flow(table) if table.plain else solve_table(table, seconds)
+
+
+@dataclass(frozen=True, slots=True)
+class _Best:
+    """A choice, and by how much another could be better in what was minimised."""
+
+    outcome: Outcome
+    gap: int
+    """Millionths."""
+
+
+def _best(problem: Problem, laid: Arrays, seconds: float | None) -> _Best | None:
+    if not problem.sticky or not laid.moves.any():
+        return _free(laid, laid.wanted, seconds)
+    # where everything can stay that could stay alone, fewer moves are not possible, and only the cost is left to decide
+    stay = run(laid.table(laid.wanted, laid.fewest()), seconds)
+    if stay is not None:
+        return _Best(stay, stay.cost - stay.bound)
+    factor = 1 + laid.nodes * int(laid.wanted[laid.allowed].max(initial=0))
+    found = run(laid.table(laid.sticky(laid.wanted)), seconds)
+    return None if found is None else _Best(found, (found.cost - found.bound) % factor)
+
+
+def _free(laid: Arrays, wanted: Array, seconds: float | None) -> _Best | None:
+    factor = 1 + int(laid.moves.max(axis=1, initial=0).sum())
+    found = run(laid.table(laid.free(wanted)), seconds)
+    return None if found is None else _Best(found, found.cost // factor - found.bound // factor)
+
+
+def _least(problem: Problem, laid: Arrays, best: _Best, seconds: float | None) -> _Best:
+    """Give the choice of least cost, which stickiness and fairness may keep from being the best."""
+    if (laid.wanted == laid.cost).all() and not (problem.sticky and laid.moves.any()):
+        return best
+    cheapest = _free(laid, laid.cost, seconds)
+    assert cheapest is not None, "stickiness and fairness change costs, not what is possible"
+    return cheapest
+
+
+def _units(laid: Arrays, found: Outcome) -> int:
+    return sum(int(laid.cost[pair]) for pair in zip(found.items, found.places, strict=True))
