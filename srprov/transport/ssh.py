@@ -36,6 +36,7 @@ _BLOCKED_WRITE_POLL_S = 0.002
 _ANSWER_POLL_S = 0.005
 _BESIDE_S = 20.0
 _ENGINE_SOCKET = "/var/run/docker.sock"
+_MORE_SESSIONS = "raise MaxSessions to 6 or more"
 
 
 class ChannelStreams:
@@ -109,15 +110,13 @@ def start(connection: StrictConnection, command: str, deadline: Deadline) -> par
         channel: paramiko.Channel = connection.transport.open_session(timeout=deadline.left(0.05))
         channel.exec_command(command)
     except paramiko.ChannelException as error:
-        raise ConnectError(
-            name, f"sshd opens no session: {error.text}", hint="raise MaxSessions to 6 or more"
-        ) from None
+        raise ConnectError(name, f"sshd opens no session: {error.text}", hint=_MORE_SESSIONS) from None
     except (paramiko.SSHException, OSError, EOFError) as error:
         if deadline.passed:
             raise DeadlineError(
                 name, f"sshd opened no session within {deadline.seconds:g} s", hint="is the robot overloaded?"
             ) from None
-        raise ConnectError(name, f"sshd opens no session: {error}", hint="raise MaxSessions to 6 or more") from None
+        raise ConnectError(name, f"sshd opens no session: {error}", hint=_MORE_SESSIONS) from None
     finally:
         timer.cancel()
     return channel
@@ -134,6 +133,7 @@ class SshSession(BaseSession):
         self.connection = connection
         """The fabric connection, for port forwards."""
         self._spare: Background[ChannelStreams] | None = None
+        self._has_room = False
 
     @classmethod
     def open(cls, host: Host, options: ConnectOptions, peers: Peers | None = None) -> SshSession:
@@ -185,10 +185,17 @@ class SshSession(BaseSession):
         """
         from srprov.transport.engine_stream import EngineGone, EngineSocket
 
+        room = Background(lambda: self._room(seconds)) if not self._has_room else None
         try:
             channel = self.connection.transport.open_local_stream(_ENGINE_SOCKET, seconds)
+            refused = room.result() if room else ""
         except paramiko.SSHException as error:
             raise EngineGone(f"sshd opens no stream to the engine: {error}") from error
+        if refused:
+            if channel is not None:
+                channel.close()
+            raise EngineGone(refused)
+        self._has_room = True
         if channel is None:
             return self._dial_engine(seconds)
 
@@ -196,6 +203,17 @@ class SshSession(BaseSession):
             return bool(channel.recv_ready() or channel.eof_received or channel.closed)
 
         return EngineSocket(channel, lambda: "", waiting)
+
+    def _room(self, seconds: float) -> str:
+        """Say why sshd opens no session beside the shell's, or nothing: streams do not count, but a lock's shell does.
+
+        Without this a robot that can be looked at, and not be changed, would be given services.
+        """
+        try:
+            self.connection.transport.open_session(timeout=seconds).close()
+        except paramiko.ChannelException as error:
+            return f"sshd opens no session: {error.text}; {_MORE_SESSIONS}"
+        return ""
 
     def _dial_engine(self, seconds: float) -> EngineSocket:
         """Start `docker system dial-stdio` on a channel of its own, and skip what a `.bashrc` prints before it."""

@@ -469,6 +469,20 @@ def test_max_sessions_one_leaves_the_shell_without_an_engine(make: Make, opened:
     assert "sshd opens no session" in engine.err
 
 
+def test_max_sessions_one_is_no_engine_though_sshd_would_forward_to_its_socket(
+    make: Make, opened: Callable[..., Session], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Forwarded streams are no sessions: an engine would answer, on a robot that nothing can lock or change."""
+    path = str(tmp_path / "engine.sock")
+    monkeypatch.setattr("srprov.transport.ssh._ENGINE_SOCKET", path)
+    with socket.socket(socket.AF_UNIX) as listening:
+        listening.bind(path)
+        listening.listen()
+        reply = opened(make(options={"MaxSessions": "1"})).ask([EngineQuery(path="/version", timeout_s=5)])[0]
+    assert (reply.status, reply.ok) == (0, False)
+    assert reply.err.startswith("sshd opens no session: ") and "MaxSessions" in reply.err
+
+
 # --- ssh_config -----------------------------------------------------------------------------------------------------
 
 
