@@ -43,13 +43,20 @@ class Kernel:
     address: str
     links: dict[str, Link] = field(default_factory=dict)
     fdb: set[tuple[str, str, str]] = field(default_factory=set)
+    found: set[str] = field(default_factory=set)
+    """Bridges that were there before their network: the engine never removes them."""
 
     def add_bridge(self, name: str, mtu: int) -> None:
         """What the engine does when it makes a network."""
+        if name in self.links:
+            self.found.add(name)
+            return
         self.links[name] = Link(name, "bridge", mtu=mtu, up=True)
 
     def del_bridge(self, name: str) -> None:
         """What the engine does when it removes one: its ports stay, without a master."""
+        if name in self.found:
+            return
         self.links.pop(name, None)
         for link in self.links.values():
             link.master = "" if link.master == name else link.master
@@ -108,10 +115,14 @@ class Kernel:
                 return ""
             case ["ip", "link", "show", "dev", name, ">/dev/null", "2>&1", "||", "exit", "0;", *rest]:
                 return self.run(shlex.join(rest)) if name in self.links else ""
+            case ["ip", "link", "show", "dev", name, "type", kind, "2>/dev/null", "|", "grep", "-q", ".", "||", *rest]:
+                there = name in self.links and self.links[name].kind == kind and rest[:2] == ["exit", "0;"]
+                return self.run(shlex.join(rest[2:])) if there else ""
             case ["ip", "link", "del", "dev", name]:
                 if self.links.pop(name, None) is None:
                     return f'Cannot find device "{name}"'
                 self.fdb = {entry for entry in self.fdb if entry[0] != name}
+                self.found.discard(name)
                 return ""
             case ["ip", "link", "add", name, "type", "vxlan", "id", vni, "local", ip, "dstport", port, "nolearning"]:
                 vxlans = [(one.vni, one.port) for one in self.links.values() if one.kind == "vxlan"]

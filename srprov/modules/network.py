@@ -26,10 +26,11 @@ from srprov.modules.module import (
     digest,
 )
 from srprov.resource import Action, Change, Resource, State
-from srprov.wire import AnyQuery, Command, EngineCall, EngineQuery, Reply
+from srprov.wire import AnyQuery, Command, EngineCall, EngineQuery, Reply, Run, quote
 
 _VNI = "srprov.vni"
 _PORT = "srprov.port"
+_PREFIX = "srpb"
 _BRIDGE_OPTION = "com.docker.network.bridge.name"
 _MTU_OPTION = "com.docker.network.driver.mtu"
 
@@ -99,11 +100,28 @@ class NetworkModule:
         }
         create = EngineCall(method="POST", path="/networks/create", body=canonical(body), accept=(201,))
         remove = EngineCall(method="DELETE", path=f"/networks/{want.name}", accept=(204, 404))
-        return (remove, create) if change.action is Action.REPLACE else (create,)
+        if change.action is not Action.REPLACE:
+            return (create,)
+        return (remove, *_leftover_bridge(change.before), create)
 
     def removal(self, found: Existing) -> tuple[Command, ...]:
         """Remove by name; 404 is fine, somebody was faster."""
-        return (EngineCall(method="DELETE", path=f"/networks/{found.name}", accept=(204, 404)),)
+        remove = EngineCall(method="DELETE", path=f"/networks/{found.name}", accept=(204, 404))
+        return (remove, *_leftover_bridge(found.state))
+
+
+def _leftover_bridge(found: State | None) -> tuple[Command, ...]:
+    """Delete the bridge that Docker leaves: one that was there before its network is somebody else's to Docker.
+
+    So it is after the engine crashed between the two, and the next apply made the network on the bridge that was left.
+    """
+    bridge = as_text(found.get("bridge")) if found else ""
+    if not bridge.startswith(_PREFIX):
+        return ()
+    name = quote(bridge)
+    return (
+        Run(script=f"ip link show dev {name} type bridge 2>/dev/null | grep -q . || exit 0; ip link del dev {name}"),
+    )
 
 
 def network_hash(params: Mapping[str, Any]) -> str:

@@ -98,6 +98,21 @@ def test_a_removal_that_somebody_did_is_unchanged() -> None:
     assert {one.outcome for one in run(w, plan).results} == {Outcome.UNCHANGED}
 
 
+def test_a_bridge_that_a_crashed_engine_left_goes_with_its_network() -> None:
+    """The next apply makes the network on it, and the engine never removes a bridge that was there before."""
+    w, what = world("r1"), experiment(service("a"), service("b"))
+    robot = w.robots["r1"]
+    assert apply(w, what).exit_code == 0
+    assert run(w, removal_for(w)).exit_code == 0
+    assert robot.kernel.links == {}
+    plan = plan_for(w, what)
+    bridge = next(step.want.params["bridge"] for step in plan.steps if step.module == "network" and step.want)
+    robot.kernel.add_bridge(bridge, 1500)
+    assert run(w, plan).exit_code == 0
+    assert run(w, removal_for(w)).exit_code == 0
+    assert robot.kernel.links == {}
+
+
 def test_a_robot_that_moved_is_stale() -> None:
     """If another change is due than the planned one, the step fails, says what is due now, and does nothing."""
     w = world("r1")
