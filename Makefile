@@ -24,7 +24,7 @@ test: setup lint type ## everything: lint, types, all tests (needs root, for the
 unit: setup ## only the tests that need no lab
 	@$(BIN)/python -m pytest -m "not lab"
 
-soak: setup ## kill, cut and crash an apply at every moment of it (needs root; half an hour or more)
+soak: setup ## disturb an apply at every moment of it, make all faults, race 50 times (needs root; an hour)
 	@echo "soak: python -m tools.soak, results in tools/soak/results.md"
 	@$(BIN)/python -m tools.soak
 

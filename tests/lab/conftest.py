@@ -19,7 +19,10 @@ from typing import Any
 import pytest
 
 ROOT = Path(__file__).parents[2]
-ROBOTS = 13
+ROBOTS = int(os.environ.get("SRPROV_LAB_ROBOTS", "13"))
+"""`tools/soak` asks for fewer where its tests need fewer."""
+GUARD = Path(os.environ.get("SRPROV_LAB_GUARD", "/run/lock/srprov-lab-tests"))
+"""Who has the lab holds a lock on it. `tools/soak` has the lab already when it starts tests, and names another file."""
 COMMAND_LIMIT_S = 280
 
 
@@ -115,7 +118,7 @@ def lab_session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
     """Bring the lab up once for all tests, and down after them."""
     folder = tmp_path_factory.mktemp("lab")
     lab = Lab(folder)
-    with open("/run/lock/srprov-lab-tests", "w", encoding="utf-8") as guard:
+    with GUARD.open("w", encoding="utf-8") as guard:
         # two test runs at once would clean each other's robots away
         fcntl.flock(guard, fcntl.LOCK_EX)
         # a lab that is up already may hold what somebody tried; tests begin with fresh robots

@@ -185,7 +185,8 @@ class Survivor:
         gone = self.lab.srprov("destroy", self.words[0], *self.words[1:], "--yes", "--volumes", "--lock-wait", "20")
         assert gone.code == 0, gone
         with ThreadPoolExecutor(len(ROBOTS)) as pool:
-            assert list(pool.map(self.lab.leftovers, ROBOTS)) == [NOTHING] * len(ROBOTS)
+            left = dict(zip(ROBOTS, pool.map(self.lab.leftovers, ROBOTS), strict=True))
+            assert left == dict.fromkeys(ROBOTS, NOTHING), f"destroy ended well and left {left}: {gone}"
             list(pool.map(lambda robot: self.lab.shell(robot, "docker", "image", "prune", "--all", "--force"), ROBOTS))
 
 

@@ -1,6 +1,6 @@
 """Locks on real robots: two controllers, killed controllers, cut networks. Each test has robots of its own.
 
-SRPROV_RACES says how often two controllers race; before a release it is 50 (`pytest tests/lab/test_locks.py -k race`).
+SRPROV_RACES says how often two controllers race; `make soak` makes 50 of it.
 """
 
 from __future__ import annotations
@@ -75,7 +75,9 @@ def nobody(lab: Lab, inventory: str) -> bool:
 
 
 @pytest.mark.parametrize("turn", range(RACES))
-def test_race_exactly_one_acts(cleared: Lab, tmp_path: Path, turn: int) -> None:
+def test_race_exactly_one_acts(
+    cleared: Lab, tmp_path: Path, record_property: Callable[[str, object], None], turn: int
+) -> None:
     """Two controllers want overlapping robots at once: one acts and ends well, the other touches nothing (7)."""
     lab, parts = cleared, (["robot1", "robot2", "robot3"], ["robot2", "robot3", "robot1"])
     if turn % 2:
@@ -89,9 +91,14 @@ def test_race_exactly_one_acts(cleared: Lab, tmp_path: Path, turn: int) -> None:
         wanted.append({f"srprov.{name}.s{i}" for i in range(len(robots))})
         common = ("apply", str(path), "-i", inventory, "--yes", "--settle", "5")
         runs.append(begin(lab, *common, "--events", str(tmp_path / f"{name}.ndjson")))
-    ends = [(run.communicate(timeout=120)[1], run.returncode) for run in runs]
+    try:
+        ends = [(run.communicate(timeout=120)[1], run.returncode) for run in runs]
+    finally:
+        for run in runs:
+            run.kill()  # one that is stuck would hold the robots for good
     assert sorted(code for _, code in ends) == [0, 7], ends
     loser = 0 if ends[0][1] == 7 else 1
+    record_property("winner", ("anna", "bob")[1 - loser])
     assert "is held by" in ends[loser][0] and f"apply {('bob', 'anna')[loser]}, since" in ends[loser][0]
     assert "--lock-wait" in ends[loser][0]
     acted = [json.loads(line) for line in (tmp_path / f"{('anna', 'bob')[loser]}.ndjson").read_text().splitlines()]

@@ -11,6 +11,9 @@ from pathlib import Path
 import pytest
 
 from srprov.lab.machine import IMAGE_PACKAGES, PACKAGES
+from tools.soak import faults, races
+from tools.soak.results import Result, write
+from tools.soak.tests import Outcome, collected
 
 ROOT = Path(__file__).resolve().parents[2]
 SETUP = (ROOT / "tools/setup.sh").read_text()
@@ -50,3 +53,63 @@ def test_the_configured_paths_find_every_test() -> None:
     folders = {path for pattern in json.loads(configured[1]) for path in ROOT.glob(pattern)}
     tests = {path for path in (ROOT / "tests").rglob("test_*.py") if "cases" not in path.parts}
     assert [path for path in sorted(tests) if not folders & {path, *path.parents}] == []
+
+
+def test_the_soak_makes_every_fault_of_the_table_by_tests_of_the_files_that_it_names() -> None:
+    text = (ROOT / "docs/reliability.md").read_text()
+    table = text[text.index("\n## Faults") : text.index("\n### Soak")]
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in table.splitlines() if line[:2] == "| "]
+    named = {row[0]: set(re.findall(r"test_[a-z]+\.py", row[-1])) for row in rows[1:]}
+    assert named == {fault: {test.partition("::")[0] for test in tests} for fault, tests in faults.FAULTS.items()}
+    assert sorted(test for _, tests in faults.in_order() for test in tests) == sorted(
+        faults.path_of(test) for tests in faults.FAULTS.values() for test in tests
+    ), "each is there (else `in_order` raises) and makes one fault"
+    file, _, name = races.TEST.partition("::")
+    assert f"\ndef {name}(" in (ROOT / file).read_text()
+
+
+def phase(test: str, when: str, outcome: str = "passed", why: str = "") -> str:
+    said = {"winner": "anna"}
+    return json.dumps({"test": test, "when": when, "outcome": outcome, "seconds": 2.0, "why": why, "said": said})
+
+
+def test_the_soak_tells_what_failed_and_what_was_not_run() -> None:
+    """Only a test that passed to the end of its teardown has passed; what is stuck is counted as such."""
+    told = [phase("t::a[1]", when) for when in ("setup", "call", "teardown")]
+    told += [
+        phase("t::a[2]", "setup"),
+        phase("t::a[2]", "call", "failed", "TimeoutExpired: | x"),
+        phase("t::b", "setup"),
+    ]
+    found = collected(["t::a", "t::b", "t::c"], told)
+    assert [(one.test, one.end) for one in found] == [
+        ("t::a[1]", "passed"),
+        ("t::a[2]", "failed"),
+        ("t::b", "not run"),
+        ("t::c", "not run"),
+    ]
+    result = races.told(found, 60, 0)
+    assert result.figures == [
+        "1 of 4 races: exactly one winner (anna 1)",
+        "3 stuck; the slowest race took 2.0 s",
+    ]
+    assert (result.wrong, result.fine) == (3, False)
+    assert races.told(found[:1], 60, 0).fine and not races.told(found[:1], 60, 1).fine
+    fault = next(iter(faults.FAULTS))
+    failed = Outcome(faults.path_of(faults.FAULTS[fault][0]), "failed", why="a | b")
+    result = faults.told([failed], 60, 0)
+    assert result.figures[0] == f"0 of {len(faults.FAULTS)} faults: all their tests passed"
+    assert result.table[-1].endswith("| failed: a / b |")
+    assert not result.fine
+
+
+def test_a_part_of_the_soak_leaves_what_the_others_wrote(tmp_path: Path) -> None:
+    path = tmp_path / "results.md"
+    write(path, Result("races", "about", ["50 of 50"], ["| a |", "|---|", "| 1 |"], 120, 0, 0))
+    first = path.read_text()
+    write(path, Result("faults", "about", ["3 of 15"], ["| b |"], 60, 2, 0))
+    both = path.read_text()
+    assert both.index("ended early: 2") < both.index("- 3 of 15") < both.index("- 50 of 50") < both.index("| 1 |")
+    assert "2 of 3 parts, 3 min" in both
+    write(path, Result("faults", "about", [], [], 0, 0, 0))
+    assert "1 of 3 parts, 2 min" in first and "| b |" not in path.read_text() and "| 1 |" in path.read_text()
