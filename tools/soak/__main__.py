@@ -9,6 +9,7 @@ winner.
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
 from pathlib import Path
 
@@ -27,6 +28,8 @@ def main() -> int:
     )
     parser.add_argument("--output", type=Path, default=RESULTS, help="the document (default: results.md here)")
     wanted = parser.parse_args()
+    # like Ctrl-C: what was started ends too, and the lab goes down
+    signal.signal(signal.SIGTERM, lambda _number, _frame: sys.exit(128 + signal.SIGTERM))
 
     def tell(result: results.Result) -> None:
         results.write(wanted.output, result)
