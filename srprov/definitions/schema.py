@@ -32,9 +32,8 @@ def check(root: Node, kind: str, findings: Findings, path: Path = ()) -> None:
     """Add every way in which a document breaks a schema; `path` is where `root` stands in its document."""
     from srprov.data import schema_text
 
-    digest = hashlib.sha256(
-        "\0".join((remembered.code(), schema_text(kind), _canonical(root))).encode("utf-8", "surrogatepass")
-    ).hexdigest()
+    about = "\0".join((remembered.code(), kind, schema_text(kind.partition("/")[0]), _canonical(root)))
+    digest = hashlib.sha256(about.encode("utf-8", "surrogatepass")).hexdigest()
     if remembered.is_known(digest):
         return
     faults = 0
