@@ -154,13 +154,15 @@ def _look(
     experiment: Experiment, instance: str, lab: Inventory, readers: Readers, wishes: Wishes
 ) -> tuple[Experiment, Found, dict[str, str]]:
     """Give the experiment with all instances, all robots as they are, and where the instance's services run now."""
-    found = gather(lab, readers, sample=False, forks=wishes.forks)
+
+    def decides(found: Found) -> bool:
+        """Only a decision needs the traffic of this moment, which takes 0.3 s to see."""
+        known = previous_robots(found, instance)
+        free = wishes.reassign or wishes.reassign_unreachable or not experiment.placement.sticky
+        return free or any(service not in known for service in with_instances(experiment, found, known).services)
+
+    found = gather(lab, readers, sample=decides, forks=wishes.forks)
     previous = previous_robots(found, instance)
-    free = wishes.reassign or wishes.reassign_unreachable or not experiment.placement.sticky
-    if free or any(service not in previous for service in with_instances(experiment, found, previous).services):
-        # only a decision needs the traffic of this moment, which takes 0.3 s to see
-        found = gather(lab, readers, sample=True, forks=wishes.forks)
-        previous = previous_robots(found, instance)
     return with_instances(experiment, found, previous), found, previous
 
 

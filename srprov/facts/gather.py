@@ -10,7 +10,9 @@ import concurrent.futures
 import dataclasses
 import json
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass
 from typing import Any
 
 from srprov.definitions.model import Host, Inventory
@@ -18,11 +20,12 @@ from srprov.errors import TransportError
 from srprov.facts.host import host_queries, parse_host
 from srprov.facts.model import Existing, Found, HostFacts
 from srprov.facts.observe import observe_queries, parse_observed, parse_probed, probe_queries
+from srprov.facts.probes import COUNTERS, SAMPLE_S
 from srprov.facts.untrusted import text
 from srprov.modules import PROBING
 from srprov.modules.module import STATE_ROOT
 from srprov.resource import Resource
-from srprov.wire import EngineQuery, Query, Reader, Reply
+from srprov.wire import EngineQuery, Measures, Query, Reader, Reply
 
 _PLACEMENTS = Query(command=f'for f in {STATE_ROOT}/*/placement.json; do test -f "$f" && cat "$f" && echo; done; :')
 _SIZE_LIMIT = 1_000_000
@@ -31,7 +34,14 @@ Readers = Callable[[str], Reader]
 """Robot's name -> reader; raises TransportError when it cannot be reached."""
 
 
-def gather(lab: Inventory, readers: Readers, *, sample: bool, forks: int = 64, only_look: bool = False) -> Found:
+def gather(
+    lab: Inventory,
+    readers: Readers,
+    *,
+    sample: bool | Callable[[Found], bool],
+    forks: int = 64,
+    only_look: bool = False,
+) -> Found:
     """Ask every robot of the inventory.
 
     A robot whose engine does not answer although services were placed there counts as unreachable: its containers may
@@ -40,36 +50,86 @@ def gather(lab: Inventory, readers: Readers, *, sample: bool, forks: int = 64, o
     Args:
         lab: the robots.
         readers: gives each one's reader.
-        sample: also measure traffic, which takes 0.3 s.
+        sample: also measure traffic, which takes a second look, 0.3 s after the first; a function decides after that.
         forks: robots asked at the same time.
         only_look: nothing will be decided from it, so give the facts of such a robot all the same.
     """
+    pool = concurrent.futures.ThreadPoolExecutor(max(1, min(forks, len(lab.hosts))))
+    try:
+        futures = {name: pool.submit(_one, host, readers) for name, host in lab.hosts.items()}
+        found, looks = _found(futures, only_look)
+        if sample(found) if callable(sample) else sample:
+            again = {name: pool.submit(look.facts_with_traffic, readers) for name, look in looks.items()}
+            found = _with_traffic(found, again)
+        return found
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)  # Ctrl-C does not wait for the slowest robot
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class _Look:
+    """What one robot said."""
+
+    host: Host
+    replies: Sequence[Reply]
+    measures: Measures | None
+    asked_at: float
+    """Seconds since the epoch."""
+    over_at: float
+    """Of the monotonic clock."""
+    facts: HostFacts
+    existing: tuple[Existing, ...]
+    placements: list[Mapping[str, Any]]
+
+    def facts_with_traffic(self, readers: Readers) -> HostFacts:
+        """Read the counters again, some time after the first reading."""
+        time.sleep(max(0.0, self.over_at + SAMPLE_S - time.monotonic()))
+        later = readers(self.host.name).ask([COUNTERS])[0]
+        seen = parse_host(self.host, self.replies, measures=self.measures, now=self.asked_at, later=later)
+        return dataclasses.replace(self.facts, traffic_mbit=seen.traffic_mbit)
+
+
+def _found(futures: Mapping[str, Future[_Look]], only_look: bool) -> tuple[Found, dict[str, _Look]]:
+    """Wait for all, and put together what they said."""
     facts: dict[str, HostFacts] = {}
     existing: dict[str, tuple[Existing, ...]] = {}
     unreachable: dict[str, str] = {}
     records: dict[str, Mapping[str, Any]] = {}
-    pool = concurrent.futures.ThreadPoolExecutor(max(1, min(forks, len(lab.hosts))))
-    futures = {name: pool.submit(_one, host, readers, sample) for name, host in lab.hosts.items()}
-    try:
-        concurrent.futures.wait(futures.values())
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)  # Ctrl-C does not wait for the slowest robot
+    looks: dict[str, _Look] = {}
+    concurrent.futures.wait(futures.values())
     for name, future in sorted(futures.items()):
         try:
-            facts[name], existing[name], placements = future.result()
+            look = looks[name] = future.result()
         except TransportError as error:
-            unreachable[name] = error.message + (f"\n  {error.hint}" if error.hint else "")
+            unreachable[name] = _said(error)
             continue
-        for record in placements:
+        facts[name], existing[name] = look.facts, look.existing
+        for record in look.placements:
             best = records.get(record["instance"])
             if best is None or record["serial"] > best["serial"]:
                 records[record["instance"]] = record
     for name in [] if only_look else [name for name, one in facts.items() if one.docker is None]:
         if _holds_services(name, records):
             reason = facts.pop(name).docker_problem
-            del existing[name]
+            del existing[name], looks[name]
             unreachable[name] = f"its Docker Engine does not answer: {reason}\n  start it there, or restart the robot"
-    return Found(facts=facts, existing=existing, placements=records, unreachable=unreachable)
+    return Found(facts=facts, existing=existing, placements=records, unreachable=unreachable), looks
+
+
+def _with_traffic(found: Found, again: Mapping[str, Future[HostFacts]]) -> Found:
+    """Put the traffic in; a robot that went away meanwhile cannot be reached."""
+    facts, existing, unreachable = dict(found.facts), dict(found.existing), dict(found.unreachable)
+    for name, future in sorted(again.items()):
+        try:
+            facts[name] = future.result()
+        except TransportError as error:
+            unreachable[name] = _said(error)
+            del facts[name], existing[name]
+    return dataclasses.replace(found, facts=facts, existing=existing, unreachable=unreachable)
+
+
+def _said(error: TransportError) -> str:
+    return error.message + (f"\n  {error.hint}" if error.hint else "")
 
 
 def probe(found: Found, wants: Iterable[Resource], readers: Readers, *, forks: int = 64) -> Found:
@@ -103,19 +163,29 @@ def _holds_services(robot: str, records: Mapping[str, Mapping[str, Any]]) -> boo
     return any(isinstance(entry, Mapping) and entry.get("robot") == robot for entry in entries)
 
 
-def _one(host: Host, readers: Readers, sample: bool) -> tuple[HostFacts, tuple[Existing, ...], list[Mapping[str, Any]]]:
+def _one(host: Host, readers: Readers) -> _Look:
     reader = readers(host.name)
-    mine = host_queries(sample=sample)
+    mine = host_queries()
     ours = observe_queries()
     asked_at = time.time()  # the robot's clock is read first of all
     replies = reader.ask([*mine, *ours, _PLACEMENTS])
-    facts = parse_host(host, replies[: len(mine)], measures=reader.measure(), now=asked_at)
+    over_at, measures, asked = time.monotonic(), reader.measure(), replies[: len(mine)]
+    facts = parse_host(host, asked, measures=measures, now=asked_at)
     seen = replies[len(mine) : -1]
     mute = [reply for query, reply in zip(ours, seen, strict=True) if isinstance(query, EngineQuery) and not reply.ok]
     if mute and facts.docker is not None:
         # an engine that says its version but not what it runs is as good as none
         facts = dataclasses.replace(facts, docker=None, docker_problem=text(mute[0].err) or f"status {mute[0].status}")
-    return facts, parse_observed(seen), _placements(replies[-1])
+    return _Look(
+        host=host,
+        replies=asked,
+        measures=measures,
+        asked_at=asked_at,
+        over_at=over_at,
+        facts=facts,
+        existing=parse_observed(seen),
+        placements=_placements(replies[-1]),
+    )
 
 
 def _placements(reply: Reply) -> list[Mapping[str, Any]]:

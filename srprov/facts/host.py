@@ -14,11 +14,11 @@ from dataclasses import replace
 from typing import Any
 
 from srprov.definitions.model import Host
-from srprov.facts.answers import Counters, Files, Filesystem, Identity
+from srprov.facts.answers import Counters, Files, Filesystem, Identity, parse_traffic
 from srprov.facts.hardware import detect_tags
 from srprov.facts.links import Underlay, find_underlay
 from srprov.facts.model import Docker, HostFacts
-from srprov.facts.probes import ENGINE, PROBES, SAMPLE
+from srprov.facts.probes import ENGINE, PROBES
 from srprov.facts.untrusted import decimal, integer, mapping, parsed, text
 from srprov.wire import EngineQuery, Measures, Query, Reply
 
@@ -43,14 +43,10 @@ _HALVES = {"x86_64": "i386", "amd64": "i386", "aarch64": "arm", "arm64": "arm"}
 """What a 64-bit processor is to a 32-bit system."""
 
 
-def host_queries(*, sample: bool) -> tuple[Query | EngineQuery, ...]:
-    """Give everything to ask a robot for its facts, in the order that `parse_host` expects the replies.
-
-    With `sample` the traffic of 0.3 s is measured too, which is also how much longer the answer takes.
-    """
-    last = (Query(command=SAMPLE.command),) if sample else ()
+def host_queries() -> tuple[Query | EngineQuery, ...]:
+    """Give everything to ask a robot for its facts, in the order that `parse_host` expects the replies."""
     probes = (Query(command=probe.command) for probe in PROBES)
-    return (*probes, *ENGINE, *last)
+    return (*probes, *ENGINE)
 
 
 def docker_arch(machine: str) -> str:
@@ -60,16 +56,23 @@ def docker_arch(machine: str) -> str:
 
 
 def parse_host(
-    host: Host, replies: Sequence[Reply], measures: Measures | None, *, slots_default: int = 1, now: float | None = None
+    host: Host,
+    replies: Sequence[Reply],
+    measures: Measures | None,
+    *,
+    slots_default: int = 1,
+    now: float | None = None,
+    later: Reply | None = None,
 ) -> HostFacts:
     """Read the replies to `host_queries`, in its order.
 
     Args:
         host: The robot as the inventory has it; its tags, devices, slots, underlay and bandwidth win or come on top.
-        replies: With or without the traffic sample; missing ones count as empty.
+        replies: Missing ones count as empty.
         measures: What psutil says, for the controller itself; wins over /proc.
         slots_default: Slots of a robot whose inventory names none.
         now: The controller's clock when the queries were sent, seconds since the epoch; None leaves the offset 0.
+        later: The reply to `COUNTERS`, some time after the others: with it the traffic is known.
 
     Nothing raises: what a robot did not say properly keeps the default of HostFacts.
     """
@@ -77,10 +80,7 @@ def parse_host(
     identity: Identity = said["identity"]
     files: Files = said["files"]
     docker, problem = _docker(replies)
-    # A 32-bit system on a 64-bit kernel, as Raspberry Pi OS has it, runs 32-bit containers.
-    arch = docker_arch(_HALVES.get(identity.machine, "") if identity.bits == 32 else "") or docker_arch(
-        identity.machine
-    )
+    arch = _arch(identity)
     speeds = {**_speeds(files), **{k: v for k, v in said["wireless"].items() if v > 0}}
     speeds |= {k: v for k, v in (measures.link_speed_mbit if measures else {}).items() if v > 0}
     links = tuple(replace(link, speed_mbit=speeds.get(link.name, 0.0)) for link in said["links"])
@@ -106,7 +106,7 @@ def parse_host(
         underlay_address=underlay.address,
         underlay_mtu=underlay.mtu,
         speed_mbit=speeds.get(underlay.link, 0.0),
-        traffic_mbit=_traffic_mbit(said["traffic"], underlay, underlay.link in said["wireless"]),
+        traffic_mbit=_traffic_mbit(_traffic(files, later), underlay, underlay.link in said["wireless"]),
         slots=host.slots if host.slots is not None else slots_default,
         clock_offset_s=round(identity.clock_s - now, 3) if now is not None and identity.clock_s is not None else 0.0,
         user=identity.user or host.user or "",
@@ -131,8 +131,7 @@ def _read(replies: Sequence[Reply]) -> dict[str, Any]:
     shell = replies[: len(PROBES)]
     outs = [shell[i].out if i < len(shell) else "" for i in range(len(PROBES))]
     said = {probe.name: probe.parse(out) for probe, out in zip(PROBES, outs, strict=True)}
-    sampled = replies[len(PROBES) + len(ENGINE) :]
-    return {**said, SAMPLE.name: SAMPLE.parse(sampled[0].out if sampled else "")}
+    return said
 
 
 def _first_line(files: Files, path: str) -> str:
@@ -209,6 +208,18 @@ def _speeds(files: Files) -> dict[str, float]:
             speed = integer(lines[0], low=-1, high=2**40, default=-1)
             found[name[1]] = float(speed) if 0 < speed < 10_000_000 else 0.0
     return found
+
+
+def _arch(identity: Identity) -> str:
+    """Give what containers run: on a 32-bit system with a 64-bit kernel, as Raspberry Pi OS has it, 32-bit ones."""
+    half = _HALVES.get(identity.machine, "") if identity.bits == 32 else ""
+    return docker_arch(half or identity.machine)
+
+
+def _traffic(files: Files, later: Reply | None) -> Mapping[str, Counters]:
+    """Give bytes per second between the two readings."""
+    first = [line for path in ("/proc/uptime", "/proc/net/dev") for line in files.get(path, ())]
+    return parse_traffic("\n".join([*first, later.out])) if later is not None else {}
 
 
 def _traffic_mbit(counters: Mapping[str, Counters], underlay: Underlay, shared_air: bool) -> float:

@@ -20,11 +20,10 @@ from srprov.facts.answers import (
     parse_disk,
     parse_files,
     parse_identity,
-    parse_traffic,
     parse_wireless,
 )
 from srprov.facts.links import parse_links, parse_routes
-from srprov.wire import EngineQuery
+from srprov.wire import EngineQuery, Query
 
 DEVICE_GLOBS = (
     "video* media* ttyUSB* ttyACM* ttyAMA* ttyTHS* serial[0-9]* i2c-* spidev* gpiochip* gpiomem* hidraw* vchiq "
@@ -35,7 +34,8 @@ DEVICE_GLOBS = (
 _FILES = (
     "/proc/loadavg /proc/meminfo /proc/sys/kernel/hostname /proc/sys/kernel/osrelease /proc/sys/kernel/version "
     "/sys/kernel/realtime /sys/devices/system/cpu/online /etc/os-release /usr/lib/os-release "
-    "/sys/firmware/devicetree/base/model /proc/device-tree/model /sys/class/net/*/speed /sys/class/video4linux/*/name"
+    "/sys/firmware/devicetree/base/model /proc/device-tree/model /sys/class/net/*/speed /sys/class/video4linux/*/name "
+    "/proc/uptime /proc/net/dev"
 )
 # The clock comes first: every later command would only add to its error. sudo takes SSH_CONNECTION away, but itself
 # still has it in its environment, and is an ancestor of this shell.
@@ -78,8 +78,6 @@ df -Pk / /var/lib/docker "${HOME:-/}" "${r:-/}" 2>/dev/null
 :"""
 # the list of CPUs is among the files; only where there is none they are counted
 _COUNT_CPUS = "[ -r /sys/devices/system/cpu/online ] || grep -c '^processor[[:space:]]*:' /proc/cpuinfo"
-_COUNTERS = "cat /proc/uptime /proc/net/dev"
-_TRAFFIC = f"{_COUNTERS}; sleep 0.3 2>/dev/null || sleep 1; {_COUNTERS}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,5 +102,7 @@ PROBES = (
 """In the order of asking."""
 ENGINE = (EngineQuery(path="/_ping", headers=True), EngineQuery(path="/info"))
 """What the engine is asked, after the probes. `/version` would make it start three programs to ask for theirs."""
-SAMPLE = Probe("traffic", _TRAFFIC, parse_traffic)
-"""Asked last, and only when wanted: it takes 0.3 s (1 s where `sleep` takes no fractions)."""
+COUNTERS = Query(command="cat /proc/uptime /proc/net/dev")
+"""The second reading of the counters, asked only when traffic is wanted; the first is among the files."""
+SAMPLE_S = 0.3
+"""Between the two readings, at least."""

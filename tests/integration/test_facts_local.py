@@ -9,8 +9,10 @@ import psutil
 import pytest
 
 from srprov.definitions.model import Host
+from srprov.facts.answers import parse_files, parse_traffic
 from srprov.facts.host import host_queries, parse_host
 from srprov.facts.model import HostFacts
+from srprov.facts.probes import COUNTERS, SAMPLE_S
 from srprov.wire import Query, Reply
 
 IP = shutil.which("ip", path="/usr/sbin:/sbin:/usr/bin:/bin")
@@ -36,8 +38,10 @@ def facts(request: pytest.FixtureRequest) -> HostFacts:
     if shutil.which(shell[0]) is None:
         pytest.skip(f"{shell[0]} is not installed")
     now = time.time()
-    replies = [ask(shell, query) for query in host_queries(sample=True)]
-    return parse_host(Host(name="here", address="localhost"), replies, None, now=now)
+    replies = [ask(shell, query) for query in host_queries()]
+    time.sleep(SAMPLE_S)
+    later = ask(shell, COUNTERS)
+    return parse_host(Host(name="here", address="localhost"), replies, None, now=now, later=later)
 
 
 def test_processors_and_memory(facts: HostFacts) -> None:
@@ -79,7 +83,7 @@ def test_disk(facts: HostFacts) -> None:
 
 
 def test_the_address_where_ssh_came_in_is_found_behind_sudo() -> None:
-    identity = host_queries(sample=False)[0]
+    identity = host_queries()[0]
     assert isinstance(identity, Query)
     # what sudo does: an ancestor still has the variable, the shell has SUDO_USER only
     script = f"env -u SSH_CONNECTION SUDO_USER=robot dash <<'EOF'\n{identity.command}\nEOF\n:"
@@ -89,10 +93,33 @@ def test_the_address_where_ssh_came_in_is_found_behind_sudo() -> None:
     assert "user robot\n" in done.stdout
 
 
-def test_sleep_without_fractions_falls_back() -> None:
-    sample = host_queries(sample=True)[-1]
-    coarse = 'sleep() { case $1 in *.*) return 1;; esac; command sleep "$1"; }\n'
-    begin = time.monotonic()
-    reply = ask(["dash"], sample, coarse)
-    assert time.monotonic() - begin >= 1.0
-    assert reply.out.count("Inter-|") == 2
+@pytest.mark.parametrize("shell", SHELLS.values(), ids=SHELLS)
+def test_traffic_is_what_passed_between_two_readings(shell: list[str]) -> None:
+    """10 MB through loopback in a known time, as psutil counts them too."""
+    if shutil.which(shell[0]) is None:
+        pytest.skip(f"{shell[0]} is not installed")
+    first = [ask(shell, query) for query in host_queries()]
+    begun, before = time.monotonic(), psutil.net_io_counters(pernic=True)["lo"].bytes_sent
+    with socket.create_server(("127.0.0.1", 0)) as server, socket.create_connection(server.getsockname()) as sender:
+        taken, _ = server.accept()
+        for _ in range(100):
+            sender.sendall(bytes(100_000))
+            left = 100_000
+            while left:
+                left -= len(taken.recv(left))
+        taken.close()
+    time.sleep(max(0.0, SAMPLE_S - (time.monotonic() - begun)))
+    later = ask(shell, COUNTERS)
+    passed = psutil.net_io_counters(pernic=True)["lo"].bytes_sent - before
+    here = Host(name="here", address="127.0.0.1")
+    said = parse_traffic("\n".join([*counters(first), later.out]))["lo"]
+    elapsed = time.monotonic() - begun
+    assert passed >= 10_000_000
+    assert said.sent_bps == pytest.approx(passed / elapsed, rel=0.6)
+    assert parse_host(here, first, None).traffic_mbit == 0.0, "one reading tells nothing"
+
+
+def counters(replies: list[Reply]) -> list[str]:
+    """Give the first reading, from the replies of the files."""
+    files = next(parse_files(reply.out) for reply in replies if "/proc/uptime:" in reply.out)
+    return [*files["/proc/uptime"], *files["/proc/net/dev"]]

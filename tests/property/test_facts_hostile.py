@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 from srprov import data
 from srprov.cli.facts_table import facts_table
 from srprov.definitions.model import Host
+from srprov.facts.answers import parse_traffic
 from srprov.facts.document import facts_document
 from srprov.facts.host import host_queries, parse_host
 from srprov.facts.model import HostFacts
-from srprov.facts.probes import ENGINE, PROBES, SAMPLE
+from srprov.facts.probes import ENGINE, PROBES, Probe
 from srprov.wire import Reply
 
 HOST = Host(name="robot1", address="robot1.example")
@@ -105,12 +106,10 @@ def reply_to(probe: str) -> st.SearchStrategy[Reply]:
 engine_reply = st.builds(
     Reply, status=st.sampled_from([0, 200, 404, 500]), out=engine.map(json.dumps) | raw, err=raw, ok=st.booleans()
 )
-all_replies = st.tuples(
-    *(reply_to(probe.name) for probe in PROBES), *(engine_reply for _ in ENGINE), reply_to(SAMPLE.name)
-)
+all_replies = st.tuples(*(reply_to(probe.name) for probe in PROBES), *(engine_reply for _ in ENGINE))
 
 
-@pytest.mark.parametrize("probe", [*PROBES, SAMPLE], ids=lambda probe: probe.name)
+@pytest.mark.parametrize("probe", [*PROBES, Probe("traffic", "", parse_traffic)], ids=lambda probe: probe.name)
 def test_no_parser_raises(probe: object) -> None:
     parse: Callable[[str], object] = probe.parse  # type: ignore[attr-defined]
     name: str = probe.name  # type: ignore[attr-defined]
@@ -124,9 +123,9 @@ def test_no_parser_raises(probe: object) -> None:
 
 
 @settings(max_examples=150, deadline=None)
-@given(replies=all_replies, now=st.none() | st.floats(0, 4e9))
-def test_facts_are_plain_and_bounded(replies: tuple[Reply, ...], now: float | None) -> None:
-    facts = parse_host(HOST, replies, None, now=now)
+@given(replies=all_replies, now=st.none() | st.floats(0, 4e9), later=st.none() | reply_to("traffic"))
+def test_facts_are_plain_and_bounded(replies: tuple[Reply, ...], now: float | None, later: Reply | None) -> None:
+    facts = parse_host(HOST, replies, None, now=now, later=later)
     document = facts_document({"robot1": facts}, {})
     jsonschema.validate(json.loads(json.dumps(document, allow_nan=False)), data.schema("facts"))
     assert all(text.isprintable() for text in _texts(document["robots"]))
@@ -141,7 +140,7 @@ def test_facts_are_plain_and_bounded(replies: tuple[Reply, ...], now: float | No
 @given(count=st.integers(0, 30))
 def test_any_number_of_replies_is_read(count: int) -> None:
     assert isinstance(parse_host(HOST, [Reply(status=0, out="{}")] * count, None), HostFacts)
-    assert len(host_queries(sample=True)) == len(PROBES) + len(ENGINE) + 1
+    assert len(host_queries()) == len(PROBES) + len(ENGINE)
 
 
 def _texts(value: object) -> list[str]:

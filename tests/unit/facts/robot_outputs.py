@@ -88,12 +88,9 @@ Inter-|   Receive                                      |  Transmit
     lo:    3193      29    0    0    0     0          0         0     3193      29    0    0    0     0       0       0
   eth0: {received}    8577    0    0    0     0       0         0   {sent}    6776    0    0    0     0       0       0
 """
-TRAFFIC = (
-    "1070.46 1976.31\n"
-    + NET_DEV.format(received=279775767, sent=576529)
-    + "1070.76 1976.90\n"
-    + NET_DEV.format(received=279775767 + 375_000, sent=576529 + 750_000)
-)
+_BEFORE = "1070.46 1976.31", NET_DEV.format(received=279775767, sent=576529)
+LATER = Reply(status=0, out="1070.76 1976.90\n" + NET_DEV.format(received=279775767 + 375_000, sent=576529 + 750_000))
+"""0.3 s after COMPUTER's own counters."""
 
 COMPUTER = {
     "identity": """\
@@ -114,7 +111,9 @@ connection 192.0.2.1 5 192.0.2.2 22
 /etc/os-release:NAME="Debian GNU/Linux"
 /usr/lib/os-release:PRETTY_NAME="not this one"
 /sys/class/net/eth0/speed:1000
-""",
+"""
+    + f"/proc/uptime:{_BEFORE[0]}\n"
+    + "".join(f"/proc/net/dev:{line}\n" for line in _BEFORE[1].splitlines()),
     "cpus": "2\n",
     "links": json.dumps([LO, ETH0, DOCKER0, VXLAN]),
     "routes": json.dumps(ROUTES),
@@ -190,13 +189,13 @@ Filesystem           1024-blocks    Used Available Capacity Mounted on
 }
 
 
-def replies(robot: dict[str, str], ping: object = PING, info: object = INFO, traffic: str | None = None) -> list[Reply]:
+def replies(robot: dict[str, str], ping: object = PING, info: object = INFO) -> list[Reply]:
     """Give the replies in the order of `host_queries`; with `ping` None there is no engine."""
     shell = [Reply(status=0, out=robot[probe.name]) for probe in PROBES]
     if ping is None:
         engine = [Reply(status=0, err="no Docker Engine listens on /var/run/docker.sock", ok=False)] * len(ENGINE)
     else:
         engine = [Reply(status=200, out=json.dumps(value)) for value in (ping, info)]
-    found = [*shell, *engine, *([Reply(status=0, out=traffic)] if traffic is not None else [])]
-    assert len(found) == len(host_queries(sample=traffic is not None))
+    found = [*shell, *engine]
+    assert len(found) == len(host_queries())
     return found

@@ -5,7 +5,7 @@ import json
 from pathlib import Path
 
 import jsonschema
-from robot_outputs import COMPUTER, PI, TRAFFIC, replies
+from robot_outputs import COMPUTER, LATER, PI, replies
 
 from srprov import data
 from srprov.cli.facts_table import facts_table
@@ -16,7 +16,7 @@ from srprov.facts.host import parse_host
 from srprov.facts.model import Docker, HostFacts, Link
 
 ROOT = Path(__file__).parents[3]
-ONE = parse_host(Host(name="robot1", address="a"), replies(COMPUTER, traffic=TRAFFIC), None)
+ONE = parse_host(Host(name="robot1", address="a"), replies(COMPUTER), None, later=LATER)
 PI7 = parse_host(Host(name="turtle7", address="a"), replies(PI, None), None)
 
 
