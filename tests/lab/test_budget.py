@@ -1,0 +1,40 @@
+"""How often a robot is asked: counted, since a count is the same on every machine and a time is not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from tests.lab.conftest import Lab, busybox, edf, part_of_lab
+
+pytestmark = pytest.mark.lab
+
+ROBOTS = ("robot1", "robot2", "robot3")
+NOTHING_TO_DO = 6
+FRESH = 8
+PER_CONTAINER = 2
+
+
+def test_round_trips(lab: Lab, tmp_path: Path) -> None:
+    """One connection per robot and run; a budget of waits for nothing to do, for a fresh apply, and per container."""
+    path = tmp_path / "experiment.edf"
+    services = {"a": busybox(robot="robot1"), "b": busybox(robot="robot2"), "c": busybox(robot="robot3")}
+    services |= {"d": busybox(robot="robot3")}
+    path.write_text(edf("budget", services, placement={"slots_per_robot": 2}), encoding="utf-8")
+    inventory = part_of_lab(lab, ROBOTS, tmp_path / "lab.yml")
+    for robot in ROBOTS:
+        lab.shell(robot, "docker", "pull", "-q", "busybox")
+
+    fresh = lab.srprov("apply", str(path), "-i", inventory, "--yes", "--json", "--settle", "0")
+    again = lab.srprov("apply", str(path), "-i", inventory, "--yes", "--json", "--settle", "0")
+
+    assert (fresh.code, again.code) == (0, 0), (fresh, again)
+    assert fresh.json["changed"] > 0 and again.json["changed"] == 0
+    for report in (fresh.json, again.json):
+        assert {robot["connections"] for robot in report["robots"].values()} == {1}
+    asked = {robot: one["round_trips"] for robot, one in again.json["robots"].items()}
+    assert max(asked.values()) <= NOTHING_TO_DO, asked
+    asked = {robot: one["round_trips"] for robot, one in fresh.json["robots"].items()}
+    allowed = {robot: FRESH + PER_CONTAINER * len(lab.containers(robot, running=True)) for robot in ROBOTS}
+    assert all(asked[robot] <= allowed[robot] for robot in ROBOTS), (asked, allowed)
