@@ -106,8 +106,7 @@ class EngineCall:
     """A request that changes the robot's Docker Engine, addressed by name, sent through the docker SDK.
 
     `body` is canonical JSON text, or empty; `blob` is a raw body (a build context). `accept` lists the statuses that
-    are fine.
-    `stream` says that the answer is a progress stream of JSON lines in which an `error` line is a failure.
+    are fine. `stream` says that the answer is a progress stream of JSON lines in which an `error` line is a failure.
     """
 
     method: str
@@ -172,6 +171,11 @@ class Traffic:
     round_trips: int = 0
     bytes_sent: int = 0
     bytes_received: int = 0
+    connect_s: float = 0.0
+    """From the name lookup to the ready shell."""
+    asked_s: float = 0.0
+    """Waited for answers to questions; like `acted_s` a sum over threads."""
+    acted_s: float = 0.0
 
 
 Progress = Callable[[str], None]
@@ -183,18 +187,14 @@ def no_progress(_line: str) -> None:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Measures:
-    """What a transport can measure without a shell (the controller itself, by psutil)."""
+    """What a transport can measure without a shell (the controller itself, by psutil); sizes in bytes."""
 
     cpus: int
     load1: float
     memory_total: int
-    """bytes"""
     memory_available: int
-    """bytes"""
     swap_total: int
-    """bytes"""
     swap_free: int
-    """bytes"""
     link_speed_mbit: Mapping[str, float] = field(default_factory=dict)
     """interface -> Mbit/s, 0 where it is unknown"""
 
@@ -240,7 +240,7 @@ class Reader(Protocol):
         ...
 
     def ask(self, queries: Sequence[AnyQuery]) -> Sequence[Reply]:
-        """Ask everything in one round trip of the shell (and one per engine query); replies in the same order.
+        """Ask everything in one round trip of the shell, and beside it one of the engine; replies in the same order.
 
         A command that fails is a `Reply` with `ok` false; an engine that is not there gives `status` 0.
 

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 @options.EXCLUDE
 @options.locking
 @options.RUNS
+@options.PROFILE
 @HISTORY
 @options.UNREACHABLE
 @options.MAX_FAIL

@@ -24,6 +24,7 @@ from srprov.wire import Pulse
 @options.EXCLUDE
 @options.locking
 @options.RUNS
+@options.PROFILE
 @click.option("-y", "--yes", is_flag=True, help="Do not ask.")
 @click.option("--volumes", is_flag=True, help="Remove data volumes too; their data is lost.")
 @click.option("--adopt", is_flag=True, help="Also when another file made the instance.")

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from srprov.cli.interrupt import soft_interrupt
-from srprov.cli.options import Lab
+from srprov.cli.options import Lab, profiling
 from srprov.cli.output import err, out_json
+from srprov.cli.profile import profile_text
 from srprov.cli.progress import progress
 from srprov.errors import RefusedError
 from srprov.planning import Plan
@@ -86,6 +87,8 @@ def carry_out(
     if record.problem:
         err(f"warning: the record of this run is not complete: {record.problem}")
     err(summary_line(report, result))
+    if profiling():
+        err(profile_text(report["phases"], report["robots"]))
     return result.exit_code
 
 
@@ -160,6 +163,9 @@ def run_json(made: Plan, result: RunResult, lab: Lab, phases: Phases) -> dict[st
                 "round_trips": session.traffic.round_trips,
                 "bytes_sent": session.traffic.bytes_sent,
                 "bytes_received": session.traffic.bytes_received,
+                "connect_s": round(session.traffic.connect_s, 3),
+                "asked_s": round(session.traffic.asked_s, 3),
+                "acted_s": round(session.traffic.acted_s, 3),
                 "duration_s": round(sum(r.duration_s for r in result.results if r.step.host == host), 3),
             }
             for host, session in sorted(lab.connected().items())

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import threading
+import time
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
@@ -133,12 +134,14 @@ class BaseSession:
         same = [first.setdefault(query, at) for at, query in enumerate(queries)]
         shell = {at: query for query, at in first.items() if isinstance(query, Query)}
         engine = {at: query for query, at in first.items() if isinstance(query, EngineQuery)}
+        begun = time.monotonic()
         with self._in_contact():
             if not shell or not engine:
                 replies = self._ask_engine(engine) or self._ask_shell(shell)
             else:
                 background = Background(lambda: self._ask_engine(engine))
                 replies = self._ask_shell(shell) | background.result()
+        self._traffic.asked_s += time.monotonic() - begun
         return [replies[at] for at in same]
 
     def _ask_shell(self, queries: dict[int, Query]) -> dict[int, Reply]:
@@ -165,6 +168,13 @@ class BaseSession:
         Raises:
             TransportError: The robot cannot be talked to any more.
         """
+        begun = time.monotonic()
+        try:
+            return self._execute(command, progress)
+        finally:
+            self._traffic.acted_s += time.monotonic() - begun
+
+    def _execute(self, command: Command, progress: Progress) -> Reply:
         with self._in_contact():
             if isinstance(command, Run | Put):
                 run = (

@@ -157,6 +157,7 @@ class SshSession(BaseSession):
             if options.warm_engine:
                 threading.Thread(target=session.reader.warm, name="warm engine", daemon=True).start()
             shell.wait_ready(nonce, deadline)
+            traffic.connect_s = deadline.seconds - deadline.left()
             if connection.wire:
                 connection.wire.acknowledge_at_once = False
         except BaseException:
