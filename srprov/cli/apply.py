@@ -19,6 +19,7 @@ from srprov.cli.history import HISTORY, read_history
 from srprov.cli.output import err
 from srprov.cli.plan import show_plan
 from srprov.cli.stray import answers_only
+from srprov.cli.waiting import wait_for_other_runs
 from srprov.errors import RefusedError, UsageError
 from srprov.planning.limit import limited
 from srprov.secret import Vault
@@ -91,6 +92,7 @@ def apply(
     failing = options.budget(max_fail, len(chosen))
     with options.open_lab(inventory, timeout, forks, locks=True, vault=vault) as lab:
         err(f"asking {len(inventory.hosts)} robots for facts")
+        lock_wait = wait_for_other_runs(lab, name, lock_wait, forks)
         task = plan_task(saved, definitions, lab, wishes, phases, vault, chosen)
         made = task.plan
         if not as_json:

@@ -11,6 +11,7 @@ from srprov.cli.apply import Phases, refuse_without_terminal
 from srprov.cli.execute import Task, carry_out, confirm
 from srprov.cli.output import err
 from srprov.cli.plan import show_plan
+from srprov.cli.waiting import wait_for_other_runs
 from srprov.errors import UsageError, visible
 from srprov.planning.limit import limited
 from srprov.wire import Pulse
@@ -53,6 +54,7 @@ def destroy(
     chosen = options.selected(inventory, limit, exclude, options.failed_robots(name, runs))
     with options.open_lab(inventory, timeout, forks, locks=True) as lab:
         phases.begin("facts")
+        lock_wait = wait_for_other_runs(lab, name, lock_wait, forks)
         made, found = make_removal(
             name, inventory, lab.sessions.get, volumes=volumes, forks=forks, source=source, adopt=adopt
         )

@@ -150,7 +150,7 @@ def test_locks_tells_who_and_waiting_finds_the_work_done(lab_of_module: Lab, tmp
     impatient.send_signal(signal.SIGTERM)
     begun = time.monotonic()
     _, err = impatient.communicate(timeout=30)
-    assert impatient.returncode == 130 and "interrupted in" in err, err
+    assert impatient.returncode == 130 and "interrupted" in err, err
     assert time.monotonic() - begun < 5
 
     _, err = first.communicate(timeout=120)
@@ -158,8 +158,8 @@ def test_locks_tells_who_and_waiting_finds_the_work_done(lab_of_module: Lab, tmp
     out, err = waits.communicate(timeout=120)
     assert waits.returncode == 0, err
     report = json.loads(out)
-    assert (report["changed"], report["failed"]) == (0, 0) and report["steps"] != [], report
-    assert {(step["outcome"], step["message"]) for step in report["steps"]} == {("unchanged", "somebody was faster")}
+    assert (report["changed"], report["failed"], report["steps"]) == (0, 0, []), "it planned when the first was done"
+    assert report["unchanged"] > 0
     assert "held by" in err and "waiting up to 120 s" in err
     assert lab.srprov("locks", "-i", inventory).out == "nobody holds a robot\n"
 
