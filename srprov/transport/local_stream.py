@@ -28,12 +28,15 @@ class LocalStreamTransport(Transport):
         """Give a channel to the socket at `path`, or None when sshd does not open it (it says no more than that).
 
         Raises:
-            paramiko.SSHException, EOFError, OSError: The connection was lost, or nothing came in time.
+            paramiko.SSHException, EOFError, OSError: The connection was lost.
         """
         self._wanted.path = path
         try:
             return self.open_channel(_KIND, timeout=seconds)
-        except paramiko.ChannelException:
+        except paramiko.SSHException:
+            # paramiko keeps one reason for all threads: a refusal may come as "unable to open channel", with none
+            if not self.is_active():
+                raise
             return None
         finally:
             self._wanted.path = None
