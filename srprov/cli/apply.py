@@ -68,9 +68,6 @@ def apply(
     Shows the plan and asks on a terminal, unless --yes. A second apply changes nothing. A plan from a file is done
     exactly as it stands there, or refused with 6 when a robot changed since.
     """
-    from srprov.controller import Wishes
-    from srprov.execution import Options
-
     refuse_without_terminal(yes)
     check_kinds(allow)
     phases = Phases()
@@ -85,13 +82,18 @@ def apply(
     inventory = options.load_inventory(inventories)
     name = saved.plan.instance if saved else instance or (definitions.experiment.name if definitions else "")
     chosen = options.selected(inventory, limit, exclude, options.failed_robots(name, runs))
-    wishes = Wishes(
-        instance=instance, reassign=reassign, adopt=adopt, forks=forks, history=read_history(history),
-        reassign_unreachable=unreachable == "reassign", allow=frozenset(allow), playbooks=own_playbooks(saved),
-    )  # fmt: skip
+    before, own = read_history(history), own_playbooks(saved)
     failing = options.budget(max_fail, len(chosen))
     with options.open_lab(inventory, timeout, forks, locks=True, vault=vault) as lab:
         err(f"asking {len(inventory.hosts)} robots for facts")
+        # a tenth of a second of imports, while connections come up
+        from srprov.controller import Wishes
+        from srprov.execution import Options
+
+        wishes = Wishes(
+            instance=instance, reassign=reassign, adopt=adopt, forks=forks, history=before,
+            reassign_unreachable=unreachable == "reassign", allow=frozenset(allow), playbooks=own,
+        )  # fmt: skip
         lock_wait = wait_for_other_runs(lab, name, lock_wait, forks)
         task = plan_task(saved, definitions, lab, wishes, phases, vault, chosen)
         made = task.plan
@@ -115,13 +117,14 @@ def read_secrets(saved: PlanFile | None, definitions: Definitions | None, allow:
     """
     from srprov.definitions.secretvalues import resolve, used
     from srprov.planning.policy import ASKED_FIRST, permissions, require
-    from srprov.saved import needed
 
     if definitions is not None and definitions.unsupported:
         return Vault()
     asked = permissions(definitions.experiment) if definitions else saved.plan.permissions if saved else ()
     require([one for one in asked if one.kind in ASKED_FIRST], allow)
     if saved:
+        from srprov.saved import needed
+
         return resolve(needed(saved))
     assert definitions is not None
     return resolve(used(definitions.experiment))
