@@ -134,6 +134,7 @@ class SshSession(BaseSession):
         """The fabric connection, for port forwards."""
         self._spare: Background[ChannelStreams] | None = None
         self._has_room = False
+        self._where = ""
 
     @classmethod
     def open(cls, host: Host, options: ConnectOptions, peers: Peers | None = None) -> SshSession:
@@ -199,6 +200,7 @@ class SshSession(BaseSession):
         self._has_room = True
         if channel is None:
             return self._dial_engine(seconds)
+        self._where = f"-H unix://{_ENGINE_SOCKET} "  # what is changed is what was read, whatever DOCKER_HOST says
 
         def waiting() -> bool:
             return bool(channel.recv_ready() or channel.eof_received or channel.closed)
@@ -212,8 +214,11 @@ class SshSession(BaseSession):
         """
         try:
             self.connection.transport.open_session(timeout=seconds).close()
-        except paramiko.ChannelException as error:
-            return f"sshd opens no session: {error.text}; {_MORE_SESSIONS}"
+        except paramiko.SSHException as error:
+            if not self.alive:
+                raise
+            # a ChannelException, unless the thread that opens the stream was given paramiko's only reason
+            return f"sshd opens no session: {getattr(error, 'text', error)}; {_MORE_SESSIONS}"
         return ""
 
     def _dial_engine(self, seconds: float) -> EngineSocket:
@@ -224,7 +229,7 @@ class SshSession(BaseSession):
         deadline, nonce = Deadline(seconds), secrets.token_hex(16)
         root = self.connection.settings.user == "root"
         ask = self._become is not None
-        command = start_command(nonce, "docker system dial-stdio", root=root, mark=self._mark, ask=ask)
+        command = start_command(nonce, f"docker {self._where}system dial-stdio", root=root, mark=self._mark, ask=ask)
         try:
             channel = start(self.connection, command, deadline)
         except TransportError as error:
