@@ -264,6 +264,7 @@ def _sed(words: Sequence[str]) -> bool:
 
 _BUILTINS = "printf echo test [ read exit : true false continue break unset umask cd"
 _PROGRAMS = "cat ls readlink grep tr head tail wc df stat sha256sum uname id getconf sleep cut"
+_DIAL = ["system", "dial-stdio"]
 READS: dict[str, Callable[[Sequence[str]], bool]] = {
     **dict.fromkeys((*_BUILTINS.split(), *_PROGRAMS.split()), _anything),
     "command": lambda words: list(words[:1]) == ["-v"],
@@ -279,7 +280,10 @@ READS: dict[str, Callable[[Sequence[str]], bool]] = {
     "iptables": lambda words: "-S" in words and set(words) <= {"-S", "-t", "nat", "filter", "-w"},
     "iw": lambda words: list(words[:1]) == ["dev"] and list(words[2:]) == ["link"],
     "modprobe": lambda words: list(words[:1]) == ["-n"],
-    "docker": lambda words: list(words) == ["system", "dial-stdio"] or list(words[:1]) in (["version"], ["info"]),
+    "docker": lambda words: (
+        list(words) in (_DIAL, ["-H", "unix:///var/run/docker.sock", *_DIAL])
+        or list(words[:1]) in (["version"], ["info"])
+    ),
 }
 """Command -> whether it only reads with these arguments. Nothing else does."""
 _HARMLESS_TARGETS = {"/dev/null", "1", "2"}
