@@ -209,14 +209,16 @@ def open_lab(
 
     `locks` prepares to take their locks; `vault` has the secrets that are written there.
     """
-    from srprov.transport import ConnectOptions
+    from srprov.transport import ConnectOptions, load_ssh
     from srprov.transport.pool import Sessions
 
     catch_logs()
-    if locks:
-        threading.Thread(target=_prepare_record, name="import record", daemon=True).start()
     connecting = ConnectOptions(connect_timeout_s=timeout, vault=vault or Vault())
     with Sessions(inventory.hosts, options=connecting, forks=forks) as sessions:
+        if any(host.connection != "local" for host in inventory.hosts.values()):
+            load_ssh()  # before anything else is imported: from then on the robots have something to do too
+        if locks:
+            threading.Thread(target=_prepare_record, name="import record", daemon=True).start()
         yield Lab(inventory, sessions)
 
 

@@ -5,11 +5,15 @@ one shell (`shell.py`, cut apart by `frames.py`) for `Query`, `Run` and `Put`, a
 `EngineQuery` (`engine_reads.py`), and a client for `EngineCall` and `CopyImage` (`engine.py`). `Sessions` (`pool.py`)
 connects to many robots at once; one that fails is a value there.
 
-Importing this package is cheap: paramiko, fabric and the docker SDK are imported when the first connection is made.
+Importing this package is cheap: paramiko is imported when the first connection is made, the docker SDK when something
+changes, fabric when a script asks for it (`scripting.py`).
 """
 
 from __future__ import annotations
 
+import importlib
+import sys
+import threading
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
@@ -60,8 +64,37 @@ def connect(host: Host, *, options: ConnectOptions | None = None, peers: Peers |
         local = LocalSession.open(host, chosen, peers)
         local.vault = chosen.vault
         return local
-    from srprov.transport.ssh import SshSession
+    from srprov.transport.ahead import dial_ahead
 
-    session = SshSession.open(host, chosen, peers)
+    ahead = dial_ahead(host, chosen.connect_timeout_s, chosen.ssh_config)
+    try:
+        load_ssh()
+        from srprov.transport.ssh import SshSession
+    except BaseException:
+        if ahead:
+            ahead.sock.close()
+        raise
+    session = SshSession.open(host, chosen, peers, ahead)
     session.vault = chosen.vault
     return session
+
+
+def load_ssh() -> None:
+    """Import what connects, once, without invoke: paramiko wants it for `Match exec` alone, which `ssh -G` does here.
+
+    With asyncio, unittest and a YAML parser of its own, invoke takes half as long to import as paramiko itself.
+    """
+    with _loading:
+        if "srprov.transport.ssh" in sys.modules:
+            return
+        known = "invoke" in sys.modules
+        if not known:
+            sys.modules["invoke"] = None  # type: ignore[assignment]  # the documented way to make an import fail
+        try:
+            importlib.import_module("srprov.transport.ssh")
+        finally:
+            if not known:
+                del sys.modules["invoke"]
+
+
+_loading = threading.Lock()

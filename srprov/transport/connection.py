@@ -1,8 +1,8 @@
-"""One SSH connection: `fabric.Connection` with strict host keys put back, deadlines everywhere, and jump hosts.
+"""One SSH connection: a paramiko client with strict host keys, deadlines everywhere, and jump hosts.
 
-Takes `SshSettings`, gives an open paramiko transport or one of the transport errors in words. fabric's own `open()`
-trusts any host key (it hard-codes AutoAddPolicy) and guesses keys; this one hands paramiko a policy, a login and a
-socket of ours instead.
+Takes `SshSettings`, gives an open paramiko transport or one of the transport errors in words: paramiko gets a policy,
+a login and a socket of ours. `fabric.Connection` is not what connects: its `open()` trusts any host key (it hard-codes
+AutoAddPolicy) and guesses keys, and its import takes longer than the connection. `scripting.py` has one for scripts.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ import functools
 import logging
 import random
 import re
+import socket
 import threading
 import time
-from typing import Any
+from typing import Any, cast
 
 import paramiko
-from fabric import Config, Connection
 from paramiko.transport import Transport
 
 from srprov.definitions.model import Host
@@ -25,6 +25,7 @@ from srprov.transport import hostkeys, sockets
 from srprov.transport.algorithms import transport_for
 from srprov.transport.auth import Login
 from srprov.transport.deadline import Deadline
+from srprov.transport.local_stream import LocalStreamTransport
 from srprov.transport.options import SshSettings, settle
 from srprov.wire import Traffic
 
@@ -32,12 +33,6 @@ _log = logging.getLogger("paramiko")
 _log.addHandler(logging.NullHandler())
 # Without this a lost robot prints paramiko's traceback on stderr: its threads log what we raise as an error in words.
 _log.propagate = False
-
-
-@functools.lru_cache(maxsize=1)
-def _fabric_config() -> Config:
-    """Give an empty fabric configuration; the usual one reads ~/.fabric.* and ssh_config again for every robot."""
-    return Config(lazy=True, ssh_config=paramiko.SSHConfig())
 
 
 class _Policy(paramiko.MissingHostKeyPolicy):
@@ -53,27 +48,27 @@ class _Policy(paramiko.MissingHostKeyPolicy):
         hostkeys.check(self._settings, self._known, key.get_name(), key.asbytes())
 
 
-class StrictConnection(Connection):  # type: ignore[misc]  # fabric is untyped
-    """A fabric connection that knows its robot; `open()` raises transport errors, `close()` ends jump hosts too."""
-
-    # fabric stores attributes it does not know in its configuration: declared here, they stay on the object.
-    settings: SshSettings | None = None
-    deadline: Deadline | None = None
-    traffic: Traffic | None = None
-    jump: StrictConnection | None = None
-    proxy: sockets.ProxyProcess | None = None
-    wire: sockets.CountedSocket | None = None
-    trail: tuple[str, ...] = ()
+class StrictConnection:
+    """A connection that knows its robot; `open()` raises transport errors, `close()` ends jump hosts too."""
 
     def __init__(
-        self, settings: SshSettings, deadline: Deadline, traffic: Traffic, trail: tuple[str, ...] = ()
+        self,
+        settings: SshSettings,
+        deadline: Deadline,
+        traffic: Traffic,
+        trail: tuple[str, ...] = (),
+        dialled: socket.socket | None = None,
     ) -> None:
-        """Take where to connect to and by when, and which jump hosts lie behind this one."""
-        super().__init__(
-            settings.hostname, user=settings.user, port=settings.port, config=_fabric_config(), gateway=False
-        )
+        """Take where to connect to and by when, which jump hosts lie behind it, and a socket that is there already."""
         self.settings, self.deadline, self.traffic = settings, deadline, traffic
         self.trail = trail
+        self.client = paramiko.SSHClient()
+        self.jump: StrictConnection | None = None
+        self.proxy: sockets.ProxyProcess | None = None
+        self.wire: sockets.CountedSocket | None = None
+        self._dialled = dialled
+        self.transport: LocalStreamTransport
+        """What channels are opened on, once `open()` is through."""
 
     def open(self) -> None:
         """Connect, check the host key and log in.
@@ -84,7 +79,6 @@ class StrictConnection(Connection):  # type: ignore[misc]  # fabric is untyped
             AuthError: The login was refused.
             DeadlineError: It took too long.
         """
-        assert self.settings and self.deadline and self.traffic
         known = hostkeys.known_keys(
             [*self.settings.known_hosts, *self.settings.global_known_hosts], *hostkeys.names_of(self.settings)
         )
@@ -94,7 +88,7 @@ class StrictConnection(Connection):  # type: ignore[misc]  # fabric is untyped
             self.wire = sockets.CountedSocket(self._socket(), self.traffic)
             self.client.connect(
                 self.settings.hostname, self.settings.port, self.settings.user,
-                sock=self.wire,
+                sock=cast(Any, self.wire),
                 timeout=left, banner_timeout=left, channel_timeout=left,
                 auth_strategy=Login(self.settings, self.deadline),
                 transport_factory=functools.partial(transport_for, known=known, deadline=self.deadline),
@@ -106,18 +100,19 @@ class StrictConnection(Connection):  # type: ignore[misc]  # fabric is untyped
             failure = self._in_words(error)
             self.close()
             raise failure from error
-        self.transport = self.client.get_transport()
+        self.transport = cast(LocalStreamTransport, self.client.get_transport())
         self.transport.set_keepalive(sockets.KEEPALIVE_S)
         self.traffic.connections += 1
 
     def _socket(self) -> Any:  # noqa: ANN401 - a socket, or a channel of the jump host
         """Give a stream to the robot's sshd: straight, through a ProxyCommand, or through jump hosts."""
-        assert self.settings and self.deadline and self.traffic
         settings = self.settings
         if settings.proxy_command:
             self.proxy = sockets.ProxyProcess(settings.name, settings.proxy_command)
             return self.proxy.socket
         if not settings.proxy_jump:
+            if self._dialled:
+                return self._dialled
             return sockets.dial(settings.name, settings.hostname, settings.port, self.deadline, settings.address_family)
         self.jump = jump_host(settings, self.deadline, self.trail)
         try:
@@ -133,7 +128,6 @@ class StrictConnection(Connection):  # type: ignore[misc]  # fabric is untyped
 
     def _in_words(self, error: Exception) -> TransportError:
         """Say what went wrong before the login."""
-        assert self.settings and self.deadline
         name, where = self.settings.name, f"{self.settings.hostname} port {self.settings.port}"
         transport = self.client.get_transport()
         words = f"{transport.remote_version}".strip() if transport else ""
@@ -207,14 +201,20 @@ def parse_hop(text: str) -> tuple[str | None, str, int | None]:
     return user or None, found[1] or found[3] or found[5], int(port) if port else None
 
 
-def open_connection(settings: SshSettings, deadline: Deadline, traffic: Traffic, attempts: int) -> StrictConnection:
-    """Connect, again when sshd dropped the connection before the login.
+def open_connection(
+    settings: SshSettings,
+    deadline: Deadline,
+    traffic: Traffic,
+    attempts: int,
+    dialled: socket.socket | None = None,
+) -> StrictConnection:
+    """Connect, first over a socket that is there already; again when sshd dropped the connection before the login.
 
     Raises:
         TransportError: As `StrictConnection.open`.
     """
     for attempt in range(1, attempts + 1):
-        connection = StrictConnection(settings, deadline, traffic)
+        connection = StrictConnection(settings, deadline, traffic, dialled=dialled if attempt == 1 else None)
         try:
             connection.open()
         except Dropped:

@@ -93,9 +93,8 @@ def _first_wins(host: Host) -> dict[str, list[str]]:
 
 def _lookup(name: str, address: str, given: Mapping[str, Sequence[str]], chosen: Path | None) -> dict[str, list[str]]:
     """Give what the configuration files say about an address, by lower-case keyword."""
-    files = [chosen] if chosen else [Path("~/.ssh/config").expanduser(), Path("/etc/ssh/ssh_config")]
-    texts = {file: _text(file, os.stat(file).st_mtime_ns) for file in files if file.is_file()}
-    if any(_needs_openssh(text, file) for file, text in texts.items()):
+    texts = config_texts(chosen)
+    if any(needs_openssh(text, file) for file, text in texts.items()):
         return _ssh_g(name, address, given, chosen)
     found: dict[str, list[str]] = {}
     for text in texts.values():
@@ -107,13 +106,19 @@ def _lookup(name: str, address: str, given: Mapping[str, Sequence[str]], chosen:
     return found
 
 
+def config_texts(chosen: Path | None) -> dict[Path, str]:
+    """Give the configuration files that exist, the first to win first; raises OSError for one that cannot be read."""
+    files = [chosen] if chosen else [Path("~/.ssh/config").expanduser(), Path("/etc/ssh/ssh_config")]
+    return {file: _text(file, os.stat(file).st_mtime_ns) for file in files if file.is_file()}
+
+
 @functools.lru_cache(maxsize=8)
 def _text(file: Path, _mtime_ns: int) -> str:
     """Read one configuration file, once per version of it."""
     return file.read_text(encoding="utf-8", errors="replace")
 
 
-def _needs_openssh(text: str, file: Path) -> bool:
+def needs_openssh(text: str, file: Path) -> bool:
     """Tell whether paramiko's parser would misread a text. An Include that names no existing file does no harm."""
     for keyword, rest in _BEYOND_PARAMIKO.findall(text):
         if keyword.lower() == "match":

@@ -6,22 +6,19 @@ channel of it, the engine on up to four more (`docker system dial-stdio`).
 
 from __future__ import annotations
 
-import contextlib
 import secrets
-import select
 import threading
-import time
 from typing import TYPE_CHECKING
 
 import paramiko
 
 from srprov.definitions.model import Host
 from srprov.errors import ConnectError, DeadlineError, TransportError
-from srprov.secret import Secret
 from srprov.transport.background import Background
+from srprov.transport.channel import ChannelStreams, answer_sudo, complaint
 from srprov.transport.connection import StrictConnection, guard, open_connection
 from srprov.transport.deadline import Deadline
-from srprov.transport.frames import ready_line, start_command, sudo_prompt
+from srprov.transport.frames import ready_line, start_command
 from srprov.transport.options import settle
 from srprov.transport.session import BaseSession
 from srprov.transport.shell import Shell
@@ -29,71 +26,13 @@ from srprov.wire import Traffic
 
 if TYPE_CHECKING:
     from srprov.transport import ConnectOptions, Peers
+    from srprov.transport.ahead import Dialled
     from srprov.transport.engine_stream import EngineSocket
+    from srprov.transport.scripting import OpenConnection
 
-_CHUNK = 1 << 20
-_BLOCKED_WRITE_POLL_S = 0.002
-_ANSWER_POLL_S = 0.005
 _BESIDE_S = 20.0
 _ENGINE_SOCKET = "/var/run/docker.sock"
 _MORE_SESSIONS = "raise MaxSessions to 6 or more"
-
-
-class ChannelStreams:
-    """The streams of a command on an SSH channel, for `Shell`."""
-
-    def __init__(self, channel: paramiko.Channel) -> None:
-        """Take a channel whose command was started."""
-        self._channel = channel
-        # fileno() is paramiko's public way to wait for both streams at once; it costs two descriptors per robot.
-        self._poll = select.poll()
-        self._poll.register(channel.fileno(), select.POLLIN)
-
-    def write(self, data: memoryview) -> int:
-        """Send what the channel's window takes; as its only writer, `send` does not block behind `send_ready`."""
-        if not self._channel.send_ready():
-            return 0
-        try:
-            return self._channel.send(bytes(data[:_CHUNK]))
-        except OSError:
-            return 0  # closed: `ended` says so in a moment
-
-    def read(self) -> tuple[bytes, bytes]:
-        """Give what is here of both streams."""
-        channel = self._channel
-        out = channel.recv(_CHUNK) if channel.recv_ready() else b""
-        err = channel.recv_stderr(_CHUNK) if channel.recv_stderr_ready() else b""
-        return out, err
-
-    def wait(self, seconds: float, *, writing: bool) -> None:
-        """Sleep until there is something to read; a window that opens makes no sound, so writing looks again soon."""
-        with contextlib.suppress(OSError, ValueError):
-            self._poll.poll(1000 * (min(seconds, _BLOCKED_WRITE_POLL_S) if writing else seconds))
-
-    @property
-    def ended(self) -> bool:
-        """Tell whether the channel is at its end and empty."""
-        channel = self._channel
-        over = channel.eof_received or channel.closed
-        return bool(over) and not channel.recv_ready() and not channel.recv_stderr_ready()
-
-    def reason(self) -> str:
-        """Say what ended it: the connection, or the command."""
-        transport = self._channel.get_transport()
-        if not transport.is_active():
-            error = transport.get_exception()
-            return (
-                str(error) if error and str(error) else "the robot closed the connection, or does not answer any more"
-            )
-        # recv_exit_status() has no timeout, and a server need not send one.
-        if self._channel.status_event.wait(0.2):
-            return f"the shell ended with status {self._channel.exit_status}"
-        return "the shell ended"
-
-    def close(self) -> None:
-        """Close the channel."""
-        with contextlib.suppress(OSError, EOFError, paramiko.SSHException):
-            self._channel.close()
 
 
 def start(connection: StrictConnection, command: str, deadline: Deadline) -> paramiko.Channel:
@@ -103,7 +42,6 @@ def start(connection: StrictConnection, command: str, deadline: Deadline) -> par
         ConnectError: sshd opens no more channels (MaxSessions), or the connection died.
         DeadlineError: It did not answer in time.
     """
-    assert connection.settings
     name = connection.settings.name
     timer = guard(connection.transport, deadline)
     try:
@@ -131,13 +69,14 @@ class SshSession(BaseSession):
         """Take what `open` made."""
         super().__init__(host, shell, traffic, peers, mark)
         self.connection = connection
-        """The fabric connection, for port forwards."""
         self._spare: Background[ChannelStreams] | None = None
         self._has_room = False
         self._where = ""
 
     @classmethod
-    def open(cls, host: Host, options: ConnectOptions, peers: Peers | None = None) -> SshSession:
+    def open(
+        cls, host: Host, options: ConnectOptions, peers: Peers | None = None, ahead: Dialled | None = None
+    ) -> SshSession:
         """Connect and start the shell.
 
         Raises:
@@ -146,7 +85,8 @@ class SshSession(BaseSession):
         traffic = Traffic()
         settings = settle(host, ssh_config=options.ssh_config)
         deadline = Deadline(settings.connect_timeout_s or options.connect_timeout_s)
-        connection = open_connection(settings, deadline, traffic, options.attempts)
+        dialled = ahead.fitting(settings) if ahead else None
+        connection = open_connection(settings, deadline, traffic, options.attempts, dialled)
         try:
             nonce, mark = secrets.token_hex(16), secrets.token_hex(16)
             become = host.become_password
@@ -169,8 +109,13 @@ class SshSession(BaseSession):
     @property
     def alive(self) -> bool:
         """Tell whether the connection still stands."""
-        transport = self.connection.transport
-        return transport is not None and transport.is_active()
+        return self.connection.transport.is_active()
+
+    def fabric(self) -> OpenConnection:
+        """Give a `fabric.Connection` over this connection, for scripts: commands, files, port forwards."""
+        from srprov.transport.scripting import OpenConnection
+
+        return OpenConnection(self.connection)
 
     def prepare(self) -> None:
         """Start the hold's shell too, so that the hold costs one round trip when it is needed."""
@@ -225,7 +170,6 @@ class SshSession(BaseSession):
         """Start `docker system dial-stdio` on a channel of its own, and skip what a `.bashrc` prints before it."""
         from srprov.transport.engine_stream import EngineGone, EngineSocket
 
-        assert self.connection.settings
         deadline, nonce = Deadline(seconds), secrets.token_hex(16)
         root = self.connection.settings.user == "root"
         ask = self._become is not None
@@ -237,12 +181,12 @@ class SshSession(BaseSession):
         seen, mark = bytearray(), ready_line(nonce)
         try:
             if self._become:
-                _answer_sudo(channel, nonce, self._become, deadline)
+                answer_sudo(channel, nonce, self._become, deadline)
             while not seen.endswith(mark):
                 channel.settimeout(deadline.left(0.001))
                 # The engine speaks only when spoken to, so nothing can follow the mark.
                 if not (piece := channel.recv(4096)):
-                    raise EngineGone(_complaint(channel) or "no way to run docker on the robot")
+                    raise EngineGone(complaint(channel) or "no way to run docker on the robot")
                 seen += piece
         except BaseException:
             channel.close()
@@ -251,7 +195,7 @@ class SshSession(BaseSession):
         def waiting() -> bool:
             return bool(channel.recv_ready() or channel.eof_received or channel.closed)
 
-        return EngineSocket(channel, lambda: _complaint(channel), waiting)
+        return EngineSocket(channel, lambda: complaint(channel), waiting)
 
     def _beside(self) -> ChannelStreams:
         """Give the spare shell, or start one."""
@@ -260,7 +204,6 @@ class SshSession(BaseSession):
 
     def _second_shell(self) -> ChannelStreams:
         """Start `sh` on a channel of its own."""
-        assert self.connection.settings
         settings, deadline, nonce = self.connection.settings, Deadline(_BESIDE_S), secrets.token_hex(16)
         command = start_command(nonce, "sh", root=settings.user == "root", ask=self._become is not None)
         streams = ChannelStreams(start(self.connection, command, deadline))
@@ -271,30 +214,3 @@ class SshSession(BaseSession):
     def _close_connection(self) -> None:
         """End the SSH connection."""
         self.connection.close()
-
-
-def _answer_sudo(channel: paramiko.Channel, nonce: str, password: Secret, deadline: Deadline) -> None:
-    """Wait until sudo asks, and tell it; return at once when the command says something by itself, or ends."""
-    asked = bytearray()
-    while not (channel.recv_ready() or channel.eof_received or channel.closed or deadline.passed):
-        if not channel.recv_stderr_ready():
-            time.sleep(_ANSWER_POLL_S)
-            continue
-        asked += channel.recv_stderr(_CHUNK)
-        if sudo_prompt(nonce) in asked:
-            channel.sendall(password.reveal().encode("utf-8", "surrogateescape") + b"\n")
-            return
-
-
-def _complaint(channel: paramiko.Channel) -> str:
-    """Give what a command wrote to standard error before it died, and what it means; nothing when it wrote nothing."""
-    channel.status_event.wait(0.5)  # stderr and the exit status follow the end of stdout
-    said = bytearray()
-    while channel.recv_stderr_ready():
-        said += channel.recv_stderr(_CHUNK)
-    text = " ".join(said.decode("utf-8", "replace").split())[-300:]
-    if "not found" in text:
-        return f"docker is not installed ({text})"
-    if "sudo:" in text:
-        return f"docker needs root, and sudo refuses ({text})"
-    return text
