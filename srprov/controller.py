@@ -31,7 +31,8 @@ from srprov.modules import MODULES
 from srprov.modules.secret import with_value
 from srprov.network.layout import Overlay, layout
 from srprov.network.record import read_record, record
-from srprov.planning import Plan, PlaybookUse, Removal, diff, removal_plan
+from srprov.planning.diff import Removal, diff, removal_plan
+from srprov.planning.plan import Plan, PlaybookUse
 from srprov.planning.policy import permissions, require
 from srprov.resource import Resource
 from srprov.secret import Vault

@@ -17,8 +17,8 @@ from srprov.errors import StalePlan, UsageError
 from srprov.facts.gather import Readers, gather, probe
 from srprov.facts.model import Found
 from srprov.modules.secret import with_value
-from srprov.planning import Plan
 from srprov.planning.fingerprint import fingerprints
+from srprov.planning.plan import Plan
 from srprov.planning.planfile import PlanFile, differences
 from srprov.secret import Vault
 

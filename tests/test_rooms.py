@@ -51,7 +51,7 @@ ROOMS: Mapping[str, Room] = {
     "instance": room("errors facts.model network.record network.identity"),
     "saved": room("errors secret controller disk definitions facts modules planning"),
     "definitions": room("errors secret data", "yaml jsonschema jinja2"),
-    "transport": room("errors wire secret definitions.model", "paramiko fabric docker requests urllib3 psutil"),
+    "transport": room("errors wire secret definitions.model", "paramiko fabric invoke docker requests urllib3 psutil"),
     "facts": room("errors wire resource modules definitions.model"),
     "assignment": room("errors definitions.model facts.model"),
     "network": room("errors definitions.model facts.model"),

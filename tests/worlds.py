@@ -21,7 +21,7 @@ from srprov.definitions.model import (
     Service,
 )
 from srprov.execution import Event, Options, RunResult
-from srprov.planning import Plan
+from srprov.planning.plan import Plan
 from tests.fakes import World
 
 EDF = "/e/hello.edf"

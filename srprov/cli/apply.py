@@ -8,7 +8,7 @@ import sys
 import time
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -21,7 +21,6 @@ from srprov.cli.plan import show_plan
 from srprov.cli.stray import answers_only
 from srprov.cli.waiting import wait_for_other_runs
 from srprov.errors import RefusedError, UsageError
-from srprov.planning.limit import limited
 from srprov.secret import Vault
 
 if TYPE_CHECKING:
@@ -89,6 +88,7 @@ def apply(
         # a tenth of a second of imports, while connections come up
         from srprov.controller import Wishes
         from srprov.execution import Options
+        from srprov.planning.policy import require
 
         wishes = Wishes(
             instance=instance, reassign=reassign, adopt=adopt, forks=forks, history=before,
@@ -99,7 +99,7 @@ def apply(
         made = task.plan
         if not as_json:
             show_plan(made, None, verbose=verbose)
-        check_permissions(made.permissions, allow)
+        require(made.permissions, allow)
         confirm(made, yes)
         phases.begin("apply")
         run_options = Options(
@@ -136,6 +136,7 @@ def plan_task(
 ) -> Task:  # fmt: skip
     """Make the plan, or check that the one from a file still holds; either without the robots that were not chosen."""
     from srprov.controller import make_plan
+    from srprov.planning.limit import limited
     from srprov.saved import check_file, to_file
 
     if saved:
@@ -184,12 +185,14 @@ class Phases:
 
 def saved_plan(file: str) -> PlanFile | None:
     """Give the plan that a file holds, or None when it is an EDF."""
-    from srprov.planning.planfile import is_plan, load
-
     try:
         text = Path(file).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
         return None  # the definitions say what is wrong with it
+    if not text.lstrip().startswith("{"):
+        return None
+    from srprov.planning.planfile import is_plan, load
+
     return load(text, file) if is_plan(text) else None
 
 
@@ -221,10 +224,3 @@ def check_kinds(allow: tuple[str, ...]) -> None:
     unknown = sorted(set(allow) - {*KINDS, "all"})
     if unknown:
         raise UsageError(f"--allow knows no kind {', '.join(unknown)}", hint=f"known: {', '.join(KINDS)}, all")
-
-
-def check_permissions(asked: Any, allow: tuple[str, ...]) -> None:  # noqa: ANN401 - tuple[Permission, ...], imported lazily
-    """Refuse what the user did not allow."""
-    from srprov.planning.policy import require
-
-    require(asked, allow)

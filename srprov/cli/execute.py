@@ -18,13 +18,13 @@ from srprov.cli.output import err, out_json
 from srprov.cli.profile import profile_text
 from srprov.cli.progress import progress
 from srprov.errors import RefusedError
-from srprov.planning import Plan
 
 if TYPE_CHECKING:
     from srprov.cli.apply import Phases
     from srprov.execution import Options, RunResult
     from srprov.facts.model import Found
     from srprov.images.plan import ImagePlan
+    from srprov.planning.plan import Plan
     from srprov.planning.planfile import PlanFile
     from srprov.record import RunFolder
     from srprov.resource import Resource

@@ -21,11 +21,13 @@ def read_history(folder: Path | None) -> tuple[Mapping[str, float], ...]:
     Raises:
         UsageError: A record cannot be read.
     """
+    if folder is None:
+        return ()
     from srprov.assignment.fairness import read_record
     from srprov.facts.stored import parse
 
     runs = []
-    for path in sorted(folder.glob("*/assignment.json")) if folder else ():
+    for path in sorted(folder.glob("*/assignment.json")):
         try:
             runs.append(read_record(parse(path.read_text(encoding="utf-8")), str(path)))
         except (OSError, ValueError) as error:

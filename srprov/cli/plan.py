@@ -14,11 +14,10 @@ from srprov.cli.history import HISTORY, read_history
 from srprov.cli.output import err, out, out_json
 from srprov.cli.stray import answers_only
 from srprov.errors import RefusedError
-from srprov.planning import Plan
-from srprov.planning.limit import limited
 from srprov.secret import Vault, redact
 
 if TYPE_CHECKING:
+    from srprov.planning.plan import Plan
     from srprov.planning.planfile import PlanFile
 
 DIFFERENCES = 2
@@ -57,6 +56,7 @@ def plan(
     """
     from srprov.cli.apply import check_kinds, own_playbooks, read_secrets
     from srprov.controller import Wishes, make_plan
+    from srprov.planning.limit import limited
     from srprov.planning.markdown import plan_markdown
     from srprov.planning.plan import plan_json
     from srprov.saved import to_file

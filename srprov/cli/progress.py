@@ -14,10 +14,10 @@ from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING, Any, TextIO
 
 from srprov.cli.output import clean, err, line_of, wants_color
-from srprov.planning import Plan
 
 if TYPE_CHECKING:
     from srprov.execution import Event, Listener
+    from srprov.planning.plan import Plan
     from srprov.record import RunFolder
 
 _SYMBOL_COLORS = {"changed": "green", "unchanged": "blue", "failed": "red", "skipped": "yellow"}

@@ -5,7 +5,6 @@ Touches the process's file descriptors; for a while only, and only here.
 
 from __future__ import annotations
 
-import ctypes
 import os
 import sys
 from collections.abc import Iterator
@@ -27,6 +26,8 @@ def answers_only() -> Iterator[None]:
     try:
         yield
     finally:
+        import ctypes
+
         ctypes.CDLL(None).fflush(None)  # what C still holds back
         os.dup2(saved, _OUT)
         os.close(saved)

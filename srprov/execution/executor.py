@@ -21,7 +21,7 @@ from srprov.execution.robot import Robot
 from srprov.execution.segments import Segment, segments
 from srprov.execution.settle import settle
 from srprov.execution.taking import Patience, take
-from srprov.planning import Plan, Step
+from srprov.planning.plan import Plan, Step
 from srprov.wire import Pulse, Session
 
 

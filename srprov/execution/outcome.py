@@ -6,7 +6,7 @@ import enum
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
-from srprov.planning import Step
+from srprov.planning.plan import Step
 
 
 class Outcome(enum.Enum):

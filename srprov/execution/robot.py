@@ -22,7 +22,7 @@ from srprov.execution.outcome import Event, Listener, Outcome, StepResult
 from srprov.facts.model import Existing
 from srprov.facts.observe import observe_queries, parse_observed, parse_probed, probe_queries
 from srprov.modules import MODULES, PROBING
-from srprov.planning import Step
+from srprov.planning.plan import Step
 from srprov.resource import Action, Change
 from srprov.wire import Command, EngineCall, Query, Reply, Session, sh
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from srprov.planning import Step
+from srprov.planning.plan import Step
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -153,7 +153,7 @@ def probe(found: Found, wants: Iterable[Resource], readers: Readers, *, forks: i
         try:
             existing[host] = (*existing[host], *parse_probed(future.result(), asked[host]))
         except TransportError as error:
-            unreachable[host] = error.message + (f"\n  {error.hint}" if error.hint else "")
+            unreachable[host] = _said(error)
     return dataclasses.replace(found, existing=existing, unreachable=unreachable)
 
 

@@ -13,6 +13,7 @@ from typing import Any
 
 from srprov.definitions.secretmodel import SecretSource
 from srprov.facts.model import Existing
+from srprov.planning.policy import Permission
 from srprov.resource import Action, Change, Need, Resource, resource_id
 from srprov.wire import Command, CopyImage, EngineCall, Put, Run
 
@@ -48,15 +49,6 @@ class Step:
             return ""
         source = self.want.params if self.want else (self.found.state if self.found else {})
         return str(source.get("service", ""))
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Permission:
-    """Something in the experiment that reaches beyond its containers."""
-
-    kind: str
-    service: str
-    what: str
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

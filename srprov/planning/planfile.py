@@ -20,7 +20,8 @@ from srprov.definitions.secretmodel import SecretSource
 from srprov.errors import Location, UsageError
 from srprov.facts.model import Existing
 from srprov.planning.fingerprint import lasting
-from srprov.planning.plan import Permission, Plan, PlaybookUse, Step, command_json, plan_json, secret_json, step_json
+from srprov.planning.plan import Plan, PlaybookUse, Step, command_json, plan_json, secret_json, step_json
+from srprov.planning.policy import Permission
 from srprov.resource import Action, Change, Need, Resource
 from srprov.secret import Hidden
 from srprov.wire import Command, CopyImage, EngineCall, Put, Run

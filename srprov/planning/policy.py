@@ -7,10 +7,10 @@ An EDF may come from a stranger. Everything that reaches the robot itself is a `
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
+from dataclasses import dataclass
 
 from srprov.definitions.model import Experiment, Runtime, Service
 from srprov.errors import RefusedError
-from srprov.planning.plan import Permission
 
 KINDS = (
     "privileged",
@@ -30,6 +30,15 @@ KINDS = (
 ASKED_FIRST = ("secret", "playbook")
 """Kinds that `plan` must not serve without permission either: to plan is to read, render or ask what they say."""
 _SOCKETS = ("/var/run/docker.sock", "/run/docker.sock")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Permission:
+    """Something in the experiment that reaches beyond its containers."""
+
+    kind: str
+    service: str
+    what: str
 
 
 def permissions(experiment: Experiment) -> tuple[Permission, ...]:

@@ -25,8 +25,7 @@ from srprov.definitions.model import Host, Inventory
 from srprov.execution import Event
 from srprov.facts.document import facts_document
 from srprov.facts.model import Found
-from srprov.planning import Plan
-from srprov.planning.plan import plan_json
+from srprov.planning.plan import Plan, plan_json
 from srprov.planning.planfile import PlanFile, document
 from srprov.planning.text import plan_text
 from srprov.record.folder import RunFolder

@@ -11,7 +11,6 @@ changes, fabric when a script asks for it (`scripting.py`).
 
 from __future__ import annotations
 
-import importlib
 import sys
 import threading
 from collections.abc import Callable
@@ -91,7 +90,9 @@ def load_ssh() -> None:
         if not known:
             sys.modules["invoke"] = None  # type: ignore[assignment]  # the documented way to make an import fail
         try:
-            importlib.import_module("srprov.transport.ssh")
+            import srprov.transport.ssh
+
+            del srprov
         finally:
             if not known:
                 del sys.modules["invoke"]

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from srprov.definitions.playbook import read
 from srprov.definitions.playbookmodel import ADDED, AFTER, BEFORE, Playbook
 from srprov.execution import Options
-from srprov.planning import Plan
+from srprov.planning.plan import Plan
 from srprov.planning.text import plan_text
 from tests.fakes import Fault, World
 from tests.worlds import Experiment, experiment, plan_for, run, service

@@ -15,7 +15,7 @@ from srprov.execution import audit as audits
 from srprov.execution.audit import Entry, audit
 from srprov.execution.outcome import Outcome, StepResult
 from srprov.execution.robot import Robot
-from srprov.planning import Step
+from srprov.planning.plan import Step
 from srprov.resource import Action, Change
 from srprov.wire import Reply, Run
 

@@ -10,7 +10,7 @@ import pytest
 
 from srprov import controller
 from srprov.execution import Options, Outcome, RunResult, StepResult, conditions
-from srprov.planning import Plan, Step
+from srprov.planning.plan import Plan, Step
 from srprov.resource import Action, Change
 from srprov.wire import Command, EngineCall, EngineQuery
 from tests.fakes import Behaviour, Fault, World

@@ -7,7 +7,7 @@ import random
 import pytest
 
 from srprov.execution.segments import segments
-from srprov.planning import Step
+from srprov.planning.plan import Step
 from srprov.resource import Action, Change, Need
 
 CREATE = Change(action=Action.CREATE, cause="not there")

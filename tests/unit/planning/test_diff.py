@@ -12,9 +12,9 @@ import pytest
 
 from srprov.errors import PlanError
 from srprov.facts.model import Existing
-from srprov.planning import Plan, Removal, Step, diff, removal_plan
+from srprov.planning.diff import Removal, diff, removal_plan
 from srprov.planning.limit import limited
-from srprov.planning.plan import plan_json
+from srprov.planning.plan import Plan, Step, plan_json
 from srprov.planning.text import plan_text, summary
 from srprov.resource import Action, Need, Resource
 from tests.fakes import World

@@ -19,7 +19,7 @@ import pytest
 
 from srprov.definitions.playbook import read
 from srprov.definitions.playbookmodel import ADDED, AFTER, BEFORE
-from srprov.planning import Plan
+from srprov.planning.plan import Plan
 from srprov.planning.text import plan_text
 from tests.fakes import World
 from tests.worlds import CHECK, Experiment, Mount, NetworkWishes, apply, experiment, plan_for, removal_for, service

@@ -7,7 +7,8 @@ import re
 from hypothesis import given
 
 from srprov.planning.markdown import escaped, plan_markdown
-from srprov.planning.plan import Permission, Plan, Step
+from srprov.planning.plan import Plan, Step
+from srprov.planning.policy import Permission
 from srprov.resource import Action, Change
 from tests.hostile import texts, unprintable
 

@@ -18,7 +18,7 @@ from srprov.definitions.playbookmodel import ADDED, AFTER, BEFORE, REPLACES, Pla
 from srprov.errors import DefinitionError, PlanError, RefusedError
 from srprov.execution import Outcome
 from srprov.modules import MODULES
-from srprov.planning import Plan
+from srprov.planning.plan import Plan
 from srprov.resource import Action
 from srprov.wire import Query
 from tests.fakes import World
