@@ -11,12 +11,10 @@ import dataclasses
 import hashlib
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from srprov.definitions.model import Experiment, Mount, Runtime, Service
-from srprov.disk import tree_tar
 from srprov.facts.model import Found, HostFacts
-from srprov.images.plan import ImagePlan
 from srprov.images.reference import Reference, parse_reference
 from srprov.modules.container import container_name
 from srprov.modules.module import STATE_ROOT, canonical
@@ -25,6 +23,9 @@ from srprov.modules.secret import secret_path
 from srprov.network.hosts import hosts_file
 from srprov.network.layout import Overlay
 from srprov.resource import resource_id
+
+if TYPE_CHECKING:
+    from srprov.images.plan import ImagePlan
 
 _WITNESSES = 2
 """Robots without a service that keep the placement record."""
@@ -76,6 +77,8 @@ def _record_path(instance: str) -> str:
 
 
 def _tree(path: str, blobs: dict[str, bytes]) -> dict[str, str]:
+    from srprov.disk import tree_tar
+
     blob = tree_tar(path)
     digest = hashlib.sha256(blob).hexdigest()
     blobs[digest] = blob

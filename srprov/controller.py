@@ -9,8 +9,9 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from srprov import data, disk, rendering
+from srprov import data, rendering
 from srprov.assignment import problem, solve
 from srprov.assignment.model import Assignment, Problem
 from srprov.context import Parts, contexts
@@ -24,8 +25,6 @@ from srprov.errors import DefinitionError
 from srprov.execution import Listener, Options, RunResult, run_plan
 from srprov.facts.gather import Readers, gather, probe
 from srprov.facts.model import Found
-from srprov.images.plan import ImagePlan
-from srprov.images.tag import plan_image
 from srprov.instance import check_source, owned, previous_robots
 from srprov.modules import MODULES
 from srprov.modules.secret import with_value
@@ -37,6 +36,9 @@ from srprov.planning.policy import permissions, require
 from srprov.resource import Resource
 from srprov.secret import Vault
 from srprov.wire import Session
+
+if TYPE_CHECKING:
+    from srprov.images.plan import ImagePlan
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -162,7 +164,9 @@ def _look(
         free = wishes.reassign or wishes.reassign_unreachable or not experiment.placement.sticky
         return free or any(service not in known for service in with_instances(experiment, found, known).services)
 
-    found = gather(lab, readers, sample=decides, forks=wishes.forks)
+    # which disk is Docker's, only the engine knows for sure; what else it says, only a decision needs
+    exact = any(service.requires.disk for service in experiment.services.values())
+    found = gather(lab, readers, sample=decides, info=exact, forks=wishes.forks)
     previous = previous_robots(found, instance)
     return with_instances(experiment, found, previous), found, previous
 
@@ -252,12 +256,13 @@ def playbooks() -> dict[str, str]:
 
 
 def _images(containers: Mapping[str, ContainerDefinition]) -> tuple[dict[str, ImagePlan], dict[str, str]]:
-    built, references = {}, {}
-    for key, container in containers.items():
-        if container.image:
-            references[key] = container.image
-        else:
-            built[key] = plan_image(container, disk.listing, disk.read)
+    references = {key: one.image for key, one in containers.items() if one.image}
+    if len(references) == len(containers):
+        return {}, references
+    from srprov import disk
+    from srprov.images.tag import plan_image
+
+    built = {key: plan_image(one, disk.listing, disk.read) for key, one in containers.items() if not one.image}
     return built, references
 
 

@@ -97,13 +97,13 @@ def recording(task: Task, lab: Lab, verb: str, runs: Path | None) -> RunFolder:
     import datetime as dt
 
     from srprov import __version__
-    from srprov.execution.locks import claim
+    from srprov.owner import owner
     from srprov.record import Run, RunFolder, default_root, run_id, write_inputs
 
     folder = RunFolder(runs or default_root(), run_id(task.plan, dt.datetime.now(dt.timezone.utc)))
     run = Run(
         verb=verb,
-        owner=claim(verb).owner,
+        owner=owner(),
         version=__version__,
         plan=task.plan,
         file=task.file,

@@ -7,10 +7,10 @@ of one repository is the same source. Anything else gives `user@host:path`. Read
 from __future__ import annotations
 
 import configparser
-import getpass
-import platform
 import re
 from pathlib import Path
+
+from srprov.owner import owner
 
 
 def source_of(path: str) -> str:
@@ -20,15 +20,7 @@ def source_of(path: str) -> str:
         url = _remote(folder / ".git")
         if url:
             return f"{url}#{here.relative_to(folder).as_posix()}"
-    return f"{_user()}@{platform.node()}:{here}"
-
-
-def _user() -> str:
-    try:
-        return getpass.getuser()
-    except (KeyError, OSError):
-        # a container without a passwd entry for its user
-        return "unknown"
+    return f"{owner()}:{here}"
 
 
 def _remote(git: Path) -> str:

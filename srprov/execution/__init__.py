@@ -7,7 +7,47 @@ what is right then counts as changed.
 
 from __future__ import annotations
 
-from srprov.execution.executor import Options, run_plan
+import threading
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+from srprov.execution.options import Options
 from srprov.execution.outcome import Event, Listener, Outcome, RunResult, StepResult
 
+if TYPE_CHECKING:
+    from srprov.planning.plan import Plan
+    from srprov.wire import Session
+
 __all__ = ["Event", "Listener", "Options", "Outcome", "RunResult", "StepResult", "run_plan"]
+
+
+def run_plan(
+    plan: Plan,
+    sessions: Mapping[str, Session],
+    listener: Listener,
+    options: Options | None = None,
+    stop: threading.Event | None = None,
+) -> RunResult:
+    """Lock the robots that the plan changes, do every step and say what came of each.
+
+    Args:
+        plan: what to do.
+        sessions: connections to all robots that can be reached.
+        listener: told what happens, from several threads at once.
+        options: limits and deadlines; None: the defaults.
+        stop: set from outside to begin no further step.
+
+    Raises:
+        LockHeld: Somebody else holds one of the robots; nothing was changed.
+    """
+    if not plan.steps:  # nobody is needed, and what walks is not imported
+        return RunResult(
+            results=(),
+            unchanged=plan.unchanged,
+            interrupted=bool(stop and stop.is_set()),
+            unreachable=plan.unreachable,
+            tolerated=options.tolerate if options else frozenset(),
+        )
+    from srprov.execution.executor import walk
+
+    return walk(plan, sessions, listener, options or Options(), stop or threading.Event())

@@ -10,63 +10,25 @@ from __future__ import annotations
 import concurrent.futures
 import threading
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 
 from srprov.errors import TransportError
 from srprov.execution.audit import Entry, audit
 from srprov.execution.conditions import wait_for
 from srprov.execution.locks import claim
+from srprov.execution.options import Options
 from srprov.execution.outcome import Event, Listener, Outcome, RunResult, StepResult
 from srprov.execution.robot import Robot
 from srprov.execution.segments import Segment, segments
 from srprov.execution.settle import settle
 from srprov.execution.taking import Patience, take
 from srprov.planning.plan import Plan, Step
-from srprov.wire import Pulse, Session
+from srprov.wire import Session
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Options:
-    """How a run behaves."""
-
-    forks: int = 64
-    wait_timeout_s: float = 300.0
-    """For a container to become healthy or to complete."""
-    settle_s: float = 2.0
-    """A service must still be running this long after its start."""
-    max_fail: int | None = None
-    """No further step begins when steps failed on more robots than this; None: never."""
-    tolerate: frozenset[str] = frozenset()
-    """Robots that may be out of reach."""
-    verb: str = "apply"
-    """What holders of a lock are told to be doing, with the instance."""
-    run: str = ""
-    """The run's id in the lock and in the robots' audit logs; empty: a fresh one, and nothing is logged."""
-    lock_wait_s: float = 0.0
-    """How long to wait for a robot that somebody else holds."""
-    pulse: Pulse = field(default_factory=Pulse)
-
-
-def run_plan(
-    plan: Plan,
-    sessions: Mapping[str, Session],
-    listener: Listener,
-    options: Options = Options(),
-    stop: threading.Event | None = None,
+def walk(
+    plan: Plan, sessions: Mapping[str, Session], listener: Listener, options: Options, stop: threading.Event
 ) -> RunResult:
-    """Lock the robots that the plan changes, do every step and say what came of each.
-
-    Args:
-        plan: what to do.
-        sessions: connections to all robots that can be reached.
-        listener: told what happens, from several threads at once.
-        options: limits and deadlines.
-        stop: set from outside to begin no further step.
-
-    Raises:
-        LockHeld: Somebody else holds one of the robots; nothing was changed.
-    """
-    stop = stop or threading.Event()
+    """Do what `srprov.execution.run_plan` promises."""
     robots = {step.host for step in plan.steps} & sessions.keys()
     patience = Patience(wait_s=options.lock_wait_s, pulse=options.pulse, forks=options.forks)
     mine = claim(f"{options.verb} {plan.instance}", options.run)

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import concurrent.futures
 import datetime as dt
-import getpass
 import json
 import os
 import secrets
@@ -20,6 +19,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from srprov.errors import TransportError
+from srprov.owner import owner
 from srprov.wire import Query, Reader, quote
 
 PLACES = ("/run/srprov", "/tmp/srprov")  # noqa: S108 - the fallback is used only when root owns it
@@ -114,8 +114,7 @@ class Claim:
 
 def claim(purpose: str, run: str = "") -> Claim:
     """Give the claim of this process; a run without an id gets a fresh one."""
-    owner = f"{getpass.getuser()}@{os.uname().nodename}"
-    return Claim(owner=owner, pid=os.getpid(), purpose=purpose, run=run or secrets.token_hex(6))
+    return Claim(owner=owner(), pid=os.getpid(), purpose=purpose, run=run or secrets.token_hex(6))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

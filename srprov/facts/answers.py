@@ -11,7 +11,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from srprov.facts.untrusted import LIST_LENGTH, TEXT_LENGTH, decimal, integer, lines_of, text
+from srprov.facts.untrusted import LIST_LENGTH, TEXT_LENGTH, decimal, folder, integer, lines_of, text
 
 _DF_ROW = re.compile(r".{0,400}\s([0-9]{1,15})\s+-?[0-9]{1,15}\s+(-?[0-9]{1,15})\s+[0-9-]{1,4}%?\s+(/.{0,400})")
 _DEVICE = re.compile(r"/dev(/[A-Za-z0-9][A-Za-z0-9._:+,@#=-]*){1,4}")
@@ -49,6 +49,14 @@ class Filesystem:
     mount: str
     total: int
     free: int
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Disks:
+    """Docker's root as its configuration file names it, empty where that does not; and what is mounted."""
+
+    root: str = ""
+    mounts: tuple[Filesystem, ...] = ()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -124,20 +132,19 @@ def parse_wireless(out: str) -> Mapping[str, float]:
     return found
 
 
-def parse_disk(out: str) -> tuple[Filesystem, ...]:
-    """Read `df -Pk`; each mount once, in the order of the answer."""
-    found: dict[str, Filesystem] = {}
+def parse_disk(out: str) -> Disks:
+    """Read `root PATH` and `df -Pk`; each mount once, in the order of the answer."""
+    root, found = "", dict[str, Filesystem]()
     for line in lines_of(out, 64):
         # both names may hold blanks; the four columns between them cannot
-        row = re.fullmatch(
-            r".{0,400}\s([0-9]{1,15})\s+-?[0-9]{1,15}\s+(-?[0-9]{1,15})\s+[0-9-]{1,4}%?\s+(/.{0,400})", line
-        )
+        row = _DF_ROW.fullmatch(line)
         if row is None or not row[3].isprintable():
+            root = root or folder(line.removeprefix("root ") if line.startswith("root /") else "")
             continue
         total = int(row[1]) * 1024
         free = integer(row[2], low=0, high=int(row[1]), default=0) * 1024
         found.setdefault(row[3], Filesystem(mount=row[3], total=total, free=free))
-    return tuple(found.values())
+    return Disks(root=root, mounts=tuple(found.values()))
 
 
 def parse_traffic(out: str) -> Mapping[str, Counters]:

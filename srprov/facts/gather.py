@@ -20,7 +20,7 @@ from srprov.errors import TransportError
 from srprov.facts.host import host_queries, parse_host
 from srprov.facts.model import Existing, Found, HostFacts
 from srprov.facts.observe import observe_queries, parse_observed, parse_probed, probe_queries
-from srprov.facts.probes import COUNTERS, SAMPLE_S
+from srprov.facts.probes import COUNTERS, INFO, SAMPLE_S
 from srprov.facts.untrusted import text
 from srprov.modules import PROBING
 from srprov.modules.module import STATE_ROOT
@@ -39,6 +39,7 @@ def gather(
     readers: Readers,
     *,
     sample: bool | Callable[[Found], bool],
+    info: bool = True,
     forks: int = 64,
     only_look: bool = False,
 ) -> Found:
@@ -51,16 +52,17 @@ def gather(
         lab: the robots.
         readers: gives each one's reader.
         sample: also measure traffic, which takes a second look, 0.3 s after the first; a function decides after that.
+        info: ask the engines for more than their versions; else only those that are looked at twice are asked.
         forks: robots asked at the same time.
         only_look: nothing will be decided from it, so give the facts of such a robot all the same.
     """
     pool = concurrent.futures.ThreadPoolExecutor(max(1, min(forks, len(lab.hosts))))
     try:
-        futures = {name: pool.submit(_one, host, readers) for name, host in lab.hosts.items()}
+        futures = {name: pool.submit(_one, host, readers, info) for name, host in lab.hosts.items()}
         found, looks = _found(futures, only_look)
         if sample(found) if callable(sample) else sample:
-            again = {name: pool.submit(look.facts_with_traffic, readers) for name, look in looks.items()}
-            found = _with_traffic(found, again)
+            again = {name: pool.submit(look.closer, readers, info) for name, look in looks.items()}
+            found = _closer(found, again, only_look)
         return found
     finally:
         pool.shutdown(wait=False, cancel_futures=True)  # Ctrl-C does not wait for the slowest robot
@@ -81,12 +83,16 @@ class _Look:
     existing: tuple[Existing, ...]
     placements: list[Mapping[str, Any]]
 
-    def facts_with_traffic(self, readers: Readers) -> HostFacts:
-        """Read the counters again, some time after the first reading."""
+    def closer(self, readers: Readers, info: bool) -> HostFacts:
+        """Read the counters again, some time after the first reading; and ask the engine meanwhile, unless it was."""
+        reader = readers(self.host.name)
+        told = [] if info else reader.ask([INFO])
         time.sleep(max(0.0, self.over_at + SAMPLE_S - time.monotonic()))
-        later = readers(self.host.name).ask([COUNTERS])[0]
-        seen = parse_host(self.host, self.replies, measures=self.measures, now=self.asked_at, later=later)
-        return dataclasses.replace(self.facts, traffic_mbit=seen.traffic_mbit)
+        later, replies = reader.ask([COUNTERS])[0], [*self.replies, *told]
+        seen = parse_host(self.host, replies, measures=self.measures, now=self.asked_at, later=later)
+        if self.facts.docker is None:
+            seen = dataclasses.replace(seen, docker=None, docker_problem=self.facts.docker_problem)
+        return seen
 
 
 def _found(futures: Mapping[str, Future[_Look]], only_look: bool) -> tuple[Found, dict[str, _Look]]:
@@ -108,16 +114,32 @@ def _found(futures: Mapping[str, Future[_Look]], only_look: bool) -> tuple[Found
             best = records.get(record["instance"])
             if best is None or record["serial"] > best["serial"]:
                 records[record["instance"]] = record
-    for name in [] if only_look else [name for name, one in facts.items() if one.docker is None]:
-        if _holds_services(name, records):
-            reason = facts.pop(name).docker_problem
-            del existing[name], looks[name]
-            unreachable[name] = f"its Docker Engine does not answer: {reason}\n  start it there, or restart the robot"
-    return Found(facts=facts, existing=existing, placements=records, unreachable=unreachable), looks
+    found = Found(facts=facts, existing=existing, placements=records, unreachable=unreachable)
+    if not only_look:
+        found = _without_mute(found)
+    return found, {name: look for name, look in looks.items() if name in found.facts}
 
 
-def _with_traffic(found: Found, again: Mapping[str, Future[HostFacts]]) -> Found:
-    """Put the traffic in; a robot that went away meanwhile cannot be reached."""
+def _without_mute(found: Found) -> Found:
+    """Count robots as unreachable that hold services, and whose engine does not answer."""
+    mute = {name for name, one in found.facts.items() if one.docker is None and _holds_services(name, found.placements)}
+    if not mute:
+        return found
+    start = "start it there, or restart the robot"
+    why = {
+        name: f"its Docker Engine does not answer: {found.facts[name].docker_problem}\n  {start}"
+        for name in sorted(mute)
+    }
+    return dataclasses.replace(
+        found,
+        facts={name: one for name, one in found.facts.items() if name not in mute},
+        existing={name: one for name, one in found.existing.items() if name not in mute},
+        unreachable={**found.unreachable, **why},
+    )
+
+
+def _closer(found: Found, again: Mapping[str, Future[HostFacts]], only_look: bool) -> Found:
+    """Put in what the second look saw; a robot that went away meanwhile cannot be reached."""
     facts, existing, unreachable = dict(found.facts), dict(found.existing), dict(found.unreachable)
     for name, future in sorted(again.items()):
         try:
@@ -125,7 +147,8 @@ def _with_traffic(found: Found, again: Mapping[str, Future[HostFacts]]) -> Found
         except TransportError as error:
             unreachable[name] = _said(error)
             del facts[name], existing[name]
-    return dataclasses.replace(found, facts=facts, existing=existing, unreachable=unreachable)
+    found = dataclasses.replace(found, facts=facts, existing=existing, unreachable=unreachable)
+    return found if only_look else _without_mute(found)
 
 
 def _said(error: TransportError) -> str:
@@ -163,9 +186,9 @@ def _holds_services(robot: str, records: Mapping[str, Mapping[str, Any]]) -> boo
     return any(isinstance(entry, Mapping) and entry.get("robot") == robot for entry in entries)
 
 
-def _one(host: Host, readers: Readers) -> _Look:
+def _one(host: Host, readers: Readers, info: bool) -> _Look:
     reader = readers(host.name)
-    mine = host_queries()
+    mine = host_queries(info=info)
     ours = observe_queries()
     asked_at = time.time()  # the robot's clock is read first of all
     replies = reader.ask([*mine, *ours, _PLACEMENTS])

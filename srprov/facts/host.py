@@ -18,8 +18,8 @@ from srprov.facts.answers import Counters, Files, Filesystem, Identity, parse_tr
 from srprov.facts.hardware import detect_tags
 from srprov.facts.links import Underlay, find_underlay
 from srprov.facts.model import Docker, HostFacts
-from srprov.facts.probes import ENGINE, PROBES
-from srprov.facts.untrusted import decimal, integer, mapping, parsed, text
+from srprov.facts.probes import ENGINE, PING, PROBES
+from srprov.facts.untrusted import decimal, folder, integer, mapping, parsed, text
 from srprov.wire import EngineQuery, Measures, Query, Reply
 
 _MOST_BYTES = 2**60
@@ -43,10 +43,13 @@ _HALVES = {"x86_64": "i386", "amd64": "i386", "aarch64": "arm", "arm64": "arm"}
 """What a 64-bit processor is to a 32-bit system."""
 
 
-def host_queries() -> tuple[Query | EngineQuery, ...]:
-    """Give everything to ask a robot for its facts, in the order that `parse_host` expects the replies."""
+def host_queries(*, info: bool = True) -> tuple[Query | EngineQuery, ...]:
+    """Give everything to ask a robot for its facts, in the order that `parse_host` expects the replies.
+
+    Without `info` the last one, `INFO`, is left out, and its reply may follow later or not at all.
+    """
     probes = (Query(command=probe.command) for probe in PROBES)
-    return (*probes, *ENGINE)
+    return (*probes, *(ENGINE if info else (PING,)))
 
 
 def docker_arch(machine: str) -> str:
@@ -87,7 +90,7 @@ def parse_host(
     underlay = find_underlay(host, links, said["routes"], identity.reached_at)
     detected = detect_tags(said["devices"], files, links, tuple(said["wireless"]), arch)
     devices = said["devices"]
-    disk = _docker_disk(said["disk"], docker.root if docker else "")
+    disk = _docker_disk(said["disk"].mounts, (docker.root if docker else "") or said["disk"].root)
     facts = HostFacts(
         name=host.name,
         hostname=_first_line(files, "/proc/sys/kernel/hostname"),
@@ -234,26 +237,36 @@ def _traffic_mbit(counters: Mapping[str, Counters], underlay: Underlay, shared_a
 def _docker(replies: Sequence[Reply]) -> tuple[Docker | None, str]:
     """Give the engine, or why there is none."""
     asked = replies[len(PROBES) : len(PROBES) + len(ENGINE)]
-    if len(asked) < len(ENGINE):
+    if not asked:
         return None, "was not asked"
-    ping, info = (mapping(parsed(reply.out)) if reply.ok and reply.status == 200 else {} for reply in asked)
-    name, api = text(info.get("ServerVersion"), length=64), text(ping.get("api-version"), length=16)
+    said = [mapping(parsed(reply.out)) if reply.ok and reply.status == 200 else {} for reply in asked]
+    ping, info = said[0], said[1] if len(said) > 1 else None
+    name, api = _version(ping, info), text(ping.get("api-version"), length=16)
     if not name or not re.fullmatch(r"[0-9]{1,3}\.[0-9]{1,4}", api):
-        said = next((text(reply.err) for reply in asked if not reply.ok), "")
-        return None, said or (
+        why = next((text(reply.err) for reply in asked if not reply.ok), "")
+        return None, why or (
             f"the engine answered {asked[0].status}" if asked[0].status else "no Docker Engine answers"
         )
+    if info is None:
+        return Docker(version=name, api_version=api), ""
     options = info.get("SecurityOptions")
-    root = info.get("DockerRootDir")
     docker = Docker(
         version=name,
         api_version=api,
-        root=text(root) if isinstance(root, str) and root.startswith("/") else "",
+        root=folder(info.get("DockerRootDir")),
         storage_driver=text(info.get("Driver"), length=32),
         rootless=isinstance(options, list)
         and any("rootless" in option for option in options if isinstance(option, str)),
     )
     return docker, ""
+
+
+def _version(ping: Mapping[str, Any], info: Mapping[str, Any] | None) -> str:
+    """Give the engine's version, which `Server: Docker/20.10.24 (linux)` says too."""
+    if info is not None:
+        return text(info.get("ServerVersion"), length=64)
+    named = re.fullmatch(r"[A-Za-z]{1,20}/(\S{1,64})( .*)?", text(ping.get("server")))
+    return named[1] if named else ""
 
 
 def _docker_disk(mounts: Sequence[Filesystem], root: str) -> Filesystem:

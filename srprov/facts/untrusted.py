@@ -29,6 +29,12 @@ def text(value: object, *, length: int = TEXT_LENGTH) -> str:
     return "".join(c for c in value[: 4 * length] if c.isprintable())[:length].strip()
 
 
+def folder(value: object) -> str:
+    """Give an absolute path as `text` does; what is none is ""."""
+    said = text(value)
+    return said if said.startswith("/") else ""
+
+
 def lines_of(out: str, most: int) -> list[str]:
     """Give at most `most` lines. Only a line feed ends one; to str.splitlines a form feed inside a file would, too."""
     return out.split("\n", most)[:most]

@@ -70,12 +70,12 @@ def test_wireless_interfaces_and_their_rates() -> None:
 
 def test_df_with_blanks_in_names() -> None:
     out = "Filesystem 1024-blocks Used Available Capacity Mounted on\n//nas/my share 100 20 80 20% /mnt/my share\n"
-    (found,) = parse_disk(out)
+    (found,) = parse_disk(out).mounts
     assert (found.mount, found.total, found.free) == ("/mnt/my share", 102400, 81920)
 
 
 def test_df_never_has_more_free_than_there_is() -> None:
-    (found,) = parse_disk("/dev/x 100 0 500 0% /\n")
+    (found,) = parse_disk("/dev/x 100 0 500 0% /\n").mounts
     assert found.free == found.total
 
 

@@ -1,0 +1,19 @@
+"""Who works here, as locks, records and sources name him: `user@host`."""
+
+from __future__ import annotations
+
+import getpass
+import os
+
+
+def user() -> str:
+    """Give the name of the user; `unknown` in a container without a passwd entry for him."""
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError):
+        return "unknown"
+
+
+def owner() -> str:
+    """Give `user@host`."""
+    return f"{user()}@{os.uname().nodename}"
