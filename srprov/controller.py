@@ -23,7 +23,7 @@ from srprov.definitions.secretvalues import resolve, used
 from srprov.definitions.source import source_of
 from srprov.errors import DefinitionError
 from srprov.execution import Listener, Options, RunResult, run_plan
-from srprov.facts.gather import Readers, gather, probe
+from srprov.facts.gather import Closer, Readers, gather, probe
 from srprov.facts.model import Found
 from srprov.instance import check_source, owned, previous_robots
 from srprov.modules import MODULES
@@ -54,6 +54,9 @@ class Wishes:
     reassign_unreachable: bool = False
     """Place services of robots that cannot be reached elsewhere."""
     forks: int = 64
+    expect: Callable[[frozenset[str]], None] = lambda _robots: None
+    """Told, once, as soon as it is known that something is new, and which robots it is pinned to: time to get ready for
+    changes, while robots answer."""
     playbooks: tuple[Playbook, ...] = ()
     """The user's own, from his folder."""
     allow: frozenset[str] = frozenset()
@@ -158,15 +161,20 @@ def _look(
 ) -> tuple[Experiment, Found, dict[str, str]]:
     """Give the experiment with all instances, all robots as they are, and where the instance's services run now."""
 
-    def decides(found: Found) -> bool:
-        """Only a decision needs the traffic of this moment, which takes 0.3 s to see."""
+    def closer(found: Found) -> Closer:
+        """Only what is new makes a difference to how an engine is, and only a choice needs the traffic."""
         known = previous_robots(found, instance)
+        services = with_instances(experiment, found, known).services.values()
+        new = [service for service in services if service.name not in known]
         free = wishes.reassign or wishes.reassign_unreachable or not experiment.placement.sticky
-        return free or any(service not in known for service in with_instances(experiment, found, known).services)
+        if not (new or free):
+            return Closer.NO
+        wishes.expect(frozenset(service.robot for service in new if service.robot in found.facts))
+        return Closer.TRAFFIC if free or any(not service.robot for service in new) else Closer.ENGINE
 
-    # which disk is Docker's, only the engine knows for sure; what else it says, only a decision needs
+    # which disk is Docker's, only the engine knows for sure
     exact = any(service.requires.disk for service in experiment.services.values())
-    found = gather(lab, readers, sample=decides, info=exact, forks=wishes.forks)
+    found = gather(lab, readers, closer=closer, info=exact, forks=wishes.forks)
     previous = previous_robots(found, instance)
     return with_instances(experiment, found, previous), found, previous
 
@@ -220,7 +228,7 @@ def make_removal(
     Raises:
         RefusedError: `source` is given and another source made the instance.
     """
-    found = gather(lab, readers, sample=False, forks=forks)
+    found = gather(lab, readers, closer=Closer.NO, forks=forks)
     if source:
         check_source(found, instance, source, adopt=adopt)
     steps = removal_plan(owned(found, instance), instance, Removal(volumes=volumes))

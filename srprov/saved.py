@@ -14,7 +14,7 @@ from srprov.controller import Planned
 from srprov.definitions.model import Definitions, Inventory
 from srprov.definitions.secretmodel import SecretSource
 from srprov.errors import StalePlan, UsageError
-from srprov.facts.gather import Readers, gather, probe
+from srprov.facts.gather import Closer, Readers, gather, probe
 from srprov.facts.model import Found
 from srprov.modules.secret import with_value
 from srprov.planning.fingerprint import fingerprints
@@ -65,7 +65,7 @@ def check_file(saved: PlanFile, lab: Inventory, readers: Readers, *, vault: Vaul
             hint="use the inventory that the plan was made with, or plan again",
         )
     part = dataclasses.replace(lab, hosts={name: lab.hosts[name] for name in sorted(saved.fingerprints)})
-    found = gather(part, readers, sample=False, forks=forks)
+    found = gather(part, readers, closer=Closer.ENGINE, forks=forks)
     found = probe(found, [step.want for step in saved.plan.steps if step.want], readers, forks=forks)
     now = fingerprints(saved.plan, found)
     moved = [

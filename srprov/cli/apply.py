@@ -6,7 +6,7 @@ import dataclasses
 import os
 import sys
 import time
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -93,6 +93,7 @@ def apply(
         wishes = Wishes(
             instance=instance, reassign=reassign, adopt=adopt, forks=forks, history=before,
             reassign_unreachable=unreachable == "reassign", allow=frozenset(allow), playbooks=own,
+            expect=lambda robots: get_ready(lab, robots),
         )  # fmt: skip
         lock_wait = wait_for_other_runs(lab, name, lock_wait, forks)
         task = plan_task(saved, definitions, lab, wishes, phases, vault, chosen)
@@ -107,6 +108,17 @@ def apply(
             max_fail=failing, tolerate=frozenset(made.unreachable if unreachable != "fail" else ()),
         )  # fmt: skip
         return carry_out(task, lab, run_options, phases, as_json=as_json, events=events, color=not no_color, runs=runs)
+
+
+def get_ready(lab: options.Lab, robots: Collection[str]) -> None:
+    """Import what changes robots, and start on these what only a change needs, while they are asked once more."""
+    from srprov.transport.session import prefetch
+
+    prefetch()
+    lab.sessions.prepare(sorted(robots))
+    import srprov.execution.executor
+
+    del srprov
 
 
 def read_secrets(saved: PlanFile | None, definitions: Definitions | None, allow: tuple[str, ...]) -> Vault:

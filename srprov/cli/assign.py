@@ -113,9 +113,9 @@ def _stored(path: Path, inventory: Inventory) -> Found:
 
 
 def _asked(definitions: Definitions, inventory: Inventory, lab: options.Lab, wishes: Wishes) -> tuple[Found, Problem]:
-    from srprov.facts.gather import gather
+    from srprov.facts.gather import Closer, gather
 
-    found = gather(inventory, lab.sessions.get, sample=True, forks=wishes.forks)
+    found = gather(inventory, lab.sessions.get, closer=Closer.TRAFFIC, forks=wishes.forks)
     return found, _problem(definitions, inventory, found, wishes)
 
 

@@ -29,14 +29,14 @@ def doctor(inventories: tuple[str, ...], as_json: bool, forks: int, timeout: flo
     """
     import dataclasses
 
-    from srprov.facts.gather import gather
+    from srprov.facts.gather import Closer, gather
     from srprov.facts.preconditions import Verdict, judge, precondition_queries
 
     whole = options.load_inventory(inventories)
     chosen = options.selected(whole, limit, exclude)
     inventory = dataclasses.replace(whole, hosts={name: host for name, host in whole.hosts.items() if name in chosen})
     with options.open_lab(inventory, timeout, forks) as lab:
-        found = gather(inventory, lab.sessions.get, sample=False, forks=forks, only_look=True)
+        found = gather(inventory, lab.sessions.get, closer=Closer.ENGINE, forks=forks, only_look=True)
         unreachable = dict(found.unreachable)
 
         def one(name: str) -> tuple[Check, ...]:

@@ -31,12 +31,12 @@ def logs(
     tail: int, follow: bool,
 ) -> int:  # fmt: skip
     """Show what services print (all, or those named)."""
-    from srprov.facts.gather import gather
+    from srprov.facts.gather import Closer, gather
 
     inventory = options.load_inventory(inventories)
     name = named_instance(file, instance)[0]
     with options.open_lab(inventory, timeout, forks) as lab:
-        found = gather(inventory, lab.sessions.get, sample=False, forks=forks)
+        found = gather(inventory, lab.sessions.get, closer=Closer.NO, forks=forks)
         for host, reason in sorted(found.unreachable.items()):
             err(f"unreachable: {host}: {reason}")
         chosen = _containers(found, name, services)

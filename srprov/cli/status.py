@@ -26,12 +26,12 @@ def status(
     file: str | None, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, instance: str
 ) -> int:
     """Show the running experiment; without FILE and --instance, every instance on the robots."""
-    from srprov.facts.gather import gather
+    from srprov.facts.gather import Closer, gather
 
     inventory = options.load_inventory(inventories)
     name = named_instance(file, instance)[0] if file or instance else ""
     with options.open_lab(inventory, timeout, forks) as lab:
-        found = gather(inventory, lab.sessions.get, sample=False, forks=forks)
+        found = gather(inventory, lab.sessions.get, closer=Closer.NO, forks=forks)
     rows = status_rows(found, name)
     if as_json:
         out_json({"services": rows, "unreachable": dict(found.unreachable)})

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import concurrent.futures
 import dataclasses
+import enum
 import json
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -34,12 +35,22 @@ Readers = Callable[[str], Reader]
 """Robot's name -> reader; raises TransportError when it cannot be reached."""
 
 
+class Closer(enum.Enum):
+    """What is asked beyond what tells whether all is as it was; each includes the one before it."""
+
+    NO = "no"
+    ENGINE = "engine"
+    """What each engine says of itself, which makes it start two programs."""
+    TRAFFIC = "traffic"
+    """The traffic of this moment, which takes a second look, 0.3 s after the first."""
+
+
 def gather(
     lab: Inventory,
     readers: Readers,
     *,
-    sample: bool | Callable[[Found], bool],
-    info: bool = True,
+    closer: Closer | Callable[[Found], Closer],
+    info: bool = False,
     forks: int = 64,
     only_look: bool = False,
 ) -> Found:
@@ -51,17 +62,20 @@ def gather(
     Args:
         lab: the robots.
         readers: gives each one's reader.
-        sample: also measure traffic, which takes a second look, 0.3 s after the first; a function decides after that.
-        info: ask the engines for more than their versions; else only those that are looked at twice are asked.
+        closer: how closely to look; a function decides after the first look.
+        info: ask the engines of themselves at once, whatever that function says.
         forks: robots asked at the same time.
         only_look: nothing will be decided from it, so give the facts of such a robot all the same.
     """
+    info = info or closer in (Closer.ENGINE, Closer.TRAFFIC)
     pool = concurrent.futures.ThreadPoolExecutor(max(1, min(forks, len(lab.hosts))))
     try:
         futures = {name: pool.submit(_one, host, readers, info) for name, host in lab.hosts.items()}
         found, looks = _found(futures, only_look)
-        if sample(found) if callable(sample) else sample:
-            again = {name: pool.submit(look.closer, readers, info) for name, look in looks.items()}
+        wanted = closer if isinstance(closer, Closer) else closer(found)
+        traffic, engine = wanted is Closer.TRAFFIC, wanted is not Closer.NO and not info
+        if traffic or engine:
+            again = {name: pool.submit(look.closer, readers, engine, traffic) for name, look in looks.items()}
             found = _closer(found, again, only_look)
         return found
     finally:
@@ -83,12 +97,13 @@ class _Look:
     existing: tuple[Existing, ...]
     placements: list[Mapping[str, Any]]
 
-    def closer(self, readers: Readers, info: bool) -> HostFacts:
-        """Read the counters again, some time after the first reading; and ask the engine meanwhile, unless it was."""
-        reader = readers(self.host.name)
-        told = [] if info else reader.ask([INFO])
-        time.sleep(max(0.0, self.over_at + SAMPLE_S - time.monotonic()))
-        later, replies = reader.ask([COUNTERS])[0], [*self.replies, *told]
+    def closer(self, readers: Readers, engine: bool, traffic: bool) -> HostFacts:
+        """Ask the engine of itself; read the counters again, some time after the first reading."""
+        reader, later = readers(self.host.name), None
+        replies = [*self.replies, *(reader.ask([INFO]) if engine else ())]
+        if traffic:
+            time.sleep(max(0.0, self.over_at + SAMPLE_S - time.monotonic()))
+            later = reader.ask([COUNTERS])[0]
         seen = parse_host(self.host, replies, measures=self.measures, now=self.asked_at, later=later)
         if self.facts.docker is None:
             seen = dataclasses.replace(seen, docker=None, docker_problem=self.facts.docker_problem)

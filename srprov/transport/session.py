@@ -77,6 +77,7 @@ class BaseSession:
         self._engine: Engine | None = None
         self._engine_reader: EngineReader | None = None
         self._hold: Heartbeat | None = None
+        self._prepared = False
         self._lost: TransportError | None = None
 
     @property
@@ -115,7 +116,10 @@ class BaseSession:
             return self._engine
 
     def prepare(self) -> None:
-        """Get ready in the background for what changes the robot: the engine's second stream, and the hold's shell."""
+        """Get ready, once and in the background, for changes: the engine's second stream, and the hold's shell."""
+        if self._prepared:
+            return
+        self._prepared = True
         prefetch()
         threading.Thread(target=self._warm_engine, name="warm engine", daemon=True).start()
 

@@ -119,9 +119,9 @@ class SshSession(BaseSession):
 
     def prepare(self) -> None:
         """Start the hold's shell too, so that the hold costs one round trip when it is needed."""
-        super().prepare()
-        if self._spare is None and self._hold is None:
+        if not self._prepared and self._hold is None:
             self._spare = Background(self._second_shell)
+        super().prepare()
 
     def _dial_reads(self, seconds: float) -> EngineSocket:
         """Let sshd itself connect to the engine's socket: the docker CLI takes 15 ms of a desktop's CPU to start.
