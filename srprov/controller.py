@@ -23,7 +23,7 @@ from srprov.definitions.secretvalues import resolve, used
 from srprov.definitions.source import source_of
 from srprov.errors import DefinitionError
 from srprov.execution import Listener, Options, RunResult, run_plan
-from srprov.facts.gather import Closer, Readers, gather, probe
+from srprov.facts.gather import Closer, Looking, Readers, begin, gather, probe
 from srprov.facts.model import Found
 from srprov.instance import check_source, owned, previous_robots
 from srprov.modules import MODULES
@@ -54,6 +54,8 @@ class Wishes:
     reassign_unreachable: bool = False
     """Place services of robots that cannot be reached elsewhere."""
     forks: int = 64
+    looking: Looking | None = None
+    """A look at the robots that has begun already."""
     expect: Callable[[frozenset[str]], None] = lambda _robots: None
     """Told, once, as soon as it is known that something is new, and which robots it is pinned to: time to get ready for
     changes, while robots answer."""
@@ -147,7 +149,7 @@ def make_plan(
 
 
 def _possible(definitions: Definitions, lab: Inventory, wishes: Wishes) -> Experiment:
-    """Give the experiment, or refuse, before any robot is asked, what cannot be planned or must not."""
+    """Give the experiment, or refuse what cannot be planned or must not; nothing of it was shown to a robot yet."""
     if definitions.unsupported:
         raise DefinitionError(definitions.unsupported)
     if unknown := unknown_pins(definitions.experiment, lab):
@@ -172,9 +174,7 @@ def _look(
         wishes.expect(frozenset(service.robot for service in new if service.robot in found.facts))
         return Closer.TRAFFIC if free or any(not service.robot for service in new) else Closer.ENGINE
 
-    # which disk is Docker's, only the engine knows for sure
-    exact = any(service.requires.disk for service in experiment.services.values())
-    found = gather(lab, readers, closer=closer, info=exact, forks=wishes.forks)
+    found = (wishes.looking or begin(lab, readers, experiment, forks=wishes.forks)).end(closer)
     previous = previous_robots(found, instance)
     return with_instances(experiment, found, previous), found, previous
 

@@ -84,8 +84,12 @@ def apply(
     before, own = read_history(history), own_playbooks(saved)
     failing = options.budget(max_fail, len(chosen))
     with options.open_lab(inventory, timeout, forks, locks=True, vault=vault) as lab:
+        from srprov.facts.gather import begin
+
         err(f"asking {len(inventory.hosts)} robots for facts")
-        # a tenth of a second of imports, while connections come up
+        lock_wait = wait_for_other_runs(lab, name, lock_wait, forks)
+        looking = begin(inventory, lab.sessions.get, definitions.experiment, forks=forks) if definitions else None
+        # a tenth of a second of imports, while the robots are asked
         from srprov.controller import Wishes
         from srprov.execution import Options
         from srprov.planning.policy import require
@@ -93,9 +97,8 @@ def apply(
         wishes = Wishes(
             instance=instance, reassign=reassign, adopt=adopt, forks=forks, history=before,
             reassign_unreachable=unreachable == "reassign", allow=frozenset(allow), playbooks=own,
-            expect=lambda robots: get_ready(lab, robots),
+            looking=looking, expect=lambda robots: get_ready(lab, robots),
         )  # fmt: skip
-        lock_wait = wait_for_other_runs(lab, name, lock_wait, forks)
         task = plan_task(saved, definitions, lab, wishes, phases, vault, chosen)
         made = task.plan
         if not as_json:

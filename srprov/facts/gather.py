@@ -16,7 +16,7 @@ from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Any
 
-from srprov.definitions.model import Host, Inventory
+from srprov.definitions.model import Experiment, Host, Inventory
 from srprov.errors import TransportError
 from srprov.facts.host import host_queries, parse_host
 from srprov.facts.model import Existing, Found, HostFacts
@@ -45,12 +45,46 @@ class Closer(enum.Enum):
     """The traffic of this moment, which takes a second look, 0.3 s after the first."""
 
 
+class Looking:
+    """A look at all robots that has begun; made by `begin`."""
+
+    def __init__(self, lab: Inventory, readers: Readers, *, info: bool, forks: int) -> None:
+        """Ask every robot, in threads."""
+        self._readers, self._info = readers, info
+        self._pool = concurrent.futures.ThreadPoolExecutor(max(1, min(forks, len(lab.hosts))))
+        self._futures = {name: self._pool.submit(_one, host, readers, info) for name, host in lab.hosts.items()}
+
+    def end(self, closer: Closer | Callable[[Found], Closer], *, only_look: bool = False) -> Found:
+        """Wait for the answers, and look closer where that is wanted; arguments as of `gather`."""
+        try:
+            found, looks = _found(self._futures, only_look)
+            wanted = closer if isinstance(closer, Closer) else closer(found)
+            traffic, engine = wanted is Closer.TRAFFIC, wanted is not Closer.NO and not self._info
+            if traffic or engine:
+                again = {
+                    name: self._pool.submit(look.closer, self._readers, engine, traffic) for name, look in looks.items()
+                }
+                found = _closer(found, again, only_look)
+            return found
+        finally:
+            self._pool.shutdown(wait=False, cancel_futures=True)  # Ctrl-C does not wait for the slowest robot
+
+
+def begin(lab: Inventory, readers: Readers, experiment: Experiment | None = None, *, forks: int = 64) -> Looking:
+    """Begin to ask every robot of the inventory, as soon as it is connected; for an experiment that may run there.
+
+    Which disk is Docker's, only the engine knows for sure: it is asked for more than its version at once when a service
+    requires a disk of some size.
+    """
+    exact = experiment is not None and any(service.requires.disk for service in experiment.services.values())
+    return Looking(lab, readers, info=exact, forks=forks)
+
+
 def gather(
     lab: Inventory,
     readers: Readers,
     *,
     closer: Closer | Callable[[Found], Closer],
-    info: bool = False,
     forks: int = 64,
     only_look: bool = False,
 ) -> Found:
@@ -63,23 +97,11 @@ def gather(
         lab: the robots.
         readers: gives each one's reader.
         closer: how closely to look; a function decides after the first look.
-        info: ask the engines of themselves at once, whatever that function says.
         forks: robots asked at the same time.
         only_look: nothing will be decided from it, so give the facts of such a robot all the same.
     """
-    info = info or closer in (Closer.ENGINE, Closer.TRAFFIC)
-    pool = concurrent.futures.ThreadPoolExecutor(max(1, min(forks, len(lab.hosts))))
-    try:
-        futures = {name: pool.submit(_one, host, readers, info) for name, host in lab.hosts.items()}
-        found, looks = _found(futures, only_look)
-        wanted = closer if isinstance(closer, Closer) else closer(found)
-        traffic, engine = wanted is Closer.TRAFFIC, wanted is not Closer.NO and not info
-        if traffic or engine:
-            again = {name: pool.submit(look.closer, readers, engine, traffic) for name, look in looks.items()}
-            found = _closer(found, again, only_look)
-        return found
-    finally:
-        pool.shutdown(wait=False, cancel_futures=True)  # Ctrl-C does not wait for the slowest robot
+    info = closer in (Closer.ENGINE, Closer.TRAFFIC)
+    return Looking(lab, readers, info=info, forks=forks).end(closer, only_look=only_look)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
