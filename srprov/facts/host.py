@@ -3,7 +3,7 @@
 Takes a Host, replies, Measures and the controller's clock; gives HostFacts. Pure. Everything that a robot says is
 untrusted: whatever it answers, the result is a valid HostFacts with plain text and bounded numbers, and what is not
 known keeps the model's default.
-Source: proc(5), sysfs-class-net, Docker Engine API 1.41 (`/version`, `/info`).
+Source: proc(5), sysfs-class-net, Docker Engine API 1.41 (`/_ping`, `/info`).
 """
 
 from __future__ import annotations
@@ -242,7 +242,7 @@ def _docker(replies: Sequence[Reply]) -> tuple[Docker | None, str]:
     said = [mapping(parsed(reply.out)) if reply.ok and reply.status == 200 else {} for reply in asked]
     ping, info = said[0], said[1] if len(said) > 1 else None
     name, api = _version(ping, info), text(ping.get("api-version"), length=16)
-    if not name or not re.fullmatch(r"[0-9]{1,3}\.[0-9]{1,4}", api):
+    if (info is not None and not name) or not re.fullmatch(r"[0-9]{1,3}\.[0-9]{1,4}", api):
         why = next((text(reply.err) for reply in asked if not reply.ok), "")
         return None, why or (
             f"the engine answered {asked[0].status}" if asked[0].status else "no Docker Engine answers"

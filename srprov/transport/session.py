@@ -117,11 +117,10 @@ class BaseSession:
 
     def prepare(self) -> None:
         """Get ready, once and in the background, for changes: the engine's second stream, and the hold's shell."""
-        if self._prepared:
-            return
-        self._prepared = True
-        prefetch()
-        threading.Thread(target=self._warm_engine, name="warm engine", daemon=True).start()
+        if not self._prepared:
+            self._prepared = True
+            prefetch()
+            threading.Thread(target=self._warm_engine, name="warm engine", daemon=True).start()
 
     def _warm_engine(self) -> None:
         """Import what the engine's client needs, and connect."""

@@ -2,20 +2,27 @@
 
 from __future__ import annotations
 
+import contextlib
+import dataclasses
 import os
 import socket
 import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import paramiko
 import pytest
 
 from srprov.definitions.model import Host
 from srprov.errors import AuthError, ConnectError, DeadlineError, HostKeyError, TransportError
 from srprov.transport import ConnectOptions, connect
+from srprov.transport.ahead import dial_ahead
+from srprov.transport.options import settle
 from srprov.transport.pool import Sessions
+from srprov.transport.ssh import SshSession
 from srprov.wire import EngineCall, EngineQuery, Put, Query, Run, Session
 
 from .sshd import Sshd, free_port, keygen, public, usable
@@ -512,6 +519,94 @@ def test_include_and_match_are_resolved_by_openssh(server: Sshd, tmp_path: Path)
     text = f'Include {tmp_path}/part\nMatch originalhost bot exec "true"\n  HostKeyAlias the-bot\n'
     server.known_hosts.write_text(f"the-bot {public(server.host_key)}\n")
     connect(by_name(server, "bot"), options=write_config(tmp_path, text)).close()
+
+
+def test_a_robot_is_dialled_ahead_only_where_the_inventory_alone_says_where(server: Sshd, tmp_path: Path) -> None:
+    host = server.host()
+
+    def ahead(text: str, **more: object) -> bool:
+        options = write_config(tmp_path, text)
+        found = dial_ahead(dataclasses.replace(host, **more), 5.0, options.ssh_config)  # type: ignore[arg-type]
+        if found:
+            assert found.place == ("127.0.0.1", server.port)
+            found.sock.close()
+        return found is not None
+
+    assert ahead("")
+    assert ahead(f"Include {tmp_path}/nothing*\nHost *\n  ForwardAgent no\n  SendEnv LANG\n")
+    for text in (
+        "HostName 10.9.9.9",
+        "  hostname=x",
+        "Port 1",
+        "ProxyJump a",
+        "ProxyCommand nc %h %p",
+        "Match all",
+        "AddressFamily inet6",
+        "BindAddress 10.0.0.1",
+        "ConnectTimeout 1",
+        f"Include {tmp_path}/ssh_config",
+    ):
+        assert not ahead(f"Host *\n{text}\n"), text
+    assert not ahead("", ssh_options=(("proxycommand", "nc %h %p"),))
+    write_config(tmp_path, "").ssh_config.chmod(0)  # type: ignore[union-attr]
+    with pytest.raises(ConnectError, match="connection refused"):
+        dial_ahead(dataclasses.replace(host, port=free_port()), 5.0, Path("/dev/null"))
+
+
+def test_what_was_dialled_ahead_is_used_once_and_only_for_its_place(server: Sshd) -> None:
+    settings = settle(server.host(), ssh_config=Path("/dev/null"))
+    for changed, used in (
+        ({}, True), ({"port": 1}, False), ({"hostname": "::1"}, False), ({"proxy_jump": ("a",)}, False),
+        ({"proxy_command": "nc"}, False), ({"address_family": socket.AF_INET6}, False),
+    ):  # fmt: skip
+        found = dial_ahead(server.host(), 5.0, Path("/dev/null"))
+        assert found
+        fitting = found.fitting(dataclasses.replace(settings, **changed))  # type: ignore[arg-type]
+        assert (fitting is found.sock) == used, changed
+        assert (found.sock.fileno() >= 0) == used, "what is not used is closed"
+        found.sock.close()
+
+
+def test_to_connect_imports_neither_fabric_nor_what_it_needs(server: Sshd) -> None:
+    host = server.host()
+    script = f"""
+import sys
+from pathlib import Path, PosixPath
+from srprov.definitions.model import Host
+from srprov.errors import Location
+from srprov.transport import ConnectOptions, connect
+session = connect({host!r}, options=ConnectOptions(ssh_config=Path("/dev/null"), warm_engine=False))
+assert not {{"fabric", "invoke", "asyncio", "docker", "requests"}} & set(sys.modules), sorted(sys.modules)
+with session.fabric() as lent:
+    assert lent.run("echo $((6 * 7))", hide=True).stdout == "42\\n"
+import paramiko
+assert paramiko.config.invoke is sys.modules["invoke"]
+session.close()
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False, timeout=60)
+    assert done.returncode == 0, done.stderr
+
+
+def greeting(port: int) -> bytes:
+    """Give the first bytes of a port that a thread is about to listen on."""
+    for _ in range(100):
+        with contextlib.suppress(ConnectionRefusedError), socket.create_connection(("127.0.0.1", port), 5) as stream:
+            return stream.recv(4096)  # what stays unread would reset the forward
+        time.sleep(0.05)
+    raise AssertionError(f"nobody listens on {port}")
+
+
+def test_fabric_works_on_the_connection_that_is_there(server: Sshd, session: Session) -> None:
+    assert isinstance(session, SshSession)
+    with session.fabric() as lent:
+        assert lent.run("id -u", hide=True, in_stream=False).stdout == "0\n"
+        with lent.forward_local(port := free_port(), remote_port=server.port):
+            assert greeting(port).startswith(b"SSH-2.0-")
+    assert session.traffic.connections == 1
+    assert session.ask([Query(command="echo still here")])[0].out == "still here\n"
+    session.close()
+    with pytest.raises(paramiko.SSHException, match="has ended"):
+        session.fabric().run("true", hide=True, in_stream=False)
 
 
 def test_options_of_the_inventory_win(server: Sshd, tmp_path: Path) -> None:

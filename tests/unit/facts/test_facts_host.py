@@ -137,6 +137,34 @@ def test_an_engine_that_talks_nonsense_is_none(ping: object, problem: str) -> No
     assert (facts.docker, facts.docker_problem) == (None, problem)
 
 
+def test_without_info_the_headers_tell_the_version_and_the_configuration_the_folder() -> None:
+    disk = "root /data/docker\n" + COMPUTER["disk"] + "/dev/vdc1 2000 500 1000 50% /data\n"
+    facts = parse_host(HOST, replies({**COMPUTER, "disk": disk})[:-1], None)
+    assert facts.docker is not None
+    assert (facts.docker.version, facts.docker.api_version) == ("20.10.24+dfsg1", "1.41")
+    assert (facts.docker.storage_driver, facts.docker.rootless) == ("", False)
+    assert facts.disk_total == 2000 * KIB
+    whole = parse_host(HOST, replies({**COMPUTER, "disk": disk}, info={**INFO, "DockerRootDir": "/"}), None)
+    assert whole.disk_total != 2000 * KIB, "the engine knows better than its configuration"
+
+
+@pytest.mark.parametrize(
+    ("server", "version"),
+    [
+        ("Docker/27.1.2 (linux)", "27.1.2"),
+        ("Docker/27", "27"),
+        ("nginx", ""),
+        (None, ""),
+        (7, ""),
+        ("a/b\x1b[31m c", "b[31m"),
+    ],
+)
+def test_what_calls_itself_an_engine(server: object, version: str) -> None:
+    docker = parse_host(HOST, replies(COMPUTER, {"api-version": "1.41", "server": server})[:-1], None).docker
+    assert docker is not None
+    assert docker.version == version
+
+
 def test_a_rootless_engine_with_its_data_elsewhere() -> None:
     info = {**INFO, "SecurityOptions": ["name=rootless"], "DockerRootDir": "/home/robot/.local/share/docker"}
     disk = COMPUTER["disk"] + "/dev/vdc1 2000 500 1000 50% /home\n"
