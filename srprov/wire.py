@@ -1,9 +1,8 @@
 """What may travel to a robot, as data, and the two protocols that carry it.
 
 A `Query` or `EngineQuery` reads; a `Run`, `Put`, `EngineCall` or `CopyImage` changes. They are plain values: they
-can be printed in a plan, compared, stored and sent later. `Reader` can only ask, `Session` can also execute: mypy
-refuses a change where only reading is allowed. Touches nothing; `transport/` implements the protocols. `quote` is the
-one function through which every shell word passes.
+can be printed, compared, stored and sent later. `Reader` can only ask, `Session` can also execute: mypy refuses a
+change where only reading is allowed. `transport/` implements the protocols. Every shell word passes through `quote`.
 """
 
 from __future__ import annotations
@@ -165,16 +164,15 @@ class Reply:
 
 @dataclass(slots=True)
 class Traffic:
-    """What a session used, for `--json` and the round-trip budget."""
+    """What a session used. What is asked of the shell and of the engine together is one round trip."""
 
     connections: int = 0
     round_trips: int = 0
     bytes_sent: int = 0
     bytes_received: int = 0
     connect_s: float = 0.0
-    """From the name lookup to the ready shell."""
     asked_s: float = 0.0
-    """Waited for answers to questions; like `acted_s` a sum over threads."""
+    """Waited for answers; like `acted_s` a sum over threads."""
     acted_s: float = 0.0
 
 
@@ -270,13 +268,16 @@ class Session(Reader, Protocol):
         """
         ...
 
+    def execute_all(self, commands: Sequence[Run | Put]) -> Sequence[Reply]:
+        """Do several short things in one round trip, one after the other, each whatever came of the others."""
+
     def hold(self, script: str, words: Sequence[str], pulse: Pulse) -> Hold:
         """Run a script beside the session's own shell, and keep it alive by a heartbeat; one round trip.
 
-        The script is a `sh` program of root. It says one line, then reads single letters and answers each with a
-        line: `b`, the heartbeat, with `b`; at `e` it ends. Its words are `$1`, which every process of this session
-        has as SRPROV_SESSION in its environment; `$2`, the seconds after which silence means that the controller is
-        gone; then `words`. When the contact is lost, this session is closed and everything it is asked for raises.
+        The script says one line, then reads letters and answers each with a line: `b`, the heartbeat, with `b`; at `e`
+        it ends. Its words: `$1`, which every process of this session has as SRPROV_SESSION in its environment; `$2`,
+        the seconds after which silence means that the controller is gone; then `words`. When the contact is lost, this
+        session is closed and everything it is asked for raises.
 
         Raises:
             TransportError: It cannot be started.
@@ -285,7 +286,6 @@ class Session(Reader, Protocol):
 
     def save_image(self, image: str, timeout_s: float) -> Iterator[bytes]:
         """Stream the image as `docker save` writes it."""
-        ...
 
     def container_log(self, container: str, *, tail: int, follow: bool) -> Iterator[str]:
         """Give a container's log line by line, standard output and error together; with `follow` until it ends.

@@ -321,6 +321,10 @@ class FakeRobot:
                 self.world.log.append(Entry(self._host, "done", command))
             return reply
 
+    def execute_all(self, commands: Sequence[Run | Put]) -> Sequence[Reply]:
+        """Do several things."""
+        return [self.execute(one) for one in commands]
+
     def _how(self) -> str:
         for fault, count in ((self.fault, self.commands), (self.world.fault, self.world.commands)):
             if fault is not None and fault.at == count:

@@ -115,7 +115,7 @@ def apply(
 
 def get_ready(lab: options.Lab, robots: Collection[str]) -> None:
     """Import what changes robots, and start on these what only a change needs, while they are asked once more."""
-    from srprov.transport.session import prefetch
+    from srprov.transport import prefetch
 
     prefetch()
     lab.sessions.prepare(sorted(robots))

@@ -8,6 +8,7 @@ one.
 from __future__ import annotations
 
 import concurrent.futures
+import itertools
 import threading
 from collections.abc import Mapping
 
@@ -17,7 +18,7 @@ from srprov.execution.conditions import wait_for
 from srprov.execution.locks import claim
 from srprov.execution.options import Options
 from srprov.execution.outcome import Event, Listener, Outcome, RunResult, StepResult
-from srprov.execution.robot import Robot
+from srprov.execution.robot import Robot, together
 from srprov.execution.segments import Segment, segments
 from srprov.execution.settle import settle
 from srprov.execution.taking import Patience, take
@@ -116,7 +117,9 @@ class _Run:
 
     def _steps(self, robot: Robot, part: Segment) -> None:
         acted: list[Step] = []
-        for step in part.steps:
+        ahead = list(part.steps)
+        while ahead:
+            step = ahead.pop(0)
             if self.stop.is_set():
                 self._end(StepResult(step=step, outcome=Outcome.NOT_REACHED, message="interrupted"))
             elif self._too_many():
@@ -129,11 +132,14 @@ class _Run:
             else:
                 if robot.seen is None:
                     robot.look(self.kinds[part.host])
-                result = robot.act(step)
-                if result is None:
-                    acted.append(step)
-                else:
-                    self._end(result)
+                beside = ahead[: together([step, *ahead]) - 1]
+                group = [step, *itertools.takewhile(lambda one: not self._blocked(one, acted), beside)]
+                ahead = ahead[len(group) - 1 :]
+                for one, result in zip(group, robot.act(group), strict=True):
+                    if result is None:
+                        acted.append(one)
+                    else:
+                        self._end(result)
         if acted:
             robot.look({step.module for step in acted})
         for step in acted:

@@ -14,7 +14,7 @@ What only shows when it is asked for (a command) is looked at right before and r
 from __future__ import annotations
 
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
 from srprov.errors import TransportError
@@ -24,9 +24,12 @@ from srprov.facts.observe import observe_queries, parse_observed, parse_probed, 
 from srprov.modules import MODULES, PROBING
 from srprov.planning.plan import Step
 from srprov.resource import Action, Change
-from srprov.wire import Command, EngineCall, Query, Reply, Session, sh
+from srprov.wire import Command, EngineCall, Put, Query, Reply, Run, Session, sh
 
 _Key = tuple[str, str]
+_SHORT = frozenset({"vxlan", "file"})
+"""Modules whose steps take the shell no time, and can be done whatever comes of one another."""
+_MOST_BYTES = 256 * 1024
 
 
 @dataclass(slots=True)
@@ -60,15 +63,33 @@ class Robot:
         kept = {key: e for key, e in (self.seen or {}).items() if key[0] not in again}
         self.seen = kept | fresh
 
-    def act(self, step: Step) -> StepResult | None:
-        """Do one step unless it is done or stale; None means that it was done and must be verified.
+    def act(self, steps: Sequence[Step]) -> list[StepResult | None]:
+        """Do steps unless they are done or stale; None means that one was done and must be verified.
+
+        Several are done in one round trip; `together` says which those may be.
 
         Raises:
             TransportError: The robot cannot be talked to any more.
         """
+        if len(steps) == 1:
+            return [self._act(steps[0])]
         started = time.monotonic()
-        self.listener(Event(kind="start", host=step.host, step=step))
-        self._probe(step)
+        for step in steps:
+            self.listener(Event(kind="start", host=step.host, step=step))
+        results: dict[int, StepResult | None] = {step.number: self._refused(step) for step in steps}
+        due = [step for step in steps if results[step.number] is None]
+        replies = self.session.execute_all([_only(step) for step in due])
+        took = (time.monotonic() - started) / len(steps)
+        for step, reply in zip(due, replies, strict=True):
+            if reply.ok:
+                self._done(step, took)
+            else:
+                why = _failure(_only(step), reply)
+                results[step.number] = StepResult(step=step, outcome=Outcome.FAILED, message=why, duration_s=took)
+        return [results[step.number] for step in steps]
+
+    def _refused(self, step: Step) -> StepResult | None:
+        """Say why a step is not to be done, or nothing."""
         change = self._due(step)
         if change is None:
             why = "its check holds by now" if step.module in PROBING else "somebody was faster"
@@ -76,6 +97,15 @@ class Robot:
         if step.want is not None and MODULES[step.module].commands(step.want, change) != step.commands:
             message = f"the robot changed since the plan was made: now {change.cause}; plan again"
             return StepResult(step=step, outcome=Outcome.FAILED, message=message)
+        return None
+
+    def _act(self, step: Step) -> StepResult | None:
+        """Do one step."""
+        started = time.monotonic()
+        self.listener(Event(kind="start", host=step.host, step=step))
+        self._probe(step)
+        if refused := self._refused(step):
+            return refused
         for command in step.commands:
             reply = self.session.execute(command, lambda line: self._progress(step, line))
             if not reply.ok:
@@ -86,13 +116,17 @@ class Robot:
             # what needs it must not begin, so it is not left to the end of the stretch
             took, message = time.monotonic() - started, f"it ran, and did not converge: {due.cause}"
             return StepResult(step=step, outcome=Outcome.FAILED, message=message, duration_s=took)
+        self._done(step, time.monotonic() - started)
+        return None
+
+    def _done(self, step: Step, took_s: float) -> None:
+        """Remember that a step was done, and is to be verified."""
         if step.change.action is Action.DELETE and self.seen is not None:
             # a later step of this stretch makes the same thing anew: for it, it is gone
             self.seen.pop((step.module, step.name), None)
         if step.want is not None:
             self.made.add(step.id)
-        self.acted[step.number] = time.monotonic() - started
-        return None
+        self.acted[step.number] = took_s
 
     def verdict(self, step: Step) -> StepResult:
         """Say what came of a step that was acted on, from what `look` saw after it."""
@@ -121,6 +155,31 @@ class Robot:
 
     def _progress(self, step: Step, line: str) -> None:
         self.listener(Event(kind="progress", host=step.host, step=step, text=line))
+
+
+def together(steps: Sequence[Step]) -> int:
+    """Give how many of the first steps may be done in one round trip: at least one, which may be any.
+
+    More only while each is one short script or file for the shell, and none needs another of them: so nothing is done
+    that would not be done if one of them failed.
+    """
+    begun: set[int] = set()
+    size = 0
+    for step in steps:
+        if step.module not in _SHORT or len(step.commands) != 1 or step.waits or not begun.isdisjoint(step.needs):
+            break
+        command = _only(step)
+        size += len(command.content if isinstance(command, Put) else command.script)
+        if size > _MOST_BYTES:
+            break
+        begun.add(step.number)
+    return max(1, len(begun))
+
+
+def _only(step: Step) -> Run | Put:
+    (command,) = step.commands
+    assert isinstance(command, Run | Put)
+    return command
 
 
 def last_words(session: Session, container: str, lines: int = 8) -> str:

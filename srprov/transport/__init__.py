@@ -11,6 +11,7 @@ changes, fabric when a script asks for it (`scripting.py`).
 
 from __future__ import annotations
 
+import functools
 import sys
 import threading
 from collections.abc import Callable
@@ -96,6 +97,20 @@ def load_ssh() -> None:
         finally:
             if not known:
                 del sys.modules["invoke"]
+
+
+@functools.lru_cache(maxsize=1)
+def prefetch() -> threading.Thread:
+    """Import the docker SDK (0.1 s) in the background, once; only what changes something needs it."""
+
+    def load() -> None:
+        import srprov.transport.engine
+
+        del srprov
+
+    thread = threading.Thread(target=load, name="import docker", daemon=True)
+    thread.start()
+    return thread
 
 
 _loading = threading.Lock()

@@ -43,10 +43,15 @@ class Engine:
         self._client: APIClient | None = None
         self._version = ""
 
-    def warm(self) -> None:
-        """Connect and agree on a version; for a thread of its own, so that the first question finds it done."""
+    def warm(self, api_version: str = "") -> None:
+        """Connect and agree on a version; for a thread of its own, so that the first question finds it done.
+
+        An engine whose version is known from what it answered to somebody else is only connected to.
+        """
         with contextlib.suppress(*_FAILURES):  # whoever asks first gets the reason
-            self._ready()
+            if api_version:
+                self._adapter.warm(_PING_TIMEOUT_S)
+            self._ready(api_version)
 
     def close(self) -> None:
         """Close every connection to the engine."""
@@ -155,16 +160,18 @@ class Engine:
             timeout=(left, None if endless else left), stream=True, allow_redirects=False,
         )  # fmt: skip
 
-    def _ready(self) -> APIClient:
-        """Give the client, after agreeing on a version."""
+    def _ready(self, api_version: str = "") -> APIClient:
+        """Give the client, after agreeing on a version; the engine is asked for its own unless that is known."""
         with self._starting:
             if self._client is None:
                 # A version that is given spares the SDK's own request for it, which would go to this machine's engine.
                 client = APIClient(base_url="tcp://127.0.0.1:1", version=MINIMUM_DOCKER_API_VERSION)
                 client.trust_env = False  # no proxy and no .netrc of this machine's user
                 client.mount("http+docker://", self._adapter)
-                with client.get(f"{_BASE}/_ping", timeout=_PING_TIMEOUT_S, allow_redirects=False) as answer:
-                    self._version = negotiated(answer.headers.get("Api-Version", ""))
+                if not api_version:
+                    with client.get(f"{_BASE}/_ping", timeout=_PING_TIMEOUT_S, allow_redirects=False) as answer:
+                        api_version = answer.headers.get("Api-Version", "")
+                self._version = negotiated(api_version)
                 self._client = client
             return self._client
 

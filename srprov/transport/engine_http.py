@@ -57,6 +57,16 @@ class _Pool(urllib3.HTTPConnectionPool):
     def _new_conn(self) -> _Connection:
         return _Connection(self._dial)
 
+    def warm(self, seconds: float) -> None:
+        """Open a connection, and keep it for the first request."""
+        one: _Connection = self._get_conn()
+        try:
+            if not one.is_connected:
+                one.timeout = seconds
+                one.connect()
+        finally:
+            self._put_conn(one)
+
     def _get_conn(self, timeout: float | None = None) -> Any:  # noqa: ANN401 - as the base class has it
         return super()._get_conn(timeout=timeout or _POOL_WAIT_S)
 
@@ -84,6 +94,10 @@ class EngineAdapter(requests.adapters.HTTPAdapter):
         """Count and send."""
         self._traffic.round_trips += 1
         return super().send(*args, **kwargs)
+
+    def warm(self, seconds: float) -> None:
+        """Open a connection within so many seconds, for the first request."""
+        self._pool.warm(seconds)
 
     def close(self) -> None:
         """Close every idle connection."""

@@ -39,6 +39,8 @@ class EngineReader:
         self._alive = alive
         self._busy = threading.Lock()
         self._stream: _Answers | None = None
+        self.api_version = ""
+        """As the last answer named it; empty before the first one."""
 
     def warm(self) -> None:
         """Dial ahead of the first batch; for a thread of its own."""
@@ -55,8 +57,10 @@ class EngineReader:
         if stream is not None:
             stream.abort()
 
-    def ask(self, queries: Sequence[EngineQuery]) -> list[Reply]:
+    def ask(self, queries: Sequence[EngineQuery], *, beside: bool = False) -> list[Reply]:
         """Ask everything in one round trip; once there is no engine, there is none for the rest.
+
+        With `beside` somebody asks the robot's shell at the same time, and that is counted.
 
         Raises:
             TransportError: The robot, not only its engine, is gone.
@@ -68,7 +72,7 @@ class EngineReader:
             while len(replies) < len(queries):
                 used = self._stream is not None
                 try:
-                    self._batch(queries[len(replies) :], replies)
+                    self._batch(queries[len(replies) :], replies, counted=not beside or bool(replies))
                 except _FAILURES as error:
                     self._drop()
                     # An engine may close an idle stream just as it is used again; a GET can be repeated.
@@ -78,15 +82,16 @@ class EngineReader:
                     replies += [gone] * (len(queries) - len(replies))
             return replies
 
-    def _batch(self, queries: Sequence[EngineQuery], replies: list[Reply]) -> None:
+    def _batch(self, queries: Sequence[EngineQuery], replies: list[Reply], *, counted: bool) -> None:
         """Send all requests and add the replies as they come; each has its own time."""
         if self._stream is None:
             self._stream = _Answers(self._dial(min(_DIAL_S, queries[0].timeout_s)))
         stream = self._stream
-        self._traffic.round_trips += 1
+        self._traffic.round_trips += counted
         stream.send(b"".join(_request(query) for query in queries), queries[0].timeout_s)
         for query in queries:
             reply, last = stream.next(query)
+            self.api_version = stream.api_version or self.api_version
             replies.append(reply)
             if last:
                 self._drop()
@@ -118,6 +123,7 @@ class _Answers:
     def __init__(self, socket: EngineSocket) -> None:
         self._socket = socket
         self._file = socket.makefile("rb")
+        self.api_version = ""
 
     def send(self, data: bytes, seconds: float) -> None:
         """Send requests."""
@@ -130,6 +136,7 @@ class _Answers:
         answer = http.client.HTTPResponse(_Shared(self._file), method="GET")  # type: ignore[arg-type]  # it only calls makefile
         answer.begin()
         body = answer.read()
+        self.api_version = answer.headers.get("Api-Version", "")
         text = (demultiplexed(body) if query.path.endswith("/logs") else body).decode("utf-8", "replace")
         if query.headers:
             text = json.dumps({name.lower(): value for name, value in answer.headers.items()})

@@ -22,7 +22,7 @@ from srprov.errors import ConnectError
 from srprov.secret import Secret
 from srprov.transport.deadline import Deadline
 from srprov.transport.frames import start_command
-from srprov.transport.session import BaseSession, prefetch
+from srprov.transport.session import BaseSession
 from srprov.transport.shell import Shell
 from srprov.wire import Measures, Traffic
 
@@ -144,7 +144,6 @@ class LocalSession(BaseSession):
             ConnectError: The shell cannot be started.
             DeadlineError: It was not ready in time.
         """
-        prefetch()
         traffic = Traffic(connections=1)
         mark = secrets.token_hex(16)
         streams, shell = _start_shell(host.name, traffic, options.connect_timeout_s, host.become_password, mark)

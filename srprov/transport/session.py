@@ -7,7 +7,6 @@ threads: the shell does one batch at a time, the engine up to four requests, and
 from __future__ import annotations
 
 import contextlib
-import functools
 import threading
 import time
 from collections.abc import Iterator, Sequence
@@ -15,7 +14,9 @@ from typing import TYPE_CHECKING
 
 from srprov.errors import TransportError
 from srprov.secret import Secret, Vault
+from srprov.transport import prefetch
 from srprov.transport.background import Background
+from srprov.transport.copying import counted
 from srprov.transport.hold import Heartbeat
 from srprov.transport.secretfile import secret_script
 from srprov.transport.shell import Shell, Streams
@@ -42,22 +43,6 @@ if TYPE_CHECKING:
     from srprov.transport.engine import Engine
     from srprov.transport.engine_reads import EngineReader
     from srprov.transport.engine_stream import EngineSocket
-
-_COPY_STEP = 16 << 20
-
-
-@functools.lru_cache(maxsize=1)
-def prefetch() -> threading.Thread:
-    """Import the docker SDK (0.15 s) in the background, once; only what changes something needs it."""
-
-    def load() -> None:
-        import srprov.transport.engine
-
-        del srprov
-
-    thread = threading.Thread(target=load, name="import docker", daemon=True)
-    thread.start()
-    return thread
 
 
 class BaseSession:
@@ -124,7 +109,7 @@ class BaseSession:
 
     def _warm_engine(self) -> None:
         """Import what the engine's client needs, and connect."""
-        self.engine.warm()
+        self.engine.warm(self.reader.api_version)
 
     def ask(self, queries: Sequence[AnyQuery]) -> Sequence[Reply]:
         """Ask the shell everything in one round trip, and meanwhile the engine; replies in the same order.
@@ -142,7 +127,7 @@ class BaseSession:
             if not shell or not engine:
                 replies = self._ask_engine(engine) or self._ask_shell(shell)
             else:
-                background = Background(lambda: self._ask_engine(engine))
+                background = Background(lambda: self._ask_engine(engine, beside=True))
                 replies = self._ask_shell(shell) | background.result()
         self._traffic.asked_s += time.monotonic() - begun
         return [replies[at] for at in same]
@@ -161,9 +146,9 @@ class BaseSession:
             self.close()
             raise
 
-    def _ask_engine(self, queries: dict[int, EngineQuery]) -> dict[int, Reply]:
+    def _ask_engine(self, queries: dict[int, EngineQuery], *, beside: bool = False) -> dict[int, Reply]:
         """Ask the engine, by position."""
-        return dict(zip(queries, self.reader.ask(list(queries.values())), strict=True))
+        return dict(zip(queries, self.reader.ask(list(queries.values()), beside=beside), strict=True))
 
     def execute(self, command: Command, progress: Progress = no_progress) -> Reply:
         """Do one thing and wait for its end; a failure is a reply with `ok` false and the reason in `err`.
@@ -190,6 +175,21 @@ class BaseSession:
             if isinstance(command, EngineCall):
                 return self.engine.call(command, progress)
             return self._copy(command, progress)
+
+    def execute_all(self, commands: Sequence[Run | Put]) -> Sequence[Reply]:
+        """Do several short things in one round trip, one after the other, each whatever came of the others.
+
+        Raises:
+            TransportError: The robot cannot be talked to any more.
+        """
+        begun = time.monotonic()
+        scripts = [one.script if isinstance(one, Run) else self._written(one) for one in commands]
+        try:
+            with self._in_contact(), self._ending_on_error():
+                limits = [one.timeout_s for one in commands]
+                return self._shell.run_all(scripts, limits, [one.text() for one in commands])
+        finally:
+            self._traffic.acted_s += time.monotonic() - begun
 
     def hold(self, script: str, words: Sequence[str], pulse: Pulse) -> Heartbeat:
         """Run a script beside the session's own shell and keep it alive by a heartbeat; see `wire.Session`.
@@ -234,7 +234,7 @@ class BaseSession:
             return Reply(status=0, ok=False, err=f"no way to {copy.source_host} from here")
         try:
             chunks = self._peers(copy.source_host).save_image(copy.image, copy.timeout_s)
-            return self.engine.load(_counted(chunks, copy.image, progress), copy.timeout_s, progress)
+            return self.engine.load(counted(chunks, copy.image, progress), copy.timeout_s, progress)
         except TransportError as error:
             if error.host == self._host:
                 raise
@@ -286,15 +286,3 @@ class BaseSession:
     def _close_connection(self) -> None:
         """End what the session runs on."""
         raise NotImplementedError
-
-
-def _counted(chunks: Iterator[bytes], image: str, progress: Progress) -> Iterator[bytes]:
-    """Pass chunks on and tell how much went by."""
-    total = step = 0
-    for chunk in chunks:
-        yield chunk
-        total += len(chunk)
-        if total >= step:
-            progress(f"{image}: {total / (1 << 20):.0f} MiB copied")
-            step = total + _COPY_STEP
-    progress(f"{image}: {total / (1 << 20):.1f} MiB copied, loading")

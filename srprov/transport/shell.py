@@ -142,6 +142,14 @@ class Shell:
         """
         return self._exchange([run.script], [run.timeout_s], progress, [shown or run.script])[0]
 
+    def run_all(self, scripts: Sequence[str], limits_s: Sequence[float], shown: Sequence[str]) -> list[Reply]:
+        """Run scripts in one round trip, each in a time of its own; errors show `shown` instead of them.
+
+        Raises:
+            TransportError: As `ask`.
+        """
+        return self._exchange(list(scripts), list(limits_s), None, list(shown))
+
     def close(self) -> None:
         """End the shell."""
         self._closed = True

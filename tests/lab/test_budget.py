@@ -12,7 +12,7 @@ pytestmark = pytest.mark.lab
 
 ROBOTS = ("robot1", "robot2", "robot3")
 NOTHING_TO_DO = 6
-FRESH = 14
+FRESH = 8
 PER_CONTAINER = 2
 
 
