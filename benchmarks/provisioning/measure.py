@@ -97,6 +97,11 @@ def _end_orphans(mine: set[int]) -> tuple[float, float]:
     return cpu, rss
 
 
+def _environment(more: Mapping[str, str]) -> dict[str, str]:
+    """Give the environment of what is measured: every tool may keep its compiled modules, as it does for its users."""
+    return {**{key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}, **more}
+
+
 def run(
     argv: Sequence[str],
     *,
@@ -116,7 +121,7 @@ def run(
         process = subprocess.Popen(
             list(argv),
             cwd=cwd,
-            env={**os.environ, **(env or {})},
+            env=_environment(env or {}),
             stdin=source,
             stdout=out,
             stderr=err,

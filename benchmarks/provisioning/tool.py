@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import compileall
 import json
 import sys
 from collections.abc import Mapping
@@ -94,6 +95,11 @@ class Srprov(Tool):
 
     name = "srprov"
     options: tuple[str, ...] = ()
+
+    @classmethod
+    def install_once(cls) -> None:
+        """Compile its modules, as pip does for all others when it installs them."""
+        compileall.compile_dir(str(HERE.parents[1] / "srprov"), quiet=1)
 
     @classmethod
     def version(cls) -> str:
