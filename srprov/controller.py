@@ -21,11 +21,11 @@ from srprov.definitions.pins import unknown_pins
 from srprov.definitions.playbookmodel import Playbook
 from srprov.definitions.secretvalues import resolve, used
 from srprov.definitions.source import source_of
-from srprov.errors import DefinitionError
+from srprov.errors import DefinitionError, SrprovError
 from srprov.execution import Listener, Options, RunResult, run_plan
 from srprov.facts.gather import Closer, Looking, Readers, begin, gather, probe
 from srprov.facts.model import Found
-from srprov.instance import check_source, owned, previous_robots
+from srprov.instance import absent, check_source, owned, previous_robots
 from srprov.modules import MODULES
 from srprov.modules.secret import with_value
 from srprov.network.layout import Overlay, layout
@@ -54,11 +54,12 @@ class Wishes:
     reassign_unreachable: bool = False
     """Place services of robots that cannot be reached elsewhere."""
     forks: int = 64
+    exact: bool = False
+    """Ask the engines of themselves even if nothing is new: a plan file holds robots to what they said."""
     looking: Looking | None = None
     """A look at the robots that has begun already."""
     expect: Callable[[frozenset[str]], None] = lambda _robots: None
-    """Told, once, as soon as it is known that something is new, and which robots it is pinned to: time to get ready for
-    changes, while robots answer."""
+    """Told, once, as soon as it is known that something is new, and which robots it is pinned to: time to get ready."""
     playbooks: tuple[Playbook, ...] = ()
     """The user's own, from his folder."""
     allow: frozenset[str] = frozenset()
@@ -105,11 +106,11 @@ def make_plan(
     experiment = _possible(definitions, lab, wishes)
     instance, source = wishes.instance or experiment.name, source_of(experiment.file)
     phase("facts")
-    experiment, found, previous = _look(experiment, instance, lab, readers, wishes)
+    experiment, found, previous, kept = _look(definitions, instance, lab, readers, wishes)
     check_source(found, instance, source, adopt=wishes.adopt)
     idle = nowhere(definitions.experiment, experiment.services.values(), away=bool(found.unreachable))
     phase("assignment")
-    placed = solve.solve(choice_of(experiment, definitions, lab, found, previous, wishes))
+    placed = kept or solve.solve(choice_of(experiment, definitions, lab, found, previous, wishes))
     phase("plan")
     overlay = layout(experiment, placed.placed, found, instance=instance)
     built, references = _images(definitions.containers)
@@ -159,24 +160,37 @@ def _possible(definitions: Definitions, lab: Inventory, wishes: Wishes) -> Exper
 
 
 def _look(
-    experiment: Experiment, instance: str, lab: Inventory, readers: Readers, wishes: Wishes
-) -> tuple[Experiment, Found, dict[str, str]]:
-    """Give the experiment with all instances, all robots as they are, and where the instance's services run now."""
+    definitions: Definitions, instance: str, lab: Inventory, readers: Readers, wishes: Wishes
+) -> tuple[Experiment, Found, dict[str, str], Assignment | None]:
+    """Give the experiment with all instances, all robots as they are, and where the instance's services run now.
+
+    And the assignment, if it leaves everything where it is.
+    """
+    kept: list[Assignment] = []
 
     def closer(found: Found) -> Closer:
-        """Only what is new makes a difference to how an engine is, and only a choice needs the traffic."""
+        """Only what is not there yet makes a difference to how an engine is, and only a choice needs the traffic."""
         known = previous_robots(found, instance)
-        services = with_instances(experiment, found, known).services.values()
-        new = [service for service in services if service.name not in known]
-        free = wishes.reassign or wishes.reassign_unreachable or not experiment.placement.sticky
-        if not (new or free):
-            return Closer.NO
-        wishes.expect(frozenset(service.robot for service in new if service.robot in found.facts))
-        return Closer.TRAFFIC if free or any(not service.robot for service in new) else Closer.ENGINE
+        whole = with_instances(definitions.experiment, found, known)
+        free = wishes.reassign or wishes.reassign_unreachable or not whole.placement.sticky
+        new = [whole.services[name] for name in absent(found, instance, known, whole.services)]
+        if not (free or new):
+            try:
+                placed = solve.solve(choice_of(whole, definitions, lab, found, known, wishes))
+            except SrprovError:
+                new = list(whole.services.values())  # to be seen again, with all that there is to know
+            else:
+                new = [service for name, service in whole.services.items() if placed.placed[name] != known[name]]
+                kept.extend([] if new or wishes.exact else [placed])
+            if not new:
+                return Closer.ENGINE if wishes.exact else Closer.NO
+        pinned = [] if free else [service.robot for service in new if service.robot]
+        wishes.expect(frozenset(robot for robot in pinned if robot in found.facts))
+        return Closer.TRAFFIC if free or len(pinned) < len(new) else Closer.ENGINE
 
-    found = (wishes.looking or begin(lab, readers, experiment, forks=wishes.forks)).end(closer)
+    found = (wishes.looking or begin(lab, readers, definitions.experiment, forks=wishes.forks)).end(closer)
     previous = previous_robots(found, instance)
-    return with_instances(experiment, found, previous), found, previous
+    return with_instances(definitions.experiment, found, previous), found, previous, kept[0] if kept else None
 
 
 def with_instances(experiment: Experiment, found: Found, previous: Mapping[str, str]) -> Experiment:

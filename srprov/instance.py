@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from srprov.errors import RefusedError
 from srprov.facts.model import Existing, Found
@@ -29,6 +29,18 @@ def previous_robots(found: Found, instance: str) -> dict[str, str]:
                 rank = (0 if item.state["state"] == "running" else 1) * 2 + (0 if recorded else 1)
                 seen[service] = min(seen.get(service, (9, "")), (rank, host))
     return previous | {service: host for service, (_, host) in seen.items()}
+
+
+def absent(found: Found, instance: str, known: Mapping[str, str], services: Iterable[str]) -> list[str]:
+    """Give the services that are new, or whose container is gone from a robot that can be seen."""
+    there = {
+        (host, item.state["service"])
+        for host, items in found.existing.items()
+        for item in items
+        if item.module == "container" and item.instance == instance
+    }
+    gone = {name for name, host in known.items() if host in found.facts and (host, name) not in there}
+    return [name for name in services if name not in known or name in gone]
 
 
 def check_source(found: Found, instance: str, source: str, *, adopt: bool) -> None:

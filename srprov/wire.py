@@ -171,8 +171,9 @@ class Traffic:
     bytes_sent: int = 0
     bytes_received: int = 0
     connect_s: float = 0.0
+    """From the dial to the ready shell."""
     asked_s: float = 0.0
-    """Waited for answers; like `acted_s` a sum over threads."""
+    """Waited for answers; a sum over threads, as `acted_s` is."""
     acted_s: float = 0.0
 
 
@@ -254,7 +255,6 @@ class Reader(Protocol):
     @property
     def traffic(self) -> Traffic:
         """What was used so far."""
-        ...
 
 
 class Session(Reader, Protocol):

@@ -38,11 +38,21 @@ def main() -> None:
                 rows += measure_lab(count, latency, wish)
     except KeyboardInterrupt:
         print("interrupted; writing what there is", file=sys.stderr)
+    failed = any(row["problem"] for row in rows)
+    if rows and wish.out and wish.more:
+        rows = kept(wish.out / "provisioning.json", rows) + rows
     found = stats.medians(rows)
     print("\n" + stats.table(found) + "\n" + stats.phases(rows))
     if rows and wish.out:
         write(wish.out, rows, found)
-    sys.exit(1 if any(row["problem"] for row in rows) else 0)
+    sys.exit(1 if failed else 0)
+
+
+def kept(file: Path, rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Give the runs of earlier results whose lab and latency were not measured again; a lab is measured whole."""
+    again = {(row["robots"], row["latency_ms"]) for row in rows}
+    before = json.loads(file.read_text(encoding="utf-8"))["runs"] if file.exists() else []
+    return [row for row in before if (row["robots"], row["latency_ms"]) not in again]
 
 
 def measure_lab(count: int, latency: int, wish: argparse.Namespace) -> list[dict[str, Any]]:
@@ -88,6 +98,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--scenarios", type=_among(stats.SCENARIOS), default=list(stats.SCENARIOS))
     parser.add_argument("--repeat", type=int, default=3)
     parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the results")
+    parser.add_argument("--more", action="store_true", help="keep the results of labs that are not measured now")
     parser.add_argument("--scratch", dest="out", action="store_const", const=None, help="write no results")
     return parser.parse_args()
 

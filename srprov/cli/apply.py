@@ -7,6 +7,7 @@ import os
 import sys
 import time
 from collections.abc import Collection, Mapping
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -83,12 +84,13 @@ def apply(
     chosen = options.selected(inventory, limit, exclude, options.failed_robots(name, runs))
     before, own = read_history(history), own_playbooks(saved)
     failing = options.budget(max_fail, len(chosen))
-    with options.open_lab(inventory, timeout, forks, locks=True, vault=vault) as lab:
+    with options.open_lab(inventory, timeout, forks, locks=True, vault=vault) as lab, ExitStack() as ending:
         from srprov.facts.gather import begin
 
         err(f"asking {len(inventory.hosts)} robots for facts")
         lock_wait = wait_for_other_runs(lab, name, lock_wait, forks)
         looking = begin(inventory, lab.sessions.get, definitions.experiment, forks=forks) if definitions else None
+        ending.callback(looking.close if looking else lambda: None)
         # a tenth of a second of imports, while the robots are asked
         from srprov.controller import Wishes
         from srprov.execution import Options
@@ -97,7 +99,7 @@ def apply(
         wishes = Wishes(
             instance=instance, reassign=reassign, adopt=adopt, forks=forks, history=before,
             reassign_unreachable=unreachable == "reassign", allow=frozenset(allow), playbooks=own,
-            looking=looking, expect=lambda robots: get_ready(lab, robots),
+            looking=looking, expect=lambda robots: get_ready(lab, robots & chosen),
         )  # fmt: skip
         task = plan_task(saved, definitions, lab, wishes, phases, vault, chosen)
         made = task.plan
@@ -114,7 +116,7 @@ def apply(
 
 
 def get_ready(lab: options.Lab, robots: Collection[str]) -> None:
-    """Import what changes robots, and start on these what only a change needs, while they are asked once more."""
+    """Begin to import what changes robots, and to start on these what only a change needs."""
     from srprov.transport import prefetch
 
     prefetch()

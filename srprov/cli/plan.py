@@ -69,7 +69,7 @@ def plan(
     chosen = options.selected(inventory, limit, exclude, last)
     wishes = Wishes(
         instance=instance, reassign=reassign, adopt=adopt, forks=forks, history=read_history(history),
-        reassign_unreachable=unreachable == "reassign", allow=frozenset(allow), playbooks=own_playbooks(),
+        reassign_unreachable=unreachable == "reassign", allow=frozenset(allow), playbooks=own_playbooks(), exact=True,
     )  # fmt: skip
     with options.open_lab(inventory, timeout, forks) as lab, answers_only():
         planned = make_plan(definitions, inventory, lab.sessions.get, wishes, vault=vault)

@@ -132,7 +132,8 @@ class _Run:
             else:
                 if robot.seen is None:
                     robot.look(self.kinds[part.host])
-                beside = ahead[: together([step, *ahead]) - 1]
+                # a budget of failing robots is looked at before each step
+                beside = ahead[: together([step, *ahead]) - 1] if self.options.max_fail is None else []
                 group = [step, *itertools.takewhile(lambda one: not self._blocked(one, acted), beside)]
                 ahead = ahead[len(group) - 1 :]
                 for one, result in zip(group, robot.act(group), strict=True):

@@ -14,8 +14,13 @@ from srprov.facts.model import HostFacts
 
 
 def facts_json(facts: HostFacts) -> dict[str, Any]:
-    """Give one robot's facts as JSON values: tuples become lists, a missing engine is null."""
+    """Give one robot's facts as JSON values: tuples become lists, a missing engine is null.
+
+    What an engine was not asked is left out: every engine has a storage driver, so one without was not.
+    """
     values: dict[str, Any] = _plain(asdict(facts))
+    if facts.docker and not facts.docker.storage_driver:
+        values["docker"] = {key: values["docker"][key] for key in ("version", "api_version")}
     return values
 
 

@@ -67,7 +67,11 @@ class Looking:
                 found = _closer(found, again, only_look)
             return found
         finally:
-            self._pool.shutdown(wait=False, cancel_futures=True)  # Ctrl-C does not wait for the slowest robot
+            self.close()
+
+    def close(self) -> None:
+        """Ask nobody else, and wait for nobody: Ctrl-C does not wait for the slowest robot. Safe to call twice."""
+        self._pool.shutdown(wait=False, cancel_futures=True)
 
 
 def begin(lab: Inventory, readers: Readers, experiment: Experiment | None = None, *, forks: int = 64) -> Looking:

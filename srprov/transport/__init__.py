@@ -70,11 +70,12 @@ def connect(host: Host, *, options: ConnectOptions | None = None, peers: Peers |
     try:
         load_ssh()
         from srprov.transport.ssh import SshSession
+
+        session = SshSession.open(host, chosen, peers, ahead)
     except BaseException:
         if ahead:
             ahead.sock.close()
         raise
-    session = SshSession.open(host, chosen, peers, ahead)
     session.vault = chosen.vault
     return session
 

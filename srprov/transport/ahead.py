@@ -26,6 +26,8 @@ class Dialled:
 
     sock: socket.socket
     place: tuple[str, int]
+    deadline: Deadline
+    """Of the whole connection; it began with the dial."""
 
     def fitting(self, settings: SshSettings) -> socket.socket | None:
         """Give the socket if it leads where the settings want to; it is closed if not."""
@@ -44,8 +46,8 @@ def dial_ahead(host: Host, seconds: float, ssh_config: Path | None) -> Dialled |
     """
     if any(_DECIDES.match(key) for key, _ in host.ssh_options) or _configured(ssh_config):
         return None
-    place = (host.address, host.port or 22)
-    return Dialled(sock=sockets.dial(host.name, *place, Deadline(seconds)), place=place)
+    place, deadline = (host.address, host.port or 22), Deadline(seconds)
+    return Dialled(sock=sockets.dial(host.name, *place, deadline), place=place, deadline=deadline)
 
 
 def _configured(ssh_config: Path | None) -> bool:

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 import requests
+import urllib3.exceptions
 from docker import APIClient
 from docker.constants import DEFAULT_DOCKER_API_VERSION, MINIMUM_DOCKER_API_VERSION
 
@@ -28,7 +29,7 @@ _PING_TIMEOUT_S = 20.0
 _LOG_TIMEOUT_S = 60.0
 _CHUNK = 1 << 20
 _LOG_CHUNK = 64 * 1024
-_FAILURES = (requests.RequestException, OSError, EOFError)
+_FAILURES = (requests.RequestException, urllib3.exceptions.HTTPError, OSError, EOFError)
 
 
 class Engine:

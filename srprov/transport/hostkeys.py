@@ -1,9 +1,8 @@
 """Strict host keys: what known_hosts files say of a robot, and the errors when it shows another key or an unknown one.
 
 Takes file paths, the names to look for and the key that the robot showed; raises HostKeyError or returns. The only
-thing it writes is one line per new robot under `accept-new`. fabric hard-codes AutoAddPolicy and loads no
-known_hosts, and paramiko's own loader forgets file and line, wildcards, `!` and `@revoked`; so the files are read
-here (format: sshd(8), SSH_KNOWN_HOSTS).
+thing it writes is one line per new robot under `accept-new`. paramiko's own loader forgets file and line, wildcards,
+`!` and `@revoked`; so the files are read here (format: sshd(8), SSH_KNOWN_HOSTS).
 """
 
 from __future__ import annotations

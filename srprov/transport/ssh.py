@@ -84,8 +84,9 @@ class SshSession(BaseSession):
         """
         traffic = Traffic()
         settings = settle(host, ssh_config=options.ssh_config)
-        deadline = Deadline(settings.connect_timeout_s or options.connect_timeout_s)
         dialled = ahead.fitting(settings) if ahead else None
+        seconds = settings.connect_timeout_s or options.connect_timeout_s
+        deadline = ahead.deadline if ahead and dialled else Deadline(seconds)
         connection = open_connection(settings, deadline, traffic, options.attempts, dialled)
         try:
             nonce, mark = secrets.token_hex(16), secrets.token_hex(16)

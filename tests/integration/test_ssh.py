@@ -12,6 +12,8 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
+from unittest import mock
 
 import paramiko
 import pytest
@@ -22,6 +24,7 @@ from srprov.transport import ConnectOptions, connect
 from srprov.transport.ahead import dial_ahead
 from srprov.transport.options import settle
 from srprov.transport.pool import Sessions
+from srprov.transport.sockets import dial
 from srprov.transport.ssh import SshSession
 from srprov.wire import EngineCall, EngineQuery, Put, Query, Run, Session
 
@@ -169,6 +172,21 @@ def test_a_run_streams_its_lines(session: Session) -> None:
     assert [line for _, line in seen if line.startswith("warn")] == ["warn1", "warn2", "warn3"]
     assert seen[-1][1] == "tail" and seen[0][0] < 0.3
     assert reply.out == "line1\n\nline2\n\nline3\n\ntail"
+
+
+def test_several_things_are_one_round_trip_each_whatever_came_of_the_others(session: Session, tmp_path: Path) -> None:
+    before = session.traffic.round_trips
+    put = Put(path=str(tmp_path / "file"), content=b"\x00\xff", mode=0o640)
+    runs = [Run(script="echo one"), Run(script="echo bad >&2; exit 3"), Run(script="if"), put, Run(script="echo last")]
+    replies = session.execute_all(runs)
+    assert session.traffic.round_trips == before + 1
+    assert [(one.ok, one.status) for one in replies][:2] == [(True, 0), (False, 3)]
+    assert [one.ok for one in replies] == [True, False, False, True, True]
+    assert (replies[0].out, replies[1].err, replies[4].out) == ("one\n", "bad\n", "last\n")
+    assert (tmp_path / "file").read_bytes() == b"\x00\xff"
+    assert session.execute_all([]) == []
+    with pytest.raises(DeadlineError, match=r"within 0\.3 s from `sleep 9`"):
+        session.execute_all([Run(script="true"), Run(script="sleep 9", timeout_s=0.3), Run(script="true")])
 
 
 def test_a_late_answer_names_the_command_and_ends_the_session(session: Session) -> None:
@@ -548,9 +566,40 @@ def test_a_robot_is_dialled_ahead_only_where_the_inventory_alone_says_where(serv
     ):
         assert not ahead(f"Host *\n{text}\n"), text
     assert not ahead("", ssh_options=(("proxycommand", "nc %h %p"),))
-    write_config(tmp_path, "").ssh_config.chmod(0)  # type: ignore[union-attr]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("srprov.transport.ahead.config_texts", mock.Mock(side_effect=PermissionError))
+        assert not ahead(""), "whoever reads the file properly says that it cannot be read"
     with pytest.raises(ConnectError, match="connection refused"):
         dial_ahead(dataclasses.replace(host, port=free_port()), 5.0, Path("/dev/null"))
+
+
+def test_a_dial_counts_against_the_timeout(server: Sshd, monkeypatch: pytest.MonkeyPatch) -> None:
+    def slow(*args: Any) -> socket.socket:
+        time.sleep(0.4)
+        return dial(*args)
+
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        monkeypatch.setattr("srprov.transport.sockets.dial", slow)
+        begun = time.monotonic()
+        with pytest.raises(DeadlineError, match=r"within 0\.8 s"):
+            connect(server.host(port=silent.getsockname()[1]), options=quick(connect_timeout_s=0.8))
+        assert time.monotonic() - begun < 1.15
+
+
+def test_what_was_dialled_ahead_is_closed_when_the_settings_cannot_be_read(
+    server: Sshd, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made: list[socket.socket] = []
+
+    def noted(*args: Any) -> socket.socket:
+        made.append(dial(*args))
+        return made[-1]
+
+    monkeypatch.setattr("srprov.transport.sockets.dial", noted)
+    monkeypatch.setattr("srprov.transport.ssh.settle", mock.Mock(side_effect=ConnectError("r", "no", hint="")))
+    with pytest.raises(ConnectError):
+        connect(server.host(), options=quick())
+    assert [one.fileno() for one in made] == [-1]
 
 
 def test_what_was_dialled_ahead_is_used_once_and_only_for_its_place(server: Sshd) -> None:

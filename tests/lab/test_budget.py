@@ -11,7 +11,7 @@ from tests.lab.conftest import Lab, busybox, edf, part_of_lab
 pytestmark = pytest.mark.lab
 
 ROBOTS = ("robot1", "robot2", "robot3")
-NOTHING_TO_DO = 6
+NOTHING_TO_DO = 1
 FRESH = 8
 PER_CONTAINER = 2
 

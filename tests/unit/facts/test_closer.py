@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 
 import pytest
 
 from srprov.definitions.model import Placement, Requirements
+from srprov.errors import NoAssignment
 from srprov.facts.probes import COUNTERS, INFO
+from srprov.wire import EngineQuery, Reply
 from tests.fakes import World
 from tests.worlds import Experiment, apply, experiment, plan_for, service
 
@@ -66,3 +69,52 @@ def test_whoever_prepares_changes_is_told_the_pinned_robots_once_and_only_when_s
     assert len(told) == 1
     plan_for(world, experiment(service("talker", robot="a"), service("third")), expect=told.append)
     assert told[1:] == [frozenset()]
+
+
+def rootless(world: World, name: str) -> None:
+    """Let an engine say that it runs without root."""
+    engine = world.robots[name].engine
+    query = engine.query
+
+    def answer(asked: EngineQuery) -> Reply:
+        reply = query(asked)
+        if asked.path != "/info":
+            return reply
+        return dataclasses.replace(
+            reply, out=json.dumps({**json.loads(reply.out), "SecurityOptions": ["name=rootless"]})
+        )
+
+    engine.query = answer  # type: ignore[method-assign]
+
+
+def test_a_service_that_is_pinned_elsewhere_is_not_moved_to_a_rootless_engine(world: World) -> None:
+    apply(world, FREE)
+    there = plan_for(world, FREE).assignment["talker"]
+    other = "b" if there == "a" else "a"
+    rootless(world, other)
+    moved = experiment(service("talker", robot=other), service("listener"))
+    with pytest.raises(NoAssignment, match="no robot can run 'talker'"):
+        plan_for(world, moved)
+
+
+def test_a_service_that_must_move_is_a_choice() -> None:
+    world = World().add("a").add("b", "c", arch="aarch64")
+    apply(world, experiment(service("talker", robot="a")))
+    arm = experiment(service("talker", requires=Requirements(arch=("arm64",))))
+    assert asked(world, arm) == (3, 3)
+    rootless(world, "b")
+    assert plan_for(world, arm).assignment == {"talker": "c"}
+
+
+def test_a_container_that_is_gone_is_new_to_its_robot(world: World) -> None:
+    apply(world, PINNED)
+    world.robots["a"].engine.containers.clear()
+    assert asked(world, PINNED) == (2, 0)
+    rootless(world, "a")
+    with pytest.raises(NoAssignment):
+        plan_for(world, PINNED)
+
+
+def test_a_plan_file_holds_engines_to_what_they_say_of_themselves(world: World) -> None:
+    apply(world, PINNED)
+    assert asked(world, PINNED, exact=True) == (2, 0)
