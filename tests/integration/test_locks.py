@@ -458,6 +458,9 @@ def over_ssh(server: Sshd, *, warm: bool = True) -> Session:
     session = connect(server.host(name="here"), options=options)
     if warm:
         session.prepare()  # type: ignore[attr-defined]  # it is a BaseSession
+        for thread in threading.enumerate():
+            if thread.name == "warm engine":
+                thread.join(10)  # what it asks is counted too
     return session
 
 
