@@ -50,8 +50,6 @@ class Engine:
         An engine whose version is known from what it answered to somebody else is only connected to.
         """
         with contextlib.suppress(*_FAILURES):  # whoever asks first gets the reason
-            if api_version:
-                self._adapter.warm(_PING_TIMEOUT_S)
             self._ready(api_version)
 
     def close(self) -> None:
@@ -169,7 +167,10 @@ class Engine:
                 client = APIClient(base_url="tcp://127.0.0.1:1", version=MINIMUM_DOCKER_API_VERSION)
                 client.trust_env = False  # no proxy and no .netrc of this machine's user
                 client.mount("http+docker://", self._adapter)
-                if not api_version:
+                # One connection before any other request may open a second: sshd's MaxSessions may allow no more.
+                if api_version:
+                    self._adapter.warm(_PING_TIMEOUT_S)
+                else:
                     with client.get(f"{_BASE}/_ping", timeout=_PING_TIMEOUT_S, allow_redirects=False) as answer:
                         api_version = answer.headers.get("Api-Version", "")
                 self._version = negotiated(api_version)

@@ -17,7 +17,9 @@ import pytest
 from srprov.definitions.model import Host
 from srprov.errors import DeadlineError, TransportError
 from srprov.transport import connect
-from srprov.wire import CopyImage, EngineCall, EngineQuery, Query, Run, Session
+from srprov.transport.engine import Engine
+from srprov.transport.engine_stream import EngineSocket
+from srprov.wire import CopyImage, EngineCall, EngineQuery, Query, Run, Session, Traffic
 
 pytestmark = pytest.mark.skipif(os.geteuid() != 0, reason="needs root, as the shell is root's")
 MIB = 1 << 20
@@ -255,6 +257,31 @@ def test_an_image_is_copied_without_being_held(play: Callable[[Answer], PlayedEn
     assert target.ask([EngineQuery(path="/x/get")])[0].ok, "the target's engine is usable after a copy that failed"
     target.close()
     source.close()
+
+
+def test_a_call_waits_for_the_connection_that_is_being_opened(
+    session: Session, play: Callable[[Answer], PlayedEngine]
+) -> None:
+    """sshd opens few sessions (MaxSessions): one beside that which is coming might be refused."""
+    played = play(lambda *_: reply(b"{}", "201 Created"))
+    dialled: list[float] = []
+
+    def dial(seconds: float) -> EngineSocket:
+        dialled.append(seconds)
+        time.sleep(0.2)
+        return session._dial_engine(seconds)  # type: ignore[attr-defined]  # it is a LocalSession
+
+    engine = Engine("here", dial, Traffic(), lambda: True)
+    warming = threading.Thread(target=engine.warm, args=("1.41",))
+    warming.start()
+    while not dialled:
+        time.sleep(0.001)
+    assert engine.call(EngineCall(method="POST", path="/x"), lambda _line: None).ok
+    warming.join()
+    assert len(dialled) == 1
+    assert played.requests == ["POST /v1.41/x"], "the version was known, so nobody asked for it"
+    engine.close()
+    engine.warm("1.41")  # closed: whoever asks gets the reason
 
 
 def test_more_requests_than_connections_take_turns(session: Session, play: Callable[[Answer], PlayedEngine]) -> None:
