@@ -7,6 +7,7 @@ connections are closed and locks are free when the program is gone.
 
 from __future__ import annotations
 
+import _thread
 import os
 import signal
 import threading
@@ -35,10 +36,14 @@ def soft_interrupt(stop: threading.Event) -> Iterator[None]:
         yield
         return
 
-    def ask(_number: int, _frame: FrameType | None) -> None:
-        if stop.is_set():
+    asked: list[int] = []
+
+    def ask(number: int, _frame: FrameType | None) -> None:
+        if asked or stop.is_set():
             raise KeyboardInterrupt
-        stop.set()
+        asked.append(number)
+        # This thread may be inside `stop.wait()` and hold its lock, or start a thread: to set it here would hang then.
+        _thread.start_new_thread(stop.set, ())
         os.write(2, _SAID)  # the signal may have come in the middle of a print, which allows no other
 
     before = {number: signal.signal(number, ask) for number in _SIGNALS}

@@ -47,3 +47,22 @@ def test_an_interrupt_does_not_wait_for_a_silent_robot(
     connection.close()
     assert time.monotonic() - begun < 10
     assert (run.returncode, out, err.strip()) == (130, "", "interrupted")
+
+
+def test_a_signal_in_the_middle_of_a_wait_hangs_nobody() -> None:
+    """`Event.wait` holds the event's lock for a moment; a handler that sets the event there would wait for itself."""
+    script = """
+import os, signal, threading
+from srprov.cli.interrupt import soft_interrupt
+stop = threading.Event()
+with soft_interrupt(stop):
+    with stop._cond:
+        os.kill(os.getpid(), signal.SIGINT)
+    assert stop.wait(5)
+    try:
+        os.kill(os.getpid(), signal.SIGINT)
+    except KeyboardInterrupt:
+        print("left")
+"""
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False, timeout=30)
+    assert (done.returncode, done.stdout) == (0, "left\n"), done.stderr
