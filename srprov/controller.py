@@ -181,14 +181,15 @@ def _look(
                 new = list(whole.services.values())  # to be seen again, with all that there is to know
             else:
                 new = [service for name, service in whole.services.items() if placed.placed[name] != known[name]]
-                kept.extend([] if new or wishes.exact else [placed])
+                kept.extend([] if new else [placed])
             if not new:
-                return Closer.ENGINE if wishes.exact else Closer.NO
+                return Closer.NO
         pinned = [] if free else [service.robot for service in new if service.robot]
         wishes.expect(frozenset(robot for robot in pinned if robot in found.facts))
         return Closer.TRAFFIC if free or len(pinned) < len(new) else Closer.ENGINE
 
-    found = (wishes.looking or begin(lab, readers, definitions.experiment, forks=wishes.forks)).end(closer)
+    looking = wishes.looking or begin(lab, readers, definitions.experiment, exact=wishes.exact, forks=wishes.forks)
+    found = looking.end(closer)
     previous = previous_robots(found, instance)
     return with_instances(definitions.experiment, found, previous), found, previous, kept[0] if kept else None
 

@@ -8,6 +8,7 @@ Takes the JSON files of `results/`; a test holds the README to them.
 from __future__ import annotations
 
 import json
+import statistics
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -80,15 +81,14 @@ def _scale(hundred: Mapping[str, Any], thousand: list[Mapping[str, Any]]) -> str
         "|---|---|---|---|",
     ]
     for size in sorted({row["robots"] for row in thousand}):
-        runs = sorted((r for r in thousand if r["robots"] == size and r["verb"] == "apply"), key=lambda r: r["seconds"])
-        middle = runs[len(runs) // 2]
-        each = middle["seconds"] / size * 1000
-        lines.append(f"| {size} | {middle['seconds']:.1f} s | {each:.0f} ms | {middle['rss_mib']:.0f} MiB |")
+        runs = [row for row in thousand if row["robots"] == size and row["verb"] == "apply"]
+        seconds, rss = (statistics.median(row[key] for row in runs) for key in ("seconds", "rss_mib"))
+        lines.append(f"| {size} | {seconds:.1f} s | {seconds / size * 1000:.0f} ms | {rss:.0f} MiB |")
     return "\n".join(lines) + "\n"
 
 
 def _start(start: Mapping[str, list[float]]) -> str:
-    middle = {what: sorted(times)[len(times) // 2] for what, times in start.items()}
+    middle = {what: statistics.median(times) for what, times in start.items()}
     bare = middle["python -c pass"]
     said = [
         f"`{what.split(',')[0]}` {seconds:.2f} s ({seconds / bare:.1f})"

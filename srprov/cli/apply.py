@@ -7,7 +7,7 @@ import os
 import sys
 import time
 from collections.abc import Collection, Mapping
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -89,8 +89,11 @@ def apply(
 
         err(f"asking {len(inventory.hosts)} robots for facts")
         lock_wait = wait_for_other_runs(lab, name, lock_wait, forks)
-        looking = begin(inventory, lab.sessions.get, definitions.experiment, forks=forks) if definitions else None
-        ending.callback(looking.close if looking else lambda: None)
+        looking = None
+        if definitions:
+            looking = ending.enter_context(
+                closing(begin(inventory, lab.sessions.get, definitions.experiment, forks=forks))
+            )
         # a tenth of a second of imports, while the robots are asked
         from srprov.controller import Wishes
         from srprov.execution import Options

@@ -40,14 +40,16 @@ def run_plan(
     Raises:
         LockHeld: Somebody else holds one of the robots; nothing was changed.
     """
+    options = options or Options()
+    stop = stop or threading.Event()
     if not plan.steps:  # nobody is needed, and what walks is not imported
         return RunResult(
             results=(),
             unchanged=plan.unchanged,
-            interrupted=bool(stop and stop.is_set()),
+            interrupted=stop.is_set(),
             unreachable=plan.unreachable,
-            tolerated=options.tolerate if options else frozenset(),
+            tolerated=options.tolerate,
         )
     from srprov.execution.executor import walk
 
-    return walk(plan, sessions, listener, options or Options(), stop or threading.Event())
+    return walk(plan, sessions, listener, options, stop)

@@ -55,7 +55,10 @@ class Looking:
         self._futures = {name: self._pool.submit(_one, host, readers, info) for name, host in lab.hosts.items()}
 
     def end(self, closer: Closer | Callable[[Found], Closer], *, only_look: bool = False) -> Found:
-        """Wait for the answers, and look closer where that is wanted; arguments as of `gather`."""
+        """Wait for the answers, and look closer where that is wanted; a function decides that after the first look.
+
+        With `only_look`, as of `gather`, nothing will be decided from it.
+        """
         try:
             found, looks = _found(self._futures, only_look)
             wanted = closer if isinstance(closer, Closer) else closer(found)
@@ -74,21 +77,21 @@ class Looking:
         self._pool.shutdown(wait=False, cancel_futures=True)
 
 
-def begin(lab: Inventory, readers: Readers, experiment: Experiment | None = None, *, forks: int = 64) -> Looking:
+def begin(lab: Inventory, readers: Readers, experiment: Experiment, *, exact: bool = False, forks: int = 64) -> Looking:
     """Begin to ask every robot of the inventory, as soon as it is connected; for an experiment that may run there.
 
-    Which disk is Docker's, only the engine knows for sure: it is asked for more than its version at once when a service
-    requires a disk of some size.
+    The engines are asked of themselves at once with `exact`, and when a service requires a disk of some size: which one
+    is Docker's, only the engine knows for sure.
     """
-    exact = experiment is not None and any(service.requires.disk for service in experiment.services.values())
-    return Looking(lab, readers, info=exact, forks=forks)
+    info = exact or any(service.requires.disk for service in experiment.services.values())
+    return Looking(lab, readers, info=info, forks=forks)
 
 
 def gather(
     lab: Inventory,
     readers: Readers,
     *,
-    closer: Closer | Callable[[Found], Closer],
+    closer: Closer,
     forks: int = 64,
     only_look: bool = False,
 ) -> Found:
@@ -100,12 +103,11 @@ def gather(
     Args:
         lab: the robots.
         readers: gives each one's reader.
-        closer: how closely to look; a function decides after the first look.
+        closer: how closely to look.
         forks: robots asked at the same time.
         only_look: nothing will be decided from it, so give the facts of such a robot all the same.
     """
-    info = closer in (Closer.ENGINE, Closer.TRAFFIC)
-    return Looking(lab, readers, info=info, forks=forks).end(closer, only_look=only_look)
+    return Looking(lab, readers, info=closer is not Closer.NO, forks=forks).end(closer, only_look=only_look)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

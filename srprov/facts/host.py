@@ -133,8 +133,7 @@ def _read(replies: Sequence[Reply]) -> dict[str, Any]:
     """Give each probe's value by its name; what a command said before it failed counts."""
     shell = replies[: len(PROBES)]
     outs = [shell[i].out if i < len(shell) else "" for i in range(len(PROBES))]
-    said = {probe.name: probe.parse(out) for probe, out in zip(PROBES, outs, strict=True)}
-    return said
+    return {probe.name: probe.parse(out) for probe, out in zip(PROBES, outs, strict=True)}
 
 
 def _first_line(files: Files, path: str) -> str:
@@ -271,6 +270,6 @@ def _version(ping: Mapping[str, Any], info: Mapping[str, Any] | None) -> str:
 
 def _docker_disk(mounts: Sequence[Filesystem], root: str) -> Filesystem:
     """Give the filesystem that holds Docker's root: of those asked about, the one mounted deepest above it."""
-    folder = (root or "/var/lib/docker").rstrip("/") + "/"
-    above = [mount for mount in mounts if folder.startswith(mount.mount.rstrip("/") + "/")]
+    inside = (root or "/var/lib/docker").rstrip("/") + "/"
+    above = [mount for mount in mounts if inside.startswith(mount.mount.rstrip("/") + "/")]
     return max(above, key=lambda m: len(m.mount), default=Filesystem(mount="", total=0, free=0))

@@ -44,7 +44,7 @@ def step(number: int, module: str, *commands: Command, needs: tuple[int, ...] = 
         (
             [
                 step(1, "file", FILE),
-                replace(step(2, "file", FILE), waits=(Need(id="r2/container/a", condition="healthy"),)),
+                replace(step(2, "file", FILE), waits=(HEALTHY,)),
             ],
             1,
         ),
