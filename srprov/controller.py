@@ -6,6 +6,7 @@ calling `apply`.
 
 from __future__ import annotations
 
+import functools
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -59,7 +60,7 @@ class Wishes:
     looking: Looking | None = None
     """A look at the robots that has begun already."""
     expect: Callable[[frozenset[str]], None] = lambda _robots: None
-    """Told, once, as soon as it is known that something is new, and which robots it is pinned to: time to get ready."""
+    """Told, once, as soon as it is known that something is new, and which robots it will likely be on."""
     playbooks: tuple[Playbook, ...] = ()
     """The user's own, from his folder."""
     allow: frozenset[str] = frozenset()
@@ -173,19 +174,22 @@ def _look(
         known = previous_robots(found, instance)
         whole = with_instances(definitions.experiment, found, known)
         free = wishes.reassign or wishes.reassign_unreachable or not whole.placement.sticky
-        new = [whole.services[name] for name in absent(found, instance, known, whole.services)]
+        new = {*absent(found, instance, known, whole.services)}
+        choice = functools.partial(choice_of, whole, definitions, lab, found, known, wishes)
         if not (free or new):
             try:
-                placed = solve.solve(choice_of(whole, definitions, lab, found, known, wishes))
+                placed = solve.solve(choice())
             except SrprovError:
-                new = list(whole.services.values())  # to be seen again, with all that there is to know
+                new = {*whole.services}  # to be seen again, with all that there is to know
             else:
-                new = [service for name, service in whole.services.items() if placed.placed[name] != known[name]]
+                new = {name for name in whole.services if placed.placed[name] != known[name]}
                 kept.extend([] if new else [placed])
             if not new:
                 return Closer.NO
-        pinned = [] if free else [service.robot for service in new if service.robot]
-        wishes.expect(frozenset(robot for robot in pinned if robot in found.facts))
+        pinned = {name: robot for name in new if (robot := whole.services[name].robot)}
+        likely = {**solve.guess(choice), **pinned}
+        due = [robot for name, robot in likely.items() if name in new or robot != known.get(name)]
+        wishes.expect(frozenset(robot for robot in due if robot in found.facts))
         return Closer.TRAFFIC if free or len(pinned) < len(new) else Closer.ENGINE
 
     looking = wishes.looking or begin(lab, readers, definitions.experiment, exact=wishes.exact, forks=wishes.forks)

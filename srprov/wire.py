@@ -1,8 +1,8 @@
 """What may travel to a robot, as data, and the two protocols that carry it.
 
-A `Query` or `EngineQuery` reads; a `Run`, `Put`, `EngineCall` or `CopyImage` changes. They are plain values: they
-can be printed, compared, stored and sent later. `Reader` can only ask, `Session` can also execute: mypy refuses a
-change where only reading is allowed. `transport/` implements the protocols. Every shell word passes through `quote`.
+A `Query` or `EngineQuery` reads; a `Run`, `Put`, `EngineCall` or `CopyImage` changes. They are plain values, to print,
+compare, store and send later. `Reader` can only ask, `Session` can also execute: mypy refuses a change where only
+reading is allowed. `transport/` implements both. Every shell word passes through `quote`.
 """
 
 from __future__ import annotations
@@ -92,8 +92,9 @@ class Put:
         """Give the shell script that does it: base64 inside a here-document, or from what `source` prints."""
         target, partial = quote(self.path), quote(self.path + ".part")
         move = f"cat {partial} > {target} && rm -f {partial}" if self.in_place else f"mv -f {partial} {target}"
-        last = f"chmod {self.mode:04o} {partial} && {move} && chmod {self.mode:04o} {target}"
-        begin = f"umask 077; mkdir -p {quote(self.path.rsplit('/', 1)[0] or '/')}"
+        mode, folder = f"chmod {self.mode:04o}", quote(self.path.rsplit("/", 1)[0] or "/")
+        last = f"{mode} {partial} && {move}" + (f" && {mode} {target}" if self.in_place else "")
+        begin = f"umask 077; {{ [ -d {folder} ] || mkdir -p {folder}; }}"
         if source:
             return f"{begin} && {source} | base64 -d > {partial} && {last}"
         lines = base64.encodebytes(self.content).decode("ascii")
@@ -223,11 +224,9 @@ class Hold(Protocol):
 
     def say(self, letter: str) -> str:
         """Send one letter and give the line that answers it; TransportError when the contact is lost."""
-        ...
 
     def close(self) -> None:
         """Send `e` and wait a moment for the script's end; safe to call twice, and never raises."""
-        ...
 
 
 class Reader(Protocol):
@@ -236,7 +235,6 @@ class Reader(Protocol):
     @property
     def host(self) -> str:
         """The robot's name in the inventory."""
-        ...
 
     def ask(self, queries: Sequence[AnyQuery]) -> Sequence[Reply]:
         """Ask everything in one round trip of the shell, and beside it one of the engine; replies in the same order.
@@ -246,11 +244,9 @@ class Reader(Protocol):
         Raises:
             TransportError: The robot cannot be talked to any more.
         """
-        ...
 
     def measure(self) -> Measures | None:
         """Give load and memory when that needs no shell, else None."""
-        ...
 
     @property
     def traffic(self) -> Traffic:
@@ -266,7 +262,6 @@ class Session(Reader, Protocol):
         Raises:
             TransportError: The robot cannot be talked to any more.
         """
-        ...
 
     def execute_all(self, commands: Sequence[Run | Put]) -> Sequence[Reply]:
         """Do several short things in one round trip, one after the other, each whatever came of the others."""
@@ -274,15 +269,14 @@ class Session(Reader, Protocol):
     def hold(self, script: str, words: Sequence[str], pulse: Pulse) -> Hold:
         """Run a script beside the session's own shell, and keep it alive by a heartbeat; one round trip.
 
-        The script says one line, then reads letters and answers each with a line: `b`, the heartbeat, with `b`; at `e`
-        it ends. Its words: `$1`, which every process of this session has as SRPROV_SESSION in its environment; `$2`,
-        the seconds after which silence means that the controller is gone; then `words`. When the contact is lost, this
-        session is closed and everything it is asked for raises.
+        The script says a line, then reads letters and answers each with one: `b`, the heartbeat, with `b`; `e` ends it.
+        Its words: `$1`, SRPROV_SESSION in the environment of all processes of this session; `$2`, the seconds after
+        which silence means that the controller is gone; `$3`, the connection's process, or nothing; then `words`.
+        When the contact is lost, this session is closed and whatever it is asked for raises.
 
         Raises:
             TransportError: It cannot be started.
         """
-        ...
 
     def save_image(self, image: str, timeout_s: float) -> Iterator[bytes]:
         """Stream the image as `docker save` writes it."""
@@ -293,8 +287,6 @@ class Session(Reader, Protocol):
         Raises:
             TransportError: The engine or the robot cannot be talked to any more.
         """
-        ...
 
     def close(self) -> None:
         """End the connection; safe to call twice."""
-        ...

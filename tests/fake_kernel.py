@@ -107,12 +107,24 @@ class Kernel:
         shown |= {"linkinfo": {"info_kind": link.kind, "info_data": data}, "link_type": "ether"}
         return shown | ({"ifalias": link.alias} if link.alias else {})
 
+    @staticmethod
+    def calls(script: str) -> list[str]:
+        """Give the calls of a script, those of a batch one by one."""
+        found: list[str] = []
+        program = ""
+        for line in script.splitlines():
+            if line.endswith(" -batch - <<'_END_OF_CALLS_' || exit"):
+                program = line.split()[0]
+            elif line == "_END_OF_CALLS_":
+                program = ""
+            else:
+                found.append(f"{program} {line}" if program else line.removesuffix(" || exit"))
+        return found
+
     def run(self, line: str) -> str:
-        """Run one line of a script; give what it complains, or nothing."""
+        """Run one call of a script; give what it complains, or nothing."""
         words = shlex.split(line)
         match words:
-            case ["set", "-e"]:
-                return ""
             case ["ip", "link", "show", "dev", name, ">/dev/null", "2>&1", "||", "exit", "0;", *rest]:
                 return self.run(shlex.join(rest)) if name in self.links else ""
             case ["ip", "link", "show", "dev", name, "type", kind, "2>/dev/null", "|", "grep", "-q", ".", "||", *rest]:
@@ -133,8 +145,8 @@ class Kernel:
                 return ""
             case ["ip", "link", "set", "dev", name, *rest] if name in self.links:
                 return self._set(self.links[name], rest)
-            case ["printf", "%s\\n", *lines, "|", "bridge", "-batch", "-"]:
-                return next((bad for one in lines if (bad := self._fdb(one))), "")
+            case ["bridge", *rest]:
+                return self._fdb(" ".join(rest))
         if words[:4] == ["ip", "link", "set", "dev"]:
             return f'Cannot find device "{words[4]}"'
         raise AssertionError(f"the fake kernel knows no {line!r}")

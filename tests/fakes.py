@@ -20,7 +20,7 @@ from typing import Any
 from srprov.errors import TransportError
 from srprov.facts import gather
 from srprov.facts.gather import _PLACEMENTS
-from srprov.facts.probes import COUNTERS, PROBES
+from srprov.facts.probes import PROBES, counters
 from srprov.modules import MODULES
 from srprov.secret import Vault
 from srprov.wire import (
@@ -272,7 +272,7 @@ class FakeRobot:
             return Reply(status=0, out=f"{self.disk.command(words[4 : words.index('</dev/null')])}\n")
         answers = {
             **{probe.command: self._probe(probe.name) for probe in PROBES},
-            COUNTERS.command: "",
+            counters().command: "",
             _PLACEMENTS.command: self.disk.records(),
             MODULES["file"].queries()[0].command: self.disk.hashes(),  # type: ignore[union-attr]
             MODULES["tree"].queries()[0].command: self.disk.list_trees(),  # type: ignore[union-attr]
@@ -356,7 +356,7 @@ class FakeRobot:
         said = self.disk.run(run.script)
         if said is not None:
             return shell_reply(said)
-        lines = run.script.splitlines()
+        lines = self.kernel.calls(run.script)
         for line in lines[: len(lines) // 2 + 1] if half else lines:
             if complaint := self.kernel.run(line):
                 return shell_reply(complaint)

@@ -268,7 +268,7 @@ _DIAL = ["system", "dial-stdio"]
 READS: dict[str, Callable[[Sequence[str]], bool]] = {
     **dict.fromkeys((*_BUILTINS.split(), *_PROGRAMS.split()), _anything),
     "command": lambda words: list(words[:1]) == ["-v"],
-    "set": _only("-e", "-u"),
+    "set": lambda words: list(words[:1]) == ["--"] or set(words) <= {"-e", "-u"},  # behind `--`: the shell's own words
     "export": _only("PATH", "LC_ALL", "SRPROV_SESSION"),
     "date": _date,
     "sed": _sed,

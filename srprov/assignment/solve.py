@@ -7,12 +7,12 @@ order. `solve_small` decides what is small and plain, `solve_arrays` everything 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from srprov.assignment import report, solve_small
 from srprov.assignment.cost import CostTerms, jain
 from srprov.assignment.model import SCALE, Assignment, Decision, Move, Problem
-from srprov.errors import NoAssignment
+from srprov.errors import NoAssignment, SrprovError
 
 
 def solve(problem: Problem, seconds: float | None = None) -> Assignment:
@@ -32,6 +32,20 @@ def solve(problem: Problem, seconds: float | None = None) -> Assignment:
     if decision is None:
         raise _refusal(problem)
     return _assignment(problem, decision)
+
+
+def guess(choice: Callable[[], Problem]) -> dict[str, str]:
+    """Give service -> robot as far as that costs nothing: what is fixed, and all of a small problem that has an answer.
+
+    What is wrong with a problem is said when it is solved.
+    """
+    try:
+        problem = choice()
+    except SrprovError:
+        return {}
+    decision = solve_small.decide(problem) if solve_small.small(problem) else None
+    chosen = {name: robot for names, robot, _ in decision.chosen for name in names} if decision else {}
+    return {**problem.fixed, **chosen}
 
 
 def _by_arrays(problem: Problem, seconds: float | None) -> Decision | None:

@@ -26,8 +26,8 @@ PLACES = ("/run/srprov", "/tmp/srprov")  # noqa: S108 - the fallback is used onl
 """Folders for lock and holder: the first that root can write to, and that root owns."""
 
 SCRIPT = r"""
-mark=$1 quiet=$2 holder=$3 held= place=
-shift 3
+mark=$1 quiet=$2 sshd=$3 holder=$4 held= place=
+shift 4
 trap '' PIPE
 trap : HUP INT TERM
 say() { printf '%s\n' "$*"; }
@@ -37,7 +37,7 @@ for tool in flock timeout dd; do
 done
 umask 077
 for place in "$@" ''; do
-    mkdir -m 755 "$place" 2>/dev/null
+    [ -d "$place" ] || mkdir -m 755 "$place" 2>/dev/null
     [ -d "$place" ] && [ ! -L "$place" ] && [ -O "$place" ] && (: >>"$place/lock") 2>/dev/null && break
 done
 [ "$place" ] || { say "no folder for a lock: root can write to none of $*"; exit 1; }
@@ -45,15 +45,18 @@ exec 9>>"$place/lock"
 take() {
     if flock -n 9 2>/dev/null; then
         held=1
+        umask 022
         printf '%s,"since":"%s"}\n' "${holder%\}}" "$(now)" >"$place/holder.part" &&
-            chmod 644 "$place/holder.part" && mv "$place/holder.part" "$place/holder"
+            mv "$place/holder.part" "$place/holder"
+        umask 077
         say locked
     else
         say busy "$(now)" "$(head -c 2000 "$place/holder" 2>/dev/null | tr -d '\n')"
     fi
 }
+untell() { [ -z "$held" ] || rm -f "$place/holder"; }
 free() {
-    [ -z "$held" ] || rm -f "$place/holder"
+    untell
     flock -u 9
     held=
 }
@@ -71,6 +74,16 @@ of_session() {
     fi
     [ "$mark" ] && [ "$found" ]
 }
+# sshd's process of this connection, which carries what the controller says to the engine: if it is still above us
+connected() {
+    up=$$
+    while [ "$sshd" ] && [ "${up:-0}" -gt 1 ]; do
+        [ "$up" != "$sshd" ] || return 0
+        child=$up up=
+        while read -r key up && [ "$key" != PPid: ]; do :; done 2>/dev/null <"/proc/$child/status"
+    done
+    return 1
+}
 take
 while :; do
     # dd takes one byte and no more; its time is an interval, which no change of the clock can move
@@ -78,12 +91,15 @@ while :; do
         b) say b ;;
         t) take ;;
         f) free && say free ;;
-        e) free && exit 0 ;;
+        e) untell; exec 9>&-; exit 0 ;;
         *) break ;;
     esac
 done
 tries=0
-while [ "$held" ] && [ "$tries" -lt 20 ] && of_session; do
+while [ "$held" ] && [ "$tries" -lt 20 ]; do
+    of_session || found=
+    connected && found="$found $sshd"
+    [ "$found" ] || break
     kill -9 $found 2>/dev/null
     tries=$((tries + 1))
     [ "$tries" -lt 3 ] || sleep 1

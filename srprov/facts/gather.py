@@ -21,7 +21,7 @@ from srprov.errors import TransportError
 from srprov.facts.host import host_queries, parse_host
 from srprov.facts.model import Existing, Found, HostFacts
 from srprov.facts.observe import observe_queries, parse_observed, parse_probed, probe_queries
-from srprov.facts.probes import COUNTERS, INFO, SAMPLE_S
+from srprov.facts.probes import INFO, SAMPLE_S, counters
 from srprov.facts.untrusted import text
 from srprov.modules import PROBING
 from srprov.modules.module import STATE_ROOT
@@ -42,7 +42,7 @@ class Closer(enum.Enum):
     ENGINE = "engine"
     """What each engine says of itself, which makes it start two programs."""
     TRAFFIC = "traffic"
-    """The traffic of this moment, which takes a second look, 0.3 s after the first."""
+    """The traffic of this moment, which takes a second look, 0.2 s after the first."""
 
 
 class Looking:
@@ -126,12 +126,11 @@ class _Look:
     placements: list[Mapping[str, Any]]
 
     def closer(self, readers: Readers, engine: bool, traffic: bool) -> HostFacts:
-        """Ask the engine of itself; read the counters again, some time after the first reading."""
-        reader, later = readers(self.host.name), None
-        replies = [*self.replies, *(reader.ask([INFO]) if engine else ())]
-        if traffic:
-            time.sleep(max(0.0, self.over_at + SAMPLE_S - time.monotonic()))
-            later = reader.ask([COUNTERS])[0]
+        """Ask the engine of itself; read the counters again, some time after the first reading: both at once."""
+        queries = [INFO] * engine + [counters(self.over_at + SAMPLE_S - time.monotonic())] * traffic
+        answers = list(readers(self.host.name).ask(queries))
+        later = answers.pop() if traffic else None
+        replies = [*self.replies, *answers]
         seen = parse_host(self.host, replies, measures=self.measures, now=self.asked_at, later=later)
         if self.facts.docker is None:
             seen = dataclasses.replace(seen, docker=None, docker_problem=self.facts.docker_problem)

@@ -109,7 +109,15 @@ PING = EngineQuery(path="/_ping", headers=True)
 INFO = EngineQuery(path="/info")
 """What only a decision needs: the engine starts two programs for it, which takes 10 ms of a desktop's CPU."""
 ENGINE = (PING, INFO)
-COUNTERS = Query(command="cat /proc/uptime /proc/net/dev")
-"""The second reading of the counters, asked only when traffic is wanted; the first is among the files."""
-SAMPLE_S = 0.3
-"""Between the two readings, at least."""
+SAMPLE_S = 0.2
+"""Between the two readings of the counters, at least."""
+
+
+def counters(after_s: float = 0.0) -> Query:
+    """Ask for the second reading of the counters, so many seconds from now; the first is among the files.
+
+    The robot waits, so that the engine can be asked in the same round trip. Where `sleep` takes whole seconds only, it
+    waits for one.
+    """
+    pause = f"sleep {after_s:.2f} 2>/dev/null || sleep 1; " if after_s > 0 else ""
+    return Query(command=f"{pause}cat /proc/uptime /proc/net/dev")

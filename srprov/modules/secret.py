@@ -23,8 +23,10 @@ from srprov.secret import Hidden, Vault
 from srprov.wire import AnyQuery, Command, Put, Query, Reply
 
 _FIND = "find . -mindepth 3 -maxdepth 3 -path './*/secrets/*' -type f -exec"
-# it cannot fail: what a failed command printed is shown
-_LIST = f"cd {MEMORY_ROOT} 2>/dev/null || exit 0; {_FIND} stat -c '%a %n' {{}} +; {_FIND} sha256sum {{}} +; exit 0"
+_ANY = 'set -- */secrets; [ -e "$1" ]'
+# where there are none, no program is started; and it cannot fail: what a failed command printed is shown
+_SHOW = f"{_FIND} stat -c '%a %n' {{}} +; {_FIND} sha256sum {{}} +"
+_LIST = f"cd {MEMORY_ROOT} 2>/dev/null && {_ANY} || exit 0; {_SHOW}; exit 0"
 _PARTS = 3
 _SHA_DIGITS = hashlib.sha256().digest_size * 2
 

@@ -11,17 +11,20 @@ Source: Linux `vxlan` documentation, iproute2's ip-link(8) and bridge(8).
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
 from srprov.facts.model import Existing
 from srprov.modules.module import as_list, as_text
 from srprov.resource import Action, Change, Resource, State
-from srprov.wire import AnyQuery, Command, Query, Reply, Run, quote
+from srprov.wire import AnyQuery, Command, Query, Reply, Run, quote, sh
 
 FLOOD = "00:00:00:00:00:00"
 _ALIAS = "srprov:"
 _PREFIX = "srpv"
+_END = "_END_OF_CALLS_"
+_PLAIN = re.compile(r"[\w.:@%+-]+", re.ASCII)
 
 
 class VxlanModule:
@@ -70,30 +73,37 @@ class VxlanModule:
 
     def commands(self, want: Resource, change: Change) -> tuple[Command, ...]:
         """Make the link, or mend what differs; one script either way."""
-        params, name = want.params, quote(want.name)
-        lines = ["set -e"]
+        params, name = want.params, want.name
+        links: list[list[str]] = []
         known: list[tuple[str, str]] = []
         if change.action is Action.REPLACE:
-            lines.append(f"ip link del dev {name}")
+            links.append(["link", "del", "dev", name])
         if change.action is not Action.UPDATE:
-            lines.append(
-                f"ip link add {name} type vxlan id {int(params['vni'])} local {quote(params['local'])} "
-                f"dstport {int(params['port'])} nolearning"
-            )
-            lines.append(f"ip link set dev {name} alias {quote(_ALIAS + params['instance'])}")
+            kind = ["type", "vxlan", "id", str(int(params["vni"])), "local", params["local"]]
+            links.append(["link", "add", name, *kind, "dstport", str(int(params["port"])), "nolearning"])
+            links.append(["link", "set", "dev", name, "alias", _ALIAS + params["instance"]])
         elif change.before is not None:
             known = [(mac, vtep) for mac, vtep in change.before["fdb"]]
-        lines.append(f"ip link set dev {name} mtu {int(params['mtu'])} master {quote(params['bridge'])} up")
-        lines.append(f"ip link set dev {quote(params['bridge'])} type bridge mcast_snooping 0")
-        batch = _fdb_batch(want.name, known, [(mac, vtep) for mac, vtep in params["fdb"]])
-        if batch:
-            lines.append(f"printf '%s\\n' {' '.join(quote(line) for line in batch)} | bridge -batch -")
-        return (Run(script="\n".join(lines)),)
+        links.append(["link", "set", "dev", name, "mtu", str(int(params["mtu"])), "master", params["bridge"], "up"])
+        links.append(["link", "set", "dev", params["bridge"], "type", "bridge", "mcast_snooping", "0"])
+        entries = _fdb_calls(name, known, [(mac, vtep) for mac, vtep in params["fdb"]])
+        return (Run(script="\n".join([*_calls("ip", links), *_calls("bridge", entries)])),)
 
     def removal(self, found: Existing) -> tuple[Command, ...]:
         """Delete the link; its entries go with it."""
         name = quote(found.name)
         return (Run(script=f"ip link show dev {name} >/dev/null 2>&1 || exit 0; ip link del dev {name}"),)
+
+
+def _calls(program: str, calls: Sequence[Sequence[str]]) -> list[str]:
+    """Give shell lines for calls of one program of iproute2, up to the first that fails.
+
+    One process does them all. A line of its batch cannot quote everything, so words that are not plain get a process
+    per call, and the shell's quotes.
+    """
+    if all(_PLAIN.fullmatch(word) for call in calls for word in call):
+        return [f"{program} -batch - <<'{_END}' || exit", *(" ".join(call) for call in calls), _END] if calls else []
+    return [f"{sh(program, *call)} || exit" for call in calls]
 
 
 def _json(reply: Reply) -> object:
@@ -150,10 +160,10 @@ def _loose_differences(params: Mapping[str, Any], found: State) -> list[str]:
     return causes
 
 
-def _fdb_batch(name: str, known: Sequence[tuple[str, str]], wanted: Sequence[tuple[str, str]]) -> list[str]:
-    """Give bridge(8) batch lines. All-zero entries are appended (several may stand side by side), others replaced."""
-    lines = [f"fdb del {mac} dev {name} dst {vtep} self" for mac, vtep in sorted(set(known) - set(wanted))]
+def _fdb_calls(name: str, known: Sequence[tuple[str, str]], wanted: Sequence[tuple[str, str]]) -> list[list[str]]:
+    """Give calls of bridge(8). All-zero entries are appended (several may stand side by side), others replaced."""
+    calls = [["fdb", "del", mac, "dev", name, "dst", vtep, "self"] for mac, vtep in sorted(set(known) - set(wanted))]
     for mac, vtep in sorted(set(wanted) - set(known)):
         verb = "append" if mac == FLOOD else "replace"
-        lines.append(f"fdb {verb} {mac} dev {name} dst {vtep} self permanent")
-    return lines
+        calls.append(["fdb", verb, mac, "dev", name, "dst", vtep, "self", "permanent"])
+    return calls

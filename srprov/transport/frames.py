@@ -28,6 +28,20 @@ def sudo_prompt(nonce: str) -> bytes:
     return f"{nonce} password".encode()
 
 
+FIND_LINE = """\
+line=$PPID
+while [ "${line:-0}" -gt 1 ]; do
+  name= ; read -r name 2>/dev/null <"/proc/$line/comm"
+  case $name in sshd*|dropbear*) break ;; esac
+  up= ; while read -r key up && [ "$key" != PPid: ]; do :; done 2>/dev/null <"/proc/$line/status"
+  line=$up
+done
+[ "${line:-0}" -gt 1 ] || line=
+echo "$line"
+"""
+"""For a fresh shell: set and print `line`, the number of sshd's process for this connection; empty if not found."""
+
+
 def start_command(nonce: str, then: str, *, root: bool, mark: str = "", ask: bool = False) -> str:
     """Give the command line for the robot's login shell that ends in `then`, run by root.
 

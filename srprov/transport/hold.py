@@ -39,15 +39,19 @@ class Heartbeat:
         self._heard = now()
         self._line = bytearray()
         self.first = ""
+        self.line = ""
+        """The process of the connection on the robot, which the script ends too; empty if it has none that is ours."""
 
     def begin(self, command: str) -> None:
-        """Start the script, wait for its first line and let the heart beat.
+        """Start the script, wait for the line before it and for its first line, and let the heart beat.
 
         Raises:
             TransportError: It ended, or said nothing in time.
         """
         try:
-            self.first = self._ask(command + "\n")
+            self.line = self._ask(command + "\n")
+            with self._lock:
+                self.first = self._exchange("", self._pulse.controller_s)
         except TransportError:
             self._over.set()
             self._streams.close()

@@ -48,6 +48,9 @@ if TYPE_CHECKING:
 class BaseSession:
     """A session without its connection; subclasses say how to dial the engine, whether they live, and how to end."""
 
+    _find_line = "line=; echo; "
+    """For the shell of a hold: set and print the process that the connection is on the robot, to be ended with it."""
+
     def __init__(self, host: str, shell: Shell, traffic: Traffic, peers: Peers | None, mark: str) -> None:
         """Take the robot's name, its shell, where to count, how to reach other robots, and the shell's mark."""
         self._host = host
@@ -101,11 +104,10 @@ class BaseSession:
             return self._engine
 
     def prepare(self) -> None:
-        """Get ready, once and in the background, for changes: the engine's second stream, and the hold's shell."""
+        """Get ready, once and in the background, for changes: the engine's client, and the hold's shell."""
         if not self._prepared:
             self._prepared = True
             prefetch()
-            threading.Thread(target=self._warm_engine, name="warm engine", daemon=True).start()
 
     def _warm_engine(self) -> None:
         """Import what the engine's client needs, and connect."""
@@ -198,8 +200,11 @@ class BaseSession:
             TransportError: It cannot be started.
         """
         hold = Heartbeat(self._host, self._beside(), self._traffic, pulse, self._contact_lost)
-        hold.begin("exec " + sh("sh", "-c", script, "hold", self._mark, str(pulse.robot_s), *words))
+        hold.begin(self._find_line + sh("exec", "sh", "-c", script, "hold", self._mark, str(pulse.robot_s))
+                   + f' "$line" {sh(*words)}')  # fmt: skip
         self._hold = hold
+        if self._prepared:
+            threading.Thread(target=self._warm_engine, name="warm engine", daemon=True).start()
         return hold
 
     def _contact_lost(self, error: TransportError) -> None:

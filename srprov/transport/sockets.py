@@ -20,6 +20,8 @@ from srprov.wire import Traffic
 
 KEEPALIVE_S = 5
 _DEAD_AFTER_MS = 20_000
+_WAKE_S = 1.0
+_PIECE = 65_536
 
 _WORDS = {
     errno.ECONNREFUSED: ("connection refused", "does sshd run on the robot, on this port?"),
@@ -39,7 +41,7 @@ class CountedSocket:
         """Wrap a connected socket, or a channel of a jump host."""
         self._inner = inner
         self._traffic = traffic
-        self.settimeout = inner.settimeout
+        self._ahead = memoryview(b"")
         self.getpeername = inner.getpeername
         self.acknowledge_at_once = isinstance(inner, socket.socket) and inner.family != socket.AF_UNIX
         """Until the shell runs. sshd has Nagle's algorithm on until then and sends two small packets after the login:
@@ -52,12 +54,22 @@ class CountedSocket:
         self._traffic.bytes_sent += sent
         return sent
 
+    def settimeout(self, seconds: float | None) -> None:
+        """Set the timeout, but wake seldom: paramiko wants 0.1 s, to see that it was closed, and `close` tells it."""
+        self._inner.settimeout(max(seconds, _WAKE_S) if seconds else seconds)
+
     def recv(self, size: int) -> bytes:
-        """Receive up to `size` bytes; none at the end."""
-        data: bytes = self._inner.recv(size)
-        if self.acknowledge_at_once and hasattr(socket, "TCP_QUICKACK"):
-            self._inner.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)  # holds for the next packets only
-        self._traffic.bytes_received += len(data)
+        """Receive up to `size` bytes; none at the end.
+
+        paramiko asks twice for every packet, and a shell's answer is dozens of small ones; what has come is taken at
+        once, and waits here.
+        """
+        if not self._ahead:
+            self._ahead = memoryview(self._inner.recv(max(size, _PIECE)))
+            if self.acknowledge_at_once and hasattr(socket, "TCP_QUICKACK"):
+                self._inner.setsockopt(socket.IPPROTO_TCP, socket.TCP_QUICKACK, 1)  # holds for the next packets only
+            self._traffic.bytes_received += len(self._ahead)
+        data, self._ahead = bytes(self._ahead[:size]), self._ahead[size:]
         return data
 
     def close(self) -> None:

@@ -1,13 +1,14 @@
 """A robot over SSH: one connection for everything, its shell and its Docker Engine.
 
 Takes a `Host`, gives a `Session`. The connection is a `StrictConnection` (`connection.py`); the shell runs on one
-channel of it, the engine on up to four more (`docker system dial-stdio`).
+channel of it, the engine on up to four more.
 """
 
 from __future__ import annotations
 
 import secrets
 import threading
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import paramiko
@@ -18,7 +19,7 @@ from srprov.transport.background import Background
 from srprov.transport.channel import ChannelStreams, answer_sudo, complaint
 from srprov.transport.connection import StrictConnection, guard, open_connection
 from srprov.transport.deadline import Deadline
-from srprov.transport.frames import ready_line, start_command
+from srprov.transport.frames import FIND_LINE, ready_line, start_command
 from srprov.transport.options import settle
 from srprov.transport.session import BaseSession
 from srprov.transport.shell import Shell
@@ -62,6 +63,8 @@ def start(connection: StrictConnection, command: str, deadline: Deadline) -> par
 
 class SshSession(BaseSession):
     """A `Session` over one SSH connection."""
+
+    _find_line = FIND_LINE
 
     def __init__(
         self, host: str, connection: StrictConnection, shell: Shell, traffic: Traffic, peers: Peers | None, mark: str
@@ -127,11 +130,10 @@ class SshSession(BaseSession):
     def _dial_reads(self, seconds: float) -> EngineSocket:
         """Let sshd itself connect to the engine's socket: the docker CLI takes 15 ms of a desktop's CPU to start.
 
-        Only for reading. What changes something must die with the session's lock, and that is found by a word in the
-        environment of its processes; here there is no process. A user who may not open the socket, an sshd that does
-        not forward streams, or an engine elsewhere: `docker system dial-stdio` finds its way.
+        A user who may not open the socket, an sshd that does not forward streams, or an engine elsewhere:
+        `docker system dial-stdio` finds its way.
         """
-        from srprov.transport.engine_stream import EngineGone, EngineSocket
+        from srprov.transport.engine_stream import EngineGone
 
         room = Background(lambda: self._room(seconds)) if not self._has_room else None
         try:
@@ -145,13 +147,9 @@ class SshSession(BaseSession):
             raise EngineGone(refused)
         self._has_room = True
         if channel is None:
-            return self._dial_engine(seconds)
+            return self._dial_client(seconds)
         self._where = f"-H unix://{_ENGINE_SOCKET} "  # what is changed is what was read, whatever DOCKER_HOST says
-
-        def waiting() -> bool:
-            return bool(channel.recv_ready() or channel.eof_received or channel.closed)
-
-        return EngineSocket(channel, lambda: "", waiting)
+        return _stream(channel, lambda: "")
 
     def _room(self, seconds: float) -> str:
         """Say why sshd opens no session beside the shell's, or nothing: streams do not count, but a lock's shell does.
@@ -168,8 +166,24 @@ class SshSession(BaseSession):
         return ""
 
     def _dial_engine(self, seconds: float) -> EngineSocket:
+        """Open a stream that may change something, which must end with the session's lock.
+
+        The lock's script ends processes: sshd's of this connection, where it found that; else the stream gets one.
+        """
+        from srprov.transport.engine_stream import EngineGone
+
+        if self._where and self._hold is not None and self._hold.line:
+            try:
+                channel = self.connection.transport.open_local_stream(_ENGINE_SOCKET, seconds)
+            except paramiko.SSHException as error:
+                raise EngineGone(f"sshd opens no stream to the engine: {error}") from error
+            if channel is not None:
+                return _stream(channel, lambda: "")
+        return self._dial_client(seconds)
+
+    def _dial_client(self, seconds: float) -> EngineSocket:
         """Start `docker system dial-stdio` on a channel of its own, and skip what a `.bashrc` prints before it."""
-        from srprov.transport.engine_stream import EngineGone, EngineSocket
+        from srprov.transport.engine_stream import EngineGone
 
         deadline, nonce = Deadline(seconds), secrets.token_hex(16)
         root = self.connection.settings.user == "root"
@@ -193,10 +207,7 @@ class SshSession(BaseSession):
             channel.close()
             raise
 
-        def waiting() -> bool:
-            return bool(channel.recv_ready() or channel.eof_received or channel.closed)
-
-        return EngineSocket(channel, lambda: complaint(channel), waiting)
+        return _stream(channel, lambda: complaint(channel))
 
     def _beside(self) -> ChannelStreams:
         """Give the spare shell, or start one."""
@@ -215,3 +226,13 @@ class SshSession(BaseSession):
     def _close_connection(self) -> None:
         """End the SSH connection."""
         self.connection.close()
+
+
+def _stream(channel: paramiko.Channel, reason: Callable[[], str]) -> EngineSocket:
+    """Give a channel to an engine as HTTP wants it."""
+    from srprov.transport.engine_stream import EngineSocket
+
+    def waiting() -> bool:
+        return bool(channel.recv_ready() or channel.eof_received or channel.closed)
+
+    return EngineSocket(channel, reason, waiting)

@@ -11,6 +11,7 @@ import os
 import random
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -218,7 +219,7 @@ def test_no_folder_and_no_flock_are_said(opened: Callable[[], Session], tmp_path
     locks = take(["here"], {"here": opened()}, ANNA, patience, threading.Event(), lambda _event: None)
     assert "root can write to none of" in locks.lost["here"]
     done = subprocess.run(
-        [str(shutil.which("sh")), "-c", SCRIPT, "hold", MARK, "2", "{}", str(tmp_path / "x")],
+        [str(shutil.which("sh")), "-c", SCRIPT, "hold", MARK, "2", "", "{}", str(tmp_path / "x")],
         env={"PATH": str(tmp_path / "nowhere")}, capture_output=True, text=True, timeout=20,
     )  # fmt: skip
     assert done.stdout.splitlines()[0] == "no flock is not installed on the robot"
@@ -241,7 +242,7 @@ class Bare:
         self.work = subprocess.Popen(["sh", "-c", work], env=odd, stdout=subprocess.PIPE)
         stranger = {**odd, "SRPROV_SESSION": MARK[::-1]}
         self.stranger = subprocess.Popen(["sleep", NAPS[6]], env=stranger)
-        words = ("hold", MARK, str(quiet_s), json.dumps({"owner": "anna"}), str(folder))
+        words = ("hold", MARK, str(quiet_s), "", json.dumps({"owner": "anna"}), str(folder))
         self.script = subprocess.Popen(
             ["sh", "-c", SCRIPT, *words], env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0
         )
@@ -457,10 +458,8 @@ def over_ssh(server: Sshd, *, warm: bool = True) -> Session:
     options = ConnectOptions(connect_timeout_s=5.0, warm_engine=False, ssh_config=Path("/dev/null"))
     session = connect(server.host(name="here"), options=options)
     if warm:
+        session._warm_engine = lambda: None  # type: ignore[attr-defined]  # what it asks would be counted too
         session.prepare()  # type: ignore[attr-defined]  # it is a BaseSession
-        for thread in threading.enumerate():
-            if thread.name == "warm engine":
-                thread.join(10)  # what it asks is counted too
     return session
 
 
@@ -502,11 +501,49 @@ def test_a_connection_that_ends_frees_the_lock(server: Sshd, opened: Callable[[]
     assert len(failed) == 1 and "lost" in failed[0], failed
 
 
-def test_a_network_that_is_cut_frees_the_lock(server: Sshd, opened: Callable[[], Session]) -> None:
-    """sshd notices nothing (here it is stopped): the controller gives up first, then the robot's end."""
+@pytest.fixture
+def listening(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[socket.socket]:
+    """Give a socket where the robot's engine is looked for; it accepts and says nothing."""
+    path = str(tmp_path / "engine.sock")
+    monkeypatch.setattr("srprov.transport.ssh._ENGINE_SOCKET", path)
+    with socket.socket(socket.AF_UNIX) as made:
+        made.bind(path)
+        made.listen()
+        made.settimeout(5)
+        yield made
+
+
+def to_engine(session: Session, listening: socket.socket) -> tuple[object, socket.socket]:
+    """Let a session open the stream by which it changes the engine; give both ends."""
+    session._dial_reads(5.0)  # type: ignore[attr-defined]  # what is changed is what was read
+    listening.accept()[0].close()
+    ours = session._dial_engine(5.0)  # type: ignore[attr-defined]
+    theirs = listening.accept()[0]
+    theirs.settimeout(0.0)
+    return ours, theirs
+
+
+def over(theirs: socket.socket) -> bool:
+    """Tell whether a stream has come to its end."""
+    try:
+        return theirs.recv(1) == b""
+    except BlockingIOError:
+        return False
+
+
+def test_a_network_that_is_cut_frees_the_lock(
+    server: Sshd, opened: Callable[[], Session], listening: socket.socket
+) -> None:
+    """sshd notices nothing (here it is stopped): the controller gives up first, then the robot's end.
+
+    Streams to the engine are sshd's own, and end with its process for this connection; nobody else's does.
+    """
+    other, before = over_ssh(server), server.connections()
     session, local = over_ssh(server), opened()
     taken(session)
-    frozen = server.connections()
+    _ours, engine = to_engine(session, listening)
+    frozen = sorted(set(server.connections()) - set(before))
+    assert frozen and not over(engine)
     failed: list[str] = []
     thread = threading.Thread(target=lambda: failed.append(failure_of(session, f"sleep {NAPS[10]}")))
     thread.start()
@@ -521,5 +558,23 @@ def test_a_network_that_is_cut_frees_the_lock(server: Sshd, opened: Callable[[],
     took = wait_until(lambda: holder(local) is None, 10)
     assert took < 2 * SHORT.robot_s
     assert running("sleep", NAPS[10]) == []
-    for pid in frozen:
-        os.kill(pid, signal.SIGCONT)
+    assert over(engine), "what is still on its way reaches no engine"
+    assert not set(frozen) & set(server.connections())
+    assert other.execute(Run(script="true")).ok
+    over_ssh(server).close()
+
+
+def test_without_a_lock_no_stream_of_sshd_changes_anything(server: Sshd, listening: socket.socket) -> None:
+    """Nothing would end it: the docker client is asked for instead, whose process the lock's script finds."""
+    session = over_ssh(server)
+    session._dial_reads(5.0)  # type: ignore[attr-defined]
+    listening.accept()[0].close()
+    with contextlib.suppress(OSError):  # no engine speaks here, and there may be no docker
+        session._dial_engine(1.0)  # type: ignore[attr-defined]
+    listening.settimeout(0.5)
+    started = running("docker", "dial-stdio") != []
+    with contextlib.suppress(TimeoutError):
+        taken_from = listening.accept()[0]
+        assert started, "it was the client that connected"
+        taken_from.close()
+    session.close()

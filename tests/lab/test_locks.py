@@ -26,6 +26,7 @@ pytestmark = pytest.mark.lab
 RACES = int(os.environ.get("SRPROV_RACES", "5"))
 HEARTBEAT = "0.5,3,5"
 """Seconds: beat, controller gives up, robot's end gives up."""
+LOGINS = "grep -la '^sshd: root' /proc/[0-9]*/cmdline 2>/dev/null; true"
 OURS = "grep -la SRPROV_SESSION= /proc/[0-9]*/environ 2>/dev/null; true"
 
 
@@ -173,6 +174,7 @@ def test_a_killed_controller_leaves_no_lock(lab_of_module: Lab, tmp_path: Path) 
     run = begin(lab, *common)
     until_said(run, "Step 1/")
     assert not free(lab, "robot7")
+    assert lab.shell("robot7", "sh", "-c", LOGINS).out != "", "the pattern sees what it shall see"
     run.send_signal(signal.SIGKILL)
     run.communicate(timeout=10)
     assert wait_until(lambda: all(free(lab, robot) for robot in robots), 15) < 6, "a second, and the time to look"
@@ -209,6 +211,8 @@ def test_a_cut_network_leaves_no_lock(lab_of_module: Lab, tmp_path: Path, monkey
         assert "lost contact" in err, err
         wait_until(lambda: all(free(lab, robot) for robot in robots), 20 - (time.monotonic() - begun))
         assert [lab.shell(robot, "sh", "-c", OURS).out for robot in robots] == ["", ""]
+        # sshd has streams to the engine: a request that is late must find none
+        assert [lab.shell(robot, "sh", "-c", LOGINS).out for robot in robots] == ["", ""]
     finally:
         for robot in robots:
             lab.srprov("lab", "heal", robot)

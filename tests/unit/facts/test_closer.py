@@ -9,7 +9,7 @@ import pytest
 
 from srprov.definitions.model import Placement, Requirements
 from srprov.errors import NoAssignment
-from srprov.facts.probes import COUNTERS, INFO
+from srprov.facts.probes import INFO, counters
 from srprov.wire import EngineQuery, Reply
 from tests.fakes import World
 from tests.worlds import Experiment, apply, experiment, plan_for, service
@@ -23,7 +23,7 @@ def asked(world: World, what: Experiment, **wishes: object) -> tuple[int, int]:
     before = len(world.log)
     plan_for(world, what, **wishes)
     queries = [entry.what for entry in world.log[before:]]
-    return queries.count(INFO), queries.count(COUNTERS)
+    return queries.count(INFO), queries.count(counters())
 
 
 @pytest.fixture
@@ -60,15 +60,19 @@ def test_a_size_of_disk_asks_the_engines_which_disk_is_theirs_at_once(world: Wor
     assert asked(world, large) == (2, 0)
 
 
-def test_whoever_prepares_changes_is_told_the_pinned_robots_once_and_only_when_something_is_new(world: World) -> None:
+def test_whoever_prepares_changes_is_told_the_likely_robots_once_and_only_when_something_is_new(world: World) -> None:
     told: list[frozenset[str]] = []
     plan_for(world, PINNED, expect=told.append)
     assert told == [frozenset({"a", "b"})]
     apply(world, PINNED)
     plan_for(world, PINNED, expect=told.append)
     assert len(told) == 1
-    plan_for(world, experiment(service("talker", robot="a"), service("third")), expect=told.append)
-    assert told[1:] == [frozenset()]
+    third = experiment(service("talker", robot="a"), service("third"))
+    placed = plan_for(world, third, expect=told.append).assignment
+    assert told[1:] == [frozenset({placed["third"]})]
+    with pytest.raises(NoAssignment):
+        plan_for(world, experiment(service("huge", requires=Requirements(cpus=99))), expect=told.append)
+    assert told[2:] == [frozenset()]
 
 
 def rootless(world: World, name: str) -> None:

@@ -278,5 +278,5 @@ def test_plan_json_is_canonical_and_holds_only_json() -> None:
         {"engine": "POST", "path": "/images/create", "params": {"fromImage": "busybox", "tag": "latest"}}
     ]
     assert set(by_module["file"]["commands"][0]) == {"put", "bytes", "sha256", "mode", "in_place"}
-    assert by_module["vxlan"]["commands"][0]["run"].startswith("set -e\nip link add")
+    assert by_module["vxlan"]["commands"][0]["run"].startswith("ip -batch - <<'_END_OF_CALLS_' || exit\nlink add")
     assert first["counts"] == {"create": 12, "update": 0, "replace": 0, "delete": 0, "run": 0}
