@@ -16,12 +16,16 @@ FRESH = 8
 PER_CONTAINER = 2
 
 
-def test_round_trips(lab: Lab, tmp_path: Path) -> None:
-    """One connection per robot and run; a budget of waits for nothing to do, for a fresh apply, and per container."""
+@pytest.mark.parametrize("pinned", [True, False])
+def test_round_trips(lab: Lab, tmp_path: Path, pinned: bool) -> None:
+    """One connection per robot and run; a budget of waits for nothing to do, for a fresh apply, and per container.
+
+    To choose robots takes no more of them than to be told.
+    """
     path = tmp_path / "experiment.edf"
-    services = {"a": busybox(robot="robot1"), "b": busybox(robot="robot2"), "c": busybox(robot="robot3")}
-    services |= {"d": busybox(robot="robot3")}
-    path.write_text(edf("budget", services, placement={"slots_per_robot": 2}), encoding="utf-8")
+    places = {"a": "robot1", "b": "robot2", "c": "robot3", "d": "robot3"}
+    services = {name: busybox(robot=robot) if pinned else busybox() for name, robot in places.items()}
+    path.write_text(edf(f"budget-{pinned}".lower(), services, placement={"slots_per_robot": 2}), encoding="utf-8")
     inventory = part_of_lab(lab, ROBOTS, tmp_path / "lab.yml")
     for robot in ROBOTS:
         lab.shell(robot, "docker", "pull", "-q", "busybox")
