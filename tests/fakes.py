@@ -18,9 +18,8 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from srprov.errors import TransportError
-from srprov.facts import gather
 from srprov.facts.gather import _PLACEMENTS
-from srprov.facts.probes import PROBES, counters
+from srprov.facts.probes import COUNTERS, PROBES
 from srprov.modules import MODULES
 from srprov.secret import Vault
 from srprov.wire import (
@@ -45,8 +44,6 @@ from tests.fake_kernel import Disk, Kernel, shell_reply
 __all__ = ["Behaviour", "Entry", "FakeRobot", "Fault", "World"]
 
 _LOGS = re.compile(r"docker logs --tail (\d+) (\S+) 2>&1")
-
-gather.SAMPLE_S = 0.0  # these robots have no traffic, and hypothesis asks thousands of them
 
 
 @dataclass(frozen=True)
@@ -272,7 +269,7 @@ class FakeRobot:
             return Reply(status=0, out=f"{self.disk.command(words[4 : words.index('</dev/null')])}\n")
         answers = {
             **{probe.command: self._probe(probe.name) for probe in PROBES},
-            counters().command: "",
+            COUNTERS.command: "",
             _PLACEMENTS.command: self.disk.records(),
             MODULES["file"].queries()[0].command: self.disk.hashes(),  # type: ignore[union-attr]
             MODULES["tree"].queries()[0].command: self.disk.list_trees(),  # type: ignore[union-attr]

@@ -21,7 +21,7 @@ from srprov.errors import TransportError
 from srprov.facts.host import host_queries, parse_host
 from srprov.facts.model import Existing, Found, HostFacts
 from srprov.facts.observe import observe_queries, parse_observed, parse_probed, probe_queries
-from srprov.facts.probes import INFO, SAMPLE_S, counters
+from srprov.facts.probes import COUNTERS, INFO
 from srprov.facts.untrusted import text
 from srprov.modules import PROBING
 from srprov.modules.module import STATE_ROOT
@@ -119,15 +119,13 @@ class _Look:
     measures: Measures | None
     asked_at: float
     """Seconds since the epoch."""
-    over_at: float
-    """Of the monotonic clock."""
     facts: HostFacts
     existing: tuple[Existing, ...]
     placements: list[Mapping[str, Any]]
 
     def closer(self, readers: Readers, engine: bool, traffic: bool) -> HostFacts:
         """Ask the engine of itself; read the counters again, some time after the first reading: both at once."""
-        queries = [INFO] * engine + [counters(self.over_at + SAMPLE_S - time.monotonic())] * traffic
+        queries = [INFO] * engine + [COUNTERS] * traffic
         answers = list(readers(self.host.name).ask(queries))
         later = answers.pop() if traffic else None
         replies = [*self.replies, *answers]
@@ -234,7 +232,7 @@ def _one(host: Host, readers: Readers, info: bool) -> _Look:
     ours = observe_queries()
     asked_at = time.time()  # the robot's clock is read first of all
     replies = reader.ask([*mine, *ours, _PLACEMENTS])
-    over_at, measures, asked = time.monotonic(), reader.measure(), replies[: len(mine)]
+    measures, asked = reader.measure(), replies[: len(mine)]
     facts = parse_host(host, asked, measures=measures, now=asked_at)
     seen = replies[len(mine) : -1]
     mute = [reply for query, reply in zip(ours, seen, strict=True) if isinstance(query, EngineQuery) and not reply.ok]
@@ -246,7 +244,6 @@ def _one(host: Host, readers: Readers, info: bool) -> _Look:
         replies=asked,
         measures=measures,
         asked_at=asked_at,
-        over_at=over_at,
         facts=facts,
         existing=parse_observed(seen),
         placements=_placements(replies[-1]),

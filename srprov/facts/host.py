@@ -75,7 +75,7 @@ def parse_host(
         measures: What psutil says, for the controller itself; wins over /proc.
         slots_default: Slots of a robot whose inventory names none.
         now: The controller's clock when the queries were sent, seconds since the epoch; None leaves the offset 0.
-        later: The reply to `counters`, some time after the others: with it the traffic is known.
+        later: The reply to `COUNTERS`, some time after the others: with it the traffic is known.
 
     Nothing raises: what a robot did not say properly keeps the default of HostFacts.
     """

@@ -109,15 +109,9 @@ PING = EngineQuery(path="/_ping", headers=True)
 INFO = EngineQuery(path="/info")
 """What only a decision needs: the engine starts two programs for it, which takes 10 ms of a desktop's CPU."""
 ENGINE = (PING, INFO)
-SAMPLE_S = 0.2
-"""Between the two readings of the counters, at least."""
+COUNTERS = Query(command="sleep 0.2 2>/dev/null || sleep 1; cat /proc/uptime /proc/net/dev")
+"""The second reading of the counters, asked only when traffic is wanted; the first is among the files.
 
-
-def counters(after_s: float = 0.0) -> Query:
-    """Ask for the second reading of the counters, so many seconds from now; the first is among the files.
-
-    The robot waits, so that the engine can be asked in the same round trip. Where `sleep` takes whole seconds only, it
-    waits for one.
-    """
-    pause = f"sleep {after_s:.2f} 2>/dev/null || sleep 1; " if after_s > 0 else ""
-    return Query(command=f"{pause}cat /proc/uptime /proc/net/dev")
+The robot makes the pause between them, so that the engine can be asked in the same round trip. Where `sleep` takes
+whole seconds only, it is one.
+"""

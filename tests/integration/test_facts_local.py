@@ -12,8 +12,7 @@ from srprov.definitions.model import Host
 from srprov.facts.answers import parse_files, parse_traffic
 from srprov.facts.host import host_queries, parse_host
 from srprov.facts.model import HostFacts
-from srprov.facts.probes import SAMPLE_S
-from srprov.facts.probes import counters as second_reading
+from srprov.facts.probes import COUNTERS
 from srprov.wire import Query, Reply
 
 IP = shutil.which("ip", path="/usr/sbin:/sbin:/usr/bin:/bin")
@@ -40,8 +39,7 @@ def facts(request: pytest.FixtureRequest) -> HostFacts:
         pytest.skip(f"{shell[0]} is not installed")
     now = time.time()
     replies = [ask(shell, query) for query in host_queries()]
-    time.sleep(SAMPLE_S)
-    later = ask(shell, second_reading())
+    later = ask(shell, COUNTERS)
     return parse_host(Host(name="here", address="localhost"), replies, None, now=now, later=later)
 
 
@@ -109,8 +107,7 @@ def test_traffic_is_what_passed_between_two_readings(shell: list[str]) -> None:
             while left:
                 left -= len(taken.recv(left))
         taken.close()
-    time.sleep(max(0.0, SAMPLE_S - (time.monotonic() - begun)))
-    later = ask(shell, second_reading())
+    later = ask(shell, COUNTERS)
     passed = psutil.net_io_counters(pernic=True)["lo"].bytes_sent - before
     here = Host(name="here", address="127.0.0.1")
     said = parse_traffic("\n".join([*counters(first), later.out]))["lo"]

@@ -9,7 +9,7 @@ from srprov.facts.gather import _PLACEMENTS
 from srprov.facts.host import host_queries
 from srprov.facts.observe import observe_queries
 from srprov.facts.preconditions import precondition_queries
-from srprov.facts.probes import counters
+from srprov.facts.probes import COUNTERS
 from srprov.transport.frames import batch, start_command
 from srprov.wire import Query
 from tests.fakes import World
@@ -18,8 +18,7 @@ from tests.worlds import experiment, plan_for, service
 
 QUESTIONS = [
     *host_queries(),
-    counters(),
-    counters(0.25),
+    COUNTERS,
     *observe_queries(),
     _PLACEMENTS,
     *precondition_queries(),

@@ -9,7 +9,7 @@ import pytest
 
 from srprov.definitions.model import Placement, Requirements
 from srprov.errors import NoAssignment
-from srprov.facts.probes import INFO, counters
+from srprov.facts.probes import COUNTERS, INFO
 from srprov.wire import EngineQuery, Reply
 from tests.fakes import World
 from tests.worlds import Experiment, apply, experiment, plan_for, service
@@ -23,7 +23,7 @@ def asked(world: World, what: Experiment, **wishes: object) -> tuple[int, int]:
     before = len(world.log)
     plan_for(world, what, **wishes)
     queries = [entry.what for entry in world.log[before:]]
-    return queries.count(INFO), queries.count(counters())
+    return queries.count(INFO), queries.count(COUNTERS)
 
 
 @pytest.fixture
