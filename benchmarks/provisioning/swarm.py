@@ -28,6 +28,7 @@ until
   test "$seen" = "%(wanted)s"
 do sleep 0.05; done
 """
+GONE = 'for i in $(seq 150); do test -n "$(%s)" || break; sleep 0.1; done'
 
 
 class Swarm(Tool):
@@ -46,10 +47,12 @@ class Swarm(Tool):
             self.lab.enter(name, f"docker swarm join {words} >/dev/null")
 
     def end(self) -> None:
-        """Remove the stack and leave the swarm."""
+        """Remove the stack and leave the swarm; what comes next needs the stack's subnet, so wait until it is free."""
         first = self.lab.robots[0][0]
         self.lab.enter(first, "docker stack rm bench >/dev/null 2>&1; true")
+        self.lab.everywhere(GONE % "docker ps -q")
         self.lab.everywhere("docker swarm leave --force >/dev/null 2>&1; true")
+        self.lab.everywhere(GONE % "docker network ls -q --filter driver=overlay")
 
     def call(self, job: Job, variant: str) -> Call:
         """Write the stack into the command."""

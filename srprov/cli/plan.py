@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
+from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -55,11 +56,6 @@ def plan(
     reached, unless --unreachable says otherwise.
     """
     from srprov.cli.apply import check_kinds, own_playbooks, read_secrets
-    from srprov.controller import Wishes, make_plan
-    from srprov.planning.limit import limited
-    from srprov.planning.markdown import plan_markdown
-    from srprov.planning.plan import plan_json
-    from srprov.saved import to_file
 
     definitions = options.load_experiment(file)
     check_kinds(allow)
@@ -67,12 +63,23 @@ def plan(
     inventory = options.load_inventory(inventories)
     last = options.failed_robots(instance or definitions.experiment.name, runs)
     chosen = options.selected(inventory, limit, exclude, last)
-    wishes = Wishes(
-        instance=instance, reassign=reassign, adopt=adopt, forks=forks, history=read_history(history),
-        reassign_unreachable=unreachable == "reassign", allow=frozenset(allow), playbooks=own_playbooks(), exact=True,
-    )  # fmt: skip
+    before, own = read_history(history), own_playbooks()
     with options.open_lab(inventory, timeout, forks) as lab, answers_only():
-        planned = make_plan(definitions, inventory, lab.sessions.get, wishes, vault=vault)
+        from srprov.facts.gather import begin
+
+        with closing(begin(inventory, lab.sessions.get, definitions.experiment, exact=True, forks=forks)) as looking:
+            # a tenth of a second of imports, while the robots are asked
+            from srprov.controller import Wishes, make_plan
+            from srprov.planning.limit import limited
+            from srprov.planning.markdown import plan_markdown
+            from srprov.planning.plan import plan_json
+            from srprov.saved import to_file
+
+            wishes = Wishes(
+                instance=instance, reassign=reassign, adopt=adopt, forks=forks, history=before, looking=looking,
+                reassign_unreachable=unreachable == "reassign", allow=frozenset(allow), playbooks=own, exact=True,
+            )  # fmt: skip
+            planned = make_plan(definitions, inventory, lab.sessions.get, wishes, vault=vault)
     made = limited(planned.plan, chosen)
     if target:
         write_plan(target, to_file(planned, made, definitions), vault)
