@@ -74,16 +74,20 @@ of_session() {
     fi
     [ "$mark" ] && [ "$found" ]
 }
-# sshd's process of this connection, which carries what the controller says to the engine: if it is still above us
-connected() {
-    up=$$
-    while [ "$sshd" ] && [ "${up:-0}" -gt 1 ]; do
-        [ "$up" != "$sshd" ] || return 0
-        child=$up up=
-        while read -r key up && [ "$key" != PPid: ]; do :; done 2>/dev/null <"/proc/$child/status"
-    done
-    return 1
+# when a process began, in clock ticks since the boot; nothing when it is over: its number may be another's by now
+since() {
+    stat= began=
+    [ "$1" ] && read -r stat 2>/dev/null <"/proc/$1/stat"
+    set -- ${stat##*) }
+    [ "$#" -gt 19 ] && [ "$1" != Z ] && shift 19 && began=$1
 }
+# sshd's process of this connection, which carries what the controller says to the engine
+connected() {
+    since "$sshd"
+    [ "$began" ] && [ "$began" = "$logged_in" ]
+}
+since "$sshd"
+logged_in=$began
 take
 while :; do
     # dd takes one byte and no more; its time is an interval, which no change of the clock can move

@@ -1,8 +1,8 @@
 """HTTP to a Docker Engine over any pair of byte streams: the part that requests and urllib3 have to be taught.
 
-Takes a function that dials the engine (an SSH channel running `docker system dial-stdio`, or a Unix socket), gives an
-adapter for the docker SDK's `APIClient`. docker's own `transport/sshconn.py` shows the seams; it opens an SSH
-connection of its own, knows no deadline and loses what the far end wrote to stderr.
+Takes a function that dials the engine (a stream of sshd, an SSH channel running `docker system dial-stdio`, or a Unix
+socket), gives an adapter for the docker SDK's `APIClient`. docker's own `transport/sshconn.py` shows the seams; it
+opens an SSH connection of its own, knows no deadline and loses what the far end wrote to stderr.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from srprov.transport.engine_stream import Dial, EngineGone
 from srprov.wire import Traffic
 
 MAX_CHANNELS = 4
-"""sshd's MaxSessions is 10 by default, and the shell needs one."""
+"""Each may be a session of sshd, whose MaxSessions is 10 by default, and the shells need two."""
 _POOL_WAIT_S = 300.0
 
 

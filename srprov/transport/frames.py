@@ -32,14 +32,21 @@ FIND_LINE = """\
 line=$PPID
 while [ "${line:-0}" -gt 1 ]; do
   name= ; read -r name 2>/dev/null <"/proc/$line/comm"
-  case $name in sshd*|dropbear*) break ;; esac
+  case $name in
+    sshd|sshd-session|dropbear) break ;;
+    sudo|sh|dash|ash|bash|zsh|ksh|mksh|fish|csh|tcsh|busybox) ;;
+    *) line=; break ;;
+  esac
   up= ; while read -r key up && [ "$key" != PPid: ]; do :; done 2>/dev/null <"/proc/$line/status"
   line=$up
 done
 [ "${line:-0}" -gt 1 ] || line=
 echo "$line"
 """
-"""For a fresh shell: set and print `line`, the number of sshd's process for this connection; empty if not found."""
+"""For a fresh shell: set and print `line`, the number of sshd's process for this connection; empty if not found.
+
+Only shells and sudo may lie between: an sshd above any other program is not this connection's, but a user's own login.
+"""
 
 
 def start_command(nonce: str, then: str, *, root: bool, mark: str = "", ask: bool = False) -> str:

@@ -40,7 +40,7 @@ class Heartbeat:
         self._line = bytearray()
         self.first = ""
         self.line = ""
-        """The process of the connection on the robot, which the script ends too; empty if it has none that is ours."""
+        """The process of the connection on the robot, which the script ends too; empty if unknown, or nobody does."""
 
     def begin(self, command: str) -> None:
         """Start the script, wait for the line before it and for its first line, and let the heart beat.
@@ -50,8 +50,10 @@ class Heartbeat:
         """
         try:
             self.line = self._ask(command + "\n")
+            heard = self._heard
             with self._lock:
                 self.first = self._exchange("", self._pulse.controller_s)
+                self._heard = heard  # the robot's end has waited since then, however late its words came
         except TransportError:
             self._over.set()
             self._streams.close()
@@ -85,6 +87,7 @@ class Heartbeat:
         if self._over.is_set():
             return
         self._over.set()
+        self.line = ""
         if self._lock.acquire(timeout=_GOODBYE_S):
             with contextlib.suppress(TransportError):
                 self._exchange("e", min(_GOODBYE_S, self._pulse.controller_s))
@@ -94,6 +97,7 @@ class Heartbeat:
     def cut(self) -> None:
         """Close without a word: the robot's end then stops what runs there."""
         self._over.set()
+        self.line = ""
         self._streams.close()
 
     def _ask(self, text: str) -> str:

@@ -135,6 +135,7 @@ class SshSession(BaseSession):
         """
         from srprov.transport.engine_stream import EngineGone
 
+        deadline = Deadline(seconds)
         room = Background(lambda: self._room(seconds)) if not self._has_room else None
         try:
             channel = self.connection.transport.open_local_stream(_ENGINE_SOCKET, seconds)
@@ -147,7 +148,7 @@ class SshSession(BaseSession):
             raise EngineGone(refused)
         self._has_room = True
         if channel is None:
-            return self._dial_client(seconds)
+            return self._dial_client(deadline)
         self._where = f"-H unix://{_ENGINE_SOCKET} "  # what is changed is what was read, whatever DOCKER_HOST says
         return _stream(channel, lambda: "")
 
@@ -168,10 +169,11 @@ class SshSession(BaseSession):
     def _dial_engine(self, seconds: float) -> EngineSocket:
         """Open a stream that may change something, which must end with the session's lock.
 
-        The lock's script ends processes: sshd's of this connection, where it found that; else the stream gets one.
+        Beside a hold, whose script ends processes, it may be sshd's own, if sshd's process was found; else it gets one.
         """
         from srprov.transport.engine_stream import EngineGone
 
+        deadline = Deadline(seconds)
         if self._where and self._hold is not None and self._hold.line:
             try:
                 channel = self.connection.transport.open_local_stream(_ENGINE_SOCKET, seconds)
@@ -179,13 +181,13 @@ class SshSession(BaseSession):
                 raise EngineGone(f"sshd opens no stream to the engine: {error}") from error
             if channel is not None:
                 return _stream(channel, lambda: "")
-        return self._dial_client(seconds)
+        return self._dial_client(deadline)
 
-    def _dial_client(self, seconds: float) -> EngineSocket:
+    def _dial_client(self, deadline: Deadline) -> EngineSocket:
         """Start `docker system dial-stdio` on a channel of its own, and skip what a `.bashrc` prints before it."""
         from srprov.transport.engine_stream import EngineGone
 
-        deadline, nonce = Deadline(seconds), secrets.token_hex(16)
+        nonce = secrets.token_hex(16)
         root = self.connection.settings.user == "root"
         ask = self._become is not None
         command = start_command(nonce, f"docker {self._where}system dial-stdio", root=root, mark=self._mark, ask=ask)

@@ -28,6 +28,7 @@ from srprov.execution.locks import SCRIPT, Claim, Holder, holders, who_holds
 from srprov.execution.taking import Locks, Patience, take
 from srprov.transport import ConnectOptions, connect
 from srprov.transport import hold as hold_file
+from srprov.transport.frames import FIND_LINE
 from srprov.wire import Pulse, Query, Run, Session
 
 from .sshd import Sshd, usable
@@ -564,17 +565,36 @@ def test_a_network_that_is_cut_frees_the_lock(
     over_ssh(server).close()
 
 
-def test_without_a_lock_no_stream_of_sshd_changes_anything(server: Sshd, listening: socket.socket) -> None:
-    """Nothing would end it: the docker client is asked for instead, whose process the lock's script finds."""
+@pytest.mark.parametrize("known", ["no lock", "no process", "given back"])
+def test_no_stream_of_sshd_changes_anything_that_a_lock_could_not_end(
+    server: Sshd, listening: socket.socket, monkeypatch: pytest.MonkeyPatch, known: str
+) -> None:
+    """The docker client is asked for instead, whose process the lock's script finds."""
+    if known == "no process":
+        monkeypatch.setattr("srprov.transport.ssh.SshSession._find_line", "line=; echo; ")
     session = over_ssh(server)
     session._dial_reads(5.0)  # type: ignore[attr-defined]
     listening.accept()[0].close()
-    with contextlib.suppress(OSError):  # no engine speaks here, and there may be no docker
-        session._dial_engine(1.0)  # type: ignore[attr-defined]
-    listening.settimeout(0.5)
-    started = running("docker", "dial-stdio") != []
-    with contextlib.suppress(TimeoutError):
-        taken_from = listening.accept()[0]
-        assert started, "it was the client that connected"
-        taken_from.close()
+    asked: list[str] = []
+    monkeypatch.setattr(session, "_dial_client", lambda _deadline: asked.append("client"))
+    locks = None if known == "no lock" else taken(session)
+    if locks and known == "given back":
+        locks.give_back()
+    session._dial_engine(5.0)  # type: ignore[attr-defined]
+    assert asked == ["client"]
     session.close()
+
+
+@pytest.mark.parametrize(("between", "found"), [("sh", True), ("python", False)])
+def test_sshd_is_found_through_shells_only(tmp_path: Path, between: str, found: bool) -> None:
+    """Above any other program it serves somebody else's login: who works on this very machine, say."""
+    (tmp_path / "sshd").symlink_to(str(shutil.which("dash")))
+    (tmp_path / "find").write_text(FIND_LINE)
+    (tmp_path / "inner.sh").write_text(f"sh {tmp_path}/find\n:\n")
+    (tmp_path / "inner.py").write_text(f"import subprocess; subprocess.run(['sh', '{tmp_path}/find'], check=True)\n")
+    inner = f"sh {tmp_path}/inner.sh" if between == "sh" else f"{sys.executable} {tmp_path}/inner.py"
+    (tmp_path / "outer").write_text(f"echo $$\n{inner}\n:\n")
+    argv = [str(tmp_path / "sshd"), str(tmp_path / "outer")]
+    done = subprocess.run(argv, capture_output=True, text=True, timeout=20, check=True)
+    own, line = done.stdout.splitlines()
+    assert line == (own if found else "")
