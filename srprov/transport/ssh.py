@@ -103,8 +103,6 @@ class SshSession(BaseSession):
                 threading.Thread(target=session.reader.warm, name="warm engine", daemon=True).start()
             shell.wait_ready(nonce, deadline)
             traffic.connect_s = deadline.seconds - deadline.left()
-            if connection.wire:
-                connection.wire.acknowledge_at_once = False
         except BaseException:
             connection.close()
             raise
