@@ -16,14 +16,7 @@ from tests.fakes import World
 from tests.readonly import READS, commands, engine_requests, engine_violations, shell_violations
 from tests.worlds import experiment, plan_for, service
 
-QUESTIONS = [
-    *host_queries(),
-    COUNTERS,
-    *observe_queries(),
-    _PLACEMENTS,
-    *precondition_queries(),
-    who_holds(),
-]
+QUESTIONS = [*host_queries(), COUNTERS, *observe_queries(), _PLACEMENTS, *precondition_queries(), who_holds()]
 
 
 @pytest.mark.parametrize("question", [one for one in QUESTIONS if isinstance(one, Query)], ids=lambda q: q.command[:30])

@@ -265,19 +265,20 @@ def test_a_call_waits_for_the_connection_that_is_being_opened(
     """sshd opens few sessions (MaxSessions): one beside that which is coming might be refused."""
     played = play(lambda *_: reply(b"{}", "201 Created"))
     dialled: list[float] = []
+    begun = threading.Event()
 
     def dial(seconds: float) -> EngineSocket:
         dialled.append(seconds)
+        begun.set()
         time.sleep(0.2)
         return session._dial_engine(seconds)  # type: ignore[attr-defined]  # it is a LocalSession
 
     engine = Engine("here", dial, Traffic(), lambda: True)
     warming = threading.Thread(target=engine.warm, args=("1.41",))
     warming.start()
-    while not dialled:
-        time.sleep(0.001)
+    assert begun.wait(10)
     assert engine.call(EngineCall(method="POST", path="/x"), lambda _line: None).ok
-    warming.join()
+    warming.join(10)
     assert len(dialled) == 1
     assert played.requests == ["POST /v1.41/x"], "the version was known, so nobody asked for it"
     engine.close()
