@@ -19,7 +19,7 @@ from typing import Any
 
 from srprov.errors import TransportError
 from srprov.facts.gather import _PLACEMENTS
-from srprov.facts.probes import COUNTERS, PROBES
+from srprov.facts.probes import PROBES
 from srprov.modules import MODULES
 from srprov.secret import Vault
 from srprov.wire import (
@@ -264,12 +264,13 @@ class FakeRobot:
             one = self.engine.containers.get(match[2])
             text = self.engine.behaviours.get(one.service, Behaviour()).log if one else ""
             return shell_reply("" if one else f"Error: No such container: {match[2]}", text)
+        if command.startswith("first="):
+            return Reply(status=0, out="")
         if command.startswith("timeout -k 2 10 sh -c "):
             words = shlex.split(command)
             return Reply(status=0, out=f"{self.disk.command(words[4 : words.index('</dev/null')])}\n")
         answers = {
             **{probe.command: self._probe(probe.name) for probe in PROBES},
-            COUNTERS.command: "",
             _PLACEMENTS.command: self.disk.records(),
             MODULES["file"].queries()[0].command: self.disk.hashes(),  # type: ignore[union-attr]
             MODULES["tree"].queries()[0].command: self.disk.list_trees(),  # type: ignore[union-attr]
@@ -287,7 +288,8 @@ class FakeRobot:
             "files": (
                 "/proc/loadavg:0.00 0.00 0.00 1/100 1000\n/proc/meminfo:MemTotal:       4000000 kB\n"
                 "/proc/meminfo:MemAvailable:   4000000 kB\n/proc/sys/kernel/hostname:" + self._host + "\n"
-                "/proc/sys/kernel/osrelease:6.1.0-18-amd64\n/sys/class/net/eth0/speed:1000\n"
+                "/proc/uptime:5000.25 9000.00\n/proc/sys/kernel/osrelease:6.1.0-18-amd64\n"
+                "/sys/class/net/eth0/speed:1000\n"
             ),
             "cpus": "4\n",
             "links": self.kernel.show_addresses(),

@@ -3,11 +3,12 @@
     python fake_robots.py record OUT.json REAL_ADDRESS KEY KNOWN_HOSTS PORT
     python fake_robots.py replay OUT.json FOLDER FIRST COUNT PORT NAME ADDRESS
 
-`record` passes everything through to a real robot and keeps, per command, what was written to it and what came back. No
-word of srprov's protocol is known here: long hex words are taken for nonces, and an answer is kept under the text that
-asked for it, nonces left open. `replay` serves COUNT robots on addresses of their own, answers with the record, and
-puts its own name and address for those of the robot that was recorded (NAME, ADDRESS; of equal length, so that no
-count of bytes changes). Host keys are written to FOLDER/FIRST.known, which is complete when it is there.
+`record` passes everything through to a real robot and keeps, per command, what was written to it and what came back. Of
+srprov's protocol one word is known here, the moment of an earlier answer: long hex words are taken for nonces, and an
+answer is kept under the text that asked for it, nonces left open. `replay` serves COUNT robots on addresses of their
+own, answers with the record, and puts its own name and address for those of the robot that was recorded (NAME, ADDRESS;
+of equal length, so that no count of bytes changes). Host keys are written to FOLDER/FIRST.known, which is
+complete when it is there.
 """
 
 import asyncio
@@ -23,6 +24,8 @@ import asyncssh
 from fake_names import identity
 
 NONCE = re.compile(rb"[0-9a-f]{16,}")
+MOMENT = re.compile(rb"(?<=first=)[0-9]+")
+"""When a robot was asked first, which it is told when it is asked again; the doubles never wait."""
 
 
 def opened(text: bytes, tokens: list[bytes]) -> bytes:
@@ -33,7 +36,7 @@ def opened(text: bytes, tokens: list[bytes]) -> bytes:
             tokens.append(found[0])
         return b"\x00%d\x00" % tokens.index(found[0])
 
-    return NONCE.sub(place, text)
+    return NONCE.sub(place, MOMENT.sub(b"0", text))
 
 
 def without(text: bytes, tokens: list[bytes]) -> bytes:

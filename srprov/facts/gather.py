@@ -18,10 +18,10 @@ from typing import Any
 
 from srprov.definitions.model import Experiment, Host, Inventory
 from srprov.errors import TransportError
-from srprov.facts.host import host_queries, parse_host
+from srprov.facts.host import host_queries, later_query, parse_host
 from srprov.facts.model import Existing, Found, HostFacts
 from srprov.facts.observe import observe_queries, parse_observed, parse_probed, probe_queries
-from srprov.facts.probes import COUNTERS, INFO
+from srprov.facts.probes import INFO
 from srprov.facts.untrusted import text
 from srprov.modules import PROBING
 from srprov.modules.module import STATE_ROOT
@@ -42,7 +42,7 @@ class Closer(enum.Enum):
     ENGINE = "engine"
     """What each engine says of itself, which makes it start two programs."""
     TRAFFIC = "traffic"
-    """The traffic of this moment, which takes a second look, 0.2 s after the first."""
+    """The traffic of this moment, which takes a second look, at least 0.2 s after the first."""
 
 
 class Looking:
@@ -125,7 +125,7 @@ class _Look:
 
     def closer(self, readers: Readers, engine: bool, traffic: bool) -> HostFacts:
         """Ask the engine of itself; read the counters again, some time after the first reading: both at once."""
-        queries = [INFO] * engine + [COUNTERS] * traffic
+        queries = [INFO] * engine + [later_query(self.replies)] * traffic
         answers = list(readers(self.host.name).ask(queries))
         later = answers.pop() if traffic else None
         replies = [*self.replies, *answers]

@@ -14,11 +14,11 @@ from dataclasses import replace
 from typing import Any
 
 from srprov.definitions.model import Host
-from srprov.facts.answers import Counters, Files, Filesystem, Identity, parse_traffic
+from srprov.facts.answers import Counters, Files, Filesystem, Identity, parse_files, parse_traffic
 from srprov.facts.hardware import detect_tags
 from srprov.facts.links import Underlay, find_underlay
 from srprov.facts.model import Docker, HostFacts
-from srprov.facts.probes import ENGINE, PING, PROBES
+from srprov.facts.probes import ENGINE, PING, PROBES, counters, first_reading
 from srprov.facts.untrusted import decimal, folder, integer, mapping, parsed, text
 from srprov.wire import EngineQuery, Measures, Query, Reply
 
@@ -52,6 +52,16 @@ def host_queries(*, info: bool = True) -> tuple[Query | EngineQuery, ...]:
     return (*probes, *(ENGINE if info else (PING,)))
 
 
+def later_query(replies: Sequence[Reply]) -> Query:
+    """Ask for the second reading of the counters; without a first one nothing is waited for, as nothing can be told.
+
+    Args:
+        replies: Those to `host_queries`, which hold the first reading.
+    """
+    files = next((reply for probe, reply in zip(PROBES, replies, strict=False) if probe.name == "files"), None)
+    return counters(first_reading(parse_files(files.out)) if files else 0)
+
+
 def docker_arch(machine: str) -> str:
     """Give Docker's name for what `uname -m` or the engine calls a machine; unknown ones stay, in lower case."""
     name = machine.lower()
@@ -75,7 +85,7 @@ def parse_host(
         measures: What psutil says, for the controller itself; wins over /proc.
         slots_default: Slots of a robot whose inventory names none.
         now: The controller's clock when the queries were sent, seconds since the epoch; None leaves the offset 0.
-        later: The reply to `COUNTERS`, some time after the others: with it the traffic is known.
+        later: The reply to `later_query`, some time after the others: with it the traffic is known.
 
     Nothing raises: what a robot did not say properly keeps the default of HostFacts.
     """

@@ -10,7 +10,8 @@ Source: proc(5), sysfs-class-net, ip-address(8), the busybox manual.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -109,9 +110,38 @@ PING = EngineQuery(path="/_ping", headers=True)
 INFO = EngineQuery(path="/info")
 """What only a decision needs: the engine starts two programs for it, which takes 10 ms of a desktop's CPU."""
 ENGINE = (PING, INFO)
-COUNTERS = Query(command="sleep 0.2 2>/dev/null || sleep 1; cat /proc/uptime /proc/net/dev")
-"""The second reading of the counters, asked only when traffic is wanted; the first is among the files.
+_PAUSE = 20
+"""At least so many hundredths of a second between the two readings of the counters."""
+_COUNTERS = f"""\
+left={_PAUSE}
+read -r now rest 2>/dev/null </proc/uptime
+case $now in
+  *[!0-9.]*) ;;
+  *.*.*) ;;
+  *.*) left=$((first + {_PAUSE} + 100 - ${{now%.*}} * 100 - 1${{now#*.}})) ;;
+esac
+[ "$left" -le {_PAUSE} ] || left={_PAUSE}
+[ "$left" -lt 1 ] || sleep "0.$((left / 10))$((left % 10))" 2>/dev/null || sleep 1
+cat /proc/uptime /proc/net/dev"""
 
-The robot makes the pause between them, so that the engine can be asked in the same round trip. Where `sleep` takes
-whole seconds only, it is one.
-"""
+
+def counters(first: int) -> Query:
+    """Ask for the second reading of the counters, wanted only for the traffic; the first is among the files.
+
+    The robot makes what is missing of the pause between them, so that the engine can be asked in the same round trip.
+    Where `sleep` takes whole seconds only, it is one.
+
+    Args:
+        first: What `first_reading` gave.
+    """
+    return Query(command=f"first={first:d}\n{_COUNTERS}")
+
+
+def first_reading(files: Mapping[str, Sequence[str]]) -> int:
+    """Give when the counters were read first, in hundredths of a second since the robot's boot; 0 if they were not.
+
+    Args:
+        files: path -> lines, of the probe `files`.
+    """
+    found = re.match(r"([0-9]{1,10})\.([0-9]{2}) ", next(iter(files.get("/proc/uptime", ())), ""))
+    return int(found[1]) * 100 + int(found[2]) if found else 0

@@ -4,15 +4,15 @@ import shutil
 import socket
 import subprocess
 import time
+from pathlib import Path
 
 import psutil
 import pytest
 
 from srprov.definitions.model import Host
 from srprov.facts.answers import parse_files, parse_traffic
-from srprov.facts.host import host_queries, parse_host
+from srprov.facts.host import host_queries, later_query, parse_host
 from srprov.facts.model import HostFacts
-from srprov.facts.probes import COUNTERS
 from srprov.wire import Query, Reply
 
 IP = shutil.which("ip", path="/usr/sbin:/sbin:/usr/bin:/bin")
@@ -39,7 +39,7 @@ def facts(request: pytest.FixtureRequest) -> HostFacts:
         pytest.skip(f"{shell[0]} is not installed")
     now = time.time()
     replies = [ask(shell, query) for query in host_queries()]
-    later = ask(shell, COUNTERS)
+    later = ask(shell, later_query(replies))
     return parse_host(Host(name="here", address="localhost"), replies, None, now=now, later=later)
 
 
@@ -107,7 +107,7 @@ def test_traffic_is_what_passed_between_two_readings(shell: list[str]) -> None:
             while left:
                 left -= len(taken.recv(left))
         taken.close()
-    later = ask(shell, COUNTERS)
+    later = ask(shell, later_query(first))
     passed = psutil.net_io_counters(pernic=True)["lo"].bytes_sent - before
     here = Host(name="here", address="127.0.0.1")
     said = parse_traffic("\n".join([*counters(first), later.out]))["lo"]
@@ -115,6 +115,34 @@ def test_traffic_is_what_passed_between_two_readings(shell: list[str]) -> None:
     assert passed >= 10_000_000
     assert said.sent_bps == pytest.approx(passed / elapsed, rel=0.6)
     assert parse_host(here, first, None).traffic_mbit == 0.0, "one reading tells nothing"
+
+
+STRANGE = ("lots", "7", "1.2.3", "1.x", "")
+"""What no kernel says of its uptime."""
+
+
+@pytest.mark.parametrize("shell", SHELLS.values(), ids=SHELLS)
+@pytest.mark.parametrize(
+    ("first", "now", "pause"),
+    [
+        ("100.00", "100.00", 0.2), ("100.00", "100.05", 0.15), ("99.95", "100.14", 0.01), ("8.09", "8.19", 0.1),
+        ("8.09", "8.29", 0), ("8.00", "9999999.09", 0), ("100.00", "3.00", 0.2),
+        *[("100.00", uptime, 0.2) for uptime in STRANGE],
+    ],
+)  # fmt: skip
+def test_a_robot_waits_for_what_is_missing_of_the_pause_and_no_longer(
+    shell: list[str], first: str, now: str, pause: float, tmp_path: Path
+) -> None:
+    if shutil.which(shell[0]) is None:
+        pytest.skip(f"{shell[0]} is not installed")
+    (tmp_path / "uptime").write_text(f"{now} 1.00\n" if now else "")
+    files = Reply(status=0, out=f"/proc/uptime:{first} 1.00\n", err="", ok=True)
+    query = later_query([Reply(status=0, out="", err="", ok=True), files])
+    script = f"sleep() {{ echo slept $1; }}\n{query.command}".replace("/proc/uptime", str(tmp_path / "uptime"))
+    done = subprocess.run(shell, input=script, capture_output=True, text=True, timeout=30)
+    assert done.stderr == ""
+    slept = [float(line.split()[1]) for line in done.stdout.splitlines() if line.startswith("slept")]
+    assert slept == ([pause] if pause else [])
 
 
 def counters(replies: list[Reply]) -> list[str]:

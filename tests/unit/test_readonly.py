@@ -9,14 +9,21 @@ from srprov.facts.gather import _PLACEMENTS
 from srprov.facts.host import host_queries
 from srprov.facts.observe import observe_queries
 from srprov.facts.preconditions import precondition_queries
-from srprov.facts.probes import COUNTERS
+from srprov.facts.probes import counters
 from srprov.transport.frames import batch, start_command
 from srprov.wire import Query
 from tests.fakes import World
 from tests.readonly import READS, commands, engine_requests, engine_violations, shell_violations
 from tests.worlds import experiment, plan_for, service
 
-QUESTIONS = [*host_queries(), COUNTERS, *observe_queries(), _PLACEMENTS, *precondition_queries(), who_holds()]
+QUESTIONS = [
+    *host_queries(),
+    counters(0),
+    *observe_queries(),
+    _PLACEMENTS,
+    *precondition_queries(),
+    who_holds(),
+]
 
 
 @pytest.mark.parametrize("question", [one for one in QUESTIONS if isinstance(one, Query)], ids=lambda q: q.command[:30])

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import json
+from collections.abc import Sequence
 
 import pytest
 
 from srprov.definitions.model import Placement, Requirements
 from srprov.errors import NoAssignment
-from srprov.facts.probes import COUNTERS, INFO
-from srprov.wire import EngineQuery, Reply
+from srprov.facts.probes import INFO
+from srprov.wire import EngineQuery, Query, Reply
 from tests.fakes import World
 from tests.worlds import Experiment, apply, experiment, plan_for, service
 
@@ -23,7 +24,13 @@ def asked(world: World, what: Experiment, **wishes: object) -> tuple[int, int]:
     before = len(world.log)
     plan_for(world, what, **wishes)
     queries = [entry.what for entry in world.log[before:]]
-    return queries.count(INFO), queries.count(COUNTERS)
+    return queries.count(INFO), len(readings(queries))
+
+
+def readings(queries: Sequence[object]) -> list[str]:
+    """Give the commands that read the counters a second time."""
+    every = [query.command for query in queries if isinstance(query, Query)]
+    return [command for command in every if command.endswith("cat /proc/uptime /proc/net/dev")]
 
 
 @pytest.fixture
@@ -39,6 +46,12 @@ def test_a_choice_needs_the_traffic(world: World) -> None:
     assert asked(world, FREE) == (2, 2)
     half = experiment(service("talker", robot="a"), service("listener"))
     assert asked(world, half) == (2, 2)
+
+
+def test_a_robot_is_told_when_its_counters_were_read_first(world: World) -> None:
+    plan_for(world, FREE)
+    told = readings([entry.what for entry in world.log])
+    assert {command.splitlines()[0] for command in told} == {"first=500025"}
 
 
 @pytest.mark.parametrize("what", [PINNED, FREE])
