@@ -7,8 +7,8 @@
 srprov's protocol one word is known here, the moment of an earlier answer: long hex words are taken for nonces, and an
 answer is kept under the text that asked for it, nonces left open. `replay` serves COUNT robots on addresses of their
 own, answers with the record, and puts its own name and address for those of the robot that was recorded (NAME, ADDRESS;
-of equal length, so that no count of bytes changes). Host keys are written to FOLDER/FIRST.known, which is
-complete when it is there.
+of equal length, so that no count of bytes changes). Host keys are written to FOLDER/FIRST.known, which is complete when
+it is there.
 """
 
 import asyncio

@@ -14,11 +14,11 @@ from dataclasses import replace
 from typing import Any
 
 from srprov.definitions.model import Host
-from srprov.facts.answers import Counters, Files, Filesystem, Identity, parse_files, parse_traffic
+from srprov.facts.answers import Counters, Files, Filesystem, Identity, parse_traffic
 from srprov.facts.hardware import detect_tags
 from srprov.facts.links import Underlay, find_underlay
 from srprov.facts.model import Docker, HostFacts
-from srprov.facts.probes import ENGINE, PING, PROBES, counters, first_reading
+from srprov.facts.probes import ENGINE, PING, PROBES, counters
 from srprov.facts.untrusted import decimal, folder, integer, mapping, parsed, text
 from srprov.wire import EngineQuery, Measures, Query, Reply
 
@@ -41,6 +41,8 @@ _ARCHITECTURES = {
 }
 _HALVES = {"x86_64": "i386", "amd64": "i386", "aarch64": "arm", "arm64": "arm"}
 """What a 64-bit processor is to a 32-bit system."""
+_UPTIME = re.compile(r"^/proc/uptime:([0-9]{1,10})\.([0-9]{2}) ", re.MULTILINE)
+"""In the answer of the probe `files`: when the counters were read first, in seconds and their hundredths."""
 
 
 def host_queries(*, info: bool = True) -> tuple[Query | EngineQuery, ...]:
@@ -58,8 +60,9 @@ def later_query(replies: Sequence[Reply]) -> Query:
     Args:
         replies: Those to `host_queries`, which hold the first reading.
     """
-    files = next((reply for probe, reply in zip(PROBES, replies, strict=False) if probe.name == "files"), None)
-    return counters(first_reading(parse_files(files.out)) if files else 0)
+    files = next((reply.out for probe, reply in zip(PROBES, replies, strict=False) if probe.name == "files"), "")
+    found = _UPTIME.search(files)
+    return counters(int(found[1]) * 100 + int(found[2]) if found else 0)
 
 
 def docker_arch(machine: str) -> str:

@@ -10,8 +10,7 @@ Source: proc(5), sysfs-class-net, ip-address(8), the busybox manual.
 
 from __future__ import annotations
 
-import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -132,16 +131,6 @@ def counters(first: int) -> Query:
     Where `sleep` takes whole seconds only, it is one.
 
     Args:
-        first: What `first_reading` gave.
+        first: When the counters were read first, in hundredths of a second since the robot's boot; 0 waits for nothing.
     """
     return Query(command=f"first={first:d}\n{_COUNTERS}")
-
-
-def first_reading(files: Mapping[str, Sequence[str]]) -> int:
-    """Give when the counters were read first, in hundredths of a second since the robot's boot; 0 if they were not.
-
-    Args:
-        files: path -> lines, of the probe `files`.
-    """
-    found = re.match(r"([0-9]{1,10})\.([0-9]{2}) ", next(iter(files.get("/proc/uptime", ())), ""))
-    return int(found[1]) * 100 + int(found[2]) if found else 0
