@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from srprov.definitions.model import Experiment, Mount, Runtime, Service
-from srprov.facts.model import Found, HostFacts
+from srprov.facts.model import HostFacts, Snapshot
 from srprov.images.reference import Reference, parse_reference
 from srprov.modules.container import container_name
 from srprov.modules.module import STATE_ROOT, canonical
@@ -33,7 +33,7 @@ _FLOOD = "00:00:00:00:00:00"
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True, slots=True)
-class Parts:
+class RenderInputs:
     """Everything that contexts are made of."""
 
     instance: str
@@ -47,28 +47,28 @@ class Parts:
     """CDF key -> ready image, for CDFs that name one."""
     record: Mapping[str, Any]
     """The placement record that every robot gets."""
-    found: Found
+    snapshot: Snapshot
 
 
-def contexts(parts: Parts) -> tuple[dict[str, dict[str, Any]], dict[str, bytes]]:
-    """Give robot -> context, for reachable robots with a part in the experiment, and all blobs by sha256."""
+def contexts(parts: RenderInputs) -> tuple[dict[str, dict[str, Any]], dict[str, bytes]]:
+    """Return robot -> context, for reachable robots with a part in the experiment, and all blobs by sha256."""
     blobs: dict[str, bytes] = {}
     trees = {mount.source: _tree(mount.source, blobs) for mount in _mounts(parts, "tree")}
     images = _images(parts, blobs)
-    members = {robot for robot in parts.placed.values() if robot in parts.found.facts}
+    members = {robot for robot in parts.placed.values() if robot in parts.snapshot.facts}
     hosts = members | set(images) | set(_witnesses(parts, members))
     return {host: _one(parts, host, images.get(host, []), trees) for host in sorted(hosts)}, blobs
 
 
-def _witnesses(parts: Parts, members: Collection[str]) -> list[str]:
-    """Give robots beyond the members that keep the placement record too.
+def _witnesses(parts: RenderInputs, members: Collection[str]) -> list[str]:
+    """Return robots beyond the members that keep the placement record too.
 
     When all members are out of reach, they are who knows that services may still run there. Those that keep it already
     go on doing so; then names decide.
     """
     path = _record_path(parts.instance)
-    keepers = {host for host, items in parts.found.existing.items() if any(item.name == path for item in items)}
-    others = [host for host, facts in parts.found.facts.items() if host not in members and facts.docker is not None]
+    keepers = {host for host, items in parts.snapshot.observed.items() if any(item.name == path for item in items)}
+    others = [host for host, facts in parts.snapshot.facts.items() if host not in members and facts.docker is not None]
     return sorted(others, key=lambda host: (host not in keepers, host))[:_WITNESSES]
 
 
@@ -86,11 +86,11 @@ def _tree(path: str, blobs: dict[str, bytes]) -> dict[str, str]:
 
 
 def _one(
-    parts: Parts, host: str, images: Sequence[Mapping[str, Any]], trees: Mapping[str, Mapping[str, str]]
+    parts: RenderInputs, host: str, images: Sequence[Mapping[str, Any]], trees: Mapping[str, Mapping[str, str]]
 ) -> dict[str, Any]:
     services = [parts.experiment.services[name] for name, robot in sorted(parts.placed.items()) if robot == host]
     overlay = _overlay(parts.overlay, host)
-    facts = parts.found.facts[host]
+    facts = parts.snapshot.facts[host]
     used = {mount.source for service in services for mount in service.runtime.mounts if mount.kind == "tree"}
     volumes = {m.source for service in services for m in service.runtime.mounts if m.kind == "volume"}
     return {
@@ -114,13 +114,13 @@ def _one(
 
 
 def _robot(facts: HostFacts) -> dict[str, Any]:
-    """Give what users' playbooks may decide by: facts that do not change by themselves."""
+    """Return what users' playbooks may decide by: facts that do not change by themselves."""
     lasting = {"arch": facts.arch, "cpus": facts.cpus, "memory": facts.memory_total, "kernel": facts.kernel}
     return {**lasting, "os": facts.os, "tags": list(facts.tags), "devices": list(facts.devices)}
 
 
-def _files(parts: Parts, *, member: bool) -> list[dict[str, Any]]:
-    """Give the record of the whole placement, and for a robot that runs something the hosts file."""
+def _files(parts: RenderInputs, *, member: bool) -> list[dict[str, Any]]:
+    """Return the record of the whole placement, and for a robot that runs something the hosts file."""
     path, content = _record_path(parts.instance), canonical(parts.record) + "\n"
     record = {"path": path, "content": content, "mode": "0644", "in_place": False}
     hosts = f"{STATE_ROOT}/{parts.instance}/hosts"
@@ -129,7 +129,7 @@ def _files(parts: Parts, *, member: bool) -> list[dict[str, Any]]:
 
 
 def _secrets(instance: str, services: Sequence[Service]) -> list[dict[str, str]]:
-    """Give the secrets of a robot's services: names and places, never values."""
+    """Return the secrets of a robot's services: names and places, never values."""
     wanted = {(use.source, use.mode) for service in services for use in service.secrets}
     return [{"path": secret_path(instance, name, mode), "name": name, "mode": mode} for name, mode in sorted(wanted)]
 
@@ -153,7 +153,7 @@ def _overlay(overlay: Overlay, host: str) -> dict[str, Any] | None:
 
 
 def _service(
-    parts: Parts, service: Service, overlay: Mapping[str, Any] | None, trees: Mapping[str, Mapping[str, str]]
+    parts: RenderInputs, service: Service, overlay: Mapping[str, Any] | None, trees: Mapping[str, Mapping[str, str]]
 ) -> dict[str, Any]:
     image = image_of(parts, service)
     mounts = [_mount(parts.instance, mount, trees) for mount in service.runtime.mounts]
@@ -185,12 +185,12 @@ def _service(
     }
 
 
-def _dependency(parts: Parts, other: str, condition: str) -> dict[str, str]:
+def _dependency(parts: RenderInputs, other: str, condition: str) -> dict[str, str]:
     name = container_name(parts.instance, other)
     return {"id": resource_id(parts.placed[other], "container", name), "condition": condition}
 
 
-def _network(parts: Parts, service: Service, overlay: Mapping[str, Any] | None) -> dict[str, str]:
+def _network(parts: RenderInputs, service: Service, overlay: Mapping[str, Any] | None) -> dict[str, str]:
     if service.network != "overlay" or not overlay:
         return {"mode": service.network}
     return {
@@ -203,7 +203,7 @@ def _network(parts: Parts, service: Service, overlay: Mapping[str, Any] | None) 
 
 
 def _run(runtime: Runtime) -> dict[str, Any]:
-    """Give the run-time fields as JSON values; mounts are given apart, in the engine's form."""
+    """Return the run-time fields as JSON values; mounts are given apart, in the engine's form."""
     plain = {
         field.name: getattr(runtime, field.name)
         for field in dataclasses.fields(runtime)
@@ -232,7 +232,7 @@ def _mount(instance: str, mount: Mount, trees: Mapping[str, Mapping[str, str]]) 
     return {**source, "Target": mount.target, "ReadOnly": mount.read_only or mount.kind == "tree"}
 
 
-def _mounts(parts: Parts, kind: str) -> list[Mount]:
+def _mounts(parts: RenderInputs, kind: str) -> list[Mount]:
     return [m for service in parts.experiment.services.values() for m in service.runtime.mounts if m.kind == kind]
 
 
@@ -245,14 +245,14 @@ def _volume_name(instance: str, name: str) -> str:
 
 
 def normalise(text: str) -> str:
-    """Give an image's name as Docker lists it: `busybox` is `busybox:latest`; beside a digest a tag says nothing."""
+    """Return an image's name as Docker lists it: `busybox` is `busybox:latest`; beside a digest a tag says nothing."""
     reference = parse_reference(text)
     tag = "" if reference.digest else reference.tag
     return Reference(reference.domain, reference.path, tag, reference.digest).familiar
 
 
-def image_of(parts: Parts, service: Service) -> str:
-    """Give the image that a service runs: the one it names, the one its CDF names, or the content tag of its build."""
+def image_of(parts: RenderInputs, service: Service) -> str:
+    """Return image that a service runs: the one it names, the one its CDF names, or the content tag of its build."""
     if service.image:
         return normalise(service.image)
     if service.cdf in parts.images:
@@ -260,13 +260,13 @@ def image_of(parts: Parts, service: Service) -> str:
     return normalise(parts.references[service.cdf])
 
 
-def _images(parts: Parts, blobs: dict[str, bytes]) -> dict[str, list[dict[str, Any]]]:
-    """Give robot -> its images. A built one comes from a robot that has it, else from the first of its architecture."""
+def _images(parts: RenderInputs, blobs: dict[str, bytes]) -> dict[str, list[dict[str, Any]]]:
+    """Return robot -> its images; one to build comes from a robot that has it, else the first of its architecture."""
     wanted: dict[str, dict[str, dict[str, Any]]] = {}
-    present = {(h, e.name) for h, items in parts.found.existing.items() for e in items if e.module == "image"}
+    present = {(h, e.name) for h, items in parts.snapshot.observed.items() for e in items if e.module == "image"}
     plans = {plan.tag: plan for plan in parts.images.values()}
     for name, host in sorted(parts.placed.items()):
-        facts = parts.found.facts.get(host)
+        facts = parts.snapshot.facts.get(host)
         if facts is None:
             continue
         image = image_of(parts, parts.experiment.services[name])
@@ -276,8 +276,8 @@ def _images(parts: Parts, blobs: dict[str, bytes]) -> dict[str, list[dict[str, A
         if (host, image) in present:
             wanted.setdefault(host, {}).setdefault(image, _copied(image, host))
             continue
-        holder = next((h for h in _alike(parts.found, facts) if (h, image) in present), None)
-        builder = holder or _alike(parts.found, facts)[0]
+        holder = next((h for h in _alike(parts.snapshot, facts) if (h, image) in present), None)
+        builder = holder or _alike(parts.snapshot, facts)[0]
         if holder is None:
             plan = plans[image]
             digest = hashlib.sha256(plan.context).hexdigest()
@@ -293,6 +293,6 @@ def _copied(image: str, source: str) -> dict[str, Any]:
     return {"name": image, "source": "copy", "from": source, "needs": [resource_id(source, "image", image)]}
 
 
-def _alike(found: Found, facts: HostFacts) -> list[str]:
-    """Give the reachable robots of the same architecture with an engine, in name order."""
-    return sorted(h for h, other in found.facts.items() if other.arch == facts.arch and other.docker is not None)
+def _alike(snapshot: Snapshot, facts: HostFacts) -> list[str]:
+    """Return the reachable robots of the same architecture with an engine, in name order."""
+    return sorted(h for h, other in snapshot.facts.items() if other.arch == facts.arch and other.docker is not None)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from srprov import data, rendering
 from srprov.assignment import problem, solve
 from srprov.assignment.model import Assignment, Problem
-from srprov.context import Parts, contexts
+from srprov.context import RenderInputs, contexts
 from srprov.definitions.expand import expand, nowhere
 from srprov.definitions.model import ContainerDefinition, Definitions, Experiment, Inventory
 from srprov.definitions.pins import unknown_pins
@@ -23,9 +23,9 @@ from srprov.definitions.playbookmodel import Playbook
 from srprov.definitions.secretvalues import resolve, used
 from srprov.definitions.source import source_of
 from srprov.errors import DefinitionError, SrprovError
-from srprov.execution import Listener, Options, RunResult, run_plan
-from srprov.facts.gather import Closer, Looking, Readers, begin, gather, probe
-from srprov.facts.model import Found
+from srprov.execution import Listener, RunOptions, RunResult, run_plan
+from srprov.facts.gather import Detail, Gathering, Readers, begin, gather, probe
+from srprov.facts.model import Snapshot
 from srprov.instance import absent, check_source, owned, previous_robots
 from srprov.modules import MODULES
 from srprov.modules.secret import with_value
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Wishes:
+class PlanRequest:
     """What the user asks for beside the files."""
 
     instance: str = ""
@@ -57,7 +57,7 @@ class Wishes:
     forks: int = 64
     exact: bool = False
     """Ask the engines of themselves even if nothing is new: a plan file holds robots to what they said."""
-    looking: Looking | None = None
+    looking: Gathering | None = None
     """A look at the robots that has begun already."""
     expect: Callable[[frozenset[str]], None] = lambda _robots: None
     """Told, once, as soon as it is known that something is new, and which robots it will likely be on."""
@@ -73,7 +73,7 @@ class Planned:
     """A plan with all that led to it."""
 
     plan: Plan
-    found: Found
+    snapshot: Snapshot
     assignment: Assignment
     overlay: Overlay
     desired: tuple[Resource, ...]
@@ -90,9 +90,9 @@ Timer = Callable[[str], None]
 
 def make_plan(
     definitions: Definitions,
-    lab: Inventory,
+    inventory: Inventory,
     readers: Readers,
-    wishes: Wishes,
+    request: PlanRequest,
     phase: Timer = lambda _name: None,
     vault: Vault | None = None,
 ) -> Planned:
@@ -104,18 +104,18 @@ def make_plan(
         NoAssignment: There is no feasible placement.
         UsageError, RenderError, PlanError: as their rooms say.
     """
-    experiment = _possible(definitions, lab, wishes)
-    instance, source = wishes.instance or experiment.name, source_of(experiment.file)
+    experiment = _possible(definitions, inventory, request)
+    instance, source = request.instance or experiment.name, source_of(experiment.file)
     phase("facts")
-    experiment, found, previous, kept = _look(definitions, instance, lab, readers, wishes)
-    check_source(found, instance, source, adopt=wishes.adopt)
+    experiment, found, previous, kept = _look(definitions, instance, inventory, readers, request)
+    check_source(found, instance, source, adopt=request.adopt)
     idle = nowhere(definitions.experiment, experiment.services.values(), away=bool(found.unreachable))
     phase("assignment")
-    placed = kept or solve.solve(choice_of(experiment, definitions, lab, found, previous, wishes))
+    placed = kept or solve.solve(choice_of(experiment, definitions, inventory, found, previous, request))
     phase("plan")
     overlay = layout(experiment, placed.placed, found, instance=instance)
     built, references = _images(definitions.containers)
-    parts = Parts(
+    parts = RenderInputs(
         instance=instance,
         source=source,
         experiment=experiment,
@@ -124,11 +124,11 @@ def make_plan(
         images=built,
         references=references,
         record=record(overlay, experiment, placed.placed, source, found.placements.get(instance)),
-        found=found,
+        snapshot=found,
     )
-    theirs = (*experiment.playbooks, *wishes.playbooks)
+    theirs = (*experiment.playbooks, *request.playbooks)
     desired = _desired(parts, theirs, vault or resolve(used(experiment)))
-    found = probe(found, desired, readers, forks=wishes.forks)
+    found = probe(found, desired, readers, forks=request.forks)
     steps, unchanged = diff(desired, owned(found, instance), instance)
     plan = Plan(
         instance=instance,
@@ -145,37 +145,37 @@ def make_plan(
         playbooks=tuple(PlaybookUse(name=one.name, file=one.file, place=one.place) for one in theirs),
     )
     return Planned(
-        plan=plan, found=found, assignment=placed, overlay=overlay, desired=tuple(desired), playbooks=theirs,
+        plan=plan, snapshot=found, assignment=placed, overlay=overlay, desired=tuple(desired), playbooks=theirs,
         images={image.tag: image for image in built.values()},
     )  # fmt: skip
 
 
-def _possible(definitions: Definitions, lab: Inventory, wishes: Wishes) -> Experiment:
-    """Give the experiment, or refuse what cannot be planned or must not; nothing of it was shown to a robot yet."""
+def _possible(definitions: Definitions, inventory: Inventory, request: PlanRequest) -> Experiment:
+    """Return the experiment, or refuse what cannot be planned or must not; nothing of it was shown to a robot yet."""
     if definitions.unsupported:
         raise DefinitionError(definitions.unsupported)
-    if unknown := unknown_pins(definitions.experiment, lab):
+    if unknown := unknown_pins(definitions.experiment, inventory):
         raise DefinitionError(unknown)
-    require([one for one in permissions(definitions.experiment) if one.kind == "playbook"], wishes.allow)
+    require([one for one in permissions(definitions.experiment) if one.kind == "playbook"], request.allow)
     return definitions.experiment
 
 
 def _look(
-    definitions: Definitions, instance: str, lab: Inventory, readers: Readers, wishes: Wishes
-) -> tuple[Experiment, Found, dict[str, str], Assignment | None]:
-    """Give the experiment with all instances, all robots as they are, and where the instance's services run now.
+    definitions: Definitions, instance: str, inventory: Inventory, readers: Readers, request: PlanRequest
+) -> tuple[Experiment, Snapshot, dict[str, str], Assignment | None]:
+    """Return the experiment with all instances, all robots as they are, and where the instance's services run now.
 
     And the assignment, if it leaves everything where it is.
     """
     kept: list[Assignment] = []
 
-    def closer(found: Found) -> Closer:
+    def closer(snapshot: Snapshot) -> Detail:
         """Only what is not there yet makes a difference to how an engine is, and only a choice needs the traffic."""
-        known = previous_robots(found, instance)
-        whole = with_instances(definitions.experiment, found, known)
-        free = wishes.reassign or wishes.reassign_unreachable or not whole.placement.sticky
-        new = {*absent(found, instance, known, whole.services)}
-        choice = functools.partial(choice_of, whole, definitions, lab, found, known, wishes)
+        known = previous_robots(snapshot, instance)
+        whole = with_instances(definitions.experiment, snapshot, known)
+        free = request.reassign or request.reassign_unreachable or not whole.placement.sticky
+        new = {*absent(snapshot, instance, known, whole.services)}
+        choice = functools.partial(choice_of, whole, definitions, inventory, snapshot, known, request)
         if not (free or new):
             try:
                 placed = solve.solve(choice())
@@ -185,48 +185,50 @@ def _look(
                 new = {name for name in whole.services if placed.placed[name] != known[name]}
                 kept.extend([] if new else [placed])
             if not new:
-                return Closer.NO
+                return Detail.NO
         pinned = {name: robot for name in new if (robot := whole.services[name].robot)}
         likely = {**solve.guess(choice), **pinned}
         due = [robot for name, robot in likely.items() if name in new or robot != known.get(name)]
-        wishes.expect(frozenset(robot for robot in due if robot in found.facts))
-        return Closer.TRAFFIC if free or len(pinned) < len(new) else Closer.ENGINE
+        request.expect(frozenset(robot for robot in due if robot in snapshot.facts))
+        return Detail.TRAFFIC if free or len(pinned) < len(new) else Detail.ENGINE
 
-    looking = wishes.looking or begin(lab, readers, definitions.experiment, exact=wishes.exact, forks=wishes.forks)
+    looking = request.looking or begin(
+        inventory, readers, definitions.experiment, exact=request.exact, forks=request.forks
+    )
     found = looking.end(closer)
     previous = previous_robots(found, instance)
     return with_instances(definitions.experiment, found, previous), found, previous, kept[0] if kept else None
 
 
-def with_instances(experiment: Experiment, found: Found, previous: Mapping[str, str]) -> Experiment:
-    """Give the experiment with replicas and `per_robot` as services of their own, for the robots that were found."""
-    away = {service: robot for service, robot in previous.items() if robot in found.unreachable}
-    return expand(experiment, {robot: facts.tags for robot, facts in found.facts.items()}, away)
+def with_instances(experiment: Experiment, snapshot: Snapshot, previous: Mapping[str, str]) -> Experiment:
+    """Return the experiment with replicas and `per_robot` as services of their own, for the robots that were found."""
+    away = {service: robot for service, robot in previous.items() if robot in snapshot.unreachable}
+    return expand(experiment, {robot: facts.tags for robot, facts in snapshot.facts.items()}, away)
 
 
 def choice_of(
     experiment: Experiment,
     definitions: Definitions,
-    lab: Inventory,
-    found: Found,
+    inventory: Inventory,
+    snapshot: Snapshot,
     previous: Mapping[str, str],
-    wishes: Wishes,
+    request: PlanRequest,
 ) -> Problem:
-    """Give the assignment problem of an experiment that has all its instances."""
+    """Return the assignment problem of an experiment that has all its instances."""
     return problem.build(
         experiment,
         definitions.containers,
-        found,
+        snapshot,
         previous,
-        slots={name: host.slots for name, host in lab.hosts.items() if host.slots is not None},
-        reassign=wishes.reassign,
-        reassign_unreachable=wishes.reassign_unreachable,
-        history=wishes.history,
+        slots={name: host.slots for name, host in inventory.hosts.items() if host.slots is not None},
+        reassign=request.reassign,
+        reassign_unreachable=request.reassign_unreachable,
+        history=request.history,
     )
 
 
-def _desired(parts: Parts, theirs: Sequence[Playbook], vault: Vault) -> list[Resource]:
-    """Give what should be true on all robots; only after rendering a secret gets its value."""
+def _desired(parts: RenderInputs, theirs: Sequence[Playbook], vault: Vault) -> list[Resource]:
+    """Return what should be true on all robots; only after rendering a secret gets its value."""
     per_host, blobs = contexts(parts)
     every = rendering.render_all(playbooks(), theirs, per_host, modules=MODULES, blobs=blobs)
     return [with_value(resource, vault) for resource in every]
@@ -234,20 +236,20 @@ def _desired(parts: Parts, theirs: Sequence[Playbook], vault: Vault) -> list[Res
 
 def make_removal(
     instance: str,
-    lab: Inventory,
+    inventory: Inventory,
     readers: Readers,
     *,
     volumes: bool,
     source: str = "",
     adopt: bool = False,
     forks: int = 64,
-) -> tuple[Plan, Found]:
+) -> tuple[Plan, Snapshot]:
     """Say what would take everything of an instance away; needs no EDF, only labels.
 
     Raises:
         RefusedError: `source` is given and another source made the instance.
     """
-    found = gather(lab, readers, closer=Closer.NO, forks=forks)
+    found = gather(inventory, readers, closer=Detail.NO, forks=forks)
     if source:
         check_source(found, instance, source, adopt=adopt)
     steps = removal_plan(owned(found, instance), instance, Removal(volumes=volumes))
@@ -258,7 +260,7 @@ def make_removal(
         for robot in away
     )
     kept = [
-        e.name for items in found.existing.values() for e in items if e.module == "volume" and e.instance == instance
+        e.name for items in found.observed.values() for e in items if e.module == "volume" and e.instance == instance
     ]
     if kept and not volumes:
         notes += (f"{len(kept)} data volume(s) stay: {', '.join(sorted(set(kept)))}; --volumes removes them",)
@@ -270,7 +272,7 @@ def apply(
     plan: Plan,
     sessions: Mapping[str, Session],
     listener: Listener,
-    options: Options,
+    options: RunOptions,
     stop: threading.Event | None = None,
 ) -> RunResult:
     """Do what the plan says; what came of each step is a value, nothing raises for a robot that fails."""
@@ -278,7 +280,7 @@ def apply(
 
 
 def playbooks() -> dict[str, str]:
-    """Give the playbooks that ship with srprov: file name -> text."""
+    """Return the playbooks that ship with srprov: file name -> text."""
     return {path.name: path.read_text(encoding="utf-8") for path in sorted(data.playbooks_folder().glob("*.yml"))}
 
 

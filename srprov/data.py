@@ -22,7 +22,7 @@ def _folder(name: str) -> Path:
 
 
 def playbooks_folder() -> Path:
-    """Give the folder of the playbooks that ship with srprov."""
+    """Return the folder of the playbooks that ship with srprov."""
     return _folder("playbooks")
 
 
@@ -33,7 +33,7 @@ def schema_kinds() -> tuple[str, ...]:
 
 @cache
 def schema(kind: str) -> dict[str, Any]:
-    """Give one JSON Schema by its kind; callers share the object and must not change it.
+    """Return one JSON Schema by its kind; callers share the object and must not change it.
 
     Raises:
         UsageError: There is no such kind; the hint names those that exist.
@@ -45,7 +45,7 @@ def schema(kind: str) -> dict[str, Any]:
 
 @cache
 def schema_text(kind: str) -> str:
-    """Give one JSON Schema as it is written.
+    """Return one JSON Schema as it is written.
 
     Raises:
         UsageError: There is no such kind; the hint names those that exist.

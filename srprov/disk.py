@@ -8,36 +8,36 @@ import tarfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from srprov.images.plan import Listed
+from srprov.images.plan import ListedFile
 
 
 def read(path: str) -> bytes:
-    """Give a file's content."""
+    """Return a file's content."""
     return Path(path).read_bytes()
 
 
-def listing(path: str) -> Iterator[Listed]:
-    """Give every file below a folder, or the one file that `path` is; symbolic links are not followed.
+def listing(path: str) -> Iterator[ListedFile]:
+    """Return every file below a folder, or the one file that `path` is; symbolic links are not followed.
 
     Raises:
         OSError: It cannot be read.
     """
     root = Path(path)
     if not root.is_dir():
-        yield Listed(
+        yield ListedFile(
             "", executable=os.access(path, os.X_OK, follow_symlinks=True) and bool(root.stat().st_mode & 0o111)
         )
         return
     for one in sorted(root.rglob("*")):
         name = one.relative_to(root).as_posix()
         if one.is_symlink():
-            yield Listed(name, link=os.readlink(one))
+            yield ListedFile(name, link=os.readlink(one))
         elif one.is_file():
-            yield Listed(name, executable=bool(one.stat().st_mode & 0o100))
+            yield ListedFile(name, executable=bool(one.stat().st_mode & 0o100))
 
 
 def tree_tar(path: str) -> bytes:
-    """Give a file or folder as a tar with one top entry, equal for equal content: sorted, no owners, no times."""
+    """Return a file or folder as a tar with one top entry, equal for equal content: sorted, no owners, no times."""
     buffer, root = io.BytesIO(), Path(path)
 
     def neutral(entry: tarfile.TarInfo) -> tarfile.TarInfo:

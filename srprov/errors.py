@@ -43,7 +43,7 @@ class SrprovError(Exception):
 
 
 def visible(text: str) -> str:
-    """Give one printable line: what ends a line, moves the cursor or turns the writing around, by its number."""
+    """Return one printable line: what ends a line, moves the cursor or turns the writing around, by its number."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
@@ -62,12 +62,12 @@ class Location:
     column: int = 1
 
     def __str__(self) -> str:
-        """Give `file:line:column`, as compilers do and editors understand."""
+        """Return `file:line:column`, as compilers do and editors understand."""
         return f"{self.file}:{self.line}:{self.column}"
 
 
 @dataclass(frozen=True, order=True, slots=True)
-class Problem:
+class Diagnostic:
     """One thing that is wrong in a user's file."""
 
     location: Location
@@ -85,7 +85,7 @@ class DefinitionError(SrprovError):
 
     exit_code = 5
 
-    def __init__(self, problems: Sequence[Problem]) -> None:
+    def __init__(self, problems: Sequence[Diagnostic]) -> None:
         """Take at least one problem; they are sorted by file and line."""
         self.problems = tuple(sorted(problems))
         count = len(self.problems)

@@ -6,22 +6,23 @@ import dataclasses
 from collections.abc import Iterable, Mapping
 
 from srprov.errors import RefusedError
-from srprov.facts.model import Existing, Found
+from srprov.facts.model import Snapshot
 from srprov.network.identity import link_names
 from srprov.network.record import read_record
+from srprov.resource import Observed
 
 
-def previous_robots(found: Found, instance: str) -> dict[str, str]:
-    """Give service -> robot as it is now: by the labels of containers, else by the record of the last placement.
+def previous_robots(snapshot: Snapshot, instance: str) -> dict[str, str]:
+    """Return service -> robot as it is now: by the labels of containers, else by the record of the last placement.
 
     The record speaks for robots that cannot be reached, and for a run that was cut off before it started a container.
 
     A run that was cut off in the middle of a move can leave two containers; the one that runs counts.
     """
-    known = read_record(found.placements.get(instance))
+    known = read_record(snapshot.placements.get(instance))
     previous = dict(known.robots) if known else {}
     seen: dict[str, tuple[int, str]] = {}
-    for host, items in found.existing.items():
+    for host, items in snapshot.observed.items():
         for item in items:
             if item.module == "container" and item.instance == instance and item.state["service"]:
                 service = item.state["service"]
@@ -31,25 +32,25 @@ def previous_robots(found: Found, instance: str) -> dict[str, str]:
     return previous | {service: host for service, (_, host) in seen.items()}
 
 
-def absent(found: Found, instance: str, known: Mapping[str, str], services: Iterable[str]) -> list[str]:
-    """Give the services that are new, or whose container is gone from a robot that can be seen."""
+def absent(snapshot: Snapshot, instance: str, known: Mapping[str, str], services: Iterable[str]) -> list[str]:
+    """Return the services that are new, or whose container is gone from a robot that can be seen."""
     there = {
         (host, item.state["service"])
-        for host, items in found.existing.items()
+        for host, items in snapshot.observed.items()
         for item in items
         if item.module == "container" and item.instance == instance
     }
-    gone = {name for name, host in known.items() if host in found.facts and (host, name) not in there}
+    gone = {name for name, host in known.items() if host in snapshot.facts and (host, name) not in there}
     return [name for name in services if name not in known or name in gone]
 
 
-def check_source(found: Found, instance: str, source: str, *, adopt: bool) -> None:
+def check_source(snapshot: Snapshot, instance: str, source: str, *, adopt: bool) -> None:
     """Refuse to take over what another experiment of the same name made."""
-    known = read_record(found.placements.get(instance))
+    known = read_record(snapshot.placements.get(instance))
     labelled = sorted(
         {
             item.state["source"]
-            for items in found.existing.values()
+            for items in snapshot.observed.values()
             for item in items
             if item.module == "container" and item.instance == instance and item.state["source"]
         }
@@ -63,12 +64,12 @@ def check_source(found: Found, instance: str, source: str, *, adopt: bool) -> No
     )
 
 
-def owned(found: Found, instance: str) -> Mapping[str, tuple[Existing, ...]]:
-    """Give what exists per robot; a link that was half made (its name, but no alias yet) is the instance's too."""
+def owned(snapshot: Snapshot, instance: str) -> Mapping[str, tuple[Observed, ...]]:
+    """Return what exists per robot; a link that was half made (its name, but no alias yet) is the instance's too."""
     names = link_names(instance)
 
-    def claimed(item: Existing) -> Existing:
+    def claimed(item: Observed) -> Observed:
         half_made = item.module == "vxlan" and not item.instance and item.name in names
         return dataclasses.replace(item, instance=instance) if half_made else item
 
-    return {host: tuple(claimed(item) for item in items) for host, items in found.existing.items()}
+    return {host: tuple(claimed(item) for item in items) for host, items in snapshot.observed.items()}

@@ -7,7 +7,7 @@ import os
 
 
 def user() -> str:
-    """Give the name of the user; `unknown` in a container without a passwd entry for him."""
+    """Return the name of the user; `unknown` in a container without a passwd entry for him."""
     try:
         return getpass.getuser()
     except (KeyError, OSError):
@@ -15,5 +15,5 @@ def user() -> str:
 
 
 def owner() -> str:
-    """Give `user@host`."""
+    """Return `user@host`."""
     return f"{user()}@{os.uname().nodename}"

@@ -1,4 +1,4 @@
-"""The words that modules, rendering, planning and execution share: Resource, State, Action, Change.
+"""The values that modules, rendering, planning and execution share: Resource, Observed, State, Action, Change.
 
 A `Resource` is one thing that should be true on one robot. A `State` is what was found of it. A `Change` is the
 difference, with its cause in words. All are values; none can talk to a robot.
@@ -37,7 +37,7 @@ class Condition(enum.Enum):
 
 
 def resource_id(host: str, module: str, name: str) -> str:
-    """Give the address of a resource, e.g. `robot1/container:srprov.hello.a`."""
+    """Return the address of a resource, e.g. `robot1/container:srprov.hello.a`."""
     return f"{host}/{module}:{name}"
 
 
@@ -65,6 +65,17 @@ class Resource:
     def id(self) -> str:
         """The resource's address."""
         return resource_id(self.host, self.module, self.name)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Observed:
+    """One resource of ours found on a robot."""
+
+    module: str
+    name: str
+    instance: str
+    """The owner; empty for what is looked at but owned by nobody of ours (an image pulled by its name)."""
+    state: State
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

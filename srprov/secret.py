@@ -33,11 +33,11 @@ class Hidden:
         self._value = value
 
     def reveal(self) -> str:
-        """Give the value; only transport calls this."""
+        """Return the value; only transport calls this."""
         return self._value
 
     def digest(self) -> Hidden:
-        """Give the sha256 in hex, hidden too: a short value could be guessed from it."""
+        """Return the sha256 in hex, hidden too: a short value could be guessed from it."""
         return Hidden(hashlib.sha256(_bytes(self._value)).hexdigest())
 
     def __repr__(self) -> str:
@@ -92,19 +92,19 @@ class Vault:
         self._values = dict(values or {})
 
     def __getitem__(self, name: str) -> Secret:
-        """Give a secret; KeyError when nobody resolved it."""
+        """Return a secret; KeyError when nobody resolved it."""
         return self._values[name]
 
     def __contains__(self, name: object) -> bool:
-        """Tell whether it was resolved."""
+        """Return whether it was resolved."""
         return name in self._values
 
     def content(self, name: str) -> bytes:
-        """Give the bytes that go to a robot; only transport calls this."""
+        """Return the bytes that go to a robot; only transport calls this."""
         return _bytes(self._values[name].reveal())
 
     def holds(self, text: str) -> str:
-        """Give the name of the first secret whose value stands in a text in any of its forms, or nothing."""
+        """Return the name of the first secret whose value stands in a text in any of its forms, or nothing."""
         for name, secret in sorted(self._values.items()):
             if any(form in text for form in forms(secret.reveal())):
                 return name
@@ -116,7 +116,7 @@ def _bytes(value: str) -> bytes:
 
 
 def forms(value: str) -> frozenset[str]:
-    """Give every text that a value is looked for as: itself, in base64, quoted for URLs, JSON, Python and a shell."""
+    """Return every text that a value is looked for as: itself, in base64, quoted for URLs, JSON, Python and a shell."""
     raw = _bytes(value)
     found = {raw.hex(), hashlib.sha256(raw).hexdigest(), *_base64(raw)}
     for text in {value, value.strip(), raw.decode("utf-8", "replace").strip()}:
@@ -129,7 +129,7 @@ def forms(value: str) -> frozenset[str]:
 
 
 def _base64(raw: bytes) -> Iterator[str]:
-    """Give base64 of the value alone, and what of it is fixed when one or two bytes stand before it."""
+    """Return base64 of the value alone, and what of it is fixed when one or two bytes stand before it."""
     whole = [
         base64.b64encode(raw).decode("ascii").rstrip("="),
         base64.b64encode(raw.strip()).decode("ascii").rstrip("="),
@@ -194,11 +194,11 @@ class _Known:
 
     @property
     def some(self) -> bool:
-        """Tell whether there is anything to look for."""
+        """Return whether there is anything to look for."""
         return bool(self._values)
 
     def spans(self, text: str) -> Iterator[tuple[int, int]]:
-        """Give every place where a form stands, in order, also where two overlap."""
+        """Return every place where a form stands, in order, also where two overlap."""
         by_start = self._by_start
         for at in range(len(text) - SHORTEST + 1):
             start = text[at : at + SHORTEST]
@@ -217,7 +217,7 @@ _known = _Known()
 
 
 def redact(text: str) -> str:
-    """Give a text with every known secret, in any of its forms, as `***`."""
+    """Return a text with every known secret, in any of its forms, as `***`."""
     if not _known.some:
         return text
     parts: list[str] = []
@@ -230,7 +230,7 @@ def redact(text: str) -> str:
 
 
 def redacted(value: object) -> object:
-    """Give a JSON value in which every text and every key went through `redact`; numbers stay, so it stays JSON."""
+    """Return a JSON value in which every text and every key went through `redact`; numbers stay, so it stays JSON."""
     if isinstance(value, str):
         return redact(value)
     if isinstance(value, Mapping):

@@ -17,7 +17,7 @@ from typing import Any, Protocol
 
 
 def quote(word: str) -> str:
-    """Give one POSIX shell word for any text.
+    """Return one POSIX shell word for any text.
 
     Raises:
         ValueError: The text holds a NUL byte, which no shell word can.
@@ -28,7 +28,7 @@ def quote(word: str) -> str:
 
 
 def sh(*words: str) -> str:
-    """Give one shell command of quoted words: `sh("ip", "link", "show", name)`."""
+    """Return one shell command of quoted words: `sh("ip", "link", "show", name)`."""
     return " ".join(quote(word) for word in words)
 
 
@@ -78,7 +78,7 @@ class Put:
     timeout_s: float = 60.0
 
     def digest(self) -> str:
-        """Give the content's sha256 in hex; of a secret there is none."""
+        """Return the content's sha256 in hex; of a secret there is none."""
         return "" if self.secret else hashlib.sha256(self.content).hexdigest()
 
     def text(self) -> str:
@@ -89,7 +89,7 @@ class Put:
         return f"{how} {self.path} ({len(self.content)} bytes, mode {self.mode:04o}, sha256 {self.digest()[:12]})"
 
     def script(self, source: str = "") -> str:
-        """Give the shell script that does it: base64 inside a here-document, or from what `source` prints."""
+        """Return the shell script that does it: base64 inside a here-document, or from what `source` prints."""
         target, partial = quote(self.path), quote(self.path + ".part")
         move = f"cat {partial} > {target} && rm -f {partial}" if self.in_place else f"mv -f {partial} {target}"
         mode, folder = f"chmod {self.mode:04o}", quote(self.path.rsplit("/", 1)[0] or "/")
@@ -156,7 +156,7 @@ class Reply:
     ok: bool = True
 
     def json(self) -> Any:  # noqa: ANN401 - JSON is any; each parser checks the shape that it needs
-        """Give the body as JSON; an empty or broken one is None."""
+        """Return the body as JSON; an empty or broken one is None."""
         try:
             return json.loads(self.out)
         except (ValueError, RecursionError):
@@ -246,7 +246,7 @@ class Reader(Protocol):
         """
 
     def measure(self) -> Measures | None:
-        """Give load and memory when that needs no shell, else None."""
+        """Return load and memory when that needs no shell, else None."""
 
     @property
     def traffic(self) -> Traffic:
@@ -282,7 +282,7 @@ class Session(Reader, Protocol):
         """Stream the image as `docker save` writes it."""
 
     def container_log(self, container: str, *, tail: int, follow: bool) -> Iterator[str]:
-        """Give a container's log line by line, standard output and error together; with `follow` until it ends.
+        """Return a container's log line by line, standard output and error together; with `follow` until it ends.
 
         Raises:
             TransportError: The engine or the robot cannot be talked to any more.

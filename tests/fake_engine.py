@@ -47,7 +47,7 @@ class Container:
 
 
 def identity(text: str) -> str:
-    """Give 64 hex digits, as Docker's ids are."""
+    """Return 64 hex digits, as Docker's ids are."""
     return hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -160,7 +160,7 @@ class Engine:
         }[one.state]
 
     def health(self, one: Container) -> str:
-        """Give what its health check says, or nothing."""
+        """Return what its health check says, or nothing."""
         if "Healthcheck" not in one.body or one.state != "running":
             return ""
         after = self.behaviours.get(one.service, Behaviour()).healthy_after

@@ -109,7 +109,7 @@ class Kernel:
 
     @staticmethod
     def calls(script: str) -> list[str]:
-        """Give the calls of a script, those of a batch one by one."""
+        """Return the calls of a script, those of a batch one by one."""
         found: list[str] = []
         program = ""
         for line in script.splitlines():
@@ -227,7 +227,7 @@ class Disk:
         self.files.pop(put.path + ".part", None)
 
     def exists(self, path: str) -> bool:
-        """Tell whether a path is there; what is not below our root is the robot's own and is there."""
+        """Return whether a path is there; what is not below our root is the robot's own and is there."""
         if not path.startswith((STATE_ROOT + "/", MEMORY_ROOT + "/")):
             return True
         inside = {f"{tree}/{name}" for tree, names in self.trees.items() for name in names}
@@ -292,5 +292,5 @@ class Disk:
 
 
 def shell_reply(complaint: str, out: str = "") -> Reply:
-    """Give the reply of a shell: failed when it complained."""
+    """Return the reply of a shell: failed when it complained."""
     return Reply(status=1 if complaint else 0, out=out, err=complaint, ok=not complaint)

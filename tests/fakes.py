@@ -92,7 +92,7 @@ class World:
         return self
 
     def reader(self, name: str) -> FakeRobot:
-        """Give a connection to a robot, as `Readers` wants it.
+        """Return a connection to a robot, as `Readers` wants it.
 
         Raises:
             TransportError: It is gone.
@@ -102,21 +102,21 @@ class World:
         return robot
 
     def sessions(self) -> dict[str, FakeRobot]:
-        """Give the robots that can be reached."""
+        """Return the robots that can be reached."""
         return {name: robot for name, robot in self.robots.items() if not robot.gone}
 
     def done(self) -> list[Entry]:
-        """Give the commands that were sent."""
+        """Return the commands that were sent."""
         return [entry for entry in self.log if entry.kind == "command"]
 
     def running(self) -> list[tuple[str, str]]:
-        """Give (service, host) of every running container."""
+        """Return (service, host) of every running container."""
         return sorted(
             (c.service, h) for h, r in self.robots.items() for c in r.engine.containers.values() if c.state == "running"
         )
 
     def state(self) -> dict[str, Any]:
-        """Give everything that robots hold, comparable."""
+        """Return everything that robots hold, comparable."""
         return {name: robot.state() for name, robot in sorted(self.robots.items())}
 
     def note_start(self, host: str, container: Container) -> None:
@@ -221,11 +221,11 @@ class FakeRobot:
             return FakeHold(self, words[0])
 
     def save_image(self, image: str, timeout_s: float) -> Iterator[bytes]:
-        """Give an image as one piece."""
+        """Return an image as one piece."""
         yield image.encode()
 
     def container_log(self, container: str, *, tail: int, follow: bool) -> Iterator[str]:
-        """Give what the behaviour says."""
+        """Return what the behaviour says."""
         one = self.engine.containers[container]
         yield from self.engine.behaviours.get(one.service, Behaviour()).log.splitlines()
 
@@ -235,7 +235,7 @@ class FakeRobot:
             raise TransportError(self._host, "the connection was lost", hint="is the robot up?")
 
     def state(self) -> dict[str, Any]:
-        """Give all that it holds, without what differs from run to run."""
+        """Return all that it holds, without what differs from run to run."""
         return {
             "containers": {n: (c.state, c.code, c.body) for n, c in sorted(self.engine.containers.items())},
             "networks": dict(sorted(self.engine.networks.items())),

@@ -36,5 +36,5 @@ _OUR_COLOURS = re.compile(r"\x1b\[(?:0|3[0-7]|1)m")
 
 
 def unprintable(text: str) -> list[str]:
-    """Give what a terminal would not just show, but for newlines, tabs and srprov's own colours."""
+    """Return what a terminal would not just show, but for newlines, tabs and srprov's own colours."""
     return sorted(set(_FORBIDDEN.findall(_OUR_COLOURS.sub("", text))))

@@ -118,7 +118,7 @@ class _Lexer:
         word.text = before + text[start : self.at]
 
     def _until_closed(self) -> str:
-        """Give the text up to the parenthesis that closes a command substitution."""
+        """Return the text up to the parenthesis that closes a command substitution."""
         start, depth = self.at, 1
         inside = _Lexer(self.text)
         inside.at = start
@@ -134,7 +134,7 @@ class _Lexer:
 
 
 def commands(script: str) -> Iterator[list[Word]]:
-    """Give every simple command of a script as words, those in substitutions too; redirections come as `>` and target.
+    """Return every simple command of a script as words, also in substitutions; redirections come as `>` and target.
 
     Raises:
         NotUnderstood: It uses more of the shell than is known here.
@@ -207,7 +207,7 @@ def _head(tokens: Sequence[Token], at: int, keyword: str) -> Iterator[list[Word]
 
 
 def _in_case(tokens: Sequence[Token], at: int, current: Sequence[Word]) -> bool:
-    """Tell whether what was read is the pattern of a `case`: one word and its closing parenthesis."""
+    """Return whether what was read is the pattern of a `case`: one word and its closing parenthesis."""
     following = tokens[at] if at < len(tokens) else None
     if len(current) != 1 or not isinstance(following, Operator) or following.text != ")":
         return False
@@ -290,7 +290,7 @@ _HARMLESS_TARGETS = {"/dev/null", "1", "2"}
 
 
 def shell_violations(script: str) -> list[str]:
-    """Give what in a shell text is not on the list, as the words of the command."""
+    """Return what in a shell text is not on the list, as the words of the command."""
     found: list[str] = []
     try:
         for words in commands(script):
@@ -322,7 +322,7 @@ def _violations(words: Sequence[Word]) -> list[str]:
 
 
 def engine_requests(sent: bytes) -> Iterator[tuple[str, str]]:
-    """Give method and path of every HTTP/1.1 request that was written on a connection.
+    """Return method and path of every HTTP/1.1 request that was written on a connection.
 
     Raises:
         NotUnderstood: Bytes that are no request.
@@ -351,7 +351,7 @@ def _after_chunks(body: bytes) -> bytes:
 
 
 def engine_violations(sent: bytes) -> list[str]:
-    """Give the requests that are neither GET nor HEAD."""
+    """Return the requests that are neither GET nor HEAD."""
     try:
         return [f"{method} {path}" for method, path in engine_requests(sent) if method not in ("GET", "HEAD")]
     except (NotUnderstood, ValueError) as error:

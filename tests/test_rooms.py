@@ -48,7 +48,7 @@ ROOMS: Mapping[str, Room] = {
     # The values of every room side by side, as the playbooks see them: the controller's other half.
     "context": room("errors wire resource disk definitions.model facts.model assignment.model network images modules"),
     "disk": room("images.plan"),
-    "instance": room("errors facts.model network.record network.identity"),
+    "instance": room("errors resource facts.model network.record network.identity"),
     "saved": room("errors secret controller disk definitions facts modules planning"),
     "owner": room(),
     "definitions": room("errors secret data owner", "yaml jsonschema jinja2"),
@@ -58,7 +58,7 @@ ROOMS: Mapping[str, Room] = {
     "network": room("errors definitions.model facts.model"),
     "images": room("errors wire definitions.model", "jinja2"),
     "rendering": room("errors resource data definitions", "jinja2 yaml"),
-    "modules": room("errors wire resource secret facts.model"),
+    "modules": room("errors wire resource secret"),
     "planning": room("errors resource wire secret modules facts.model definitions.model definitions.secretmodel"),
     "execution": room("errors resource wire modules planning facts owner"),
     "record": room("errors resource secret definitions.model facts planning execution"),
@@ -101,12 +101,12 @@ MAY_TALK = ("cli/", "__main__.py")
 
 
 def room_of(path: str) -> str:
-    """Give the room of a file, named as below `srprov/`."""
+    """Return the room of a file, named as below `srprov/`."""
     return path.split("/", 1)[0].removesuffix(".py")
 
 
 def imports(tree: ast.AST, path: str) -> Iterator[tuple[int, str]]:
-    """Give line and full dotted target of every import, those inside functions and TYPE_CHECKING too."""
+    """Return line and full dotted target of every import, those inside functions and TYPE_CHECKING too."""
     folder = ["srprov", *path.split("/")[:-1]]
     for node in ast.walk(tree):
         if isinstance(node, ast.Import):
@@ -120,7 +120,7 @@ def imports(tree: ast.AST, path: str) -> Iterator[tuple[int, str]]:
 
 
 def allows(allowed: frozenset[str] | None, target: str) -> bool:
-    """Tell whether a dotted target is one of the allowed names or lies below one."""
+    """Return whether a dotted target is one of the allowed names or lies below one."""
     return allowed is None or any(target == name or target.startswith(f"{name}.") for name in allowed)
 
 
@@ -141,7 +141,7 @@ def import_problem(path: str, target: str) -> str:
 
 
 def name_of(node: ast.AST) -> str:
-    """Give `a` for a name and `a.b` for an attribute of one."""
+    """Return `a` for a name and `a.b` for an attribute of one."""
     if isinstance(node, ast.Name):
         return node.id
     if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name):

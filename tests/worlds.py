@@ -15,22 +15,22 @@ from srprov.definitions.model import (
     Host,
     Inventory,
     Mount,
-    NetworkWishes,
+    NetworkSettings,
     Placement,
     Runtime,
     Service,
 )
-from srprov.execution import Event, Options, RunResult
+from srprov.execution import Event, RunOptions, RunResult
 from srprov.planning.plan import Plan
 from tests.fakes import World
 
 EDF = "/e/hello.edf"
 CHECK = HealthCheck(test=("CMD", "true"), interval_s=1.0, timeout_s=1.0, retries=3)
-QUICK = Options(settle_s=0.0, wait_timeout_s=5.0)
+QUICK = RunOptions(settle_s=0.0, wait_timeout_s=5.0)
 
 
 def service(name: str, **fields: Any) -> Service:
-    """Give a service; run-time fields such as `command` or `job` may stand beside its own."""
+    """Return a service; run-time fields such as `command` or `job` may stand beside its own."""
     own = {"cost", "requires", "network", "depends_on", "robot", "image"}
     run = {key: value for key, value in fields.items() if key not in own}
     mine = {key: value for key, value in fields.items() if key in own}
@@ -39,14 +39,14 @@ def service(name: str, **fields: Any) -> Service:
 
 
 def experiment(*services: Service, name: str = "hello", slots: int = 8, **fields: Any) -> Experiment:
-    """Give an experiment; robots have room for all of it."""
+    """Return an experiment; robots have room for all of it."""
     by_name = {one.name: one for one in sorted(services, key=lambda s: s.name)}
     wishes = {"placement": Placement(slots_per_robot=slots), **fields}
     return Experiment(name=name, file=f"/e/{name}.edf", folder="/e", services=by_name, **wishes)
 
 
 def inventory(world: World) -> Inventory:
-    """Give the inventory of a world's robots; each has a camera and a GPU."""
+    """Return the inventory of a world's robots; each has a camera and a GPU."""
     has = {"devices": ("/dev/video0", "/dev/x"), "tags": ("gpu",)}
     hosts = {name: Host(name=name, address=robot.kernel.address, **has) for name, robot in world.robots.items()}
     return Inventory(hosts=hosts, groups={})
@@ -56,7 +56,7 @@ def plan_for(world: World, what: Experiment, **wishes: Any) -> Plan:
     """Make the plan of an experiment on a world."""
     definitions = Definitions(experiment=what, containers={})
     with mock.patch.object(controller, "source_of", return_value=f"lab@desk:{what.file}"):
-        return controller.make_plan(definitions, inventory(world), world.reader, controller.Wishes(**wishes)).plan
+        return controller.make_plan(definitions, inventory(world), world.reader, controller.PlanRequest(**wishes)).plan
 
 
 def removal_for(world: World, instance: str = "hello", *, volumes: bool = False) -> Plan:
@@ -64,23 +64,23 @@ def removal_for(world: World, instance: str = "hello", *, volumes: bool = False)
     return controller.make_removal(instance, inventory(world), world.reader, volumes=volumes)[0]
 
 
-def run(world: World, plan: Plan, options: Options = QUICK) -> RunResult:
+def run(world: World, plan: Plan, options: RunOptions = QUICK) -> RunResult:
     """Do a plan."""
     return controller.apply(plan, world.sessions(), lambda _event: None, options)
 
 
-def apply(world: World, what: Experiment, options: Options = QUICK) -> RunResult:
+def apply(world: World, what: Experiment, options: RunOptions = QUICK) -> RunResult:
     """Plan and do."""
     return run(world, plan_for(world, what), options)
 
 
-def events(world: World, plan: Plan, options: Options = QUICK) -> tuple[RunResult, list[Event]]:
+def events(world: World, plan: Plan, options: RunOptions = QUICK) -> tuple[RunResult, list[Event]]:
     """Do a plan and give what a listener was told."""
     heard: list[Event] = []
     return controller.apply(plan, world.sessions(), heard.append, options), heard
 
 
 __all__ = [
-    "CHECK", "EDF", "QUICK", "Experiment", "HealthCheck", "Mapping", "Mount", "NetworkWishes", "Options", "Service",
-    "apply", "events", "experiment", "inventory", "plan_for", "removal_for", "run", "service",
+    "CHECK", "EDF", "QUICK", "Experiment", "HealthCheck", "Mapping", "Mount", "NetworkSettings", "RunOptions",
+    "Service", "apply", "events", "experiment", "inventory", "plan_for", "removal_for", "run", "service",
 ]  # fmt: skip

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from srprov.assignment.table import Table
+from srprov.assignment.table import ProblemTable
 
 ELIGIBLE = 0.7
 DISCOUNT = 0.8
 
 
-def table(kind: str, robots: int, services: int, pools: int, seed: int) -> Table:
-    """Give a Table in millionths.
+def table(kind: str, robots: int, services: int, pools: int, seed: int) -> ProblemTable:
+    """Return a Table in millionths.
 
     Args:
         kind: `loads`: alpha times what random loads cost by the paper's function; `uniform`: every cost 0..100.
@@ -33,7 +33,7 @@ def table(kind: str, robots: int, services: int, pools: int, seed: int) -> Table
         tuple(sorted(random.choice(services, random.integers(2, 5), replace=False).tolist())) for _ in range(pools)
     ]
     together = [np.rint(DISCOUNT * cost[list(group)].sum(axis=0)).astype(np.int64)[None] for group in groups]
-    return Table(
+    return ProblemTable(
         items=(*((node,) for node in range(services)), *groups),
         nodes=services,
         cost=np.vstack([cost, *together]),

@@ -18,7 +18,7 @@ from typing import Any
 
 from srprov.assignment import fairness, problem, solve
 from srprov.definitions.model import Experiment, Placement, Service
-from srprov.facts.model import Docker, Found, HostFacts
+from srprov.facts.model import Docker, HostFacts, Snapshot
 
 RESULTS = Path(__file__).parent / "results"
 WORKERS, SERVICES, RUNS = 12, 6, 100
@@ -43,8 +43,8 @@ class Result:
     jain: list[float] = field(default_factory=list)
 
 
-def robots(random: Random, bias: list[float], noise: float) -> Found:
-    """Give the workers of one run: about 83 % of memory in use, CPUs at 30 %, a 1 Gbit/s link at 5 %."""
+def robots(random: Random, bias: list[float], noise: float) -> Snapshot:
+    """Return the workers of one run: about 83 % of memory in use, CPUs at 30 %, a 1 Gbit/s link at 5 %."""
     facts = {}
     for index in range(WORKERS):
         memory = 1_000_000
@@ -60,7 +60,7 @@ def robots(random: Random, bias: list[float], noise: float) -> Found:
             speed_mbit=1000.0,
             traffic_mbit=50.0,
         )
-    return Found(facts=facts, existing={})
+    return Snapshot(facts=facts, observed={})
 
 
 def run(setting: float, lab: str, seed: int = 1) -> Result:
@@ -88,7 +88,7 @@ def run(setting: float, lab: str, seed: int = 1) -> Result:
 
 
 def row(result: Result) -> dict[str, Any]:
-    """Give the figures of one setting."""
+    """Return the figures of one setting."""
     deviation, mean = statistics.pstdev(result.costs), statistics.fmean(result.costs)
     return {
         "fairness": result.fairness,
@@ -105,7 +105,7 @@ def row(result: Result) -> dict[str, Any]:
 
 
 def markdown(rows: list[dict[str, Any]], lab: str) -> str:
-    """Give the table of all settings, and the paper's figures beside those at 0."""
+    """Return the table of all settings, and the paper's figures beside those at 0."""
     lines = ["| | deviation of costs | coefficient of variation | workers used | Jain's index | above the optimum |"]
     lines += ["|---|---|---|---|---|---|"]
     lines += (

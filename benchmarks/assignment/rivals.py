@@ -10,13 +10,13 @@ import numpy as np
 from ortools.math_opt import model_pb2
 from ortools.math_opt.python import mathopt
 
-from srprov.assignment.table import NEVER, Members, Table
+from srprov.assignment.table import NEVER, Members, ProblemTable
 
 Timed = tuple[float, int | None, bool]
 """Seconds, cost in millionths or None, proved."""
 
 
-def full_model(table: Table) -> mathopt.Model:
+def full_model(table: ProblemTable) -> mathopt.Model:
     """Write the whole model down: a variable per allowed pair, a row per service and per place."""
     item, place = np.nonzero(table.allowed)
     row, column = Members(table.items, table.nodes).rows(item)
@@ -39,7 +39,7 @@ def full_model(table: Table) -> mathopt.Model:
     return mathopt.Model.from_model_proto(model)
 
 
-def general(table: Table, solver: str, limit_s: float) -> Timed:
+def general(table: ProblemTable, solver: str, limit_s: float) -> Timed:
     """Solve by `highs` or `cp_sat` (two threads); what is timed is the solver alone, not writing the model down."""
     model = full_model(table)
     kinds = {"highs": mathopt.SolverType.HIGHS, "cp_sat": mathopt.SolverType.CP_SAT}
@@ -56,7 +56,7 @@ def general(table: Table, solver: str, limit_s: float) -> Timed:
     return took, cost, done
 
 
-def scipy_assignment(table: Table) -> Timed:
+def scipy_assignment(table: ProblemTable) -> Timed:
     """Solve by SciPy's linear_sum_assignment; nodes alone."""
     from scipy.optimize import linear_sum_assignment
 
@@ -67,7 +67,7 @@ def scipy_assignment(table: Table) -> Timed:
     return took, int(table.cost[rows, columns].sum()), True
 
 
-def networkx_flow(table: Table) -> Timed:
+def networkx_flow(table: ProblemTable) -> Timed:
     """Solve by networkx' network simplex; nodes alone."""
     import networkx
 
@@ -84,7 +84,7 @@ def networkx_flow(table: Table) -> Timed:
     return time.perf_counter() - begun, int(cost), True
 
 
-def bare_flow(table: Table) -> Timed:
+def bare_flow(table: ProblemTable) -> Timed:
     """Solve by OR-Tools' SimpleMinCostFlow on the same arcs and nothing else; the time is the solver's alone."""
     from ortools.graph.python import min_cost_flow
 

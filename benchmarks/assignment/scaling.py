@@ -16,7 +16,7 @@ from typing import Any
 from benchmarks.assignment import rivals
 from benchmarks.assignment.instances import table
 from srprov.assignment.solve_arrays import run
-from srprov.assignment.table import Table
+from srprov.assignment.table import ProblemTable
 
 RESULTS = Path(__file__).parent / "results"
 POOLED = ((50, 40, 15), (200, 150, 60), (400, 300, 100), (1000, 800, 300))
@@ -24,14 +24,14 @@ PLAIN = ((200, 200), (500, 500), (1000, 1000))
 LIMIT_S = {50: 60.0, 200: 120.0, 400: 240.0, 1000: 120.0}
 
 
-def ours(one: Table) -> rivals.Timed:
+def ours(one: ProblemTable) -> rivals.Timed:
     begun = time.perf_counter()
     found = run(one)
     took = time.perf_counter() - begun
     return took, found.cost if found else None, bool(found and found.proved)
 
 
-def compare(one: Table, others: dict[str, Callable[[Table], rivals.Timed]]) -> dict[str, Any]:
+def compare(one: ProblemTable, others: dict[str, Callable[[ProblemTable], rivals.Timed]]) -> dict[str, Any]:
     """Time every solver on one instance; all that proved an optimum must agree to a millionth per service."""
     mine = ours(one)
     row: dict[str, Any] = {"srprov": {"seconds": mine[0], "cost": mine[1], "proved": mine[2]}}
@@ -61,7 +61,7 @@ def plain(sizes: tuple[tuple[int, int], ...], save: Callable[[dict[str, Any]], N
     for robots, services in sizes:
         for seed in (1, 2, 3, 4, 5):
             one = table("uniform", robots, services, 0, seed)
-            others: dict[str, Callable[[Table], rivals.Timed]] = {
+            others: dict[str, Callable[[ProblemTable], rivals.Timed]] = {
                 "or_tools_flow": rivals.bare_flow,
                 "scipy": rivals.scipy_assignment,
             }
@@ -72,7 +72,7 @@ def plain(sizes: tuple[tuple[int, int], ...], save: Callable[[dict[str, Any]], N
 
 
 def summary(rows: list[dict[str, Any]]) -> str:
-    """Give medians per kind and size as a Markdown table; what proved nothing in its time counts with its limit."""
+    """Return medians per kind and size as a Markdown table; what proved nothing in its time counts with its limit."""
     lines = [
         "| instances | robots x services x pools | solver | median s | times ours | proved |",
         "|---|---|---|---|---|---|",

@@ -13,13 +13,13 @@ from random import Random
 
 from srprov.assignment import problem, solve
 from srprov.definitions.model import Experiment, Requirements, Service
-from srprov.facts.model import Docker, Found, HostFacts
+from srprov.facts.model import Docker, HostFacts, Snapshot
 
 RESULTS = Path(__file__).parent / "results"
 SIZE = 1000
 
 
-def world(seed: int) -> tuple[Experiment, Found]:
+def world(seed: int) -> tuple[Experiment, Snapshot]:
     random = Random(seed)
     services = {
         f"s{n:04}": Service(
@@ -45,7 +45,7 @@ def world(seed: int) -> tuple[Experiment, Found]:
         for n in range(SIZE)
     }
     what = Experiment(name="whole", file="/e/whole.edf", folder="/e", services=services)
-    return what, Found(facts=facts, existing={})
+    return what, Snapshot(facts=facts, observed={})
 
 
 def main() -> None:

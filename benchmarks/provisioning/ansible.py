@@ -46,7 +46,7 @@ PACKAGES = "/usr/local/lib/python3.*/dist-packages"
 
 
 def playbook() -> list[dict[str, object]]:
-    """Give the play: network, link, container."""
+    """Return the play: network, link, container."""
     network = {
         "name": NETWORK,
         "driver": "bridge",
@@ -95,7 +95,7 @@ class Ansible(Tool):
 
     @classmethod
     def version(cls) -> str:
-        """Give ansible-core's version."""
+        """Return ansible-core's version."""
         return peers.version(cls.environment, "ansible-core")
 
     def prepare_robots(self) -> None:
@@ -104,7 +104,7 @@ class Ansible(Tool):
         self.lab.everywhere(target, stdin=peers.for_robots(["requests"]))
 
     def plugins(self) -> str:
-        """Give lines for the configuration."""
+        """Return lines for the configuration."""
         return ""
 
     def call(self, job: Job, variant: str) -> Call:
@@ -147,7 +147,7 @@ class Mitogen(Ansible):
 
     @classmethod
     def version(cls) -> str:
-        """Give both versions."""
+        """Return both versions."""
         return peers.version(cls.environment, "ansible-core", "mitogen")
 
     def plugins(self) -> str:

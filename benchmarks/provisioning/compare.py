@@ -49,7 +49,7 @@ def main() -> None:
 
 
 def kept(file: Path, rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Give the runs of earlier results whose lab and latency were not measured again; a lab is measured whole."""
+    """Return the runs of earlier results whose lab and latency were not measured again; a lab is measured whole."""
     again = {(row["robots"], row["latency_ms"]) for row in rows}
     before = json.loads(file.read_text(encoding="utf-8"))["runs"] if file.exists() else []
     return [row for row in before if (row["robots"], row["latency_ms"]) not in again]

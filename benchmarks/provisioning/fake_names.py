@@ -2,7 +2,7 @@
 
 
 def identity(number: int, name: str) -> tuple[str, str]:
-    """Give name and address of a simulated robot: both as long as those of the real one that was recorded.
+    """Return name and address of a simulated robot: both as long as those of the real one that was recorded.
 
     An address has 11 characters, as those of the lab's robots from the first to the ninetieth.
     """

@@ -137,7 +137,7 @@ def publish(path: str, keys: list) -> None:
 
 
 def robot(kept: dict, mine: tuple[str, str], recorded: tuple[str, str]) -> Callable:
-    """Give what serves one simulated robot."""
+    """Return what serves one simulated robot."""
     own = [(old.encode(), new.encode()) for old, new in zip(recorded, mine, strict=True)]
 
     async def serve(process: asyncssh.SSHServerProcess) -> None:

@@ -51,12 +51,12 @@ class Job:
         return Job((*self.members[:-1], replace(self.members[-1], value="second")))
 
     def peers(self, member: Member) -> list[str]:
-        """Give the underlay addresses of all others."""
+        """Return the underlay addresses of all others."""
         return [other.underlay for other in self.members if other is not member]
 
 
 def make(robots: Sequence[tuple[str, str]]) -> Job:
-    """Give the job for robots (name, underlay address)."""
+    """Return the job for robots (name, underlay address)."""
     return Job(tuple(_member(index, name, address) for index, (name, address) in enumerate(robots, 1)))
 
 
@@ -71,17 +71,17 @@ def _member(index: int, robot: str, underlay: str) -> Member:
 
 
 def words() -> str:
-    """Give the container's command for a shell."""
+    """Return the container's command for a shell."""
     return shlex.join(COMMAND)
 
 
 def config_hash(member: Member) -> str:
-    """Give the hash that the floor and the peers keep as a label."""
+    """Return the hash that the floor and the peers keep as a label."""
     return hashlib.sha256(json.dumps([IMAGE, COMMAND, member.__dict__], sort_keys=True).encode()).hexdigest()[:16]
 
 
 def link_script(job: Job, member: Member) -> str:
-    """Give the shell lines that make the VXLAN link right; nothing happens where it is right already.
+    """Return the shell lines that make the VXLAN link right; nothing happens where it is right already.
 
     The floor and all peers run these lines, so that none has a better or worse way to do it.
     """
@@ -134,7 +134,7 @@ echo changed
 
 
 def edf(job: Job, name: str = "bench") -> dict[str, Any]:
-    """Give the experiment for srprov: a service per robot; srprov decides which robot runs which."""
+    """Return the experiment for srprov: a service per robot; srprov decides which robot runs which."""
     services = {
         member.service: {"image": IMAGE, "command": list(COMMAND), "environment": {"VALUE": member.value}}
         for member in job.members

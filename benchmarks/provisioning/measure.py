@@ -51,7 +51,7 @@ def adopt_orphans() -> None:
 
 
 def wire() -> tuple[int, int]:
-    """Give bytes sent to and received from robots so far, by the controller's end of the bridge."""
+    """Return bytes sent to and received from robots so far, by the controller's end of the bridge."""
     if not BRIDGE.exists():
         return 0, 0
     return tuple(int((BRIDGE / name).read_text()) for name in ("tx_bytes", "rx_bytes"))  # type: ignore[return-value]
@@ -98,7 +98,7 @@ def _end_orphans(mine: set[int]) -> tuple[float, float]:
 
 
 def _environment(more: Mapping[str, str]) -> dict[str, str]:
-    """Give the environment of what is measured: every tool may keep its compiled modules, as it does for its users."""
+    """Return environment of what is measured: every tool may keep its compiled modules, as it does for its users."""
     return {**{key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}, **more}
 
 

@@ -15,7 +15,7 @@ INSTALL_LIMIT_S = 900
 
 
 def environment(name: str, packages: Sequence[str]) -> Path:
-    """Give the folder of a virtual environment with these packages; made when it is not there or was not finished."""
+    """Return the folder of a virtual environment with these packages; made when it is not there or was not finished."""
     folder, done = CACHE / name, CACHE / name / "installed.txt"
     wanted = "\n".join([sys.version, *packages])
     if done.exists() and done.read_text() == wanted:
@@ -28,7 +28,7 @@ def environment(name: str, packages: Sequence[str]) -> Path:
 
 
 def for_robots(packages: Sequence[str]) -> bytes:
-    """Give a tar of pure Python packages, for Python modules that run on robots."""
+    """Return a tar of pure Python packages, for Python modules that run on robots."""
     folder, archive = CACHE / "robots", CACHE / "robots.tar"
     if not archive.exists():
         _run([sys.executable, "-m", "pip", "install", "-q", "--target", str(folder), *packages])
@@ -37,7 +37,7 @@ def for_robots(packages: Sequence[str]) -> bytes:
 
 
 def version(name: str, *packages: str) -> str:
-    """Give the installed versions, as `package version`, or nothing when the environment is not there."""
+    """Return the installed versions, as `package version`, or nothing when the environment is not there."""
     code = "import sys, importlib.metadata as m; print(', '.join(p + ' ' + m.version(p) for p in sys.argv[1:]))"
     argv = [str(CACHE / name / "bin" / "python"), "-c", code, *packages]
     try:

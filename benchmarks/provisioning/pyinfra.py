@@ -67,7 +67,7 @@ class Pyinfra(Tool):
 
     @classmethod
     def version(cls) -> str:
-        """Give pyinfra's and paramiko's versions."""
+        """Return pyinfra's and paramiko's versions."""
         return peers.version("pyinfra", "pyinfra", "paramiko")
 
     def call(self, job: Job, variant: str) -> Call:

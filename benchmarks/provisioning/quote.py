@@ -35,7 +35,7 @@ def main() -> None:
 
 
 def replaced(readme: str, part: str) -> str:
-    """Give the README with another part between the marks.
+    """Return the README with another part between the marks.
 
     Raises:
         ValueError: A mark is missing.
@@ -46,7 +46,7 @@ def replaced(readme: str, part: str) -> str:
 
 
 def text(results: Path) -> str:
-    """Give the table and the sentences behind it."""
+    """Return the table and the sentences behind it."""
     found = {
         name: json.loads((results / f"{name}.json").read_text()) for name in ("provisioning", "hundred", "thousand")
     }

@@ -77,7 +77,7 @@ class Lab:
         self.everywhere(RESET)
 
     def look(self) -> dict[str, dict[str, Any]]:
-        """Give robot -> running containers (name, id, pid, env, addresses), VXLAN links and their entries."""
+        """Return robot -> running containers (name, id, pid, env, addresses), VXLAN links and their entries."""
         return {robot: _seen(text) for robot, text in self.everywhere(LOOK).items()}
 
 

@@ -17,7 +17,7 @@ Seen = dict[str, dict[str, Any]]
 
 
 def play(lab: Lab, tool: Tool, job: Job, wanted: Sequence[str]) -> list[dict[str, Any]]:
-    """Give one row per wanted scenario. What the others need is done, and not reported."""
+    """Return one row per wanted scenario. What the others need is done, and not reported."""
     rows: list[dict[str, Any]] = []
     lab.reset()
     tool.begin()

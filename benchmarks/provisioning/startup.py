@@ -38,7 +38,7 @@ def main() -> None:
 
 
 def times(repeat: int) -> dict[str, list[float]]:
-    """Give the seconds of every run of every command; the first round, with cold files, does not count."""
+    """Return the seconds of every run of every command; the first round, with cold files, does not count."""
     with tempfile.TemporaryDirectory(prefix="srprov-bench-") as name:
         folder = Path(name)
         experiment = folder / "experiment.edf"
@@ -61,7 +61,7 @@ def times(repeat: int) -> dict[str, list[float]]:
 
 
 def table(found: dict[str, list[float]]) -> str:
-    """Give a Markdown table of medians and multiples of the first command's."""
+    """Return a Markdown table of medians and multiples of the first command's."""
     bare = statistics.median(next(iter(found.values())))
     lines = ["| command | median ms | times python |", "|---|---|---|"]
     for what, seconds in found.items():

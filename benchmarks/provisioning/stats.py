@@ -12,7 +12,7 @@ SCENARIOS = ("fresh", "nothing", "changed")
 
 
 def medians(rows: Iterable[Row]) -> list[dict[str, Any]]:
-    """Give one row per (robots, latency, scenario, tool) with medians, extremes, and the ratio to the floor's median.
+    """Return one row per (robots, latency, scenario, tool) with medians, extremes, and the ratio to the floor's median.
 
     The order is that of robots, latency and scenario; tools stand as they first came. Failed runs are counted, and
     their figures left out.
@@ -39,12 +39,12 @@ def medians(rows: Iterable[Row]) -> list[dict[str, Any]]:
 
 
 def ratio(value: float | None, base: float | None) -> float | None:
-    """Give value/base, or None where one is missing."""
+    """Return value/base, or None where one is missing."""
     return value / base if value is not None and base else None
 
 
 def table(rows: Sequence[Row]) -> str:
-    """Give a Markdown table of what `medians` gave."""
+    """Return a Markdown table of what `medians` gave."""
     lines = [
         "| robots | SSH latency | scenario | tool | median s | least - most | times floor "
         "| controller CPU s | peak MiB | sent KiB | received KiB | failed |",
@@ -71,7 +71,7 @@ def table(rows: Sequence[Row]) -> str:
 
 
 def phases(rows: Iterable[Row]) -> str:
-    """Give a Markdown table of the medians of what srprov says itself: its phases, and its traffic per robot."""
+    """Return a Markdown table of the medians of what srprov says itself: its phases, and its traffic per robot."""
     groups: dict[tuple[int, int, str, str], list[Row]] = {}
     for row in rows:
         if row.get("reported"):

@@ -111,7 +111,7 @@ def _floor(folder: Path, chosen: Sequence[tuple[str, str]], services: int) -> Se
 
 
 def _script(job: Job, member: Member, mine: Sequence[int]) -> str:
-    """Give the lines that start a robot's services on clean ground."""
+    """Return the lines that start a robot's services on clean ground."""
     starts = [
         f"docker run -d --name bench{index} --network {NETWORK} --ip 10.99.8.{10 + index} {IMAGE} {words()} >&2 &"
         for index in mine
@@ -127,7 +127,7 @@ wait
 
 
 def medians(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Give one row per tool and point of the grid; failed runs are left out."""
+    """Return one row per tool and point of the grid; failed runs are left out."""
     groups: dict[tuple[str, int, int], list[float]] = {}
     for row in rows:
         if not row["problem"]:
@@ -139,7 +139,7 @@ def medians(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
 
 
 def slopes(found: Sequence[dict[str, Any]]) -> str:
-    """Give a Markdown table of the planes."""
+    """Return a Markdown table of the planes."""
     lines = ["| tool | start s | per robot s | per service s | 1 x 1 s | 12 x 12 s |", "|---|---|---|---|---|---|"]
     for tool in dict.fromkeys(row["tool"] for row in found):
         mine = {(row["robots"], row["services"]): row["seconds"] for row in found if row["tool"] == tool}

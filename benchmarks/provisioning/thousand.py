@@ -189,7 +189,7 @@ def _server(*words: str, log: Path) -> Iterator[None]:
 
 
 def table(rows: Sequence[dict[str, Any]]) -> str:
-    """Give a Markdown table of medians, and what a robot more costs."""
+    """Return a Markdown table of medians, and what a robot more costs."""
     lines = ["| verb | robots | median s | CPU s | peak MiB |", "|---|---|---|---|---|"]
     slopes = ["| verb | s per robot | CPU s per robot | KiB per robot |", "|---|---|---|---|"]
     for verb in VERBS:

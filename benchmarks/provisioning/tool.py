@@ -48,11 +48,11 @@ class Tool:
 
     @classmethod
     def version(cls) -> str:
-        """Give what the table's head says about the tool."""
+        """Return what the table's head says about the tool."""
         return ""
 
     def prepare_robots(self) -> None:
-        """Give fresh robots what the tool needs there; once per lab, not measured."""
+        """Return fresh robots what the tool needs there; once per lab, not measured."""
 
     def begin(self) -> None:
         """Set up on the robots what isn't part of the job; not measured with it."""
@@ -62,7 +62,7 @@ class Tool:
         raise NotImplementedError
 
     def reported(self, out: str) -> dict[str, Any]:
-        """Give what the tool says itself about the run."""
+        """Return what the tool says itself about the run."""
         return {}
 
     def end(self) -> None:
@@ -76,7 +76,7 @@ class Floor(Tool):
 
     @classmethod
     def version(cls) -> str:
-        """Give paramiko's version."""
+        """Return paramiko's version."""
         return f"paramiko {metadata.version('paramiko')}"
 
     def call(self, job: Job, variant: str) -> Call:
@@ -103,7 +103,7 @@ class Srprov(Tool):
 
     @classmethod
     def version(cls) -> str:
-        """Give its version."""
+        """Return its version."""
         return __version__
 
     def call(self, job: Job, variant: str) -> Call:

@@ -19,7 +19,7 @@ import numpy as np
 from srprov.assignment.bundles import Item, items
 from srprov.assignment.cost import terms
 from srprov.assignment.model import SCALE, Node, Problem
-from srprov.assignment.table import Array, Table
+from srprov.assignment.table import Array, ProblemTable
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -46,12 +46,12 @@ class Arrays:
 
     @property
     def nodes(self) -> int:
-        """Give N."""
+        """Return N."""
         return sum(len(item.nodes) == 1 for item in self.items)
 
-    def table(self, cost: Array, allowed: Array | None = None) -> Table:
-        """Give the table with an objective, int64 [K, P]."""
-        return Table(
+    def table(self, cost: Array, allowed: Array | None = None) -> ProblemTable:
+        """Return the table with an objective, int64 [K, P]."""
+        return ProblemTable(
             items=tuple(item.nodes for item in self.items),
             nodes=self.nodes,
             cost=cost,
@@ -61,15 +61,15 @@ class Arrays:
         )
 
     def free(self, wanted: Array) -> Array:
-        """Give the objective of lower cost first, then fewer moves."""
+        """Return the objective of lower cost first, then fewer moves."""
         return wanted * (1 + int(self.moves.max(axis=1, initial=0).sum())) + self.moves
 
     def sticky(self, wanted: Array) -> Array:
-        """Give the objective of fewer moves first, then lower cost."""
+        """Return the objective of fewer moves first, then lower cost."""
         return self.moves * (1 + self.nodes * int(wanted[self.allowed].max(initial=0))) + wanted
 
     def fewest(self) -> Array:
-        """Give bool [K, P]: allowed pairs in which no service moves that could stay, were it alone in the world."""
+        """Return bool [K, P]: allowed pairs in which no service moves that could stay, were it alone in the world."""
         moves, nodes = np.where(self.allowed, self.moves, 1 << 30), self.nodes
         least = moves[:nodes].min(axis=1, initial=1 << 30)
         together = np.array([sum(int(least[node]) for node in item.nodes) for item in self.items], dtype=np.int64)
@@ -108,7 +108,7 @@ def arrays(problem: Problem) -> Arrays:
 
 
 def _allowed(problem: Problem, names: tuple[Node, ...], robots: Array) -> Array:
-    """Give bool [K, P]: the robot lacks nothing for any service of the item."""
+    """Return bool [K, P]: the robot lacks nothing for any service of the item."""
     width = (len(problem.loads) + 7) // 8
     rows = b"".join(problem.able(item).to_bytes(width, "little") for item in names)
     packed = np.frombuffer(rows, dtype=np.uint8).reshape(len(names), width)
@@ -118,7 +118,7 @@ def _allowed(problem: Problem, names: tuple[Node, ...], robots: Array) -> Array:
 
 
 def _moves(problem: Problem, names: tuple[Node, ...], at: dict[str, int], robots: Array) -> Array:
-    """Give int64 [K, P]: services of the item that run on another robot now."""
+    """Return int64 [K, P]: services of the item that run on another robot now."""
     moves: Array = np.zeros((len(names), len(problem.loads)), dtype=np.int64)
     for index, item in enumerate(names) if problem.previous else ():
         for name in item:
@@ -131,7 +131,7 @@ def _moves(problem: Problem, names: tuple[Node, ...], at: dict[str, int], robots
 
 
 def _wanted(problem: Problem, names: tuple[Node, ...], price: Array, robots: Array) -> Array:
-    """Give float [K, P]: the costs, for items not placed yet mixed with what they add to the sum of squares.
+    """Return float [K, P]: the costs, for items not placed yet mixed with what they add to the sum of squares.
 
     With d what a robot has carried beyond the one that carried least, c the cost, and m what a robot has carried on
     average plus the mean cost of a node: (1 - f) * c + f * ((d + c)^2 - d^2) / m. Against m, because evenness is of

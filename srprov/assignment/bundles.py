@@ -37,7 +37,7 @@ def items(
     alphas: Mapping[str, float],
     apart: Sequence[Sequence[int]] = (),
 ) -> list[Item]:
-    """Give every node alone, in order, then the bundles in the order of their nodes.
+    """Return every node alone, in order, then the bundles in the order of their nodes.
 
     Args:
         nodes: Services that share a robot; every service in one node at most.
@@ -66,12 +66,12 @@ def items(
 
 
 def saving(pool: Pool, alphas: Mapping[str, float]) -> float:
-    """Give the alpha that a pool takes off when it runs together."""
+    """Return the alpha that a pool takes off when it runs together."""
     return (1.0 - pool.discount) * sum(alphas[service] for service in pool.services)
 
 
 def _together(pools: Sequence[Pool], node_of: Mapping[str, int]) -> Iterator[tuple[Pool, ...]]:
-    """Give every set of pools that share no service and hang together by their nodes, each once."""
+    """Return every set of pools that share no service and hang together by their nodes, each once."""
     touches = [frozenset(node_of[service] for service in pool.services) for pool in pools]
     seen = {frozenset({index}) for index in range(len(pools))}
     queue = sorted(seen, key=sorted)

@@ -21,7 +21,7 @@ from srprov.facts.model import HostFacts
 def matrix(
     services: Mapping[str, Service], platforms: Mapping[str, Sequence[str]], robots: Sequence[HostFacts]
 ) -> dict[str, int]:
-    """Give each service's row: bit i is set where robot i, of the order given, lacks nothing.
+    """Return each service's row: bit i is set where robot i, of the order given, lacks nothing.
 
     Raises:
         UsageError: `requires.kernel` cannot be read.
@@ -41,7 +41,7 @@ class _Answers:
     known: dict[Hashable, int] = field(default_factory=dict)
 
     def of(self, service: Service, platforms: Sequence[str]) -> list[int]:
-        """Give a row for each thing that a service asks for."""
+        """Return a row for each thing that a service asks for."""
         wanted, ask = service.requires, self._ask
         rows = [ask("docker", lambda robot: robot.docker is not None and not robot.docker.rootless)]
         if service.robot:

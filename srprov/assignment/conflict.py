@@ -23,7 +23,7 @@ from srprov.assignment.table import Array
 
 
 def smallest_conflict(problem: Problem) -> tuple[Node, ...]:
-    """Give nodes, cut down to services of which none can be left out; empty when all can be placed.
+    """Return nodes, cut down to services of which none can be left out; empty when all can be placed.
 
     Several conflicts may exist. Services with the fewest robots are looked at first. (The smallest of all would be the
     girth of a transversal matroid, which is NP-hard to find.)
@@ -45,7 +45,7 @@ def smallest_conflict(problem: Problem) -> tuple[Node, ...]:
 
 
 def cut(problem: Problem, names: Collection[str]) -> Problem:
-    """Give a problem with only these services to decide; pools and groups lose the others."""
+    """Return a problem with only these services to decide; pools and groups lose the others."""
     kept = set(names)
     nodes = tuple(sorted(rest for node in problem.nodes if (rest := tuple(name for name in node if name in kept))))
     pools = tuple(
@@ -55,7 +55,7 @@ def cut(problem: Problem, names: Collection[str]) -> Problem:
 
 
 def feasible(problem: Problem) -> bool:
-    """Tell whether everything that is to be decided can be placed."""
+    """Return whether everything that is to be decided can be placed."""
     laid = arrays(problem)
     nodes = laid.nodes
     if (~laid.allowed[:nodes].any(axis=1)).any() and len(laid.items) == nodes:
@@ -68,7 +68,7 @@ def feasible(problem: Problem) -> bool:
 
 
 def places_needed(problem: Problem) -> int:
-    """Give the fewest slots that could do if every robot could run everything: pools together wherever they fit."""
+    """Return the fewest slots that could do if every robot could run everything: pools together wherever they fit."""
     laid = arrays(problem)
     somewhere: Array = np.ones((len(laid.items), laid.nodes), dtype=bool)
     table = laid.table(np.ones(somewhere.shape, dtype=np.int64), somewhere)
@@ -78,7 +78,7 @@ def places_needed(problem: Problem) -> int:
 
 
 def _minimal(broken: Callable[[Sequence[str]], bool], names: list[str]) -> list[str]:
-    """Give a part of `names` that is broken while no part of it is; earlier names are preferred."""
+    """Return a part of `names` that is broken while no part of it is; earlier names are preferred."""
 
     def divide(given: list[str], more: bool, rest: list[str]) -> list[str]:
         if more and broken(given):
@@ -102,7 +102,7 @@ def _none_in_vain(problem: Problem, names: list[str]) -> list[str]:
 
 
 def _hall(problem: Problem) -> tuple[Node, ...]:
-    """Give a conflict of nodes in the plain model, the smallest that inserting one after another shows; or none."""
+    """Return a conflict of nodes in the plain model, the smallest that inserting one after another shows; or none."""
     if problem.pools or problem.apart:
         return ()
     eligible = {node: problem.eligible(node) for node in problem.nodes}

@@ -46,7 +46,7 @@ class CostTerms:
 
 
 def load(facts: HostFacts, reference_mbit: float) -> Load:
-    """Give the relative loads of a robot.
+    """Return the relative loads of a robot.
 
     Args:
         facts: The robot. `speed_mbit` is the link's, or the inventory's `srprov_bandwidth_mbit`, which wins.
@@ -71,7 +71,7 @@ def load(facts: HostFacts, reference_mbit: float) -> Load:
 
 
 def at_slot(idle: Load, slot: int, slots: int) -> Load:
-    """Give the load that a service meets in a slot (from 0) of `slots`: the CPU beta raised by slot / slots, at most 1.
+    """Return load that a service meets in a slot (from 0) of `slots`: the CPU beta raised by slot / slots, at most 1.
 
     So slot 0 is the paper's cost, and several services on one robot stay an assignment problem: the cost of a slot does
     not depend on who has the others.
@@ -80,7 +80,7 @@ def at_slot(idle: Load, slot: int, slots: int) -> Load:
 
 
 def terms(alpha: float, beta: Load, weights: Weights) -> CostTerms:
-    """Give the weighted terms for a service's pre-defined cost `alpha` (0..100) under the loads `beta`."""
+    """Return the weighted terms for a service's pre-defined cost `alpha` (0..100) under the loads `beta`."""
     return CostTerms(
         cpu=alpha * beta.cpu**4 * weights.cpu,
         memory=alpha * beta.memory**4 * weights.memory,
@@ -97,18 +97,18 @@ def cost_terms(
     slot: int = 0,
     slots: int | None = None,
 ) -> CostTerms:
-    """Give what `service` costs in a slot of a robot; `slots` is the robot's number of them, else the experiment's."""
+    """Return what `service` costs in a slot of a robot with `slots`, else the experiment's number."""
     idle = load(facts, placement.bandwidth_reference_mbit)
     return terms(service.cost, at_slot(idle, slot, slots or placement.slots_per_robot), weights)
 
 
 def jain(costs: Iterable[float]) -> float:
-    """Give Jain's index `(sum x)^2 / (n * sum x^2)` of costs per robot, in 1/n..1; 1 when all are 0."""
+    """Return Jain's index `(sum x)^2 / (n * sum x^2)` of costs per robot, in 1/n..1; 1 when all are 0."""
     values = tuple(costs)
     squares = sum(value * value for value in values)
     return sum(values) ** 2 / (len(values) * squares) if squares > 0 else 1.0
 
 
 def _share(part: float, whole: float) -> float:
-    """Give `part / whole` within 0..1; 0 for a whole of nothing, as with a robot that has no swap."""
+    """Return `part / whole` within 0..1; 0 for a whole of nothing, as with a robot that has no swap."""
     return min(1.0, max(0.0, part / whole)) if whole > 0 else 0.0

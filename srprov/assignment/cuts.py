@@ -20,7 +20,7 @@ _LEAST = 0.01
 
 
 def odd_cycles(shares: Mapping[int, float], items: Sequence[Sequence[int]]) -> list[Cut]:
-    """Give inequalities that these shares break, each once.
+    """Return inequalities that these shares break, each once.
 
     Args:
         shares: Bundle -> how far it is chosen, 0..1.
@@ -39,13 +39,13 @@ def odd_cycles(shares: Mapping[int, float], items: Sequence[Sequence[int]]) -> l
 
 
 def _exclusions(bundles: Sequence[int], items: Sequence[Sequence[int]]) -> dict[int, list[int]]:
-    """Give bundle -> those that have a node in common with it."""
+    """Return bundle -> those that have a node in common with it."""
     nodes = {bundle: set(items[bundle]) for bundle in bundles}
     return {one: [two for two in bundles if two != one and nodes[one] & nodes[two]] for one in bundles}
 
 
 def _shortest(start: int, near: Mapping[int, Sequence[int]], shares: Mapping[int, float]) -> list[int]:
-    """Give the odd cycle through a bundle that is broken most, or nothing."""
+    """Return the odd cycle through a bundle that is broken most, or nothing."""
     best: dict[tuple[int, int], float] = {(start, 0): 0.0}
     came: dict[tuple[int, int], tuple[int, int]] = {}
     queue = [(0.0, start, 0)]
@@ -71,7 +71,7 @@ def _shortest(start: int, near: Mapping[int, Sequence[int]], shares: Mapping[int
 
 
 def _extended(cycle: Sequence[int], items: Sequence[Sequence[int]]) -> tuple[int, ...]:
-    """Give three bundles that exclude each other with all others that exclude every one of them."""
+    """Return three bundles that exclude each other with all others that exclude every one of them."""
     clique, nodes = list(cycle), [set(items[item]) for item in cycle]
     for item in range(len(items)):
         if len(items[item]) > 1 and item not in clique and all(own.intersection(items[item]) for own in nodes):

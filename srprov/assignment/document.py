@@ -14,7 +14,7 @@ from srprov.errors import NoAssignment
 
 
 def assign_json(answer: Assignment, front: Sequence[Point] = ()) -> dict[str, Any]:
-    """Give the document; `gap` only where the search was stopped, `pareto` only where it was asked for."""
+    """Return the document; `gap` only where the search was stopped, `pareto` only where it was asked for."""
     document: dict[str, Any] = {
         "assignment": dict(answer.placed),
         "cost": answer.cost,
@@ -35,5 +35,5 @@ def assign_json(answer: Assignment, front: Sequence[Point] = ()) -> dict[str, An
 
 
 def refusal_json(error: NoAssignment) -> dict[str, Any]:
-    """Give the document where there is no placement: what is in the way, and what would help."""
+    """Return the document where there is no placement: what is in the way, and what would help."""
     return {"assignment": None, "error": error.message, "why_not": error.misses, "hint": error.hint}

@@ -18,7 +18,7 @@ from srprov.errors import NoAssignment
 
 
 def no_assignment(problem: Problem) -> NoAssignment:
-    """Give the error for a problem that has no solution: the conflict, what is missing, what would help."""
+    """Return the error for a problem that has no solution: the conflict, what is missing, what would help."""
     conflict = smallest_conflict(problem)
     services = tuple(name for node in conflict for name in node)
     misses = {name: _reasons(problem, name) for name in services}
@@ -32,7 +32,7 @@ def no_assignment(problem: Problem) -> NoAssignment:
 
 
 def describe(assignment: Assignment) -> list[str]:
-    """Give one line per service for the plan: robot, cost by term, runner-up; then pools, the sum, moves and notes."""
+    """Return one line per service for the plan: robot, cost, runner-up; then pools, the sum, moves and notes."""
     names = max((len(name) for name in assignment.placed), default=0)
     robots = max((len(robot) for robot in assignment.placed.values()), default=0)
     lines = [
@@ -46,7 +46,7 @@ def describe(assignment: Assignment) -> list[str]:
 
 
 def reasons(misses: Mapping[str, Mapping[str, str]]) -> list[str]:
-    """Give `why_not` of an Assignment, or `misses` of a NoAssignment, as lines."""
+    """Return `why_not` of an Assignment, or `misses` of a NoAssignment, as lines."""
     lines: list[str] = []
     for service, robots in sorted(misses.items()):
         lines += [f"{service} not on {robot}: {reason}" for robot, reason in sorted(robots.items())]
@@ -54,7 +54,7 @@ def reasons(misses: Mapping[str, Mapping[str, str]]) -> list[str]:
 
 
 def _fixed(problem: Problem, name: str) -> NoAssignment:
-    """Give the error for an instance that must be on a robot which cannot run it."""
+    """Return the error for an instance that must be on a robot which cannot run it."""
     robot = problem.fixed[name]
     lacks = problem.misses[name][robot]
     message = f"{robot} cannot run '{name}', which 'per_robot' puts there"
@@ -91,7 +91,7 @@ def _apart_too(problem: Problem) -> str:
 
 
 def _groups(problem: Problem) -> list[list[str]]:
-    """Give the parts of groups in `different_robot` that are to be decided."""
+    """Return the parts of groups in `different_robot` that are to be decided."""
     names = {name for node in problem.nodes for name in node}
     return [both for group in problem.apart if len(both := sorted(names & set(group))) > 1]
 
@@ -123,7 +123,7 @@ def _price(assignment: Assignment, service: str) -> str:
 
 
 def signed(number: float, digits: int) -> str:
-    """Give a difference with its sign; none where it rounds to nothing, as sums of floats differ in their last bits."""
+    """Return a difference with its sign; none if it rounds to 0, as float sums differ in their last bits."""
     return f"{number:+.{digits}f}" if round(number, digits) else f"{0:.{digits}f}"
 
 

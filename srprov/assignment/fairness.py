@@ -28,7 +28,7 @@ class Point:
 
 
 def read_record(record: Any, where: str) -> dict[str, float]:  # noqa: ANN401 - JSON is any
-    """Give robot -> cost allocated to it, from `{"assignment": {service: robot}, "costs": {service: cost}}`.
+    """Return robot -> cost allocated to it, from `{"assignment": {service: robot}, "costs": {service: cost}}`.
 
     Raises:
         UsageError: It is not of that shape; `where` names it.
@@ -50,7 +50,7 @@ def read_record(record: Any, where: str) -> dict[str, float]:  # noqa: ANN401 - 
 def pareto(
     problem: Problem, solve: Callable[[Problem], Assignment], steps: Sequence[float] = STEPS
 ) -> tuple[Point, ...]:
-    """Give settings of fairness that nothing else beats in both cost and evenness, in the order of cost.
+    """Return settings of fairness that nothing else beats in both cost and evenness, in the order of cost.
 
     Args:
         problem: What must be placed.

@@ -15,7 +15,7 @@ from types import MappingProxyType
 from typing import TypeVar
 
 from srprov.assignment.cost import CostTerms, Load, terms
-from srprov.assignment.requirements import Miss
+from srprov.assignment.requirements import UnmetRequirement
 from srprov.definitions.model import Pool, Service, Weights
 from srprov.facts.model import HostFacts
 
@@ -31,7 +31,7 @@ _V = TypeVar("_V")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Rows(Mapping[str, _V]):
+class LazyMapping(Mapping[str, _V]):
     """A mapping that works out a value when it is asked for; what is asked for once is kept."""
 
     names: tuple[str, ...]
@@ -82,7 +82,7 @@ class Problem:
     """Reachable robot -> the loads in each of its slots, at least in the first."""
     capable: Mapping[str, int]
     """Service -> its row: bit i is set where the i-th of `loads` lacks nothing for the service itself."""
-    misses: Mapping[str, Mapping[str, tuple[Miss, ...]]]
+    misses: Mapping[str, Mapping[str, tuple[UnmetRequirement, ...]]]
     """Service -> robot -> what it lacks; a robot that lacks nothing is not listed."""
     pools: tuple[Pool, ...] = ()
     apart: tuple[tuple[str, ...], ...] = ()
@@ -101,24 +101,24 @@ class Problem:
 
     @property
     def alphas(self) -> dict[str, float]:
-        """Give the pre-defined cost per service."""
+        """Return the pre-defined cost per service."""
         return {name: service.cost for name, service in self.services.items()}
 
     def cost(self, service: str, robot: str, slot: int = 0, discount: float = 1.0) -> CostTerms:
-        """Give the terms of one service in one slot of a reachable robot."""
+        """Return the terms of one service in one slot of a reachable robot."""
         return terms(self.services[service].cost * discount, self.loads[robot][slot], self.weights)
 
     def node_cost(self, node: Node, robot: str, slot: int = 0) -> float:
-        """Give what all services of a node cost together, without any pool's discount."""
+        """Return what all services of a node cost together, without any pool's discount."""
         return sum(self.cost(service, robot, slot).total for service in node)
 
     def eligible(self, node: Node) -> tuple[str, ...]:
-        """Give the reachable robots that lack nothing for any service of the node, in name order."""
+        """Return the reachable robots that lack nothing for any service of the node, in name order."""
         able = self.able(node)
         return tuple(robot for bit, robot in enumerate(self.loads) if able >> bit & 1)
 
     def able(self, services: Iterable[str]) -> int:
-        """Give the row of services that share a robot: bit i is set where the i-th of `loads` lacks nothing for any."""
+        """Return row of services that share a robot: bit i is set where the i-th of `loads` lacks nothing for any."""
         return reduce(and_, (self.capable[name] for name in services), (1 << len(self.loads)) - 1)
 
     def moved(self, node: Node, robot: str) -> int:

@@ -14,17 +14,17 @@ from dataclasses import replace
 
 from srprov.assignment import capability
 from srprov.assignment.cost import Load, at_slot, load
-from srprov.assignment.model import Fairness, Node, Problem, Rows
-from srprov.assignment.requirements import Miss, missing, pinned_elsewhere
+from srprov.assignment.model import Fairness, LazyMapping, Node, Problem
+from srprov.assignment.requirements import UnmetRequirement, missing, pinned_elsewhere
 from srprov.definitions.model import ContainerDefinition, Experiment
 from srprov.errors import UsageError
-from srprov.facts.model import Found
+from srprov.facts.model import Snapshot
 
 
 def build(
     experiment: Experiment,
     containers: Mapping[str, ContainerDefinition],
-    found: Found,
+    snapshot: Snapshot,
     previous: Mapping[str, str],
     *,
     slots: Mapping[str, int] | None = None,
@@ -32,12 +32,12 @@ def build(
     reassign_unreachable: bool = False,
     history: Sequence[Mapping[str, float]] = (),
 ) -> Problem:
-    """Give the assignment problem of an experiment.
+    """Return the assignment problem of an experiment.
 
     Args:
         experiment: What must run.
         containers: CDFs by the key that `Service.cdf` holds.
-        found: All robots of the inventory, reachable or not.
+        snapshot: All robots of the inventory, reachable or not.
         previous: Service -> the robot it runs on now: by labels, and by the placement record for robots out of reach.
         slots: Robots whose inventory says `srprov_slots`; the others have `placement.slots_per_robot`.
         reassign: Let running services move when that is cheaper (`--reassign`).
@@ -52,19 +52,19 @@ def build(
     fixed = {name: service.robot for name, service in services.items() if service.per_robot is not None}
     groups = tuple(_contract((name for name in services if name not in fixed), experiment.same_robot))
     _check_apart(groups, experiment.different_robot)
-    frozen = {} if reassign_unreachable else _freeze(groups, before, found.unreachable)
-    frozen |= {name: robot for name, robot in fixed.items() if robot in found.unreachable}
-    total = {robot: (slots or {}).get(robot, experiment.placement.slots_per_robot) for robot in sorted(found.facts)}
+    frozen = {} if reassign_unreachable else _freeze(groups, before, snapshot.unreachable)
+    frozen |= {name: robot for name, robot in fixed.items() if robot in snapshot.unreachable}
+    total = {robot: (slots or {}).get(robot, experiment.placement.slots_per_robot) for robot in sorted(snapshot.facts)}
     taken = [robot for name, robot in frozen.items() if name not in fixed]
     free = _free_slots(total, taken, len(groups))
-    reference, facts = experiment.placement.bandwidth_reference_mbit, [found.facts[robot] for robot in free]
+    reference, facts = experiment.placement.bandwidth_reference_mbit, [snapshot.facts[robot] for robot in free]
     platforms = {name: containers[one.cdf].platforms for name, one in services.items() if one.cdf}
     made = Problem(
         services=services,
         nodes=tuple(group for group in groups if not frozen.keys() & set(group)),
-        robots=tuple(sorted({*found.facts, *found.unreachable})),
+        robots=tuple(sorted({*snapshot.facts, *snapshot.unreachable})),
         slots=free,
-        loads={robot: _per_slot(load(found.facts[robot], reference), free[robot], total[robot]) for robot in free},
+        loads={robot: _per_slot(load(snapshot.facts[robot], reference), free[robot], total[robot]) for robot in free},
         capable=capability.matrix(services, platforms, facts),
         misses={},
         pools=experiment.pools,
@@ -75,16 +75,16 @@ def build(
         fixed={name: robot for name, robot in sorted(fixed.items()) if name not in frozen},
         sticky=experiment.placement.sticky and not reassign,
         fairness=_fairness(experiment.placement.fairness, history),
-        facts=found.facts,
+        facts=snapshot.facts,
     )
-    own = Rows(tuple(services), lambda name: _own(made, name, platforms.get(name, ()), found.unreachable))
+    own = LazyMapping(tuple(services), lambda name: _own(made, name, platforms.get(name, ()), snapshot.unreachable))
     mates = {name: group for group in groups for name in group}
-    misses = Rows(tuple(services), lambda name: _with_group(own, name, mates.get(name, (name,))))
+    misses = LazyMapping(tuple(services), lambda name: _with_group(own, name, mates.get(name, (name,))))
     return replace(made, misses=misses)
 
 
 def _contract(services: Iterable[str], same_robot: Sequence[Sequence[str]]) -> Iterator[Node]:
-    """Give each service in exactly one node; groups that share a service are one node."""
+    """Return each service in exactly one node; groups that share a service are one node."""
     node_of = {name: frozenset({name}) for name in services}
     for group in same_robot:
         merged = frozenset().union(*(node_of[name] for name in group if name in node_of))
@@ -101,7 +101,7 @@ def _check_apart(groups: Sequence[Node], apart: Sequence[Sequence[str]]) -> None
 
 
 def _freeze(groups: Sequence[Node], before: Mapping[str, str], unreachable: Mapping[str, str]) -> dict[str, str]:
-    """Give the services that stay where they are because a robot of their group cannot be reached.
+    """Return the services that stay where they are because a robot of their group cannot be reached.
 
     Nothing of such a group moves, since it may still run there; what does not run yet joins the robot out of reach.
     """
@@ -113,12 +113,12 @@ def _freeze(groups: Sequence[Node], before: Mapping[str, str], unreachable: Mapp
 
 
 def _free_slots(total: Mapping[str, int], frozen: Sequence[str], nodes: int) -> dict[str, int]:
-    """Give the free slots per reachable robot, no more than could be used; what is frozen there takes its own."""
+    """Return the free slots per reachable robot, no more than could be used; what is frozen there takes its own."""
     return {robot: max(0, min(nodes, count - frozen.count(robot))) for robot, count in total.items()}
 
 
 def _per_slot(idle: Load, free: int, slots: int) -> tuple[Load, ...]:
-    """Give the load in every free slot; at least the first, since the cost matrix shows what that would cost."""
+    """Return the load in every free slot; at least the first, since the cost matrix shows what that would cost."""
     return tuple(at_slot(idle, slot, slots) for slot in range(max(1, free)))
 
 
@@ -132,8 +132,8 @@ def _fairness(weight: float, history: Sequence[Mapping[str, float]]) -> Fairness
 
 def _own(
     problem: Problem, name: str, platforms: Sequence[str], unreachable: Mapping[str, str]
-) -> dict[str, tuple[Miss, ...]]:
-    """Give robot -> what it lacks for a service alone; nothing for a robot that lacks nothing."""
+) -> dict[str, tuple[UnmetRequirement, ...]]:
+    """Return robot -> what it lacks for a service alone; nothing for a robot that lacks nothing."""
     service, able = problem.services[name], problem.capable[name]
     lacks = {
         robot: missing(service, platforms, problem.facts[robot])
@@ -148,18 +148,20 @@ def _own(
     return dict(sorted(lacks.items()))
 
 
-def _out_of_reach(robot: str, reason: str) -> Miss:
-    return Miss(f"unreachable: {reason}" if reason else "unreachable", f"make {robot} reachable")
+def _out_of_reach(robot: str, reason: str) -> UnmetRequirement:
+    return UnmetRequirement(f"unreachable: {reason}" if reason else "unreachable", f"make {robot} reachable")
 
 
 def _with_group(
-    own: Mapping[str, Mapping[str, tuple[Miss, ...]]], name: str, group: Node
-) -> dict[str, tuple[Miss, ...]]:
+    own: Mapping[str, Mapping[str, tuple[UnmetRequirement, ...]]], name: str, group: Node
+) -> dict[str, tuple[UnmetRequirement, ...]]:
     """Add to a service what robots lack for those that must share its robot; a robot serves all or none."""
     lacks = dict(own[name])
     for other in group:
         for robot, missed in own[other].items() if other != name else ():
             if robot not in own[name]:
-                shared = tuple(Miss(f"must run with '{other}': {miss.text}", miss.remedy) for miss in missed)
+                shared = tuple(
+                    UnmetRequirement(f"must run with '{other}': {miss.text}", miss.remedy) for miss in missed
+                )
                 lacks[robot] = lacks.get(robot, ()) + shared
     return dict(sorted(lacks.items()))

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from srprov.assignment.conflict import feasible
 from srprov.assignment.model import Node, Problem
-from srprov.assignment.requirements import Miss
+from srprov.assignment.requirements import UnmetRequirement
 from srprov.definitions.model import Pool
 
 _SHOWN = 8
@@ -22,24 +22,24 @@ _TRIED = 12
 
 
 def for_conflict(problem: Problem) -> list[str]:
-    """Give what would help, one change each; several together where no single one does."""
+    """Return what would help, one change each; several together where no single one does."""
     helps = [*_slots(problem), *_abilities(problem), *_relations(problem), *_robots(problem), *_pools(problem)]
     return helps or [_leave_out(problem)]
 
 
 def listed(words: Sequence[str], last: str = "and") -> str:
-    """Give words as a sentence has them, cut where it gets too long."""
+    """Return words as a sentence has them, cut where it gets too long."""
     shown = [*words[:_SHOWN], f"{len(words) - _SHOWN} more"] if len(words) > _SHOWN else list(words)
     return shown[0] if len(shown) == 1 else f"{', '.join(shown[:-1])} {last} {shown[-1]}"
 
 
 def quoted(names: Sequence[str]) -> str:
-    """Give names in quotes as a sentence has them."""
+    """Return names in quotes as a sentence has them."""
     return listed([f"'{name}'" for name in names])
 
 
 def in_edf(problem: Problem, names: Iterable[str]) -> list[str]:
-    """Give services as an EDF can name them: of `a-1` and `a-2`, replicas of `a`, just `a`."""
+    """Return services as an EDF can name them: of `a-1` and `a-2`, replicas of `a`, just `a`."""
     return list(dict.fromkeys(problem.services[name].instance_of or name for name in names))
 
 
@@ -110,8 +110,8 @@ def _abilities(problem: Problem) -> Iterator[str]:
             return
 
 
-def _lacks(problem: Problem, node: Node, robot: str) -> tuple[Miss, ...]:
-    """Give all that a robot lacks for a node, each remedy once (members repeat what their group lacks)."""
+def _lacks(problem: Problem, node: Node, robot: str) -> tuple[UnmetRequirement, ...]:
+    """Return all that a robot lacks for a node, each remedy once (members repeat what their group lacks)."""
     return tuple({miss.remedy: miss for name in node for miss in problem.misses[name].get(robot, ())}.values())
 
 
@@ -150,7 +150,7 @@ def _pools(problem: Problem) -> Iterator[str]:
 
 
 def _instances(problem: Problem, names: Sequence[str]) -> tuple[str, ...]:
-    """Give all that a pool of these services of the EDF would hold; nothing when that reaches beyond the conflict."""
+    """Return all that a pool of these services of the EDF would hold; nothing when that reaches beyond the conflict."""
     members = {name for name, one in problem.services.items() if (one.instance_of or name) in names}
     decided = {name for node in problem.nodes for name in node}
     return tuple(sorted(members)) if members <= decided and len(names) > 1 else ()

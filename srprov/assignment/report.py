@@ -7,26 +7,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from srprov.assignment.model import Choice, Problem, Rows, RunnerUp
+from srprov.assignment.model import Choice, LazyMapping, Problem, RunnerUp
 
 
 def matrix(problem: Problem) -> Mapping[str, Mapping[str, float | None]]:
-    """Give service -> robot -> cost in the robot's first slot, None where it cannot run."""
-    return Rows(tuple(problem.misses), lambda service: _row(problem, service))
+    """Return service -> robot -> cost in the robot's first slot, None where it cannot run."""
+    return LazyMapping(tuple(problem.misses), lambda service: _row(problem, service))
 
 
 def why_not(problem: Problem) -> Mapping[str, Mapping[str, str]]:
-    """Give service -> robot -> reason, for every robot that cannot run the service."""
-    return Rows(tuple(problem.misses), lambda service: reasons(problem, service))
+    """Return service -> robot -> reason, for every robot that cannot run the service."""
+    return LazyMapping(tuple(problem.misses), lambda service: reasons(problem, service))
 
 
 def reasons(problem: Problem, service: str) -> dict[str, str]:
-    """Give robot -> reason for every robot that cannot run a service."""
+    """Return robot -> reason for every robot that cannot run a service."""
     return {robot: "; ".join(miss.text for miss in lacks) for robot, lacks in problem.misses[service].items()}
 
 
 def runners_up(problem: Problem, chosen: Sequence[Choice], discounts: Mapping[str, float]) -> Mapping[str, RunnerUp]:
-    """Give the best other robot of each service, in its first slot that is free; in its very first when it is full."""
+    """Return best other robot of each service, in its first slot that is free; in its very first when it is full."""
     used: dict[str, int] = {}
     for _, robot, _ in chosen:
         used[robot] = used.get(robot, 0) + 1
@@ -34,7 +34,7 @@ def runners_up(problem: Problem, chosen: Sequence[Choice], discounts: Mapping[st
     for choice in chosen:
         if problem.able(choice[0]).bit_count() > 1:
             mine.update(dict.fromkeys(choice[0], choice))
-    return Rows(tuple(sorted(mine)), lambda service: _runner_up(problem, mine[service], used, discounts))
+    return LazyMapping(tuple(sorted(mine)), lambda service: _runner_up(problem, mine[service], used, discounts))
 
 
 def _row(problem: Problem, service: str) -> dict[str, float | None]:

@@ -1,7 +1,7 @@
 """The paper's capability matrix H: what a robot lacks for a service, in words.
 
-Takes a service, its CDF's platforms and one robot's facts; gives every `Miss`, not only the first. Requirements are
-compared with totals and presence, never with what is free at the moment. Pure.
+Takes a service, its CDF's platforms and one robot's facts; gives every `UnmetRequirement`, not only the first.
+Requirements are compared with totals and presence, never with what is free at the moment. Pure.
 
 Source: the paper's matrix H (m x n, binary); the reasons are ours.
 """
@@ -18,7 +18,7 @@ from srprov.facts.model import HostFacts
 
 
 @dataclass(frozen=True, order=True, slots=True)
-class Miss:
+class UnmetRequirement:
     """One thing that a robot lacks for a service: what is required and what the robot has, and what would help."""
 
     text: str
@@ -38,8 +38,8 @@ _UNFIT = {
 _BOUND = re.compile(r"\s*(?:>=)?\s*(\d+(?:\.\d+)*)\s*")
 
 
-def missing(service: Service, platforms: Sequence[str], facts: HostFacts) -> tuple[Miss, ...]:
-    """Give everything that a reachable robot lacks for a service; empty when it can run there.
+def missing(service: Service, platforms: Sequence[str], facts: HostFacts) -> tuple[UnmetRequirement, ...]:
+    """Return everything that a reachable robot lacks for a service; empty when it can run there.
 
     Args:
         service: With its CDF's requirements merged in.
@@ -60,7 +60,7 @@ def missing(service: Service, platforms: Sequence[str], facts: HostFacts) -> tup
 
 
 def kernel_fits(bound: str, kernel: str) -> bool:
-    """Tell whether a kernel release such as `5.15.0-91-generic` is at least `bound`, such as `>=5.10` or `5.10`.
+    """Return whether a kernel release such as `5.15.0-91-generic` is at least `bound`, such as `>=5.10` or `5.10`.
 
     Several bounds, as of a CDF and an EDF, stand side by side with a comma: all must hold.
 
@@ -80,75 +80,79 @@ def kernel_fits(bound: str, kernel: str) -> bool:
     return True
 
 
-def _engine_and_pin(service: Service, facts: HostFacts) -> Iterator[Miss]:
+def _engine_and_pin(service: Service, facts: HostFacts) -> Iterator[UnmetRequirement]:
     if facts.docker is None:
         cause = f" ({facts.docker_problem})" if facts.docker_problem else ""
-        yield Miss(f"no Docker{cause}", f"make Docker work on {facts.name}")
+        yield UnmetRequirement(f"no Docker{cause}", f"make Docker work on {facts.name}")
     elif facts.docker.rootless:
-        yield Miss(f"its Docker is rootless: {_UNFIT[service.network]}", f"run a rootful Docker on {facts.name}")
+        yield UnmetRequirement(
+            f"its Docker is rootless: {_UNFIT[service.network]}", f"run a rootful Docker on {facts.name}"
+        )
     yield from pinned_elsewhere(service, facts.name)
 
 
-def pinned_elsewhere(service: Service, robot: str) -> Iterator[Miss]:
-    """Give what keeps a service off a robot when it is pinned to another."""
+def pinned_elsewhere(service: Service, robot: str) -> Iterator[UnmetRequirement]:
+    """Return what keeps a service off a robot when it is pinned to another."""
     if service.robot and service.robot != robot:
         remedy = f"remove 'robot: {service.robot}' from service '{service.instance_of or service.name}'"
-        yield Miss(f"pinned to {service.robot}", remedy)
+        yield UnmetRequirement(f"pinned to {service.robot}", remedy)
 
 
-def _architecture(wanted: Requirements, platforms: Sequence[str], facts: HostFacts) -> Iterator[Miss]:
+def _architecture(wanted: Requirements, platforms: Sequence[str], facts: HostFacts) -> Iterator[UnmetRequirement]:
     has = facts.arch or "unknown"
     if wanted.arch and facts.arch not in wanted.arch:
-        yield Miss(f"needs architecture {_either(wanted.arch)} (has {has})", f"add {has} to requires.arch")
+        yield UnmetRequirement(f"needs architecture {_either(wanted.arch)} (has {has})", f"add {has} to requires.arch")
     # `linux/arm/v7`: the facts know the architecture, not its variant.
     if platforms and facts.arch not in {arch_of(platform) for platform in platforms}:
         remedy = f"add linux/{has} to the platforms of its CDF"
-        yield Miss(f"its CDF is only for {_either(platforms)} (is {has})", remedy)
+        yield UnmetRequirement(f"its CDF is only for {_either(platforms)} (is {has})", remedy)
 
 
 def devices(service: Service) -> tuple[str, ...]:
-    """Give the devices that a robot must have: those of `requires`, and those that the container is given."""
+    """Return the devices that a robot must have: those of `requires`, and those that the container is given."""
     return tuple(dict.fromkeys((*service.requires.devices, *(path for path, _, _ in service.runtime.devices))))
 
 
 def wants_gpu(service: Service) -> bool:
-    """Tell whether a service needs a GPU: `requires.gpu`, or `gpus` of its container."""
+    """Return whether a service needs a GPU: `requires.gpu`, or `gpus` of its container."""
     return service.requires.gpu or service.runtime.gpus not in ("", "0")
 
 
-def _presence(wanted: Requirements, paths: Sequence[str], gpu: bool, facts: HostFacts) -> Iterator[Miss]:
+def _presence(wanted: Requirements, paths: Sequence[str], gpu: bool, facts: HostFacts) -> Iterator[UnmetRequirement]:
     tags = [tag for tag in wanted.tags if tag not in facts.tags]
     if tags:
         remedy = f"give {facts.name} the {_quoted('tag', tags)} (srprov_tags in the inventory)"
-        yield Miss(f"needs {_quoted('tag', tags)} (has: {', '.join(facts.tags) or 'none'})", remedy)
+        yield UnmetRequirement(f"needs {_quoted('tag', tags)} (has: {', '.join(facts.tags) or 'none'})", remedy)
     absent = [path for path in paths if not is_there(path, facts.devices)]
     if absent:
         remedy = f"attach {', '.join(absent)} to {facts.name} (or name it in srprov_devices in the inventory)"
-        yield Miss(f"needs {_quoted('device', absent)} (not there)", remedy)
+        yield UnmetRequirement(f"needs {_quoted('device', absent)} (not there)", remedy)
     if gpu and GPU_TAG not in facts.tags:
-        yield Miss("needs a GPU (none found)", f"give {facts.name} the tag '{GPU_TAG}' if it has one all the same")
+        yield UnmetRequirement(
+            "needs a GPU (none found)", f"give {facts.name} the tag '{GPU_TAG}' if it has one all the same"
+        )
 
 
-def _amounts(wanted: Requirements, facts: HostFacts) -> Iterator[Miss]:
+def _amounts(wanted: Requirements, facts: HostFacts) -> Iterator[UnmetRequirement]:
     for word, needs, has in (
         ("memory", wanted.memory, facts.memory_total),
         ("disk", wanted.disk, facts.disk_total),
     ):
         if needs > has:
-            yield Miss(f"needs {_bytes(needs)} of {word} (has {_bytes(has)})", f"lower requires.{word}")
+            yield UnmetRequirement(f"needs {_bytes(needs)} of {word} (has {_bytes(has)})", f"lower requires.{word}")
     if wanted.cpus > facts.cpus:
-        yield Miss(f"needs {wanted.cpus:g} CPUs (has {facts.cpus})", "lower requires.cpus")
+        yield UnmetRequirement(f"needs {wanted.cpus:g} CPUs (has {facts.cpus})", "lower requires.cpus")
 
 
-def _kernel(wanted: Requirements, facts: HostFacts) -> Iterator[Miss]:
+def _kernel(wanted: Requirements, facts: HostFacts) -> Iterator[UnmetRequirement]:
     if wanted.kernel and not kernel_fits(wanted.kernel, facts.kernel):
         has = facts.kernel or "unknown"
         remedy = f"give {facts.name} such a kernel, or relax requires.kernel"
-        yield Miss(f"needs kernel {wanted.kernel} (has {has})", remedy)
+        yield UnmetRequirement(f"needs kernel {wanted.kernel} (has {has})", remedy)
 
 
 def is_there(path: str, devices: Sequence[str]) -> bool:
-    """Tell whether a device, or a folder of devices such as /dev/snd, is among the robot's."""
+    """Return whether a device, or a folder of devices such as /dev/snd, is among the robot's."""
     return any(device == path or device.startswith(f"{path.rstrip('/')}/") for device in devices)
 
 
@@ -157,7 +161,7 @@ def _numbers(version: str) -> tuple[int, ...]:
 
 
 def arch_of(platform: str) -> str:
-    """Give the architecture of a platform such as `linux/arm64`."""
+    """Return the architecture of a platform such as `linux/arm64`."""
     parts = platform.split("/")
     return parts[1] if len(parts) > 1 else parts[0]
 
@@ -171,7 +175,7 @@ def _quoted(noun: str, words: Sequence[str]) -> str:
 
 
 def _bytes(number: int) -> str:
-    """Give bytes as people read them, with enough digits that unequal amounts look unequal."""
+    """Return bytes as people read them, with enough digits that unequal amounts look unequal."""
     for unit, size in (("GiB", 1 << 30), ("MiB", 1 << 20), ("KiB", 1 << 10)):
         if number >= size:
             return f"{number / size:.4g} {unit}"

@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import numpy as np
 
-from srprov.assignment.table import Array, Members, Table
+from srprov.assignment.table import Array, Members, ProblemTable
 
 
-class Rows:
+class ConstraintRows:
     """The rows of the model: one per node, per place, per set of `apart` and robot with several places, per cut."""
 
-    def __init__(self, table: Table) -> None:
+    def __init__(self, table: ProblemTable) -> None:
         """Lay them out."""
         self.nodes, self.places = table.nodes, table.cost.shape[1]
         shared, counts = np.unique(table.robots, return_counts=True)
@@ -42,12 +42,12 @@ class Rows:
         return len(self.low) - 1
 
     def touched(self, row: int, item: Array) -> Array:
-        """Give bool: which pairs, by their items, are in a cut."""
+        """Return bool: which pairs, by their items, are in a cut."""
         touched: Array = self._cuts[row - self.nodes - self.places - self.apart][item]
         return touched
 
     def matrix(self, members: Members, item: Array, place: Array) -> tuple[Array, Array]:
-        """Give (row, column) of every 1 for the pairs; nowhere (the place after the last) has no row."""
+        """Return (row, column) of every 1 for the pairs; nowhere (the place after the last) has no row."""
         row, column = members.rows(item)
         somewhere = np.nonzero(place < self.places)[0]
         rows, columns = [row, self.nodes + place[somewhere]], [column, somewhere]
@@ -63,7 +63,7 @@ class Rows:
         return np.concatenate(rows), np.concatenate(columns)
 
     def split(self, dual: Array) -> tuple[Array, Array, Array]:
-        """Give u [N], v [P] and w from the dual values of all rows."""
+        """Return u [N], v [P] and w from the dual values of all rows."""
         ends = self.nodes, self.nodes + self.places
         return dual[: ends[0]], dual[ends[0] : ends[1]], dual[ends[1] :]
 
@@ -78,11 +78,11 @@ class Rows:
             reduced[inside] -= price
 
     def worth(self, w: Array) -> int:
-        """Give what prices of `apart` and cuts add to the bound."""
+        """Return what prices of `apart` and cuts add to the bound."""
         return int((w * self.high[self.nodes + self.places :][: len(w)].astype(np.int64)).sum())
 
     def kept(self, item: Array, place: Array) -> bool:
-        """Tell whether a choice keeps `apart`."""
+        """Return whether a choice keeps `apart`."""
         robot: Array = np.append(self._robot, -1)[place]
         for inside in self._inside:
             used = robot[inside[item] & (robot >= 0)]
@@ -91,8 +91,8 @@ class Rows:
         return True
 
 
-def disjoint(order: list[int], table: Table) -> list[int]:
-    """Give the items of a list that have no node in common with an earlier one, rising."""
+def disjoint(order: list[int], table: ProblemTable) -> list[int]:
+    """Return the items of a list that have no node in common with an earlier one, rising."""
     taken: set[int] = set()
     kept = []
     for item in order:
@@ -103,7 +103,7 @@ def disjoint(order: list[int], table: Table) -> list[int]:
 
 
 def smallest(values: Array, count: int, axis: int) -> Array:
-    """Give the flat positions of the `count` smallest values of every row (axis 1) or column (axis 0) of a matrix."""
+    """Return the flat positions of the `count` smallest values of every row (axis 1) or column (axis 0) of a matrix."""
     rows, columns = values.shape
     count = min(count, values.shape[axis])
     if count == 0 or values.size == 0:

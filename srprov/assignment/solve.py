@@ -16,7 +16,7 @@ from srprov.errors import NoAssignment, SrprovError
 
 
 def solve(problem: Problem, seconds: float | None = None) -> Assignment:
-    """Give the best assignment: see the module for what best means.
+    """Return the best assignment: see the module for what best means.
 
     Args:
         problem: What must be placed.
@@ -35,7 +35,7 @@ def solve(problem: Problem, seconds: float | None = None) -> Assignment:
 
 
 def guess(choice: Callable[[], Problem]) -> dict[str, str]:
-    """Give service -> robot as far as that costs nothing: what is fixed, and all of a small problem that has an answer.
+    """Return service -> robot where that is cheap: pinned services, and all of a small feasible problem.
 
     What is wrong with a problem is said when it is solved.
     """
@@ -87,7 +87,7 @@ def _assignment(problem: Problem, decision: Decision) -> Assignment:
 
 
 def _jain(problem: Problem, placed: Mapping[str, str], terms: Mapping[str, CostTerms]) -> float:
-    """Give Jain's index over what every reachable robot carries: now, and in the runs of the history."""
+    """Return Jain's index over what every reachable robot carries: now, and in the runs of the history."""
     sums = {robot: problem.fairness.carried.get(robot, 0.0) for robot in problem.loads}
     for name, term in terms.items():
         sums[placed[name]] += term.total
@@ -100,7 +100,7 @@ def _moves(problem: Problem, placed: Mapping[str, str]) -> tuple[Move, ...]:
 
 
 def _notes(problem: Problem) -> tuple[str, ...]:
-    """Give each assumption once, with the robots it was made for."""
+    """Return each assumption once, with the robots it was made for."""
     robots: dict[str, list[str]] = {}
     for robot, loads in problem.loads.items():
         for note in loads[0].notes:

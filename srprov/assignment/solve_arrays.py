@@ -14,11 +14,11 @@ from srprov.assignment.arrays import Arrays, arrays
 from srprov.assignment.model import Decision, Problem
 from srprov.assignment.solve_flow import flow
 from srprov.assignment.solve_pools import solve_table
-from srprov.assignment.table import Array, Outcome, Table
+from srprov.assignment.table import Array, ProblemTable, Selection
 
 
 def decide(problem: Problem, seconds: float | None = None) -> Decision | None:
-    """Give the best placement, or the best found in `seconds` for each search."""
+    """Return the best placement, or the best found in `seconds` for each search."""
     laid = arrays(problem)
     best = _best(problem, laid, seconds)
     if best is None:
@@ -33,8 +33,8 @@ def decide(problem: Problem, seconds: float | None = None) -> Decision | None:
     )
 
 
-def run(table: Table, seconds: float | None = None) -> Outcome | None:
-    """Give the cheapest choice of a table by the method that fits it, or None when there is none."""
+def run(table: ProblemTable, seconds: float | None = None) -> Selection | None:
+    """Return the cheapest choice of a table by the method that fits it, or None when there is none."""
     return flow(table) if table.plain else solve_table(table, seconds)
 
 
@@ -42,7 +42,7 @@ def run(table: Table, seconds: float | None = None) -> Outcome | None:
 class _Best:
     """A choice, and by how much another could be better in what was minimised."""
 
-    outcome: Outcome
+    outcome: Selection
     gap: int
     """Millionths."""
 
@@ -66,7 +66,7 @@ def _free(laid: Arrays, wanted: Array, seconds: float | None) -> _Best | None:
 
 
 def _least(problem: Problem, laid: Arrays, best: _Best, seconds: float | None) -> _Best:
-    """Give the choice of least cost, which stickiness and fairness may keep from being the best."""
+    """Return the choice of least cost, which stickiness and fairness may keep from being the best."""
     if (laid.wanted == laid.cost).all() and not (problem.sticky and laid.moves.any()):
         return best
     cheapest = _free(laid, laid.cost, seconds)
@@ -74,5 +74,5 @@ def _least(problem: Problem, laid: Arrays, best: _Best, seconds: float | None) -
     return cheapest
 
 
-def _units(laid: Arrays, found: Outcome) -> int:
+def _units(laid: Arrays, found: Selection) -> int:
     return sum(int(laid.cost[pair]) for pair in zip(found.items, found.places, strict=True))

@@ -10,19 +10,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from srprov.assignment.table import NEVER, Array, Outcome, Table, outcome
+from srprov.assignment.table import NEVER, Array, ProblemTable, Selection, outcome
 from srprov.errors import SrprovError
 
 
-def flow(table: Table) -> Outcome | None:
-    """Give the cheapest choice of one place per node, alone; items beyond the nodes are not looked at."""
+def flow(table: ProblemTable) -> Selection | None:
+    """Return the cheapest choice of one place per node, alone; items beyond the nodes are not looked at."""
     nodes = table.nodes
     found = assign(table.cost[:nodes], table.allowed[:nodes])
     return None if found is None else outcome(table, range(nodes), found)
 
 
 def assign(cost: Array, allowed: Array) -> Array | None:
-    """Give int64 [N], the place of every row at least cost, or None; `cost` int64 and `allowed` bool are [N, P]."""
+    """Return int64 [N], the place of every row at least cost, or None; `cost` int64 and `allowed` bool are [N, P]."""
     from ortools.graph.python import min_cost_flow  # heavy: only when something is decided
 
     nodes, places = cost.shape
@@ -48,7 +48,7 @@ def assign(cost: Array, allowed: Array) -> Array | None:
 
 
 def potentials(priced: Array, found: Array, rounds: int | None = None) -> tuple[Array, Array]:
-    """Give the flow's dual values: u [N] and v [P] <= 0 with u + v <= cost everywhere, equal where it was chosen.
+    """Return the flow's dual values: u [N] and v [P] <= 0 with u + v <= cost everywhere, equal where it was chosen.
 
     Args:
         priced: int64 [N, P], NEVER where not allowed.

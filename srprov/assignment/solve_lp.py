@@ -60,7 +60,7 @@ class Growing:
             raise SrprovError("GLOP did not take a new row", hint="this is a bug of srprov")
 
     def reprice(self, columns: Array, cost: float) -> None:
-        """Give columns, by their position in all that were added, another cost."""
+        """Return columns, by their position in all that were added, another cost."""
         from ortools.math_opt import model_update_pb2
 
         update = model_update_pb2.ModelUpdateProto()
@@ -71,7 +71,7 @@ class Growing:
             raise SrprovError("GLOP did not take new costs", hint="this is a bug of srprov")
 
     def solve(self) -> tuple[float, Array, Array]:
-        """Give the least cost, float [columns] the choice and float [R] the dual values."""
+        """Return the least cost, float [columns] the choice and float [R] the dual values."""
         from ortools.math_opt import callback_pb2, model_parameters_pb2, parameters_pb2
 
         parameters = parameters_pb2.SolveParametersProto()

@@ -30,10 +30,10 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from srprov.assignment.cuts import odd_cycles
-from srprov.assignment.rows import Rows, disjoint, smallest
+from srprov.assignment.rows import ConstraintRows, disjoint, smallest
 from srprov.assignment.solve_flow import assign, potentials
 from srprov.assignment.solve_lp import Growing, whole
-from srprov.assignment.table import NEVER, Array, Members, Outcome, Table, outcome
+from srprov.assignment.table import NEVER, Array, Members, ProblemTable, Selection, outcome
 
 _FINER = 4096
 """Prices are whole numbers of 1/4096 unit, so that rounding them costs less than a unit of the bound."""
@@ -46,8 +46,8 @@ _PER_ITEM, _PER_PLACE = 8, 4
 """Pairs that begin, and that join at a time."""
 
 
-def solve_table(table: Table, seconds: float | None = None) -> Outcome | None:
-    """Give the cheapest cover, or None; with a limit in seconds the best found by then and its bound."""
+def solve_table(table: ProblemTable, seconds: float | None = None) -> Selection | None:
+    """Return the cheapest cover, or None; with a limit in seconds the best found by then and its bound."""
     if not table.nodes:
         return outcome(table, (), ())
     search = _Search(table, None if seconds is None else time.monotonic() + seconds)
@@ -71,13 +71,13 @@ class _Prices:
 class _Search:
     """The state between the steps: pairs in the relaxation, the best prices, the best choice."""
 
-    table: Table
+    table: ProblemTable
     until: float | None
     members: Members = field(init=False)
     fine: int = field(init=False)
     nowhere: int = field(init=False)
     """Fine units."""
-    rows: Rows = field(init=False)
+    rows: ConstraintRows = field(init=False)
     cost: Array = field(init=False)
     """int64 [K, P + 1] in fine units; the last place is nowhere."""
     best: tuple[int, Array] | None = None
@@ -96,7 +96,7 @@ class _Search:
         self.fine = max(1, min(_FINER, NEVER // (8 * max(1, table.nodes) * largest)))
         self.nowhere = largest * self.fine
         self.members = Members(table.items, table.nodes)
-        self.rows = Rows(table)
+        self.rows = ConstraintRows(table)
         self.cost = np.full((items, places + 1), NEVER, dtype=np.int64)
         self.cost[:, :places] = np.where(table.allowed, table.cost * self.fine, NEVER)
         self.cost[: table.nodes, places] = self.nowhere
@@ -178,8 +178,8 @@ class _Search:
             if not done:
                 break
 
-    def answer(self) -> Outcome | None:
-        """Give the best choice in the table's own units; None when some node went nowhere."""
+    def answer(self) -> Selection | None:
+        """Return the best choice in the table's own units; None when some node went nowhere."""
         if self.best is None:
             return None
         item, place = np.divmod(self.best[1], self.cost.shape[1])
@@ -199,7 +199,7 @@ class _Search:
         return np.minimum(found, places), u, v[:places]
 
     def _gainful(self, u: Array, v: Array) -> list[int]:
-        """Give disjoint bundles in the order of what they gain under prices."""
+        """Return disjoint bundles in the order of what they gain under prices."""
         nodes = self.table.nodes
         priced = np.minimum(self.cost[nodes:, :-1], NEVER // 4) - v
         gains = priced.min(axis=1, initial=NEVER // 4) - self.members.sums(u)[nodes:]
@@ -207,7 +207,7 @@ class _Search:
         return disjoint(order, self.table)
 
     def _split(self, chosen: Array, per_item: Array, v: Array) -> Array:
-        """Give prices per node [N] from those per chosen item; a bundle's is split by what its nodes would cost."""
+        """Return prices per node [N] from those per chosen item; a bundle's is split by what its nodes would cost."""
         alone = np.minimum(self.cost[: self.table.nodes, :-1], NEVER // 4) - v
         u = np.minimum(alone.min(axis=1, initial=self.nowhere), self.nowhere)
         for item, price in zip(chosen.tolist(), per_item.tolist(), strict=True):
@@ -219,21 +219,21 @@ class _Search:
         return u
 
     def _prove(self, u: Array, w: Array) -> _Prices:
-        """Give the best bound that prices per node and per row of `apart` allow, with the prices that prove it."""
+        """Return the best bound that prices per node and per row of `apart` allow, with the prices that prove it."""
         u = np.minimum(u, self.nowhere)
         w = np.minimum(w, 0).astype(np.int64)
         v = np.minimum(0, self._reduced(u, np.zeros(self.cost.shape[1] - 1, dtype=np.int64), w)[:, :-1].min(axis=0))
         return _Prices(u=u, v=v, w=w, bound=int(u.sum()) + int(v.sum()) + self.rows.worth(w))
 
     def _reduced(self, u: Array, v: Array, w: Array) -> Array:
-        """Give int64 [K, P + 1]: the reduced cost of every pair."""
+        """Return int64 [K, P + 1]: the reduced cost of every pair."""
         reduced = self.cost - self.members.sums(u)[:, None]
         reduced[:, :-1] -= v
         self.rows.subtract(reduced, w)
         return reduced
 
     def _negative(self, reduced: Array, scale: float) -> Array:
-        """Give pairs with negative reduced cost, a few per item and per place."""
+        """Return pairs with negative reduced cost, a few per item and per place."""
         reduced = np.where(self.have.reshape(reduced.shape), 0, np.minimum(reduced, 0))
         few = np.unique(np.concatenate([smallest(reduced, _PER_ITEM, 1), smallest(reduced, _PER_PLACE, 0)]))
         return few[reduced.ravel()[few] < -1e-9 * scale]
@@ -277,14 +277,14 @@ class _Search:
             self.best = cost, np.sort(pairs)
 
     def _somewhere(self, keys: Array, chosen: Array) -> bool:
-        """Tell whether the relaxation leaves no node out."""
+        """Return whether the relaxation leaves no node out."""
         return bool((chosen[keys % self.cost.shape[1] == self.rows.places] < 1e-9).all())
 
     def _nowhere_pairs(self) -> Array:
         return np.arange(self.table.nodes) * self.cost.shape[1] + self.cost.shape[1] - 1
 
     def _proved(self) -> bool:
-        """Tell whether nothing a whole unit better is left."""
+        """Return whether nothing a whole unit better is left."""
         if self.best is None:
             self._offer(self._nowhere_pairs())
         assert self.best is not None

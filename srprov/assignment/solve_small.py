@@ -32,7 +32,7 @@ _Pair = tuple[int, int]
 
 
 def small(problem: Problem) -> bool:
-    """Tell whether a problem is this solver's: no pool to decide, nothing to keep apart, no fairness, not large."""
+    """Return whether a problem is this solver's: no pool to decide, nothing to keep apart, no fairness, not large."""
     node_of = {name: index for index, node in enumerate(problem.nodes) for name in node}
     if any(len(pool.services) > 1 and node_of.keys() >= set(pool.services) for pool in problem.pools):
         return False
@@ -44,7 +44,7 @@ def small(problem: Problem) -> bool:
 
 
 def decide(problem: Problem) -> Decision | None:
-    """Give the best placement of a small problem: `sticky` says what comes first, moves or cost."""
+    """Return the best placement of a small problem: `sticky` says what comes first, moves or cost."""
     laid = _lay(problem)
     best = _best(laid, sticky=problem.sticky)
     if best is None:
@@ -91,7 +91,7 @@ def _lay(problem: Problem) -> _Laid:
 
 
 def _best(laid: _Laid, *, sticky: bool) -> list[int] | None:
-    """Give the place of every node in the one best choice."""
+    """Return the place of every node in the one best choice."""
     nodes, places = len(laid.rows), max(1, len(laid.places))
     largest = max((cost for row in laid.rows for cost, _ in row.values()), default=0)
     per_cost, per_move = (1, 1 + nodes * largest) if sticky else (1 + laid.most, 1)
@@ -107,7 +107,7 @@ def _best(laid: _Laid, *, sticky: bool) -> list[int] | None:
 
 
 def cheapest(rows: Sequence[Mapping[int, int]], places: int) -> list[int] | None:
-    """Give the place of every row at the least sum, each place once at most; None when that cannot be.
+    """Return the place of every row at the least sum, each place once at most; None when that cannot be.
 
     Args:
         rows: Place -> cost, at least 0, where the row can be.

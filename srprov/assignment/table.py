@@ -20,7 +20,7 @@ NEVER = 1 << 60
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Table:
+class ProblemTable:
     """K items, the first N of them nodes; P places."""
 
     items: tuple[tuple[int, ...], ...]
@@ -42,12 +42,12 @@ class Table:
         return len(self.items) == self.nodes and not self.apart
 
     def priced(self) -> Array:
-        """Give int64 [K, P]: the costs, NEVER where not allowed."""
+        """Return int64 [K, P]: the costs, NEVER where not allowed."""
         return np.where(self.allowed, self.cost, NEVER)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Outcome:
+class Selection:
     """The best that was found, and what is proved of it."""
 
     items: tuple[int, ...]
@@ -64,12 +64,12 @@ class Outcome:
         return self.cost <= self.bound
 
 
-def outcome(table: Table, items: Sequence[int], places: Sequence[int], bound: int | None = None) -> Outcome:
-    """Give an Outcome with its exact cost; without a bound it counts as proved."""
+def outcome(table: ProblemTable, items: Sequence[int], places: Sequence[int], bound: int | None = None) -> Selection:
+    """Return an Outcome with its exact cost; without a bound it counts as proved."""
     pairs = sorted(zip(map(int, items), map(int, places), strict=True))
     cost = sum(int(table.cost[item, place]) for item, place in pairs)
     chosen, where = tuple(item for item, _ in pairs), tuple(place for _, place in pairs)
-    return Outcome(items=chosen, places=where, cost=cost, bound=cost if bound is None else min(bound, cost))
+    return Selection(items=chosen, places=where, cost=cost, bound=cost if bound is None else min(bound, cost))
 
 
 class Members:
@@ -83,11 +83,11 @@ class Members:
         self._starts: Array = np.concatenate([[0], np.cumsum(self.sizes)])
 
     def sums(self, per_node: Array) -> Array:
-        """Give [K]: the sum over each item's nodes of a value per node [N]."""
+        """Return [K]: the sum over each item's nodes of a value per node [N]."""
         return np.add.reduceat(per_node[self._flat], self._starts[:-1]) if len(self.sizes) else per_node[:0]
 
     def rows(self, chosen: Array) -> tuple[Array, Array]:
-        """Give (node, position in `chosen`) of every node of the chosen items, for a sparse matrix."""
+        """Return (node, position in `chosen`) of every node of the chosen items, for a sparse matrix."""
         sizes = self.sizes[chosen]
         column: Array = np.repeat(np.arange(len(chosen)), sizes)
         offset = np.arange(len(column)) - np.repeat(np.cumsum(sizes) - sizes, sizes)

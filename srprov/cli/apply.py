@@ -19,13 +19,13 @@ from srprov.cli.execute import Task, carry_out, confirm
 from srprov.cli.history import HISTORY, read_history
 from srprov.cli.output import err
 from srprov.cli.plan import show_plan
-from srprov.cli.stray import answers_only
+from srprov.cli.stdout_guard import answers_only
 from srprov.cli.waiting import wait_for_other_runs
 from srprov.errors import RefusedError, UsageError
 from srprov.secret import Vault
 
 if TYPE_CHECKING:
-    from srprov.controller import Wishes
+    from srprov.controller import PlanRequest
     from srprov.definitions.model import Definitions
     from srprov.definitions.playbookmodel import Playbook
     from srprov.planning.planfile import PlanFile
@@ -95,11 +95,11 @@ def apply(
                 closing(begin(inventory, lab.sessions.get, definitions.experiment, forks=forks))
             )
         # a tenth of a second of imports, while the robots are asked
-        from srprov.controller import Wishes
-        from srprov.execution import Options
+        from srprov.controller import PlanRequest
+        from srprov.execution import RunOptions
         from srprov.planning.policy import require
 
-        wishes = Wishes(
+        wishes = PlanRequest(
             instance=instance, reassign=reassign, adopt=adopt, forks=forks, history=before,
             reassign_unreachable=unreachable == "reassign", allow=frozenset(allow), playbooks=own,
             looking=looking, expect=lambda robots: get_ready(lab, robots & chosen),
@@ -111,7 +111,7 @@ def apply(
         require(made.permissions, allow)
         confirm(made, yes)
         phases.begin("apply")
-        run_options = Options(
+        run_options = RunOptions(
             forks=forks, wait_timeout_s=wait_timeout, settle_s=settle, lock_wait_s=lock_wait, pulse=pulse,
             max_fail=failing, tolerate=frozenset(made.unreachable if unreachable != "fail" else ()),
         )  # fmt: skip
@@ -151,7 +151,7 @@ def read_secrets(saved: PlanFile | None, definitions: Definitions | None, allow:
 
 
 def plan_task(
-    saved: PlanFile | None, definitions: Definitions | None, lab: options.Lab, wishes: Wishes, phases: Phases,
+    saved: PlanFile | None, definitions: Definitions | None, lab: options.Lab, request: PlanRequest, phases: Phases,
     vault: Vault, chosen: frozenset[str],
 ) -> Task:  # fmt: skip
     """Make the plan, or check that the one from a file still holds; either without the robots that were not chosen."""
@@ -161,16 +161,16 @@ def plan_task(
 
     if saved:
         phases.begin("facts")
-        kept = limited(check_file(saved, lab.inventory, lab.sessions.get, forks=wishes.forks, vault=vault), chosen)
+        kept = limited(check_file(saved, lab.inventory, lab.sessions.get, forks=request.forks, vault=vault), chosen)
         return Task(plan=kept, file=lambda: dataclasses.replace(saved, plan=kept))
     assert definitions is not None
     with answers_only():
-        planned = make_plan(definitions, lab.inventory, lab.sessions.get, wishes, phases.begin, vault)
+        planned = make_plan(definitions, lab.inventory, lab.sessions.get, request, phases.begin, vault)
     made = limited(planned.plan, chosen)
     return Task(
         plan=made,
         file=lambda: to_file(planned, made, definitions),
-        found=planned.found,
+        snapshot=planned.snapshot,
         assignment=planned.assignment,
         desired=planned.desired,
         images=planned.images,
@@ -193,7 +193,7 @@ class Phases:
         self._name, self._last = name, now
 
     def end(self) -> Mapping[str, float]:
-        """Give seconds per phase, in order."""
+        """Return seconds per phase, in order."""
         self.begin("end")
         return {name: round(seconds, 3) for name, seconds in self.seconds.items()}
 
@@ -204,7 +204,7 @@ class Phases:
 
 
 def saved_plan(file: str) -> PlanFile | None:
-    """Give the plan that a file holds, or None when it is an EDF."""
+    """Return the plan that a file holds, or None when it is an EDF."""
     try:
         text = Path(file).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
@@ -217,7 +217,7 @@ def saved_plan(file: str) -> PlanFile | None:
 
 
 def own_playbooks(saved: object = None) -> tuple[Playbook, ...]:
-    """Give the playbooks of the user's own folder; a plan from a file was made with those of its time.
+    """Return the playbooks of the user's own folder; a plan from a file was made with those of its time.
 
     Raises:
         DefinitionError: With everything that is wrong with them.

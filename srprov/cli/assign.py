@@ -11,15 +11,15 @@ import click
 from srprov.cli import options
 from srprov.cli.history import HISTORY, read_history
 from srprov.cli.output import err, out, out_json
-from srprov.cli.stray import answers_only
+from srprov.cli.stdout_guard import answers_only
 from srprov.errors import DefinitionError, NoAssignment, UsageError
 
 if TYPE_CHECKING:
     from srprov.assignment.fairness import Point
     from srprov.assignment.model import Assignment, Problem
-    from srprov.controller import Wishes
+    from srprov.controller import PlanRequest
     from srprov.definitions.model import Definitions, Inventory
-    from srprov.facts.model import Found
+    from srprov.facts.model import Snapshot
 
 UNREACHABLE = 4
 
@@ -59,11 +59,11 @@ def assign(
     """
     from srprov.assignment import fairness, solve
     from srprov.assignment.document import assign_json, refusal_json
-    from srprov.controller import Wishes
+    from srprov.controller import PlanRequest
     from srprov.definitions.expand import nowhere
 
     definitions, inventory = options.load_experiment(file), options.load_inventory(inventories)
-    wishes = Wishes(instance=instance, reassign=reassign, history=read_history(history), forks=forks)
+    wishes = PlanRequest(instance=instance, reassign=reassign, history=read_history(history), forks=forks)
     if stored:
         found = _stored(stored, inventory)
         task = _problem(definitions, inventory, found, wishes)
@@ -92,7 +92,7 @@ def assign(
     return UNREACHABLE if found.unreachable else 0
 
 
-def _stored(path: Path, inventory: Inventory) -> Found:
+def _stored(path: Path, inventory: Inventory) -> Snapshot:
     """Read facts from a file; robots of the inventory that it does not have count as out of reach."""
     from srprov.cli.facts_ranges import check_ranges
     from srprov.facts.host import with_inventory
@@ -109,26 +109,28 @@ def _stored(path: Path, inventory: Inventory) -> Found:
     away = {
         name: found.unreachable.get(name, "not in the stored facts") for name in inventory.hosts if name not in facts
     }
-    return dataclasses.replace(found, facts=facts, existing={name: () for name in facts}, unreachable=away)
+    return dataclasses.replace(found, facts=facts, observed={name: () for name in facts}, unreachable=away)
 
 
-def _asked(definitions: Definitions, inventory: Inventory, lab: options.Lab, wishes: Wishes) -> tuple[Found, Problem]:
-    from srprov.facts.gather import Closer, gather
+def _asked(
+    definitions: Definitions, inventory: Inventory, lab: options.Lab, request: PlanRequest
+) -> tuple[Snapshot, Problem]:
+    from srprov.facts.gather import Detail, gather
 
-    found = gather(inventory, lab.sessions.get, closer=Closer.TRAFFIC, forks=wishes.forks)
-    return found, _problem(definitions, inventory, found, wishes)
+    found = gather(inventory, lab.sessions.get, closer=Detail.TRAFFIC, forks=request.forks)
+    return found, _problem(definitions, inventory, found, request)
 
 
-def _problem(definitions: Definitions, inventory: Inventory, found: Found, wishes: Wishes) -> Problem:
+def _problem(definitions: Definitions, inventory: Inventory, snapshot: Snapshot, request: PlanRequest) -> Problem:
     from srprov.controller import choice_of, with_instances
     from srprov.definitions.pins import unknown_pins
     from srprov.instance import previous_robots
 
     if unknown := unknown_pins(definitions.experiment, inventory):
         raise DefinitionError(unknown)
-    previous = previous_robots(found, wishes.instance or definitions.experiment.name)
-    experiment = with_instances(definitions.experiment, found, previous)
-    return choice_of(experiment, definitions, inventory, found, previous, wishes)
+    previous = previous_robots(snapshot, request.instance or definitions.experiment.name)
+    experiment = with_instances(definitions.experiment, snapshot, previous)
+    return choice_of(experiment, definitions, inventory, snapshot, previous, request)
 
 
 def _show(answer: Assignment, *, explain: bool, front: tuple[Point, ...]) -> None:

@@ -26,7 +26,7 @@ PERMISSIONS = ("allow", "yes", "adopt", "volumes")
 
 
 def default_map(verbs: Mapping[str, Any], folder: Path, environ: Mapping[str, str]) -> dict[str, dict[str, Any]]:
-    """Give click's default map: verb -> option -> value.
+    """Return click's default map: verb -> option -> value.
 
     Raises:
         UsageError: A file that cannot be read as TOML, or a project's file that gives permission.
@@ -49,12 +49,12 @@ def default_map(verbs: Mapping[str, Any], folder: Path, environ: Mapping[str, st
 
 
 def user_folder(environ: Mapping[str, str]) -> Path:
-    """Give the user's own folder for srprov: `~/.config/srprov`, or below XDG_CONFIG_HOME."""
+    """Return the user's own folder for srprov: `~/.config/srprov`, or below XDG_CONFIG_HOME."""
     return Path(environ.get("XDG_CONFIG_HOME") or Path(environ.get("HOME", "/")) / ".config") / "srprov"
 
 
 def _parameter(key: str) -> str:
-    """Give click's parameter of an option's name; three options have another word inside."""
+    """Return click's parameter of an option's name; three options have another word inside."""
     return {"inventory": "inventories", "json": "as_json", "format": "form"}.get(key, key.replace("-", "_"))
 
 

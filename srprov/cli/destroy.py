@@ -44,7 +44,7 @@ def destroy(
     The instance is the EDF's name, or --instance. Data volumes stay unless --volumes is given; images stay as a cache.
     """
     from srprov.controller import make_removal
-    from srprov.execution import Options
+    from srprov.execution import RunOptions
     from srprov.saved import removal_file
 
     refuse_without_terminal(yes)
@@ -66,13 +66,13 @@ def destroy(
             err(f"note: the same file also made: {visible(', '.join(others))}; destroy them with --instance NAME")
         confirm(made, yes)
         phases.begin("destroy")
-        run_options = Options(forks=forks, verb="destroy", lock_wait_s=lock_wait, pulse=pulse)
-        task = Task(plan=made, file=lambda: removal_file(made, found), found=found)
+        run_options = RunOptions(forks=forks, verb="destroy", lock_wait_s=lock_wait, pulse=pulse)
+        task = Task(plan=made, file=lambda: removal_file(made, found), snapshot=found)
         return carry_out(task, lab, run_options, phases, as_json=as_json, events=events, color=not no_color, runs=runs)
 
 
 def named_instance(file: str | None, instance: str) -> tuple[str, str]:
-    """Give the instance's id and, when an EDF is named, its source; the EDF need not be valid any more for that.
+    """Return the instance's id and, when an EDF is named, its source; the EDF need not be valid any more for that.
 
     Raises:
         UsageError: Neither an EDF nor --instance is given.
@@ -88,11 +88,11 @@ def named_instance(file: str | None, instance: str) -> tuple[str, str]:
 
 
 def other_names(found: object, name: str, source: str) -> list[str]:
-    """Give instances on the robots that came from the same source under another name."""
-    from srprov.facts.model import Found
+    """Return instances on the robots that came from the same source under another name."""
+    from srprov.facts.model import Snapshot
 
-    assert isinstance(found, Found)
+    assert isinstance(found, Snapshot)
     owners = {
-        e.instance for items in found.existing.values() for e in items if source and e.state.get("source") == source
+        e.instance for items in found.observed.values() for e in items if source and e.state.get("source") == source
     }
     return sorted(owners - {name, ""})

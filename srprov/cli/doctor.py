@@ -29,14 +29,14 @@ def doctor(inventories: tuple[str, ...], as_json: bool, forks: int, timeout: flo
     """
     import dataclasses
 
-    from srprov.facts.gather import Closer, gather
+    from srprov.facts.gather import Detail, gather
     from srprov.facts.preconditions import Verdict, judge, precondition_queries
 
     whole = options.load_inventory(inventories)
     chosen = options.selected(whole, limit, exclude)
     inventory = dataclasses.replace(whole, hosts={name: host for name, host in whole.hosts.items() if name in chosen})
     with options.open_lab(inventory, timeout, forks) as lab:
-        found = gather(inventory, lab.sessions.get, closer=Closer.ENGINE, forks=forks, only_look=True)
+        found = gather(inventory, lab.sessions.get, closer=Detail.ENGINE, forks=forks, only_look=True)
         unreachable = dict(found.unreachable)
 
         def one(name: str) -> tuple[Check, ...]:
@@ -61,7 +61,7 @@ def doctor(inventories: tuple[str, ...], as_json: bool, forks: int, timeout: flo
 
 
 def doctor_text(checks: dict[str, tuple[Check, ...]]) -> str:
-    """Give a line per robot that is well, and for the others what is not."""
+    """Return a line per robot that is well, and for the others what is not."""
     lines = []
     for name, robot in sorted(checks.items()):
         bad = [check for check in robot if check.remedy]
@@ -72,7 +72,7 @@ def doctor_text(checks: dict[str, tuple[Check, ...]]) -> str:
 
 
 def doctor_json(checks: dict[str, tuple[Check, ...]], unreachable: dict[str, str]) -> dict[str, Any]:
-    """Give every check of every robot."""
+    """Return every check of every robot."""
     robots = {
         name: [{"check": c.name, "verdict": c.verdict.value, "found": c.found, "remedy": c.remedy} for c in robot]
         for name, robot in sorted(checks.items())

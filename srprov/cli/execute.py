@@ -21,8 +21,8 @@ from srprov.errors import RefusedError
 
 if TYPE_CHECKING:
     from srprov.cli.apply import Phases
-    from srprov.execution import Options, RunResult
-    from srprov.facts.model import Found
+    from srprov.execution import RunOptions, RunResult
+    from srprov.facts.model import Snapshot
     from srprov.images.plan import ImagePlan
     from srprov.planning.plan import Plan
     from srprov.planning.planfile import PlanFile
@@ -36,7 +36,7 @@ class Task:
 
     plan: Plan
     file: Callable[[], PlanFile]
-    found: Found | None = None
+    snapshot: Snapshot | None = None
     assignment: object = None
     desired: tuple[Resource, ...] = ()
     images: Mapping[str, ImagePlan] = field(default_factory=dict)
@@ -56,7 +56,7 @@ def confirm(made: Plan, yes: bool) -> None:
 def carry_out(
     task: Task,
     lab: Lab,
-    run_options: Options,
+    run_options: RunOptions,
     phases: Phases,
     *,
     as_json: bool,
@@ -98,17 +98,17 @@ def recording(task: Task, lab: Lab, verb: str, runs: Path | None) -> RunFolder:
 
     from srprov import __version__
     from srprov.owner import owner
-    from srprov.record import Run, RunFolder, default_root, run_id, write_inputs
+    from srprov.record import RunFolder, RunInputs, default_root, run_id, write_inputs
 
     folder = RunFolder(runs or default_root(), run_id(task.plan, dt.datetime.now(dt.timezone.utc)))
-    run = Run(
+    run = RunInputs(
         verb=verb,
         owner=owner(),
         version=__version__,
         plan=task.plan,
         file=task.file,
         inventory=lab.inventory,
-        found=task.found,
+        snapshot=task.snapshot,
         assignment=task.assignment,
         desired=task.desired,
     )
@@ -117,7 +117,7 @@ def recording(task: Task, lab: Lab, verb: str, runs: Path | None) -> RunFolder:
 
 
 def failures(result: RunResult, images: Mapping[str, ImagePlan] = MappingProxyType({})) -> list[str]:
-    """Give a line or more for every step that did not end well, and for every robot that could not be reached."""
+    """Return a line or more for every step that did not end well, and for every robot that could not be reached."""
     from srprov.execution import Outcome
     from srprov.images.tag import locate_failure
 
@@ -134,7 +134,7 @@ def failures(result: RunResult, images: Mapping[str, ImagePlan] = MappingProxyTy
 
 
 def summary_line(report: Mapping[str, Any], result: RunResult) -> str:
-    """Give the last line of a run."""
+    """Return the last line of a run."""
     counts = ", ".join(f"{report[key]} {key}" for key in ("changed", "unchanged", "failed", "skipped"))
     gone = f", {len(result.unreachable)} unreachable" if result.unreachable else ""
     state = "interrupted" if result.interrupted else "done"
@@ -142,7 +142,7 @@ def summary_line(report: Mapping[str, Any], result: RunResult) -> str:
 
 
 def run_json(made: Plan, result: RunResult, lab: Lab, phases: Phases) -> dict[str, Any]:
-    """Give the documented JSON of a run."""
+    """Return the documented JSON of a run."""
     from srprov.execution import Outcome
 
     return {

@@ -20,13 +20,13 @@ def facts(inventories: tuple[str, ...], as_json: bool, forks: int, timeout: floa
 
     from srprov.cli.facts_table import facts_table
     from srprov.facts.document import facts_document
-    from srprov.facts.gather import Closer, gather
+    from srprov.facts.gather import Detail, gather
 
     whole = options.load_inventory(inventories)
     chosen = options.selected(whole, limit, exclude)
     inventory = dataclasses.replace(whole, hosts={name: host for name, host in whole.hosts.items() if name in chosen})
     with options.open_lab(inventory, timeout, forks) as lab:
-        found = gather(inventory, lab.sessions.get, closer=Closer.TRAFFIC, forks=forks, only_look=True)
+        found = gather(inventory, lab.sessions.get, closer=Detail.TRAFFIC, forks=forks, only_look=True)
     if as_json:
         out_json(facts_document(found.facts, found.unreachable))
     else:

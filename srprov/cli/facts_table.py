@@ -15,7 +15,7 @@ _UNKNOWN = "?"
 
 
 def _used(used: int, total: int) -> str:
-    """Give `1.2/7.6 GiB`; nothing when there is none."""
+    """Return `1.2/7.6 GiB`; nothing when there is none."""
     return f"{used / 2**30:.1f}/{total / 2**30:.1f} GiB" if total else ""
 
 
@@ -49,7 +49,7 @@ _COLUMNS: tuple[tuple[str, Callable[[HostFacts], str], bool], ...] = (
 
 
 def facts_table(facts: Mapping[str, HostFacts], unreachable: Mapping[str, str]) -> str:
-    """Give the table in name order, heading first; lines end with a line feed, and an empty cell is `-`.
+    """Return the table in name order, heading first; lines end with a line feed, and an empty cell is `-`.
 
     MEMORY and SWAP are used/total, MBIT/S is free/link speed of the underlay. Why a robot cannot be reached, or has no
     engine, stands below the table.

@@ -16,7 +16,7 @@ HISTORY = click.option(
 
 
 def read_history(folder: Path | None) -> tuple[Mapping[str, float], ...]:
-    """Give each run's costs per robot, in the order of the folders' names; nothing without a folder.
+    """Return each run's costs per robot, in the order of the folders' names; nothing without a folder.
 
     Raises:
         UsageError: A record cannot be read.

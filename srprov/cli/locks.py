@@ -39,13 +39,13 @@ def locks(inventories: tuple[str, ...], as_json: bool, forks: int, timeout: floa
 
 
 def document(held: Mapping[str, Holder | None], unreachable: Mapping[str, str]) -> dict[str, Any]:
-    """Give the documented JSON: robot -> who holds it, or null."""
+    """Return the documented JSON: robot -> who holds it, or null."""
     robots = {name: {key: getattr(one, key) for key in _KEYS} if one else None for name, one in sorted(held.items())}
     return {"robots": robots, "unreachable": dict(sorted(unreachable.items()))}
 
 
 def rows(held: Mapping[str, Holder | None]) -> list[dict[str, Any]]:
-    """Give one row per robot that somebody holds."""
+    """Return one row per robot that somebody holds."""
     from srprov.execution.locks import age
 
     return [

@@ -14,7 +14,7 @@ from srprov.errors import TransportError, UsageError, visible
 from srprov.wire import Session
 
 if TYPE_CHECKING:
-    from srprov.facts.model import Found
+    from srprov.facts.model import Snapshot
 
 UNREACHABLE = 4
 
@@ -31,12 +31,12 @@ def logs(
     tail: int, follow: bool,
 ) -> int:  # fmt: skip
     """Show what services print (all, or those named)."""
-    from srprov.facts.gather import Closer, gather
+    from srprov.facts.gather import Detail, gather
 
     inventory = options.load_inventory(inventories)
     name = named_instance(file, instance)[0]
     with options.open_lab(inventory, timeout, forks) as lab:
-        found = gather(inventory, lab.sessions.get, closer=Closer.NO, forks=forks)
+        found = gather(inventory, lab.sessions.get, closer=Detail.NO, forks=forks)
         for host, reason in sorted(found.unreachable.items()):
             err(f"unreachable: {host}: {reason}")
         chosen = _containers(found, name, services)
@@ -54,17 +54,17 @@ def logs(
     return UNREACHABLE if found.unreachable or show.lost else 0
 
 
-def _containers(found: Found, instance: str, services: tuple[str, ...]) -> list[tuple[str, str, str]]:
-    """Give (service, robot, container) of what is wanted."""
+def _containers(snapshot: Snapshot, instance: str, services: tuple[str, ...]) -> list[tuple[str, str, str]]:
+    """Return (service, robot, container) of what is wanted."""
     there = sorted(
         (item.state["service"], host, item.name)
-        for host, items in found.existing.items()
+        for host, items in snapshot.observed.items()
         for item in items
         if item.module == "container" and item.instance == instance
     )
     known = [service for service, _, _ in there]
     unknown = sorted(set(services) - set(known))
-    if found.unreachable and (unknown or not there):
+    if snapshot.unreachable and (unknown or not there):
         return [one for one in there if one[0] in services]  # what is missing may be on a robot that is away
     if unknown:
         raise UsageError(

@@ -86,7 +86,7 @@ def _profile(context: click.Context, _option: click.Parameter, wanted: bool) -> 
 
 
 def profiling() -> bool:
-    """Tell whether the user wants to know where the time went."""
+    """Return whether the user wants to know where the time went."""
     context = click.get_current_context(silent=True)
     return bool(context and context.meta.get(_PROFILE))
 
@@ -163,7 +163,7 @@ class Lab:
     sessions: Sessions
 
     def connected(self) -> Mapping[str, Session]:
-        """Give the sessions of robots that could be reached."""
+        """Return the sessions of robots that could be reached."""
         return self.sessions.connected()
 
 
@@ -178,7 +178,7 @@ def load_inventory(paths: tuple[str, ...]) -> Inventory:
     return _with_become_password(lab) if context and context.meta.get(_ASK_BECOME) else lab
 
 
-def _with_become_password(lab: Inventory) -> Inventory:
+def _with_become_password(inventory: Inventory) -> Inventory:
     """Ask once, and give the answer to every robot that has no password of its own."""
     if not sys.stdin.isatty():
         hint = "set ansible_become_password in the inventory, e.g. in host_vars/ that only you can read"
@@ -189,9 +189,9 @@ def _with_become_password(lab: Inventory) -> Inventory:
         raise UsageError(str(error)) from None
     hosts = {
         name: host if host.become_password else dataclasses.replace(host, become_password=password)
-        for name, host in lab.hosts.items()
+        for name, host in inventory.hosts.items()
     }
-    return dataclasses.replace(lab, hosts=hosts)
+    return dataclasses.replace(inventory, hosts=hosts)
 
 
 def load_experiment(path: str) -> Definitions:
@@ -230,7 +230,7 @@ def _prepare_record() -> None:
 
 
 def failed_robots(instance: str, runs: Path | None) -> Callable[[], frozenset[str]]:
-    """Give what `@failed` stands for: the robots that the last recorded run of an instance did not finish."""
+    """Return what `@failed` stands for: the robots that the last recorded run of an instance did not finish."""
 
     def look() -> frozenset[str]:
         from srprov.record import default_root, last_run
@@ -253,7 +253,7 @@ def failed_robots(instance: str, runs: Path | None) -> Callable[[], frozenset[st
 def selected(
     inventory: Inventory, limit: str, exclude: str, failed: Callable[[], Collection[str]] | None = None
 ) -> frozenset[str]:
-    """Give the robots that may be changed; `failed` is what `@failed` stands for, for verbs with an experiment."""
+    """Return the robots that may be changed; `failed` is what `@failed` stands for, for verbs with an experiment."""
     from srprov.definitions.patterns import select
 
     known = {"failed": failed} if failed else {}

@@ -30,7 +30,7 @@ _NO_CHARACTER = re.compile("[\ud800-\udfff]")
 
 
 def clean(text: str) -> str:
-    """Give text without secrets, that cannot move the cursor, change colours, retitle the terminal or run backwards.
+    """Return text without secrets, that cannot move the cursor, change colours, retitle the terminal or run backwards.
 
     A control character in the middle of a secret hides it from the first look, and one in the secret from the second.
     """
@@ -48,7 +48,7 @@ def out_json(value: object) -> None:
 
 
 def line_of(value: object) -> str:
-    """Give a value as one line of JSON for a file, without secrets."""
+    """Return a value as one line of JSON for a file, without secrets."""
     return json.dumps(redacted(value)) + "\n"
 
 
@@ -58,7 +58,7 @@ def err(text: str, color: str | None = None) -> None:
 
 
 def wants_color(stream: TextIO) -> bool:
-    """Tell whether a stream is a terminal that may be coloured; see no-color.org."""
+    """Return whether a stream is a terminal that may be coloured; see no-color.org."""
     return stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
 
 

@@ -13,7 +13,7 @@ import click
 from srprov.cli import options
 from srprov.cli.history import HISTORY, read_history
 from srprov.cli.output import err, out, out_json
-from srprov.cli.stray import answers_only
+from srprov.cli.stdout_guard import answers_only
 from srprov.errors import RefusedError
 from srprov.secret import Vault, redact
 
@@ -69,13 +69,13 @@ def plan(
 
         with closing(begin(inventory, lab.sessions.get, definitions.experiment, exact=True, forks=forks)) as looking:
             # a tenth of a second of imports, while the robots are asked
-            from srprov.controller import Wishes, make_plan
+            from srprov.controller import PlanRequest, make_plan
             from srprov.planning.limit import limited
             from srprov.planning.markdown import plan_markdown
             from srprov.planning.plan import plan_json
             from srprov.saved import to_file
 
-            wishes = Wishes(
+            wishes = PlanRequest(
                 instance=instance, reassign=reassign, adopt=adopt, forks=forks, history=before, looking=looking,
                 reassign_unreachable=unreachable == "reassign", allow=frozenset(allow), playbooks=own, exact=True,
             )  # fmt: skip

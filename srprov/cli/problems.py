@@ -1,6 +1,6 @@
 """Problems in user files, as text with the source line and a caret, as JSON, and as SARIF.
 
-Takes `Problem`s; gives text. Touches nothing.
+Takes `Diagnostic`s; gives text. Touches nothing.
 """
 
 from __future__ import annotations
@@ -10,18 +10,18 @@ from collections.abc import Sequence
 from typing import Any
 
 from srprov import __version__
-from srprov.errors import Problem
+from srprov.errors import Diagnostic
 
 _WIDEST = 120
 """Columns of a source line that are shown; of a longer one, the part around the caret."""
 
 
-def render_problems(problems: Sequence[Problem]) -> str:
-    """Give every problem as compilers do: `file:line:column: error: message`, path, source line, caret, hint."""
+def render_problems(problems: Sequence[Diagnostic]) -> str:
+    """Return every problem as compilers do: `file:line:column: error: message`, path, source line, caret, hint."""
     return "\n".join(_render(problem) for problem in sorted(problems))
 
 
-def _render(problem: Problem) -> str:
+def _render(problem: Diagnostic) -> str:
     lines = [f"{problem.location}: error: {problem.message}" + (f"  [{problem.path}]" if problem.path else "")]
     if problem.excerpt.strip():
         lines += _caret(problem.excerpt, problem.location.column)
@@ -31,15 +31,15 @@ def _render(problem: Problem) -> str:
 
 
 def _caret(excerpt: str, column: int) -> list[str]:
-    """Give the source line and a line with `^` below the column; tabs stay tabs, so that both line up."""
+    """Return the source line and a line with `^` below the column; tabs stay tabs, so that both line up."""
     start = max(0, column - 1 - _WIDEST // 2) if len(excerpt) > _WIDEST else 0
     part = excerpt[start : start + _WIDEST].rstrip()
     before = excerpt[start : column - 1]
     return [f"    {part}", "    " + "".join("\t" if letter == "\t" else " " for letter in before) + "^"]
 
 
-def as_json(problems: Sequence[Problem]) -> str:
-    """Give one JSON document: `{"problems": [{"file", "line", "column", "message", "path", "hint"}]}`."""
+def as_json(problems: Sequence[Diagnostic]) -> str:
+    """Return one JSON document: `{"problems": [{"file", "line", "column", "message", "path", "hint"}]}`."""
     rows = [
         {
             "file": problem.location.file,
@@ -54,8 +54,8 @@ def as_json(problems: Sequence[Problem]) -> str:
     return json.dumps({"problems": rows}, indent=2)
 
 
-def as_sarif(problems: Sequence[Problem]) -> str:
-    """Give a SARIF 2.1.0 log, as code hosts show it beside the lines of a pull request."""
+def as_sarif(problems: Sequence[Diagnostic]) -> str:
+    """Return a SARIF 2.1.0 log, as code hosts show it beside the lines of a pull request."""
     driver = {"name": "srprov", "version": __version__, "rules": [{"id": "definition", "name": "Definition"}]}
     run = {
         "tool": {"driver": driver},
@@ -66,7 +66,7 @@ def as_sarif(problems: Sequence[Problem]) -> str:
     return json.dumps(log, indent=2)
 
 
-def _result(problem: Problem) -> dict[str, Any]:
+def _result(problem: Diagnostic) -> dict[str, Any]:
     from urllib.parse import quote
 
     words = problem.message + (f" ({problem.hint})" if problem.hint else "")

@@ -12,7 +12,7 @@ _MOST = 20
 
 
 def profile_text(phases: Mapping[str, float], robots: Mapping[str, Mapping[str, Any]]) -> str:
-    """Give two tables; seconds of robots overlap with each other and with the phases."""
+    """Return two tables; seconds of robots overlap with each other and with the phases."""
     width = max((len(name) for name in (*phases, *robots, "robot")), default=5)
     lines = ["", f"{'phase':<{width}}        s", *(f"{name:<{width}} {s:8.3f}" for name, s in phases.items())]
     lines += ["", f"{'robot':<{width}}  connect    asked    acted  round trips       sent   received"]

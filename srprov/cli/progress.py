@@ -26,7 +26,7 @@ _PROGRESS_EVERY_S = 5.0
 
 @contextmanager
 def progress(plan: Plan, record: RunFolder, *, events: str | None, color: bool) -> Iterator[Listener]:
-    """Give a listener for one run, which is recorded too; the status line goes away at the end."""
+    """Return a listener for one run, which is recorded too; the status line goes away at the end."""
     with ExitStack() as stack:
         stream = stack.enter_context(open(events, "w", encoding="utf-8")) if events else None
         live = stack.enter_context(_live()) if sys.stderr.isatty() and plan.steps else None
@@ -36,7 +36,7 @@ def progress(plan: Plan, record: RunFolder, *, events: str | None, color: bool) 
 
 @contextmanager
 def _live() -> Iterator[Any]:
-    """Give rich's status line; imported only on a terminal."""
+    """Return rich's status line; imported only on a terminal."""
     from rich.console import Console
 
     with Console(stderr=True).status("starting") as status:
@@ -44,7 +44,7 @@ def _live() -> Iterator[Any]:
 
 
 def _plain(status: str) -> Any:  # noqa: ANN401 - rich's Text
-    """Give a text for rich, to which `[x]` in a robot's words is no markup; an end of what never began would raise."""
+    """Return rich's Text, in which `[x]` in a robot's words is no markup."""
     from rich.text import Text
 
     return Text(clean(status)[:200])

@@ -13,7 +13,7 @@ from srprov.cli.output import err, out, out_json
 from srprov.errors import visible
 
 if TYPE_CHECKING:
-    from srprov.facts.model import Found
+    from srprov.facts.model import Snapshot
 
 UNREACHABLE = 4
 
@@ -26,12 +26,12 @@ def status(
     file: str | None, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, instance: str
 ) -> int:
     """Show the running experiment; without FILE and --instance, every instance on the robots."""
-    from srprov.facts.gather import Closer, gather
+    from srprov.facts.gather import Detail, gather
 
     inventory = options.load_inventory(inventories)
     name = named_instance(file, instance)[0] if file or instance else ""
     with options.open_lab(inventory, timeout, forks) as lab:
-        found = gather(inventory, lab.sessions.get, closer=Closer.NO, forks=forks)
+        found = gather(inventory, lab.sessions.get, closer=Detail.NO, forks=forks)
     rows = status_rows(found, name)
     if as_json:
         out_json({"services": rows, "unreachable": dict(found.unreachable)})
@@ -44,19 +44,19 @@ def status(
     return UNREACHABLE if found.unreachable else 0
 
 
-def status_rows(found: Found, name: str) -> list[dict[str, Any]]:
-    """Give one row per container, and one per service that is known to be on a robot that cannot be reached."""
+def status_rows(snapshot: Snapshot, name: str) -> list[dict[str, Any]]:
+    """Return one row per container, and one per service that is known to be on a robot that cannot be reached."""
     rows = []
-    for host, items in found.existing.items():
+    for host, items in snapshot.observed.items():
         for item in items:
             if item.module == "container" and name in ("", item.instance):
                 rows.append(_row(item.instance, item.state["service"], host, item.state))
-    for instance, record in found.placements.items():
+    for instance, record in snapshot.placements.items():
         services = record.get("services")
         if name in ("", instance) and isinstance(services, Mapping):
             for service, entry in services.items():
                 robot = entry.get("robot") if isinstance(entry, Mapping) else None
-                if robot in found.unreachable:
+                if robot in snapshot.unreachable:
                     rows.append(_row(instance, str(service), str(robot), {"status": "unreachable", "addresses": {}}))
     return sorted(rows, key=lambda row: (row["instance"], row["service"], row["robot"]))
 
@@ -75,7 +75,7 @@ def _row(instance: str, service: str, host: str, state: Mapping[str, Any]) -> di
 
 
 def table(rows: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> str:
-    """Give rows as aligned text; a column in which nobody has anything is left out. No cell can begin a row."""
+    """Return rows as aligned text; a column in which nobody has anything is left out. No cell can begin a row."""
     used = [column for column in columns if any(str(row[column]) for row in rows)]
     lines = [[column.upper() for column in used]] + [
         [visible(str(row[column])) or "-" for column in used] for row in rows

@@ -21,7 +21,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from srprov.errors import DefinitionError, Problem
+from srprov.errors import DefinitionError, Diagnostic
 
 if TYPE_CHECKING:
     from srprov.definitions.model import ContainerDefinition, Definitions, Inventory
@@ -63,9 +63,9 @@ def load_inventory(paths: Sequence[str | Path]) -> Inventory:
     return inventory.load([str(path) for path in paths])
 
 
-def check_files(paths: Sequence[str | Path]) -> list[Problem]:
-    """Give every problem of EDFs, CDFs, Dockerfiles and inventories, sorted; suffix or content tells which is which."""
-    found: set[Problem] = set()
+def check_files(paths: Sequence[str | Path]) -> list[Diagnostic]:
+    """Return every problem of EDFs, CDFs, Dockerfiles and inventories, sorted; suffix or content tells the kind."""
+    found: set[Diagnostic] = set()
     for path in paths:
         try:
             _check(str(path))
@@ -107,7 +107,7 @@ def file_kind(path: str) -> str:
 
 
 def _experiment_folder(folder: str) -> str:
-    """Give this folder or one of the two above it, the nearest that holds an EDF; or else this one."""
+    """Return this folder or one of the two above it, the nearest that holds an EDF; or else this one."""
     current = folder
     for _ in range(3):
         try:

@@ -22,7 +22,7 @@ _SMALLEST_PREFIX = 28
 
 
 def service_maps(root: Map) -> dict[str, Map]:
-    """Give the services' entries by name, those that are maps at all."""
+    """Return the services' entries by name, those that are maps at all."""
     services = root.entries.get("services")
     if not isinstance(services, Map):
         return {}
@@ -30,7 +30,7 @@ def service_maps(root: Map) -> dict[str, Map]:
 
 
 def service_key(root: Map, name: str) -> Scalar:
-    """Give the place where a service's name is written."""
+    """Return the place where a service's name is written."""
     services = root.entries["services"]
     assert isinstance(services, Map)
     return services.keys[name]
@@ -109,7 +109,7 @@ def _cycles(known: Mapping[str, Map], findings: Findings) -> None:
 
 
 def _dependency(entry: Map, name: str) -> Node:
-    """Give the place where an entry names a service that it waits for."""
+    """Return the place where an entry names a service that it waits for."""
     waits = entry.entries.get("depends_on", entry)
     if isinstance(waits, Map):
         return nodes.key_or_value(waits, name)
@@ -146,7 +146,7 @@ def _conditions(
 
 
 def same_robot_groups(root: Map) -> tuple[tuple[str, ...], ...]:
-    """Give the groups that must share a robot; groups with a common service are one."""
+    """Return the groups that must share a robot; groups with a common service are one."""
     related = root.entries.get("relations")
     given = related.entries.get("same_robot") if isinstance(related, Map) else None
     groups: list[set[str]] = []

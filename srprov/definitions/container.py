@@ -16,7 +16,7 @@ from srprov.definitions import dockerfile, merging, nodes, paths, runtime, schem
 from srprov.definitions.model import BuildFile, ContainerDefinition, HealthCheck
 from srprov.definitions.nodes import Findings, Map, Node, Scalar, Seq, Source
 from srprov.definitions.values import text, texts
-from srprov.errors import DefinitionError, Location, Problem
+from srprov.errors import DefinitionError, Diagnostic, Location
 
 _ORIGINS = ("base", "image", "dockerfile")
 _BUILDING = ("packages", "repositories", "files", "run")
@@ -29,11 +29,11 @@ class Container:
 
     definition: ContainerDefinition
     layer: Map
-    unsupported: tuple[Problem, ...] = ()
+    unsupported: tuple[Diagnostic, ...] = ()
 
     @property
     def image_has_healthcheck(self) -> bool:
-        """Tell whether the Dockerfile sets one; that of an image is not known."""
+        """Return whether the Dockerfile sets one; that of an image is not known."""
         path = self.definition.dockerfile
         return bool(path) and dockerfile.has_healthcheck(yamlfile.read_text(path))
 
@@ -70,7 +70,7 @@ class _Chain:
         self.unsupported = unsupported
 
     def read(self, path: str, shown: str, trail: tuple[str, ...]) -> Map | None:
-        """Give the merged layer, or None when something is wrong (it is in the findings)."""
+        """Return the merged layer, or None when something is wrong (it is in the findings)."""
         own = Findings()
         try:
             if dockerfile.is_dockerfile(path):
@@ -81,7 +81,7 @@ class _Chain:
             return None
         if not isinstance(root, Map):
             message = "the file is empty" if root is None else f"a CDF is a map, not {nodes.kind(root)}"
-            self.findings.extend([Problem(Location(shown), message, hint="begin with cdf: 1")])
+            self.findings.extend([Diagnostic(Location(shown), message, hint="begin with cdf: 1")])
             return None
         schema.check(root, "cdf", own)
         schema.check_tags(root, own, _MERGED_TAGS)
@@ -125,7 +125,7 @@ class _Chain:
 
 
 def _as_layer(path: str, shown: str) -> Map:
-    """Give a Dockerfile as the CDF that it stands for.
+    """Return a Dockerfile as the CDF that it stands for.
 
     Raises:
         DefinitionError: It cannot be read, or is no Dockerfile.
@@ -208,7 +208,7 @@ def _files(node: Node | None, folder: str, findings: Findings) -> tuple[BuildFil
 
 
 def _lines(layer: Map, source: Source) -> dict[str, int]:
-    """Give the line of each build field that stands in this very file, not in one that it extends."""
+    """Return the line of each build field that stands in this very file, not in one that it extends."""
     lines: dict[str, int] = {}
 
     def note(node: Node, path: nodes.Path) -> None:
@@ -227,7 +227,7 @@ def _lines(layer: Map, source: Source) -> dict[str, int]:
 
 
 def known_healthcheck(container: Container | None, merged: HealthCheck | None) -> bool:
-    """Tell whether a service surely has a healthcheck: its own, its CDF's, or that of a Dockerfile."""
+    """Return whether a service surely has a healthcheck: its own, its CDF's, or that of a Dockerfile."""
     if merged is not None:
         return merged.test != ("NONE",)
     return container is not None and container.image_has_healthcheck

@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
-from srprov.errors import Location, Problem
+from srprov.errors import Diagnostic, Location
 
 _FROM = re.compile(r"(?:--\S+\s+)*(?P<image>\S+)(?:\s+as\s+(?P<name>\S+))?", re.IGNORECASE)
 _HEREDOC = re.compile(r"<<-?([\"']?)([A-Za-z_][A-Za-z0-9_]*)\1")
@@ -21,7 +21,7 @@ def is_dockerfile(path: str) -> bool:
 
 
 def instructions(text: str) -> Iterator[tuple[int, str, str]]:
-    """Give (line, INSTRUCTION, rest) with continued lines joined, comments and here-documents left out."""
+    """Return (line, INSTRUCTION, rest) with continued lines joined, comments and here-documents left out."""
     start, joined, ends = 0, "", []  # type: int, str, list[str]
     for number, line in enumerate(text.splitlines(), 1):
         bare = line.strip()
@@ -43,7 +43,7 @@ def instructions(text: str) -> Iterator[tuple[int, str, str]]:
 
 
 def has_healthcheck(text: str) -> bool:
-    """Tell whether the last stage, or an earlier stage that it is built from, sets a healthcheck."""
+    """Return whether the last stage, or an earlier stage that it is built from, sets a healthcheck."""
     by_stage: dict[str, bool] = {}
     name, found = "", False
     for _, word, rest in instructions(text):
@@ -56,8 +56,8 @@ def has_healthcheck(text: str) -> bool:
     return found
 
 
-def check(text: str, shown: str) -> list[Problem]:
-    """Give what is wrong with a Dockerfile as far as srprov can tell."""
+def check(text: str, shown: str) -> list[Diagnostic]:
+    """Return what is wrong with a Dockerfile as far as srprov can tell."""
     lines = text.splitlines()
     for number, word, rest in instructions(text):
         if word in ("ARG",):
@@ -66,9 +66,11 @@ def check(text: str, shown: str) -> list[Problem]:
         column = len(excerpt) - len(excerpt.lstrip()) + 1
         if word != "FROM":
             return [
-                Problem(Location(shown, number, column), f"a Dockerfile begins with FROM, not {word[:40]}", "", excerpt)
+                Diagnostic(
+                    Location(shown, number, column), f"a Dockerfile begins with FROM, not {word[:40]}", "", excerpt
+                )
             ]
         if not rest:
-            return [Problem(Location(shown, number, column), "FROM needs an image", "", excerpt)]
+            return [Diagnostic(Location(shown, number, column), "FROM needs an image", "", excerpt)]
         return []
-    return [Problem(Location(shown), "holds no instruction", hint="a Dockerfile begins with FROM")]
+    return [Diagnostic(Location(shown), "holds no instruction", hint="a Dockerfile begins with FROM")]

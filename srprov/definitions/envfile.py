@@ -10,16 +10,16 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 
-from srprov.errors import Location, Problem
+from srprov.errors import Diagnostic, Location
 
 _NAME = re.compile(r"(?:export\s+)?(?P<name>[A-Za-z_][A-Za-z0-9_.-]*)\s*(?P<sign>[=:]?)[ \t]*")
 _ESCAPES = {"n": "\n", "t": "\t", "r": "\r", '"': '"', "\\": "\\", "$": "$"}
 
 
-def parse(text: str, file: str, environ: Mapping[str, str]) -> tuple[dict[str, str], list[Problem]]:
+def parse(text: str, file: str, environ: Mapping[str, str]) -> tuple[dict[str, str], list[Diagnostic]]:
     """Read every variable; a bare NAME takes its value from `environ` and is left out where that has none."""
     found: dict[str, str] = {}
-    problems: list[Problem] = []
+    problems: list[Diagnostic] = []
     lines = text.splitlines()
     number = 0
     while number < len(lines):
@@ -32,7 +32,7 @@ def parse(text: str, file: str, environ: Mapping[str, str]) -> tuple[dict[str, s
         column = len(line) - len(line.lstrip()) + 1
         if match is None or (not match["sign"] and line.lstrip()[match.end() :].strip()):
             place = Location(file, start, column)
-            problems.append(Problem(place, "is not NAME=value", "", line, "a name has letters, digits and '_'"))
+            problems.append(Diagnostic(place, "is not NAME=value", "", line, "a name has letters, digits and '_'"))
             continue
         if not match["sign"]:
             found |= {match["name"]: environ[match["name"]]} if match["name"] in environ else {}
@@ -44,7 +44,7 @@ def parse(text: str, file: str, environ: Mapping[str, str]) -> tuple[dict[str, s
                 number += 1
             if end < 0:
                 place = Location(file, start, column + match.end())
-                problems.append(Problem(place, "the quote is not closed", "", line))
+                problems.append(Diagnostic(place, "the quote is not closed", "", line))
                 continue
             inner = rest[1:end]
             found[match["name"]] = inner if rest[0] == "'" else re.sub(r"\\(.)", _unescape, inner, flags=re.DOTALL)
@@ -54,7 +54,7 @@ def parse(text: str, file: str, environ: Mapping[str, str]) -> tuple[dict[str, s
 
 
 def _end_of_quote(text: str) -> int:
-    """Give the index of the closing quote of a text that begins with one, or -1."""
+    """Return the index of the closing quote of a text that begins with one, or -1."""
     position = 1
     while position < len(text):
         if text[position] == "\\" and text[0] == '"':

@@ -23,7 +23,7 @@ _LONGEST = 63
 def expand(
     experiment: Experiment, tags: Mapping[str, Iterable[str]], previous: Mapping[str, str] = MappingProxyType({})
 ) -> Experiment:
-    """Give the experiment with every instance as a service of its own.
+    """Return the experiment with every instance as a service of its own.
 
     Args:
         experiment: As it was read.
@@ -50,7 +50,7 @@ def expand(
 
 
 def nowhere(experiment: Experiment, expanded: Iterable[Service], *, away: bool) -> tuple[str, ...]:
-    """Give a note for each service with `per_robot` that no robot matched, so that it has no instance.
+    """Return a note for each service with `per_robot` that no robot matched, so that it has no instance.
 
     Args:
         experiment: As it was read.
@@ -86,7 +86,7 @@ def _instances(service: Service, tags: Mapping[str, set[str]], previous: Mapping
 
 
 def _named(service: str, robot: str) -> str:
-    """Give an instance's name; it is a host name and part of a container's, so a robot's name is made to fit."""
+    """Return an instance's name; it is a host name and part of a container's, so a robot's name is made to fit."""
     return f"{service}-{re.sub(r'[^a-z0-9_.-]', '-', robot.lower()).strip('-._') or 'robot'}"
 
 

@@ -26,11 +26,11 @@ from srprov.definitions import (
     yamlfile,
 )
 from srprov.definitions.container import Container
-from srprov.definitions.model import Definitions, Experiment, NetworkWishes, Placement, Service, Weights
+from srprov.definitions.model import Definitions, Experiment, NetworkSettings, Placement, Service, Weights
 from srprov.definitions.nodes import Findings, Map, Node, Scalar
 from srprov.definitions.unsupported import note_unsupported
 from srprov.definitions.values import text, texts
-from srprov.errors import DefinitionError, Location, Problem
+from srprov.errors import DefinitionError, Diagnostic, Location
 
 _METADATA = ("license", "doi", "notes")
 
@@ -44,7 +44,7 @@ def load(path: str, environ: Mapping[str, str]) -> Definitions:
     root = yamlfile.read(path)
     if not isinstance(root, Map):
         message = "the file is empty" if root is None else f"an EDF is a map, not {nodes.kind(root)}"
-        raise DefinitionError([Problem(Location(path), message, hint="begin with edf: 1")])
+        raise DefinitionError([Diagnostic(Location(path), message, hint="begin with edf: 1")])
     findings, unsupported = Findings(), Findings()
     folder = os.path.dirname(os.path.abspath(path))
     schema.check(root, "edf", findings)
@@ -118,7 +118,7 @@ def _experiment(root: Map, path: str, services: Mapping[str, Service]) -> Experi
         pools=relations.pools(root),
         weights=_weights(get("weights")),
         placement=Placement(**_settings(get("placement"))),
-        network=NetworkWishes(**{k: v for k, v in _settings(get("network")).items() if k in _NETWORK_FIELDS}),
+        network=NetworkSettings(**{k: v for k, v in _settings(get("network")).items() if k in _NETWORK_FIELDS}),
         description=text(get("description")),
         authors=texts(get("authors")),
         metadata=MappingProxyType({key: text(get(key)) for key in _METADATA if key in root.entries}),
@@ -129,7 +129,7 @@ _NETWORK_FIELDS = ("subnet", "mtu", "vni", "port")
 
 
 def _settings(node: Node | None) -> dict[str, Any]:
-    """Give a map's plain settings by name: whole numbers, numbers, booleans, else text."""
+    """Return a map's plain settings by name: whole numbers, numbers, booleans, else text."""
     given: dict[str, Any] = {}
     for key, value in node.entries.items() if isinstance(node, Map) else ():
         if key.startswith("x-") or not isinstance(value, Scalar):

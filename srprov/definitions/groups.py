@@ -38,7 +38,7 @@ class HostEntry:
     from_files: Variables = field(default_factory=dict)
 
 
-class Lab:
+class HostTree:
     """Hosts and groups by name; everything wrong goes to `findings`."""
 
     def __init__(self) -> None:
@@ -48,7 +48,7 @@ class Lab:
         self.findings = Findings()
 
     def group(self, name: str) -> Group:
-        """Give a group, made when it is new."""
+        """Return a group, made when it is new."""
         return self.groups.setdefault(name, Group(name))
 
     def add_hosts(self, place: Scalar, group: str, variables: Variables | None = None) -> None:
@@ -72,7 +72,7 @@ class Lab:
             self.group(group).hosts[name] = place
 
     def depths(self) -> dict[str, int]:
-        """Give each group's distance from `all`; a group that contains itself is a finding and stands at 0."""
+        """Return each group's distance from `all`; a group that contains itself is a finding and stands at 0."""
         has_parent = {child for group in self.groups.values() for child in group.children}
         depth = {"all": 0}
 
@@ -97,7 +97,7 @@ class Lab:
         return depth
 
     def members(self) -> dict[str, set[str]]:
-        """Give every group's hosts, those of its children too; `all` has every host."""
+        """Return every group's hosts, those of its children too; `all` has every host."""
         found: dict[str, set[str]] = {}
 
         def of(name: str, trail: frozenset[str]) -> set[str]:
@@ -112,7 +112,7 @@ class Lab:
         return {**found, "all": set(self.hosts)}
 
     def effective(self, host: HostEntry, groups: set[str], depths: dict[str, int]) -> Variables:
-        """Give a host's variables after inheritance."""
+        """Return a host's variables after inheritance."""
         ordered = sorted(
             (self.groups[name] for name in groups), key=lambda g: (depths.get(g.name, 0), _priority(g), g.name)
         )
@@ -132,5 +132,5 @@ def _priority(group: Group) -> int:
 
 
 def variables_of(node: Map) -> Variables:
-    """Give a map's entries as variables."""
+    """Return a map's entries as variables."""
     return {name: (node.keys[name], value) for name, value in node.entries.items()}

@@ -67,7 +67,7 @@ class _Reader:
         }
 
     def visible(self, key: str) -> Node | None:
-        """Give a variable's value; a template or a vault value is a problem, and none is given."""
+        """Return a variable's value; a template or a vault value is a problem, and none is given."""
         found = self.variables.get(key)
         return None if found is None or self._hidden(key, found[1]) else found[1]
 
@@ -77,7 +77,7 @@ class _Reader:
         return None if found is None else reader(found)
 
     def text(self, *keys: str) -> str | None:
-        """Give the first of some variables that is set, as text."""
+        """Return the first of some variables that is set, as text."""
         for key in keys:
             found = self.visible(key)
             if isinstance(found, Scalar) and not nodes.is_null(found):
@@ -98,7 +98,7 @@ class _Reader:
             return default
 
     def words(self, key: str) -> tuple[str, ...]:
-        """Give a list's texts, or those of one text with commas; each once, in order."""
+        """Return a list's texts, or those of one text with commas; each once, in order."""
         found = self.visible(key)
         items = found.items if isinstance(found, Seq) else ()
         texts = [item.text for item in items if isinstance(item, Scalar)]
@@ -107,7 +107,7 @@ class _Reader:
         return tuple(dict.fromkeys(texts))
 
     def secret(self, *keys: str, hidden_is_none: bool = False) -> Secret | None:
-        """Give a password, wrapped at once; where a robot may do without one, a vault value is as good as none."""
+        """Return a password, wrapped at once; where a robot may do without one, a vault value is as good as none."""
         if hidden_is_none:
             keys = tuple(key for key in keys if key in self.variables and not hidden(self.variables[key][1]))
         given = self.text(*keys)
@@ -119,7 +119,7 @@ class _Reader:
             return None
 
     def file(self, path: str) -> str:
-        """Give a file of the controller: `~` is the home; a relative one is looked for beside the inventory first."""
+        """Return a file of the controller: `~` is the home; a relative one is looked for beside the inventory first."""
         expanded = os.path.expanduser(path)
         beside = os.path.join(self.folder, expanded)
         return beside if not os.path.isabs(expanded) and os.path.exists(beside) else os.path.abspath(expanded)

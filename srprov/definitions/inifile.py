@@ -1,6 +1,6 @@
 """An INI inventory, as Ansible reads it -> hosts, groups and variables.
 
-Takes the text; adds to the `Lab`. Pure. `[group]`, `[group:vars]`, `[group:children]`; host lines hold `name
+Takes the text; adds to the `HostTree`. Pure. `[group]`, `[group:vars]`, `[group:children]`; host lines hold `name
 key=value…` in shell quoting; a value that is a Python list, map or quoted text is read as one.
 """
 
@@ -11,14 +11,14 @@ import re
 import shlex
 
 from srprov.definitions import nodes
-from srprov.definitions.groups import Lab, Variables
+from srprov.definitions.groups import HostTree, Variables
 from srprov.definitions.nodes import Node, Scalar, Source
 
 _SECTION = re.compile(r"\[(?P<name>[^:\]\s]+)(?::(?P<kind>\w+))?\]\s*(?:[#;].*)?")
 _LONGEST_LITERAL = 10_000
 
 
-def read(text: str, file: str, lab: Lab) -> None:
+def read(text: str, file: str, lab: HostTree) -> None:
     """Add everything that the text says; what is wrong goes to the lab's findings."""
     source = Source(file, tuple(text.splitlines()))
     section, kind = "ungrouped", "hosts"
@@ -48,7 +48,7 @@ def read(text: str, file: str, lab: Lab) -> None:
             _host(place, section, lab)
 
 
-def _host(place: Scalar, group: str, lab: Lab) -> None:
+def _host(place: Scalar, group: str, lab: HostTree) -> None:
     try:
         name, *pairs = shlex.split(place.text, comments=True)
     except ValueError as error:
@@ -67,7 +67,7 @@ def _host(place: Scalar, group: str, lab: Lab) -> None:
     lab.add_hosts(Scalar(place.source, place.line, place.column, name), group, variables)
 
 
-def _variable(place: Scalar, group: str, lab: Lab) -> None:
+def _variable(place: Scalar, group: str, lab: HostTree) -> None:
     key, sign, value = place.text.partition("=")
     if not sign or not key.strip():
         lab.findings.add(place, "is not key=value")

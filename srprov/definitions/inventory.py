@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from types import MappingProxyType
 
 from srprov.definitions import hostvars, inifile, nodes, schema, script, yamlfile
-from srprov.definitions.groups import Group, HostEntry, Lab, Variables, variables_of
+from srprov.definitions.groups import Group, HostEntry, HostTree, Variables, variables_of
 from srprov.definitions.model import Inventory
 from srprov.definitions.nodes import Map, Node, Scalar, Source
 from srprov.errors import DefinitionError
@@ -28,7 +28,7 @@ def load(paths: Sequence[str]) -> Inventory:
     Raises:
         DefinitionError: With everything that is wrong, in every file.
     """
-    lab = Lab()
+    lab = HostTree()
     for path in paths:
         for part in _files(path, lab):
             try:
@@ -40,7 +40,7 @@ def load(paths: Sequence[str]) -> Inventory:
     return _finish(lab, os.path.abspath(paths[0]) if paths else "")
 
 
-def _finish(lab: Lab, source: str) -> Inventory:
+def _finish(lab: HostTree, source: str) -> Inventory:
     for variables in _scopes(lab):
         _check_own(variables, lab)
     depths, members = lab.depths(), lab.members()
@@ -60,8 +60,8 @@ def _folder(path: str) -> str:
     return path if os.path.isdir(path) else os.path.dirname(path) or "."
 
 
-def _files(path: str, lab: Lab) -> list[str]:
-    """Give the inventory files that a path stands for, in name order for a folder."""
+def _files(path: str, lab: HostTree) -> list[str]:
+    """Return the inventory files that a path stands for, in name order for a folder."""
     if "," in path and not os.path.exists(path):
         names = [name.strip() for name in path.split(",") if name.strip()]
         for name in names:
@@ -75,7 +75,7 @@ def _files(path: str, lab: Lab) -> list[str]:
     return [os.path.join(path, name) for name in names if os.path.isfile(os.path.join(path, name))]
 
 
-def _read(path: str, lab: Lab) -> None:
+def _read(path: str, lab: HostTree) -> None:
     """Add one inventory file, whatever its kind."""
     if script.is_program(path):
         script.read(path, lab)
@@ -90,7 +90,7 @@ def _read(path: str, lab: Lab) -> None:
         inifile.read(text, path, lab)
 
 
-def _read_yaml(root: Node | None, path: str, lab: Lab) -> None:
+def _read_yaml(root: Node | None, path: str, lab: HostTree) -> None:
     if root is None:
         return
     if not isinstance(root, Map):
@@ -107,7 +107,7 @@ def _read_yaml(root: Node | None, path: str, lab: Lab) -> None:
             _read_group(root.keys[name], group, lab, (name,))
 
 
-def _read_group(key: Scalar, node: Node, lab: Lab, path: nodes.Path) -> None:
+def _read_group(key: Scalar, node: Node, lab: HostTree, path: nodes.Path) -> None:
     name = key.text
     lab.group(name)
     if nodes.is_null(node):
@@ -123,7 +123,7 @@ def _read_group(key: Scalar, node: Node, lab: Lab, path: nodes.Path) -> None:
             lab.findings.add(node.keys[part], f"unknown key '{part[:60]}' in the group '{name}'", (*path, part), hint)
 
 
-def _read_part(group: str, part: str, node: Node, lab: Lab, path: nodes.Path) -> None:
+def _read_part(group: str, part: str, node: Node, lab: HostTree, path: nodes.Path) -> None:
     if nodes.is_null(node):
         return
     if isinstance(node, Scalar) and part == "hosts":
@@ -147,7 +147,7 @@ def _read_part(group: str, part: str, node: Node, lab: Lab, path: nodes.Path) ->
             lab.findings.add(value, f"the host '{name}' is a map of variables, not {nodes.kind(value)}", (*path, name))
 
 
-def _read_variables(folder: str, lab: Lab) -> None:
+def _read_variables(folder: str, lab: HostTree) -> None:
     """Add `group_vars/` and `host_vars/` of one folder."""
     for kind, holders in (("group_vars", lab.groups), ("host_vars", lab.hosts)):
         beside = os.path.normpath(os.path.join(folder, kind))
@@ -155,7 +155,7 @@ def _read_variables(folder: str, lab: Lab) -> None:
             holder.from_files.update(_variables(beside, name, lab))
 
 
-def _variables(folder: str, name: str, lab: Lab) -> Variables:
+def _variables(folder: str, name: str, lab: HostTree) -> Variables:
     """Read a host's or group's file, or every file of its folder; one that is wholly a vault says nothing to us."""
     found: Variables = {}
     if "/" in name or name in (".", ".."):
@@ -172,7 +172,7 @@ def _variables(folder: str, name: str, lab: Lab) -> Variables:
     return found
 
 
-def _variables_file(path: str, lab: Lab) -> Variables:
+def _variables_file(path: str, lab: HostTree) -> Variables:
     try:
         text = yamlfile.read_text(path)
         root = None if text.startswith("$ANSIBLE_VAULT;") else yamlfile.parse(text, path)
@@ -184,12 +184,12 @@ def _variables_file(path: str, lab: Lab) -> Variables:
     return variables_of(root) if isinstance(root, Map) else {}
 
 
-def _scopes(lab: Lab) -> list[Variables]:
+def _scopes(lab: HostTree) -> list[Variables]:
     holders: list[Group | HostEntry] = [*lab.groups.values(), *lab.hosts.values()]
     return [scope for holder in holders for scope in (holder.variables, holder.from_files) if scope]
 
 
-def _check_own(variables: Variables, lab: Lab) -> None:
+def _check_own(variables: Variables, lab: HostTree) -> None:
     """Check the variables that begin with srprov_; a template among them is told where a host reads it."""
     own = {
         name: pair for name, pair in variables.items() if name.startswith("srprov_") and not hostvars.hidden(pair[1])

@@ -44,14 +44,14 @@ def merge(under: Node, over: Node, key: str = "") -> Node:
 
 
 def _plain(node: Node) -> object:
-    """Give a comparable form of a node, without places."""
+    """Return a comparable form of a node, without places."""
     if isinstance(node, Map):
         return tuple(sorted((key, _plain(value)) for key, value in node.entries.items()))
     return tuple(_plain(item) for item in node.items) if isinstance(node, Seq) else node.text
 
 
 def normalise(layer: Map, environ: dict[str, str], findings: Findings, path: Path) -> Map:
-    """Give a layer in the one form that merges: `environment` and `sysctls` as maps, `run` as a list."""
+    """Return a layer in the one form that merges: `environment` and `sysctls` as maps, `run` as a list."""
     entries = dict(layer.entries)
     for key in KEYED:
         if isinstance(entries.get(key), Seq):
@@ -80,6 +80,6 @@ def _as_map(node: Node, environ: dict[str, str], findings: Findings, path: Path)
 
 
 def only(layer: Map, wanted: frozenset[str]) -> Map:
-    """Give a map with only the wanted keys."""
+    """Return a map with only the wanted keys."""
     entries = {key: value for key, value in layer.entries.items() if key in wanted}
     return Map(layer.source, layer.line, layer.column, entries, {key: layer.keys[key] for key in entries}, layer.tag)

@@ -13,7 +13,7 @@ from typing import Any
 
 from srprov.definitions.playbookmodel import Playbook
 from srprov.definitions.secretmodel import SecretSource, SecretUse
-from srprov.errors import Location, Problem
+from srprov.errors import Diagnostic, Location
 from srprov.secret import Secret
 
 _NOWHERE = Location("")
@@ -231,7 +231,7 @@ class Placement:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class NetworkWishes:
+class NetworkSettings:
     """What the EDF asks of the overlay; None where srprov decides."""
 
     subnet: str | None = None
@@ -270,7 +270,7 @@ class Experiment:
     pools: tuple[Pool, ...] = ()
     weights: Weights = field(default_factory=Weights)
     placement: Placement = field(default_factory=Placement)
-    network: NetworkWishes = field(default_factory=NetworkWishes)
+    network: NetworkSettings = field(default_factory=NetworkSettings)
     description: str = ""
     authors: tuple[str, ...] = ()
     metadata: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
@@ -282,4 +282,4 @@ class Definitions:
 
     experiment: Experiment
     containers: Mapping[str, ContainerDefinition]
-    unsupported: tuple[Problem, ...] = ()
+    unsupported: tuple[Diagnostic, ...] = ()

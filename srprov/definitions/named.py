@@ -21,7 +21,7 @@ _LINE = re.compile(
 
 
 def experiment_name(path: str) -> str:
-    """Give the `name` at the top level of an EDF.
+    """Return the `name` at the top level of an EDF.
 
     Raises:
         UsageError: The file cannot be read, or holds no valid name, neither as YAML nor in a line `name: …`.

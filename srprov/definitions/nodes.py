@@ -1,6 +1,6 @@
 """The document as it was written: maps, lists and scalars that know their place in the file.
 
-Takes nothing but what `yamlfile` read; gives `Node`s, and `Problem`s that point at them. Touches nothing. A scalar
+Takes nothing but what `yamlfile` read; gives `Node`s, and `Diagnostic`s that point at them. Touches nothing. A scalar
 keeps its source text: whether `on` is a word or a boolean is decided by who asks for it, so `as_bool` and `text` can
 both be right.
 """
@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
-from srprov.errors import Location, Problem
+from srprov.errors import Diagnostic, Location
 
 _TRUE = {"true", "yes", "on"}
 _FALSE = {"false", "no", "off"}
@@ -39,7 +39,7 @@ class Source:
         return os.path.dirname(os.path.abspath(self.file))
 
     def excerpt(self, line: int) -> str:
-        """Give one line (counted from 1) without its end, or nothing."""
+        """Return one line (counted from 1) without its end, or nothing."""
         return self.lines[line - 1] if 0 < line <= len(self.lines) else ""
 
 
@@ -82,29 +82,29 @@ class Map:
 Node = Scalar | Seq | Map
 
 
-def hushed(one: Problem) -> Problem:
+def hushed(one: Diagnostic) -> Diagnostic:
     """Leave the source line out where it may hold a password: files with secrets are shown in terminals and CI logs."""
     return replace(one, excerpt="") if _SECRET.search(one.excerpt) else one
 
 
 def location(node: Node) -> Location:
-    """Give the place where a node begins."""
+    """Return the place where a node begins."""
     return Location(node.source.file, node.line, node.column)
 
 
-def problem(node: Node, message: str, path: Path | str = (), hint: str = "") -> Problem:
+def problem(node: Node, message: str, path: Path | str = (), hint: str = "") -> Diagnostic:
     """Make a problem that points at a node; `path` is where it stands inside the document."""
     where = path if isinstance(path, str) else dotted(path)
-    return Problem(location(node), message, where, node.source.excerpt(node.line), hint)
+    return Diagnostic(location(node), message, where, node.source.excerpt(node.line), hint)
 
 
 def dotted(path: Path) -> str:
-    """Give a path as it is shown: `services.talker.ports.0`."""
+    """Return a path as it is shown: `services.talker.ports.0`."""
     return ".".join(str(part) for part in path)
 
 
 def key_or_value(parent: Map, key: str) -> Node:
-    """Give the place of a key, for problems about the whole entry."""
+    """Return the place of a key, for problems about the whole entry."""
     return parent.keys.get(key, parent)
 
 
@@ -121,7 +121,7 @@ def find(node: Node, path: Path) -> Node:
 
 
 def is_null(node: Node) -> bool:
-    """Tell whether nothing was written: an empty value, `~` or `null`."""
+    """Return whether nothing was written: an empty value, `~` or `null`."""
     return isinstance(node, Scalar) and node.plain and not node.tag and node.text in _NULL
 
 
@@ -168,23 +168,23 @@ class Findings:
 
     def __init__(self) -> None:
         """Begin with nothing found."""
-        self._found: dict[Problem, Path] = {}
+        self._found: dict[Diagnostic, Path] = {}
 
     def add(self, node: Node, message: str, path: Path = (), hint: str = "") -> None:
         """Add one problem at a node; the same one twice counts once."""
         self._found.setdefault(problem(node, message, path, hint), path)
 
-    def extend(self, problems: Iterable[Problem]) -> None:
+    def extend(self, problems: Iterable[Diagnostic]) -> None:
         """Add problems that concern no place of this document."""
         for one in problems:
             self._found.setdefault(one, ("",))
 
     def broken(self, path: Path) -> bool:
-        """Tell whether something at or below a place is wrong."""
+        """Return whether something at or below a place is wrong."""
         return any(found[: len(path)] == path for found in self._found.values())
 
     @property
-    def problems(self) -> list[Problem]:
+    def problems(self) -> list[Diagnostic]:
         """Everything found so far."""
         return list(self._found)
 

@@ -22,18 +22,18 @@ def shown_beside(shown: str, relative: str) -> str:
 
 
 def inside(path: str, folder: str) -> bool:
-    """Tell whether a path, links followed, lies in a folder (or is it)."""
+    """Return whether a path, links followed, lies in a folder (or is it)."""
     real, root = os.path.realpath(path), os.path.realpath(folder)
     return real == root or real.startswith(root.rstrip("/") + "/")
 
 
 def root_for(folder: str, experiment_folder: str) -> str:
-    """Give the folder that files named in `folder` must not leave."""
+    """Return the folder that files named in `folder` must not leave."""
     return experiment_folder if inside(folder, experiment_folder) else folder
 
 
 def resolve(node: Scalar, experiment_folder: str, findings: Findings, path: Path, *, tree: bool = False) -> str:
-    """Give the absolute real path that a scalar names relative to its own file; `tree` also searches folders for links.
+    """Return absolute real path that a scalar names relative to its own file; `tree` also searches folders for links.
 
     An absolute or `~` path is refused: what is shipped must lie with the experiment.
     """
@@ -66,7 +66,7 @@ def _name(folder: str) -> str:
 
 
 def _escaping_link(path: str, root: str) -> str:
-    """Give the first link below a folder that leads out of `root`, relative to the folder."""
+    """Return the first link below a folder that leads out of `root`, relative to the folder."""
     seen = 0
     for parent, folders, files in os.walk(path):
         folders.sort()

@@ -33,7 +33,7 @@ def _no_run() -> Collection[str]:
 
 
 def select(inventory: Inventory, pattern: str | Sequence[str], failed: Failed = _no_run) -> tuple[str, ...]:
-    """Give the names that a pattern (or several, joined) picks, in name order.
+    """Return the names that a pattern (or several, joined) picks, in name order.
 
     Args:
         inventory: Hosts and groups.
@@ -76,7 +76,7 @@ def _is_ipv6(text: str) -> bool:
 
 
 def _match(inventory: Inventory, term: str, failed: Failed = _no_run) -> set[str]:
-    """Give the hosts of one term without its sign.
+    """Return the hosts of one term without its sign.
 
     Raises:
         UsageError: There are none.
@@ -102,7 +102,7 @@ def _failed(inventory: Inventory, robots: Collection[str]) -> set[str]:
 
 
 def _of_file(inventory: Inventory, name: str) -> set[str]:
-    """Give the hosts that a file lists, one term per line; empty lines and `#` lines are passed over."""
+    """Return the hosts that a file lists, one term per line; empty lines and `#` lines are passed over."""
     try:
         lines = [line.strip() for line in Path(name).read_text(encoding="utf-8").split("\n")]
     except (OSError, ValueError) as error:
@@ -163,7 +163,7 @@ def _named(inventory: Inventory, fits: object) -> list[str]:
 
 
 def _part(hosts: list[str], match: re.Match[str]) -> list[str]:
-    """Give one host of a group by position, or a stretch, whose end counts too."""
+    """Return one host of a group by position, or a stretch, whose end counts too."""
     if match["one"] is not None:
         index = int(match["one"])
         return hosts[index : index + 1 or None] if -len(hosts) <= index < len(hosts) else []

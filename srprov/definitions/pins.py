@@ -8,15 +8,15 @@ from __future__ import annotations
 import difflib
 
 from srprov.definitions.model import Experiment, Inventory
-from srprov.errors import Problem
+from srprov.errors import Diagnostic
 
 _SHOWN = 12
 
 
-def unknown_pins(experiment: Experiment, inventory: Inventory) -> tuple[Problem, ...]:
-    """Give one problem for each service that is pinned to a robot which the inventory does not have."""
+def unknown_pins(experiment: Experiment, inventory: Inventory) -> tuple[Diagnostic, ...]:
+    """Return one problem for each service that is pinned to a robot which the inventory does not have."""
     return tuple(
-        Problem(
+        Diagnostic(
             location=service.location,
             message=f"'{service.name}' is pinned to '{service.robot}', which is not in the inventory",
             path=f"services.{service.name}.robot",

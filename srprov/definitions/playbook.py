@@ -19,7 +19,7 @@ from srprov.definitions import nodes, paths, schema, template, yamlfile
 from srprov.definitions.nodes import Findings, Map, Node, Path, Scalar, Seq, Source
 from srprov.definitions.playbookmodel import ADDED, AFTER, BEFORE, REPLACES, Playbook, PlaybookCommand
 from srprov.definitions.template import HOLE, MARK
-from srprov.errors import DefinitionError, Location, Problem
+from srprov.errors import DefinitionError, Diagnostic, Location
 
 VARIABLES = (
     "api", "files", "folder", "host", "images", "instance", "overlay", "robot", "secrets", "services", "source",
@@ -62,7 +62,7 @@ def from_folder(folder: str, ours: Collection[str]) -> tuple[Playbook, ...]:
         DefinitionError: With everything that is wrong with any of them.
     """
     found: list[Playbook] = []
-    problems: list[Problem] = []
+    problems: list[Diagnostic] = []
     for file in sorted(glob.glob(os.path.join(glob.escape(folder), "*.yml"))):
         name = os.path.basename(file)
         try:
@@ -84,7 +84,9 @@ def read(file: str, shown: str, name: str, place: str) -> Playbook:
     source = Source(shown, tuple(text.split("\n")))
     findings = Findings()
     if len(text) > MAX_LENGTH:
-        raise DefinitionError([Problem(Location(shown), f"is longer than {MAX_LENGTH} characters", hint="cut it up")])
+        raise DefinitionError(
+            [Diagnostic(Location(shown), f"is longer than {MAX_LENGTH} characters", hint="cut it up")]
+        )
     if not _check_template(text, source, findings):
         raise DefinitionError(findings.problems)
     keys: set[tuple[int, int]] = set()
@@ -152,7 +154,7 @@ def _scalar(text: str, offset: int, source: Source) -> Scalar:
 
 
 def _holes(text: str) -> dict[tuple[int, int], str]:
-    """Give the substitutions as they are written, by line and column."""
+    """Return the substitutions as they are written, by line and column."""
     found = {}
     for part in template.pieces(text):
         if part.kind == "value":
@@ -162,7 +164,7 @@ def _holes(text: str) -> dict[tuple[int, int], str]:
 
 
 def _items(skeleton: str, source: Source, holes: Collection[tuple[int, int]], findings: Findings) -> Iterator[Map]:
-    """Give the items of a skeleton that are maps; everything that is wrong is added."""
+    """Return the items of a skeleton that are maps; everything that is wrong is added."""
     try:
         root = yamlfile.parse(skeleton, source.file)
     except DefinitionError as error:
@@ -186,7 +188,7 @@ def _items(skeleton: str, source: Source, holes: Collection[tuple[int, int]], fi
 
 
 def _placed(node: Node, source: Source) -> Node:
-    """Give the node with the template's lines for its excerpts, not the skeleton's."""
+    """Return the node with the template's lines for its excerpts, not the skeleton's."""
     if isinstance(node, Map):
         entries = {key: _placed(value, source) for key, value in node.entries.items()}
         keys = {key: replace(one, source=source) for key, one in node.keys.items()}

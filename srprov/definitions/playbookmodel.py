@@ -39,7 +39,7 @@ class Playbook:
 
     @property
     def foreign(self) -> bool:
-        """Tell whether it came with the experiment, and not from the user's own folder."""
+        """Return whether it came with the experiment, and not from the user's own folder."""
         return self.place in (BEFORE, AFTER)
 
     @property

@@ -13,7 +13,7 @@ MOST_NAMES = 10_000
 
 
 def expand(text: str) -> list[str]:
-    """Give every name that a text with ranges stands for; a text without any is its own name.
+    """Return every name that a text with ranges stands for; a text without any is its own name.
 
     Raises:
         ValueError: A range runs backwards, mixes digits and letters, or there are more names than `MOST_NAMES`.

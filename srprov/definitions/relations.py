@@ -15,7 +15,7 @@ from srprov.definitions.values import scalars, text
 
 
 def pools(root: Map) -> tuple[Pool, ...]:
-    """Give the pools in name order."""
+    """Return the pools in name order."""
     found = []
     for _, pool in _pools(root):
         services = _services(pool)
@@ -26,7 +26,7 @@ def pools(root: Map) -> tuple[Pool, ...]:
 
 
 def different_robot(root: Map) -> tuple[tuple[str, ...], ...]:
-    """Give the groups of which no two services may share a robot, sorted."""
+    """Return the groups of which no two services may share a robot, sorted."""
     return tuple(sorted({tuple(sorted({item.text for item in scalars(group)})) for _, group in _apart(root)}))
 
 
@@ -55,7 +55,7 @@ def _services(pool: Map) -> tuple[str, ...]:
 
 
 def _joined(pool: Map) -> str:
-    """Give what a pool without a name is called."""
+    """Return what a pool without a name is called."""
     return "+".join(_services(pool))
 
 

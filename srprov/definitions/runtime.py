@@ -86,7 +86,7 @@ _ARCH = {"x86_64": "amd64", "aarch64": "arm64", "armv7l": "arm", "armv6l": "arm"
 
 
 def both(one: Requirements, other: Requirements) -> Requirements:
-    """Give what holds when both hold.
+    """Return what holds when both hold.
 
     Raises:
         ValueError: They name architectures, and none in common.

@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from typing import Any
 
-from srprov.definitions import nodes, remembered
+from srprov.definitions import nodes, schema_cache
 from srprov.definitions.nodes import Findings, Map, Node, Path, Scalar, Seq
 
 _WORDS = {"object": "a map", "array": "a list", "string": "text", "integer": "a whole number", "number": "a number"}
@@ -32,19 +32,19 @@ def check(root: Node, kind: str, findings: Findings, path: Path = ()) -> None:
     """Add every way in which a document breaks a schema; `path` is where `root` stands in its document."""
     from srprov.data import schema_text
 
-    about = "\0".join((remembered.code(), kind, schema_text(kind.partition("/")[0]), _canonical(root)))
+    about = "\0".join((schema_cache.code(), kind, schema_text(kind.partition("/")[0]), _canonical(root)))
     digest = hashlib.sha256(about.encode("utf-8", "surrogatepass")).hexdigest()
-    if remembered.is_known(digest):
+    if schema_cache.is_known(digest):
         return
     faults = 0
     for faults, error in enumerate(_validator(kind).iter_errors(_shadow(root)), start=1):  # noqa: B007 - counted
         _tell(error, root, path, findings)
     if not faults:
-        remembered.remember(digest)
+        schema_cache.remember(digest)
 
 
 def _canonical(node: Node) -> str:
-    """Give everything that a schema asks of a document, in one text."""
+    """Return everything that a schema asks of a document, in one text."""
     if isinstance(node, Map):
         return "{" + ",".join(f"{key!r}:{_canonical(value)}" for key, value in node.entries.items()) + "}"
     if isinstance(node, Seq):
@@ -69,7 +69,7 @@ def check_tags(node: Node, findings: Findings, allowed: frozenset[str], path: Pa
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Give `did you mean 'x'?` for the closest known word, or else nothing."""
+    """Return `did you mean 'x'?` for the closest known word, or else nothing."""
     close = difflib.get_close_matches(word[:200], sorted(known), n=1, cutoff=0.6)
     return f"did you mean '{close[0]}'?" if close else ""
 
@@ -86,7 +86,7 @@ def _shadow(node: Node) -> Any:  # noqa: ANN401 - what jsonschema walks
 
 @cache
 def _validator(kind: str) -> Any:  # noqa: ANN401 - a class that jsonschema makes
-    """Give what holds a document to a schema, or with `name/part` to one of its definitions."""
+    """Return what holds a document to a schema, or with `name/part` to one of its definitions."""
     from jsonschema import Draft202012Validator, TypeChecker, validators
 
     from srprov.data import schema
@@ -253,7 +253,7 @@ def _tell_keys(
 
 
 def _misspelt(node: Node, wanted: list[str], rules: Mapping[str, Any]) -> bool:
-    """Tell whether an unknown key of a map was meant to be one of the wanted: one mistake is told once."""
+    """Return whether an unknown key of a map was meant to be one of the wanted: one mistake is told once."""
     known = rules.get("properties", {})
     unknown = [key for key in node.entries if key not in known] if isinstance(node, Map) else []
     return any(did_you_mean(key, known) == f"did you mean '{one}'?" for key in unknown for one in wanted)
@@ -279,7 +279,7 @@ def _either(words: Iterable[str]) -> str:
 
 
 def _owner(root: Node, inside: Path, node: Node) -> Node:
-    """Give the key under which a map stands: what is missing inside it is best shown there."""
+    """Return the key under which a map stands: what is missing inside it is best shown there."""
     parent = nodes.find(root, inside[:-1]) if inside else None
     return nodes.key_or_value(parent, str(inside[-1])) if isinstance(parent, Map) else node
 

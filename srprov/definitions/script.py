@@ -1,6 +1,6 @@
 """An inventory that is a program -> hosts, groups and variables, from the JSON that it prints.
 
-Takes the program's path; adds to the `Lab`. Runs the program with `--list` (and `--host NAME` for one that gives no
+Takes the program's path; adds to the `HostTree`. Runs it with `--list` (and `--host NAME` for one that gives no
 `_meta`), with a deadline for all of it; nothing of a program that overruns is left running.
 """
 
@@ -14,22 +14,22 @@ import time
 from typing import Any
 
 from srprov.definitions import nodes
-from srprov.definitions.groups import Lab, variables_of
+from srprov.definitions.groups import HostTree, variables_of
 from srprov.definitions.nodes import Map, Node, Scalar, Seq, Source
-from srprov.errors import DefinitionError, Location, Problem
+from srprov.errors import DefinitionError, Diagnostic, Location
 
 DEADLINE_S = 30.0
 
 
 def is_program(path: str) -> bool:
-    """Tell whether a file is an inventory to be run: executable, and a script or a binary."""
+    """Return whether a file is an inventory to be run: executable, and a script or a binary."""
     if not os.access(path, os.X_OK) or not os.path.isfile(path):
         return False
     with open(path, "rb") as stream:
         return stream.read(4)[:2] in (b"#!", b"\x7fE")
 
 
-def read(path: str, lab: Lab, deadline_s: float = DEADLINE_S) -> None:
+def read(path: str, lab: HostTree, deadline_s: float = DEADLINE_S) -> None:
     """Run the program and add everything that it says.
 
     Raises:
@@ -49,7 +49,7 @@ def read(path: str, lab: Lab, deadline_s: float = DEADLINE_S) -> None:
             lab.hosts[name].variables.update(variables_of(variables))
 
 
-def _group(name: str, node: Node, lab: Lab) -> None:
+def _group(name: str, node: Node, lab: HostTree) -> None:
     group = lab.group(name)
     entries = node.entries if isinstance(node, Map) else {"hosts": node}
     hosts, children, variables = (entries.get(key) for key in ("hosts", "children", "vars"))
@@ -97,4 +97,4 @@ def _answer(path: str, arguments: list[str], end: float) -> Map:
 
 
 def _failed(path: str, message: str, hint: str = "") -> DefinitionError:
-    return DefinitionError([Problem(Location(path), message, "", "", hint)])
+    return DefinitionError([Diagnostic(Location(path), message, "", "", hint)])

@@ -29,7 +29,7 @@ _HINT = "list it under the service's 'secrets' and read the file /run/secrets/NA
 
 
 def sources(root: Map, folder: str, findings: Findings) -> Mapping[str, SecretSource]:
-    """Give where each secret comes from, by name."""
+    """Return where each secret comes from, by name."""
     given = root.entries.get("secrets")
     found = {}
     if isinstance(given, Map):
@@ -62,7 +62,7 @@ def _source(name: str, key: Scalar, entry: Map, folder: str, findings: Findings)
 
 
 def with_uses(service: Service, entry: Map, root: Map, findings: Findings) -> Service:
-    """Give a service its secrets; those that cannot be where they are wished are problems."""
+    """Return a service its secrets; those that cannot be where they are wished are problems."""
     path: Path = ("services", service.name)
     found = _uses(entry.entries.get("secrets"), root, findings, (*path, "secrets"))
     _check_targets(entry, found, service.runtime.mounts, findings, (*path, "secrets"))

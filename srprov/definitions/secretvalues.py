@@ -17,7 +17,7 @@ from collections.abc import Iterable, MutableMapping
 
 from srprov.definitions.model import Experiment
 from srprov.definitions.secretmodel import SecretSource
-from srprov.errors import DefinitionError, Problem
+from srprov.errors import DefinitionError, Diagnostic
 from srprov.secret import Secret, Vault, redact
 
 DEADLINE_S = 30.0
@@ -28,7 +28,7 @@ _COMPLAINT = 2000
 
 
 def used(experiment: Experiment) -> tuple[SecretSource, ...]:
-    """Give the sources of those secrets that some service lists, in name order."""
+    """Return the sources of those secrets that some service lists, in name order."""
     names = {use.source for service in experiment.services.values() for use in service.secrets}
     return tuple(experiment.secrets[name] for name in sorted(names))
 
@@ -54,7 +54,9 @@ def resolve(
         except (ValueError, OSError) as error:
             why = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
             message = f"secret '{source.name}': {redact(why)}"
-            problems.append(Problem(source.location, message, f"secrets.{source.name}", source.excerpt, _hint(source)))
+            problems.append(
+                Diagnostic(source.location, message, f"secrets.{source.name}", source.excerpt, _hint(source))
+            )
     if problems:
         raise DefinitionError(problems)
     return Vault(found)
@@ -69,7 +71,7 @@ def _hint(source: SecretSource) -> str:
 def _value(
     source: SecretSource, taken: dict[str, str | None], environ: MutableMapping[str, str], limit_s: float
 ) -> str:
-    """Give the value as text; bytes that are no UTF-8 become surrogates, and leave as they were."""
+    """Return the value as text; bytes that are no UTF-8 become surrogates, and leave as they were."""
     if source.env:
         given = taken[source.env]
         if given is None:

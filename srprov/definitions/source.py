@@ -14,7 +14,7 @@ from srprov.owner import owner
 
 
 def source_of(path: str) -> str:
-    """Give the source text of an EDF at an absolute path."""
+    """Return the source text of an EDF at an absolute path."""
     here = Path(path).resolve()
     for folder in here.parents:
         url = _remote(folder / ".git")
@@ -24,7 +24,7 @@ def source_of(path: str) -> str:
 
 
 def _remote(git: Path) -> str:
-    """Give the URL of `origin`; a worktree's `.git` is a file that names the real folder."""
+    """Return the URL of `origin`; a worktree's `.git` is a file that names the real folder."""
     if git.is_file():
         target = git.read_text(encoding="utf-8", errors="replace").removeprefix("gitdir:").strip()
         git = (git.parent / target).resolve()

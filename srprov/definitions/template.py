@@ -77,7 +77,7 @@ def _end(text: str, at: int, closer: str) -> int:
 
 
 def skeletons(text: str) -> Iterator[str]:
-    """Give the template's text without Jinja2, once for each place in the longest `if`."""
+    """Return the template's text without Jinja2, once for each place in the longest `if`."""
     parts = pieces(text)
     totals = _branches(parts)
     for wanted in range(min(max([1, *totals.values()]), _MOST_BRANCHES)):
@@ -130,6 +130,6 @@ def marked(text: str, places: Iterator[tuple[int, int]]) -> str:
 
 
 def unmarked(key: str) -> tuple[str, int, int]:
-    """Give a key as it was written, its line and its column; 0 where it carries no mark."""
+    """Return a key as it was written, its line and its column; 0 where it carries no mark."""
     found = _MARKED.match(key)
     return (key[found.end() :], int(found[1]), int(found[2])) if found else (key, 0, 0)

@@ -25,24 +25,24 @@ Device = tuple[str, str, str]
 
 
 def text(node: Node | None, default: str = "") -> str:
-    """Give a scalar's text, or the default where nothing stands."""
+    """Return a scalar's text, or the default where nothing stands."""
     return node.text if isinstance(node, Scalar) else default
 
 
 def texts(node: Node | None) -> tuple[str, ...]:
-    """Give a list's texts; a single text counts as a list of one."""
+    """Return a list's texts; a single text counts as a list of one."""
     return tuple(item.text for item in scalars(node))
 
 
 def scalars(node: Node | None) -> tuple[Scalar, ...]:
-    """Give a list's scalars; a single scalar counts as a list of one."""
+    """Return a list's scalars; a single scalar counts as a list of one."""
     if isinstance(node, Seq):
         return tuple(item for item in node.items if isinstance(item, Scalar))
     return (node,) if isinstance(node, Scalar) else ()
 
 
 def text_map(node: Node | None) -> dict[str, str]:
-    """Give a map of texts."""
+    """Return a map of texts."""
     entries = node.entries if isinstance(node, Map) else {}
     return {key: text(value) for key, value in entries.items()}
 

@@ -15,7 +15,7 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from srprov.definitions.nodes import Map, Node, Scalar, Seq, Source, problem
-from srprov.errors import DefinitionError, Location, Problem
+from srprov.errors import DefinitionError, Diagnostic, Location
 
 MAX_BYTES = 8 * 1024 * 1024
 MAX_DEPTH = 60
@@ -45,16 +45,16 @@ def read_text(path: str | FilePath, shown: str = "") -> str:
             data = stream.read(MAX_BYTES + 1)
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else error
-        raise DefinitionError([Problem(Location(name), f"cannot be read: {reason}")]) from None
+        raise DefinitionError([Diagnostic(Location(name), f"cannot be read: {reason}")]) from None
     if len(data) > MAX_BYTES:
-        raise DefinitionError([Problem(Location(name), f"is larger than {MAX_BYTES // 1024 // 1024} MiB")])
+        raise DefinitionError([Diagnostic(Location(name), f"is larger than {MAX_BYTES // 1024 // 1024} MiB")])
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         start = data[: error.start]
         line, column = start.count(b"\n") + 1, error.start - (start.rfind(b"\n") + 1) + 1
         place = Location(name, line, column)
-        raise DefinitionError([Problem(place, "is not UTF-8 text", hint="save the file as UTF-8")]) from None
+        raise DefinitionError([Diagnostic(place, "is not UTF-8 text", hint="save the file as UTF-8")]) from None
 
 
 def parse(text: str, file: str) -> Node | None:
@@ -83,11 +83,11 @@ def parse(text: str, file: str) -> Node | None:
         raise DefinitionError([_syntax(source, Location(file), str(error).splitlines()[0])]) from None
 
 
-def _syntax(source: Source, place: Location, words: str, hint: str = "") -> Problem:
+def _syntax(source: Source, place: Location, words: str, hint: str = "") -> Diagnostic:
     excerpt = source.excerpt(place.line)
     tab = "\t" in excerpt[: max(place.column, len(excerpt) - len(excerpt.lstrip()))]
     hint = "YAML allows no tab for indentation; use spaces" if tab else hint
-    return Problem(place, f"is not valid YAML: {words}", "", excerpt, hint)
+    return Diagnostic(place, f"is not valid YAML: {words}", "", excerpt, hint)
 
 
 class _Composer:
@@ -101,10 +101,10 @@ class _Composer:
         """anchor -> how many values it stands for, and how many levels it nests"""
         self.count = 0
         self.deepest = 0
-        self.problems: list[Problem] = []
+        self.problems: list[Diagnostic] = []
 
     def document(self) -> Node | None:
-        """Give the root of the only document."""
+        """Return the root of the only document."""
         root: Node | None = None
         for event in self.events:
             name = type(event).__name__
@@ -203,7 +203,7 @@ class _Composer:
 
     def _stop(self, event: Any, message: str) -> DefinitionError:  # noqa: ANN401 - as _node
         place = Location(self.source.file, event.start_mark.line + 1, event.start_mark.column + 1)
-        return DefinitionError([*self.problems, Problem(place, message, "", self.source.excerpt(place.line))])
+        return DefinitionError([*self.problems, Diagnostic(place, message, "", self.source.excerpt(place.line))])
 
 
 _PLAIN_TAGS = {_YAML_TAGS + name for name in ("int", "float", "bool", "null")}

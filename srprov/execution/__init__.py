@@ -1,7 +1,7 @@
 """A plan and sessions -> what came of every step. The only room that changes robots.
 
 `run_plan` walks the plan: robots in parallel, steps of one robot in order, a step after all that it needs. Before
-its first act on a robot it reads the robot's part again; after each stretch of steps it reads once more and only
+its first act on a robot it reads the robot's part again; after each batch of steps it reads once more and only
 what is right then counts as changed.
 """
 
@@ -11,21 +11,21 @@ import threading
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
-from srprov.execution.options import Options
+from srprov.execution.options import RunOptions
 from srprov.execution.outcome import Event, Listener, Outcome, RunResult, StepResult
 
 if TYPE_CHECKING:
     from srprov.planning.plan import Plan
     from srprov.wire import Session
 
-__all__ = ["Event", "Listener", "Options", "Outcome", "RunResult", "StepResult", "run_plan"]
+__all__ = ["Event", "Listener", "Outcome", "RunOptions", "RunResult", "StepResult", "run_plan"]
 
 
 def run_plan(
     plan: Plan,
     sessions: Mapping[str, Session],
     listener: Listener,
-    options: Options | None = None,
+    options: RunOptions | None = None,
     stop: threading.Event | None = None,
 ) -> RunResult:
     """Lock the robots that the plan changes, do every step and say what came of each.
@@ -40,7 +40,7 @@ def run_plan(
     Raises:
         LockHeld: Somebody else holds one of the robots; nothing was changed.
     """
-    options = options or Options()
+    options = options or RunOptions()
     stop = stop or threading.Event()
     if not plan.steps:  # nobody is needed, and what walks is not imported
         return RunResult(

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 from srprov.errors import TransportError
 from srprov.execution.outcome import Outcome, StepResult
-from srprov.execution.robot import Robot
+from srprov.execution.robot import RobotExecutor
 from srprov.wire import Reply, Run, Session, quote
 
 AUDIT_LOG = "/var/log/srprov.log"
@@ -23,7 +23,7 @@ _TOUCHED = (Outcome.CHANGED, Outcome.FAILED, Outcome.UNREACHABLE)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Entry:
+class AuditEntry:
     """What every line of one run has in common."""
 
     run: str
@@ -33,13 +33,13 @@ class Entry:
     instance: str
 
     def line(self, changed: int, failed: int) -> str:
-        """Give the line without its time: words of `name=value`, none of which holds a space."""
+        """Return the line without its time: words of `name=value`, none of which holds a space."""
         words = {"run": self.run, "by": self.owner, "verb": self.verb, "instance": self.instance}
         shown = [f"{name}={re.sub(r'[^!-~]', '_', value)}" for name, value in words.items()]
         return " ".join([*shown, f"changed={changed}", f"failed={failed}"])
 
 
-def audit(entry: Entry, robots: Mapping[str, Robot], results: Iterable[StepResult]) -> dict[str, str]:
+def audit(entry: AuditEntry, robots: Mapping[str, RobotExecutor], results: Iterable[StepResult]) -> dict[str, str]:
     """Write the lines, on all robots at once.
 
     Args:

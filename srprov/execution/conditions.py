@@ -50,7 +50,7 @@ def wait_for(
 
 
 def _look(session: Session, container: str, condition: str) -> tuple[bool, str]:
-    """Give (it holds, why it never will)."""
+    """Return (it holds, why it never will)."""
     reply = session.ask([EngineQuery(path=f"/containers/{url_quote(container, safe='')}/json")])[0]
     body = reply.json()
     if not reply.ok or not isinstance(body, dict):
@@ -77,5 +77,5 @@ def _last_check(state: Mapping[str, object]) -> str:
 
 
 def _mapping(value: object) -> Mapping[str, Any]:
-    """Give a mapping that came from a robot; anything else counts as empty."""
+    """Return a mapping that came from a robot; anything else counts as empty."""
     return value if isinstance(value, Mapping) else {}

@@ -1,4 +1,4 @@
-"""Walk a plan over many robots: stretches in parallel, one at a time per robot, each after those that it needs.
+"""Walk a plan over many robots: batches in parallel, one at a time per robot, each after those that it needs.
 
 Carries no decision of its own: what is due and how it is done stands in the plan, and the modules say whether it is
 right. A robot that fails is a value; the others go on. The first interrupt lets running steps end and begins no new
@@ -13,13 +13,13 @@ import threading
 from collections.abc import Mapping
 
 from srprov.errors import TransportError
-from srprov.execution.audit import Entry, audit
+from srprov.execution.audit import AuditEntry, audit
+from srprov.execution.batches import Batch, segments
 from srprov.execution.conditions import wait_for
 from srprov.execution.locks import claim
-from srprov.execution.options import Options
+from srprov.execution.options import RunOptions
 from srprov.execution.outcome import Event, Listener, Outcome, RunResult, StepResult
-from srprov.execution.robot import Robot, together
-from srprov.execution.segments import Segment, segments
+from srprov.execution.robot import RobotExecutor, together
 from srprov.execution.settle import settle
 from srprov.execution.taking import Patience, take
 from srprov.planning.plan import Plan, Step
@@ -27,7 +27,7 @@ from srprov.wire import Session
 
 
 def walk(
-    plan: Plan, sessions: Mapping[str, Session], listener: Listener, options: Options, stop: threading.Event
+    plan: Plan, sessions: Mapping[str, Session], listener: Listener, options: RunOptions, stop: threading.Event
 ) -> RunResult:
     """Do what `srprov.execution.run_plan` promises."""
     robots = {step.host for step in plan.steps} & sessions.keys()
@@ -40,7 +40,7 @@ def walk(
         run.walk(segments(plan.steps))
         results = settle(run.robots, run.results, options.settle_s, run.stop, listener)
         if options.run:
-            entry = Entry(run=options.run, owner=mine.owner, verb=options.verb, instance=plan.instance)
+            entry = AuditEntry(run=options.run, owner=mine.owner, verb=options.verb, instance=plan.instance)
             unaudited = audit(entry, run.robots, results.values())
     ordered = tuple(results[step.number] for step in plan.steps)
     away = {one.step.host: one.message for one in ordered if one.outcome is Outcome.UNREACHABLE}
@@ -61,17 +61,17 @@ class _Run:
         self,
         sessions: Mapping[str, Session],
         listener: Listener,
-        options: Options,
+        options: RunOptions,
         stop: threading.Event,
         lost: Mapping[str, str],
     ) -> None:
         self.sessions, self.listener, self.options, self.stop = sessions, listener, options, stop
-        self.robots = {host: Robot(session, listener) for host, session in sessions.items()}
+        self.robots = {host: RobotExecutor(session, listener) for host, session in sessions.items()}
         self.results: dict[int, StepResult] = {}
         self.lost: dict[str, str] = dict(lost)
         self.kinds: dict[str, set[str]] = {}
 
-    def walk(self, parts: tuple[Segment, ...]) -> None:
+    def walk(self, parts: tuple[Batch, ...]) -> None:
         """Start each segment as soon as all that it needs has ended."""
         self.kinds = {part.host: {s.module for p in parts if p.host == part.host for s in p.steps} for part in parts}
         waiting = {part.index: set(part.needs) for part in parts}
@@ -103,7 +103,7 @@ class _Run:
             self.listener(Event(kind="waiting", host="", text="interrupted: running steps end, no new one begins"))
             return set()
 
-    def _segment(self, part: Segment) -> None:
+    def _segment(self, part: Batch) -> None:
         robot = self.robots.get(part.host)
         if robot is None:
             reason = self.lost.get(part.host, "no connection")
@@ -115,7 +115,7 @@ class _Run:
             self._lose(part.host, error)
             self._end_all(part.steps, Outcome.UNREACHABLE, error.message)
 
-    def _steps(self, robot: Robot, part: Segment) -> None:
+    def _steps(self, robot: RobotExecutor, part: Batch) -> None:
         acted: list[Step] = []
         ahead = list(part.steps)
         while ahead:
@@ -147,14 +147,14 @@ class _Run:
             self._end(robot.verdict(step))
 
     def _too_many(self) -> bool:
-        """Tell whether the user's budget of failing robots is used up."""
+        """Return whether the user's budget of failing robots is used up."""
         if self.options.max_fail is None:
             return False
         bad = (Outcome.FAILED, Outcome.UNREACHABLE)
         return len({r.step.host for r in list(self.results.values()) if r.outcome in bad}) > self.options.max_fail
 
     def _blocked(self, step: Step, acted: list[Step]) -> str:
-        """Say why the step cannot be done, or nothing. Steps of this stretch count as done until they are verified."""
+        """Say why the step cannot be done, or nothing. Steps of this batch count as done until they are verified."""
         done = {one.number for one in acted}
         for number in step.needs:
             if number in done:

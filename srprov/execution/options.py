@@ -8,7 +8,7 @@ from srprov.wire import Pulse
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Options:
+class RunOptions:
     """How a run behaves."""
 
     forks: int = 64

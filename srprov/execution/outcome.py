@@ -72,7 +72,7 @@ class RunResult:
 
     @property
     def exit_code(self) -> int:
-        """Give the documented code: the first that applies of 130, 3, 4, 0."""
+        """Return the documented code: the first that applies of 130, 3, 4, 0."""
         if self.interrupted:
             return 130
         if self.count(Outcome.FAILED):

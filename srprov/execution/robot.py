@@ -1,4 +1,4 @@
-"""One robot's stretch of steps: read, act, verify.
+"""One robot's batch of steps: read, act, verify.
 
 | moment | the module's `check` says | outcome                                       |
 |--------|---------------------------|-----------------------------------------------|
@@ -19,11 +19,10 @@ from dataclasses import dataclass, field
 
 from srprov.errors import TransportError
 from srprov.execution.outcome import Event, Listener, Outcome, StepResult
-from srprov.facts.model import Existing
 from srprov.facts.observe import observe_queries, parse_observed, parse_probed, probe_queries
 from srprov.modules import MODULES, PROBING
 from srprov.planning.plan import Step
-from srprov.resource import Action, Change
+from srprov.resource import Action, Change, Observed
 from srprov.wire import Command, EngineCall, Put, Query, Reply, Run, Session, sh
 
 _Key = tuple[str, str]
@@ -33,12 +32,12 @@ _MOST_BYTES = 256 * 1024
 
 
 @dataclass(slots=True)
-class Robot:
+class RobotExecutor:
     """One robot during a run: its session and what was last seen there."""
 
     session: Session
     listener: Listener
-    seen: dict[_Key, Existing] | None = None
+    seen: dict[_Key, Observed] | None = None
     acted: dict[int, float] = field(default_factory=dict)
     """Step number -> seconds that the act took."""
     made: set[str] = field(default_factory=set)
@@ -113,7 +112,7 @@ class Robot:
                 return StepResult(step=step, outcome=Outcome.FAILED, message=_failure(command, reply), duration_s=took)
         self._probe(step)
         if step.module in PROBING and (due := self._due(step)):
-            # what needs it must not begin, so it is not left to the end of the stretch
+            # what needs it must not begin, so it is not left to the end of the batch
             took, message = time.monotonic() - started, f"it ran, and did not converge: {due.cause}"
             return StepResult(step=step, outcome=Outcome.FAILED, message=message, duration_s=took)
         self._done(step, time.monotonic() - started)
@@ -122,7 +121,7 @@ class Robot:
     def _done(self, step: Step, took_s: float) -> None:
         """Remember that a step was done, and is to be verified."""
         if step.change.action is Action.DELETE and self.seen is not None:
-            # a later step of this stretch makes the same thing anew: for it, it is gone
+            # a later step of this batch makes the same thing anew: for it, it is gone
             self.seen.pop((step.module, step.name), None)
         if step.want is not None:
             self.made.add(step.id)
@@ -158,7 +157,7 @@ class Robot:
 
 
 def together(steps: Sequence[Step]) -> int:
-    """Give how many of the first steps may be done in one round trip: at least one, which may be any.
+    """Return how many of the first steps may be done in one round trip: at least one, which may be any.
 
     More only while each is one short script or file for the shell, and none needs another of them: so nothing is done
     that would not be done if one of them failed.
@@ -183,7 +182,7 @@ def _only(step: Step) -> Run | Put:
 
 
 def last_words(session: Session, container: str, lines: int = 8) -> str:
-    """Give the end of a container's log, indented under a failure, or nothing when it has none."""
+    """Return the end of a container's log, indented under a failure, or nothing when it has none."""
     reply = session.ask([Query(command=sh("docker", "logs", "--tail", str(lines), container) + " 2>&1")])[0]
     if not reply.ok or not reply.out.strip():
         return ""

@@ -14,18 +14,18 @@ from collections.abc import Mapping
 
 from srprov.errors import TransportError
 from srprov.execution.outcome import Event, Listener, Outcome, StepResult
-from srprov.execution.robot import Robot, last_words
+from srprov.execution.robot import RobotExecutor, last_words
 from srprov.resource import Action
 
 
 def settle(
-    robots: Mapping[str, Robot],
+    robots: Mapping[str, RobotExecutor],
     results: Mapping[int, StepResult],
     settle_s: float,
     stop: threading.Event,
     listener: Listener,
 ) -> dict[int, StepResult]:
-    """Give the results with those services turned to failed that did not stay up."""
+    """Return the results with those services turned to failed that did not stay up."""
     fresh: dict[str, list[StepResult]] = {}
     for result in results.values():
         step = result.step
@@ -54,7 +54,7 @@ def settle(
     return settled
 
 
-def _check(robot: Robot, fresh: list[StepResult]) -> list[StepResult]:
+def _check(robot: RobotExecutor, fresh: list[StepResult]) -> list[StepResult]:
     begun = time.monotonic()
     try:
         robot.look({"container"})
@@ -66,7 +66,7 @@ def _check(robot: Robot, fresh: list[StepResult]) -> list[StepResult]:
         ]
 
 
-def _still(robot: Robot, result: StepResult) -> StepResult:
+def _still(robot: RobotExecutor, result: StepResult) -> StepResult:
     verdict = robot.verdict(result.step)
     if verdict.outcome is Outcome.CHANGED:
         return result

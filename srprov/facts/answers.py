@@ -18,7 +18,7 @@ _DEVICE = re.compile(r"/dev(/[A-Za-z0-9][A-Za-z0-9._:+,@#=-]*){1,4}")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Identity:
+class OsIdentity:
     """Who answered, and when."""
 
     clock_s: float | None = None
@@ -71,7 +71,7 @@ Files = Mapping[str, tuple[str, ...]]
 """Path -> its lines."""
 
 
-def parse_identity(out: str) -> Identity:
+def parse_identity(out: str) -> OsIdentity:
     """Read `key value` lines; what is missing or odd keeps its default."""
     words: dict[str, str] = {}
     for line in lines_of(out, 64):
@@ -83,7 +83,7 @@ def parse_identity(out: str) -> Identity:
     connection = text(words.get("connection", "")).split()
     uid, _, _groups = words.get("id", "").removeprefix("uid=").partition(" ")
     number, _, name = uid.partition("(")
-    return Identity(
+    return OsIdentity(
         clock_s=clock if clock >= 0 else None,
         machine=text(words.get("machine", ""), length=32),
         bits=integer(words.get("bits"), low=0, high=64, default=0),

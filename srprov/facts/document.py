@@ -14,7 +14,7 @@ from srprov.facts.model import HostFacts
 
 
 def facts_json(facts: HostFacts) -> dict[str, Any]:
-    """Give one robot's facts as JSON values: tuples become lists, a missing engine is null.
+    """Return one robot's facts as JSON values: tuples become lists, a missing engine is null.
 
     What an engine was not asked is left out: every engine has a storage driver, so one without was not.
     """
@@ -25,7 +25,7 @@ def facts_json(facts: HostFacts) -> dict[str, Any]:
 
 
 def facts_document(robots: Mapping[str, HostFacts], unreachable: Mapping[str, str]) -> dict[str, Any]:
-    """Give the whole document: `{"robots": {name: facts}, "unreachable": {name: reason}}`, in name order."""
+    """Return the whole document: `{"robots": {name: facts}, "unreachable": {name: reason}}`, in name order."""
     return {
         "robots": {name: facts_json(robots[name]) for name in sorted(robots)},
         "unreachable": {name: unreachable[name] for name in sorted(unreachable)},

@@ -1,6 +1,6 @@
 """All robots at once: their facts, everything of ours on them, and the newest placement record of each instance.
 
-Takes an inventory and a way to get a Reader per robot; gives `Found`. A robot that fails is an entry of
+Takes an inventory and a way to get a Reader per robot; gives `Snapshot`. A robot that fails is an entry of
 `unreachable`. One round trip of the shell per robot; engine queries travel beside it.
 """
 
@@ -19,13 +19,13 @@ from typing import Any
 from srprov.definitions.model import Experiment, Host, Inventory
 from srprov.errors import TransportError
 from srprov.facts.host import host_queries, later_query, parse_host
-from srprov.facts.model import Existing, Found, HostFacts
+from srprov.facts.model import HostFacts, Snapshot
 from srprov.facts.observe import observe_queries, parse_observed, parse_probed, probe_queries
 from srprov.facts.probes import INFO
 from srprov.facts.untrusted import text
 from srprov.modules import PROBING
 from srprov.modules.module import STATE_ROOT
-from srprov.resource import Resource
+from srprov.resource import Observed, Resource
 from srprov.wire import EngineQuery, Measures, Query, Reader, Reply
 
 _PLACEMENTS = Query(command=f'for f in {STATE_ROOT}/*/placement.json; do test -f "$f" && cat "$f" && echo; done; :')
@@ -35,7 +35,7 @@ Readers = Callable[[str], Reader]
 """Robot's name -> reader; raises TransportError when it cannot be reached."""
 
 
-class Closer(enum.Enum):
+class Detail(enum.Enum):
     """What is asked beyond what tells whether all is as it was; each includes the one before it."""
 
     NO = "no"
@@ -45,24 +45,24 @@ class Closer(enum.Enum):
     """The traffic of this moment, which takes a second look, at least 0.2 s after the first."""
 
 
-class Looking:
+class Gathering:
     """A look at all robots that has begun; made by `begin`."""
 
-    def __init__(self, lab: Inventory, readers: Readers, *, info: bool, forks: int) -> None:
+    def __init__(self, inventory: Inventory, readers: Readers, *, info: bool, forks: int) -> None:
         """Ask every robot, in threads."""
         self._readers, self._info = readers, info
-        self._pool = concurrent.futures.ThreadPoolExecutor(max(1, min(forks, len(lab.hosts))))
-        self._futures = {name: self._pool.submit(_one, host, readers, info) for name, host in lab.hosts.items()}
+        self._pool = concurrent.futures.ThreadPoolExecutor(max(1, min(forks, len(inventory.hosts))))
+        self._futures = {name: self._pool.submit(_one, host, readers, info) for name, host in inventory.hosts.items()}
 
-    def end(self, closer: Closer | Callable[[Found], Closer], *, only_look: bool = False) -> Found:
+    def end(self, closer: Detail | Callable[[Snapshot], Detail], *, only_look: bool = False) -> Snapshot:
         """Wait for the answers, and look closer where that is wanted; a function decides that after the first look.
 
         With `only_look`, as of `gather`, nothing will be decided from it.
         """
         try:
             found, looks = _found(self._futures, only_look)
-            wanted = closer if isinstance(closer, Closer) else closer(found)
-            traffic, engine = wanted is Closer.TRAFFIC, wanted is not Closer.NO and not self._info
+            wanted = closer if isinstance(closer, Detail) else closer(found)
+            traffic, engine = wanted is Detail.TRAFFIC, wanted is not Detail.NO and not self._info
             if traffic or engine:
                 again = {
                     name: self._pool.submit(look.closer, self._readers, engine, traffic) for name, look in looks.items()
@@ -77,37 +77,39 @@ class Looking:
         self._pool.shutdown(wait=False, cancel_futures=True)
 
 
-def begin(lab: Inventory, readers: Readers, experiment: Experiment, *, exact: bool = False, forks: int = 64) -> Looking:
+def begin(
+    inventory: Inventory, readers: Readers, experiment: Experiment, *, exact: bool = False, forks: int = 64
+) -> Gathering:
     """Begin to ask every robot of the inventory, as soon as it is connected; for an experiment that may run there.
 
     The engines are asked of themselves at once with `exact`, and when a service requires a disk of some size: which one
     is Docker's, only the engine knows for sure.
     """
     info = exact or any(service.requires.disk for service in experiment.services.values())
-    return Looking(lab, readers, info=info, forks=forks)
+    return Gathering(inventory, readers, info=info, forks=forks)
 
 
 def gather(
-    lab: Inventory,
+    inventory: Inventory,
     readers: Readers,
     *,
-    closer: Closer,
+    closer: Detail,
     forks: int = 64,
     only_look: bool = False,
-) -> Found:
+) -> Snapshot:
     """Ask every robot of the inventory.
 
     A robot whose engine does not answer although services were placed there counts as unreachable: its containers may
     well run, and what cannot be seen must not pass for gone.
 
     Args:
-        lab: the robots.
+        inventory: the robots.
         readers: gives each one's reader.
         closer: how closely to look.
         forks: robots asked at the same time.
         only_look: nothing will be decided from it, so give the facts of such a robot all the same.
     """
-    return Looking(lab, readers, info=closer is not Closer.NO, forks=forks).end(closer, only_look=only_look)
+    return Gathering(inventory, readers, info=closer is not Detail.NO, forks=forks).end(closer, only_look=only_look)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -120,7 +122,7 @@ class _Look:
     asked_at: float
     """Seconds since the epoch."""
     facts: HostFacts
-    existing: tuple[Existing, ...]
+    observed: tuple[Observed, ...]
     placements: list[Mapping[str, Any]]
 
     def closer(self, readers: Readers, engine: bool, traffic: bool) -> HostFacts:
@@ -135,10 +137,10 @@ class _Look:
         return seen
 
 
-def _found(futures: Mapping[str, Future[_Look]], only_look: bool) -> tuple[Found, dict[str, _Look]]:
+def _found(futures: Mapping[str, Future[_Look]], only_look: bool) -> tuple[Snapshot, dict[str, _Look]]:
     """Wait for all, and put together what they said."""
     facts: dict[str, HostFacts] = {}
-    existing: dict[str, tuple[Existing, ...]] = {}
+    observed: dict[str, tuple[Observed, ...]] = {}
     unreachable: dict[str, str] = {}
     records: dict[str, Mapping[str, Any]] = {}
     looks: dict[str, _Look] = {}
@@ -149,64 +151,68 @@ def _found(futures: Mapping[str, Future[_Look]], only_look: bool) -> tuple[Found
         except TransportError as error:
             unreachable[name] = _said(error)
             continue
-        facts[name], existing[name] = look.facts, look.existing
+        facts[name], observed[name] = look.facts, look.observed
         for record in look.placements:
             best = records.get(record["instance"])
             if best is None or record["serial"] > best["serial"]:
                 records[record["instance"]] = record
-    found = Found(facts=facts, existing=existing, placements=records, unreachable=unreachable)
+    found = Snapshot(facts=facts, observed=observed, placements=records, unreachable=unreachable)
     if not only_look:
         found = _without_mute(found)
     return found, {name: look for name, look in looks.items() if name in found.facts}
 
 
-def _without_mute(found: Found) -> Found:
+def _without_mute(snapshot: Snapshot) -> Snapshot:
     """Count robots as unreachable that hold services, and whose engine does not answer."""
-    mute = {name for name, one in found.facts.items() if one.docker is None and _holds_services(name, found.placements)}
+    mute = {
+        name
+        for name, one in snapshot.facts.items()
+        if one.docker is None and _holds_services(name, snapshot.placements)
+    }
     if not mute:
-        return found
+        return snapshot
     start = "start it there, or restart the robot"
     why = {
-        name: f"its Docker Engine does not answer: {found.facts[name].docker_problem}\n  {start}"
+        name: f"its Docker Engine does not answer: {snapshot.facts[name].docker_problem}\n  {start}"
         for name in sorted(mute)
     }
     return dataclasses.replace(
-        found,
-        facts={name: one for name, one in found.facts.items() if name not in mute},
-        existing={name: one for name, one in found.existing.items() if name not in mute},
-        unreachable={**found.unreachable, **why},
+        snapshot,
+        facts={name: one for name, one in snapshot.facts.items() if name not in mute},
+        observed={name: one for name, one in snapshot.observed.items() if name not in mute},
+        unreachable={**snapshot.unreachable, **why},
     )
 
 
-def _closer(found: Found, again: Mapping[str, Future[HostFacts]], only_look: bool) -> Found:
+def _closer(snapshot: Snapshot, again: Mapping[str, Future[HostFacts]], only_look: bool) -> Snapshot:
     """Put in what the second look saw; a robot that went away meanwhile cannot be reached."""
-    facts, existing, unreachable = dict(found.facts), dict(found.existing), dict(found.unreachable)
+    facts, observed, unreachable = dict(snapshot.facts), dict(snapshot.observed), dict(snapshot.unreachable)
     for name, future in sorted(again.items()):
         try:
             facts[name] = future.result()
         except TransportError as error:
             unreachable[name] = _said(error)
-            del facts[name], existing[name]
-    found = dataclasses.replace(found, facts=facts, existing=existing, unreachable=unreachable)
-    return found if only_look else _without_mute(found)
+            del facts[name], observed[name]
+    snapshot = dataclasses.replace(snapshot, facts=facts, observed=observed, unreachable=unreachable)
+    return snapshot if only_look else _without_mute(snapshot)
 
 
 def _said(error: TransportError) -> str:
     return error.message + (f"\n  {error.hint}" if error.hint else "")
 
 
-def probe(found: Found, wants: Iterable[Resource], readers: Readers, *, forks: int = 64) -> Found:
-    """Give what was found together with what only shows when a wanted resource is asked for; one round trip per robot.
+def probe(snapshot: Snapshot, wants: Iterable[Resource], readers: Readers, *, forks: int = 64) -> Snapshot:
+    """Return the snapshot with what only shows when a wanted resource is asked for; one round trip per robot.
 
     A robot that fails meanwhile is noted as unreachable; what it said before stays.
     """
     asked: dict[str, list[Resource]] = {}
     for want in wants:
-        if want.module in PROBING and want.host in found.facts:
+        if want.module in PROBING and want.host in snapshot.facts:
             asked.setdefault(want.host, []).append(want)
     if not asked:
-        return found
-    existing, unreachable = dict(found.existing), dict(found.unreachable)
+        return snapshot
+    observed, unreachable = dict(snapshot.observed), dict(snapshot.unreachable)
     with concurrent.futures.ThreadPoolExecutor(max(1, min(forks, len(asked)))) as pool:
         futures = {
             host: pool.submit(lambda host=host, mine=mine: readers(host).ask(probe_queries(mine)))  # type: ignore[misc]
@@ -214,10 +220,10 @@ def probe(found: Found, wants: Iterable[Resource], readers: Readers, *, forks: i
         }
     for host, future in sorted(futures.items()):
         try:
-            existing[host] = (*existing[host], *parse_probed(future.result(), asked[host]))
+            observed[host] = (*observed[host], *parse_probed(future.result(), asked[host]))
         except TransportError as error:
             unreachable[host] = _said(error)
-    return dataclasses.replace(found, existing=existing, unreachable=unreachable)
+    return dataclasses.replace(snapshot, observed=observed, unreachable=unreachable)
 
 
 def _holds_services(robot: str, records: Mapping[str, Mapping[str, Any]]) -> bool:
@@ -245,7 +251,7 @@ def _one(host: Host, readers: Readers, info: bool) -> _Look:
         measures=measures,
         asked_at=asked_at,
         facts=facts,
-        existing=parse_observed(seen),
+        observed=parse_observed(seen),
         placements=_placements(replies[-1]),
     )
 

@@ -47,7 +47,7 @@ _BY_PATH = {
 def detect_tags(
     devices: Devices, files: Files, links: Sequence[Link], wireless: Sequence[str], arch: str
 ) -> tuple[str, ...]:
-    """Give the detected tags, sorted; `wireless` names the wireless interfaces, `arch` is Docker's name or empty."""
+    """Return the detected tags, sorted; `wireless` names the wireless interfaces, `arch` is Docker's name or empty."""
     found = {tag for tag, path in _BY_PATH.items() if any(re.fullmatch(path, device) for device in devices.known)}
     board = _board(files)
     checks = {

@@ -14,7 +14,7 @@ from dataclasses import replace
 from typing import Any
 
 from srprov.definitions.model import Host
-from srprov.facts.answers import Counters, Files, Filesystem, Identity, parse_traffic
+from srprov.facts.answers import Counters, Files, Filesystem, OsIdentity, parse_traffic
 from srprov.facts.hardware import detect_tags
 from srprov.facts.links import Underlay, find_underlay
 from srprov.facts.model import Docker, HostFacts
@@ -46,7 +46,7 @@ _UPTIME = re.compile(r"^/proc/uptime:([0-9]{1,10})\.([0-9]{2}) ", re.MULTILINE)
 
 
 def host_queries(*, info: bool = True) -> tuple[Query | EngineQuery, ...]:
-    """Give everything to ask a robot for its facts, in the order that `parse_host` expects the replies.
+    """Return everything to ask a robot for its facts, in the order that `parse_host` expects the replies.
 
     Without `info` the last one, `INFO`, is left out, and its reply may follow later or not at all.
     """
@@ -66,7 +66,7 @@ def later_query(replies: Sequence[Reply]) -> Query:
 
 
 def docker_arch(machine: str) -> str:
-    """Give Docker's name for what `uname -m` or the engine calls a machine; unknown ones stay, in lower case."""
+    """Return Docker's name for what `uname -m` or the engine calls a machine; unknown ones stay, in lower case."""
     name = machine.lower()
     return _ARCHITECTURES.get(name, name if re.fullmatch(r"[a-z0-9_-]{1,20}", name) else "")
 
@@ -93,7 +93,7 @@ def parse_host(
     Nothing raises: what a robot did not say properly keeps the default of HostFacts.
     """
     said = _read(replies)
-    identity: Identity = said["identity"]
+    identity: OsIdentity = said["identity"]
     files: Files = said["files"]
     docker, problem = _docker(replies)
     arch = _arch(identity)
@@ -143,7 +143,7 @@ def with_inventory(host: Host, facts: HostFacts) -> HostFacts:
 
 
 def _read(replies: Sequence[Reply]) -> dict[str, Any]:
-    """Give each probe's value by its name; what a command said before it failed counts."""
+    """Return each probe's value by its name; what a command said before it failed counts."""
     shell = replies[: len(PROBES)]
     outs = [shell[i].out if i < len(shell) else "" for i in range(len(PROBES))]
     return {probe.name: probe.parse(out) for probe, out in zip(PROBES, outs, strict=True)}
@@ -162,7 +162,7 @@ def _os_name(files: Files) -> str:
 
 
 def _amounts(files: Files, counted: int, measures: Measures | None) -> dict[str, Any]:
-    """Give CPUs, load, memory and swap, consistent with each other: free is never more than total."""
+    """Return CPUs, load, memory and swap, consistent with each other: free is never more than total."""
     raw: Mapping[str, object]
     if measures is not None:
         raw = {
@@ -216,7 +216,7 @@ def _online(files: Files) -> int:
 
 
 def _speeds(files: Files) -> dict[str, float]:
-    """Give Mbit/s by interface; -1 means unknown, and so does 4294967295, the same in old drivers."""
+    """Return Mbit/s by interface; -1 means unknown, and so does 4294967295, the same in old drivers."""
     found = {}
     for path, lines in files.items():
         if name := re.fullmatch(r"/sys/class/net/([^/]{1,15})/speed", path):
@@ -225,20 +225,20 @@ def _speeds(files: Files) -> dict[str, float]:
     return found
 
 
-def _arch(identity: Identity) -> str:
-    """Give what containers run: on a 32-bit system with a 64-bit kernel, as Raspberry Pi OS has it, 32-bit ones."""
+def _arch(identity: OsIdentity) -> str:
+    """Return what containers run: on a 32-bit system with a 64-bit kernel, as Raspberry Pi OS has it, 32-bit ones."""
     half = _HALVES.get(identity.machine, "") if identity.bits == 32 else ""
     return docker_arch(half or identity.machine)
 
 
 def _traffic(files: Files, later: Reply | None) -> Mapping[str, Counters]:
-    """Give bytes per second between the two readings."""
+    """Return bytes per second between the two readings."""
     first = [line for path in ("/proc/uptime", "/proc/net/dev") for line in files.get(path, ())]
     return parse_traffic("\n".join([*first, later.out])) if later is not None else {}
 
 
 def _traffic_mbit(counters: Mapping[str, Counters], underlay: Underlay, shared_air: bool) -> float:
-    """Give Mbit/s on the underlay: the busier direction of a cable, both directions of a radio, which share the air."""
+    """Return Mbit/s on the underlay: the busier direction of a cable, or both of a radio, which share the air."""
     seen = counters.get(underlay.link)
     if seen is None:
         return 0.0
@@ -247,7 +247,7 @@ def _traffic_mbit(counters: Mapping[str, Counters], underlay: Underlay, shared_a
 
 
 def _docker(replies: Sequence[Reply]) -> tuple[Docker | None, str]:
-    """Give the engine, or why there is none."""
+    """Return the engine, or why there is none."""
     asked = replies[len(PROBES) : len(PROBES) + len(ENGINE)]
     if not asked:
         return None, "was not asked"
@@ -274,7 +274,7 @@ def _docker(replies: Sequence[Reply]) -> tuple[Docker | None, str]:
 
 
 def _version(ping: Mapping[str, Any], info: Mapping[str, Any] | None) -> str:
-    """Give the engine's version, which `Server: Docker/20.10.24 (linux)` says too."""
+    """Return the engine's version, which `Server: Docker/20.10.24 (linux)` says too."""
     if info is not None:
         return text(info.get("ServerVersion"), length=64)
     named = re.fullmatch(r"[A-Za-z]{1,20}/(\S{1,64})( .*)?", text(ping.get("server")))
@@ -282,7 +282,7 @@ def _version(ping: Mapping[str, Any], info: Mapping[str, Any] | None) -> str:
 
 
 def _docker_disk(mounts: Sequence[Filesystem], root: str) -> Filesystem:
-    """Give the filesystem that holds Docker's root: of those asked about, the one mounted deepest above it."""
+    """Return the filesystem that holds Docker's root: of those asked about, the one mounted deepest above it."""
     inside = (root or "/var/lib/docker").rstrip("/") + "/"
     above = [mount for mount in mounts if inside.startswith(mount.mount.rstrip("/") + "/")]
     return max(above, key=lambda m: len(m.mount), default=Filesystem(mount="", total=0, free=0))

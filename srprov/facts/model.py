@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
+from srprov.resource import Observed
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Link:
@@ -86,23 +88,12 @@ class HostFacts:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Existing:
-    """One resource of ours found on a robot."""
-
-    module: str
-    name: str
-    instance: str
-    """The owner; empty for what is looked at but owned by nobody of ours (an image pulled by its name)."""
-    state: Mapping[str, Any]
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Found:
+class Snapshot:
     """All robots as they are."""
 
     facts: Mapping[str, HostFacts]
     """Reachable robots by name."""
-    existing: Mapping[str, tuple[Existing, ...]]
+    observed: Mapping[str, tuple[Observed, ...]]
     """Per reachable robot, of every instance."""
     placements: Mapping[str, Mapping[str, Any]] = field(default_factory=lambda: MappingProxyType({}))
     """instance -> the newest placement record that any robot holds."""

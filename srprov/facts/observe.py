@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from srprov.facts.model import Existing
 from srprov.modules import MODULES, PROBING
-from srprov.resource import Resource
+from srprov.resource import Observed, Resource
 from srprov.wire import AnyQuery, Reader, Reply
 
 
 def observe_queries(kinds: Iterable[str] = tuple(MODULES)) -> tuple[AnyQuery, ...]:
-    """Give the queries of these kinds, in the order that `parse_observed` expects."""
+    """Return the queries of these kinds, in the order that `parse_observed` expects."""
     return tuple(query for kind in kinds for query in MODULES[kind].queries())
 
 
-def parse_observed(replies: Sequence[Reply], kinds: Iterable[str] = tuple(MODULES)) -> tuple[Existing, ...]:
+def parse_observed(replies: Sequence[Reply], kinds: Iterable[str] = tuple(MODULES)) -> tuple[Observed, ...]:
     """Read the replies to `observe_queries(kinds)`."""
-    found: list[Existing] = []
+    found: list[Observed] = []
     start = 0
     for kind in kinds:
         count = len(MODULES[kind].queries())
@@ -26,7 +25,7 @@ def parse_observed(replies: Sequence[Reply], kinds: Iterable[str] = tuple(MODULE
     return tuple(found)
 
 
-def observe(reader: Reader, kinds: Iterable[str] = tuple(MODULES)) -> tuple[Existing, ...]:
+def observe(reader: Reader, kinds: Iterable[str] = tuple(MODULES)) -> tuple[Observed, ...]:
     """Ask one robot for everything of ours, of these kinds.
 
     Raises:
@@ -37,13 +36,13 @@ def observe(reader: Reader, kinds: Iterable[str] = tuple(MODULES)) -> tuple[Exis
 
 
 def probe_queries(wants: Iterable[Resource]) -> tuple[AnyQuery, ...]:
-    """Give what to ask for those of the wanted resources that do not show by themselves."""
+    """Return what to ask for those of the wanted resources that do not show by themselves."""
     return tuple(query for want in wants if want.module in PROBING for query in PROBING[want.module].probes(want))
 
 
-def parse_probed(replies: Sequence[Reply], wants: Iterable[Resource]) -> tuple[Existing, ...]:
+def parse_probed(replies: Sequence[Reply], wants: Iterable[Resource]) -> tuple[Observed, ...]:
     """Read the replies to `probe_queries(wants)`."""
-    found: list[Existing] = []
+    found: list[Observed] = []
     start = 0
     for want in wants:
         if want.module in PROBING:

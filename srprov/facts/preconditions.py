@@ -53,7 +53,7 @@ class Check:
 
 
 def precondition_queries() -> tuple[Query, ...]:
-    """Give the questions that facts do not answer; they only read."""
+    """Return the questions that facts do not answer; they only read."""
     programs = " ".join(_TOOLS)
     return (
         Query(command=f"for p in {programs}; do command -v $p >/dev/null 2>&1 || echo $p; done"),
@@ -69,7 +69,7 @@ def precondition_queries() -> tuple[Query, ...]:
 
 
 def judge(facts: HostFacts, replies: Sequence[Reply]) -> tuple[Check, ...]:
-    """Give all checks of one robot, in a fixed order.
+    """Return all checks of one robot, in a fixed order.
 
     Args:
         facts: the robot as it is.

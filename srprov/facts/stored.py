@@ -13,7 +13,7 @@ from dataclasses import fields
 from typing import Any, NoReturn
 
 from srprov.errors import UsageError
-from srprov.facts.model import Docker, Found, HostFacts, Link
+from srprov.facts.model import Docker, HostFacts, Link, Snapshot
 
 _HINT = "give a file that `srprov facts --json` wrote"
 _MOST = 2**60
@@ -22,7 +22,7 @@ _WITHIN = (("memory_available", "memory_total"), ("swap_free", "swap_total"), ("
 
 
 def parse(text: str) -> Any:  # noqa: ANN401 - JSON is any
-    """Give a file's JSON with numbers that can be reckoned with.
+    """Return a file's JSON with numbers that can be reckoned with.
 
     Raises:
         ValueError: It is no JSON, is nested too deeply, or has a number that is not finite or too large.
@@ -47,8 +47,8 @@ def _refused(digits: str) -> NoReturn:
     raise ValueError(f"the number {digits if len(digits) < 25 else digits[:20] + '...'} is too large or not a number")
 
 
-def read_document(document: Any) -> Found:  # noqa: ANN401 - JSON is any
-    """Give the robots of a document; resources and placements of instances are not in it.
+def read_document(document: Any) -> Snapshot:  # noqa: ANN401 - JSON is any
+    """Return the robots of a document; resources and placements of instances are not in it.
 
     Raises:
         UsageError: It is not of that shape.
@@ -58,11 +58,11 @@ def read_document(document: Any) -> Found:  # noqa: ANN401 - JSON is any
     facts = {str(name): read_facts(str(name), values) for name, values in sorted(document["robots"].items())}
     away = document.get("unreachable", {})
     unreachable = {str(name): str(why) for name, why in away.items()} if isinstance(away, Mapping) else {}
-    return Found(facts=facts, existing={name: () for name in facts}, unreachable=unreachable)
+    return Snapshot(facts=facts, observed={name: () for name in facts}, unreachable=unreachable)
 
 
 def read_facts(name: str, values: Any) -> HostFacts:  # noqa: ANN401 - JSON is any
-    """Give one robot's facts; fields that are not known are left out, those not given have their default.
+    """Return one robot's facts; fields that are not known are left out, those not given have their default.
 
     Raises:
         UsageError: A value is of another kind than the field, or free is more than total.
@@ -84,7 +84,7 @@ def read_facts(name: str, values: Any) -> HostFacts:  # noqa: ANN401 - JSON is a
 
 
 def _fields(kind: type[Any], values: Mapping[str, Any]) -> dict[str, Any]:
-    """Give the fields that a class has, each checked against the kind of its default or annotation."""
+    """Return the fields that a class has, each checked against the kind of its default or annotation."""
     found: dict[str, Any] = {}
     for field in fields(kind):
         if field.name not in values or field.name in ("links", "docker"):

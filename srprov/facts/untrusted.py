@@ -22,7 +22,7 @@ _DECIMAL = re.compile(r"-?[0-9]{1,18}(\.[0-9]{1,18})?")
 
 
 def text(value: object, *, length: int = TEXT_LENGTH) -> str:
-    """Give one printable line of at most `length` characters, no control or bidi ones; what is not text is ""."""
+    """Return one printable line of at most `length` characters, no control or bidi ones; what is not text is ""."""
     if not isinstance(value, str):
         return ""
     # cut first: a robot may send megabytes, and only a few characters of them can matter
@@ -30,18 +30,18 @@ def text(value: object, *, length: int = TEXT_LENGTH) -> str:
 
 
 def folder(value: object) -> str:
-    """Give an absolute path as `text` does; what is none is ""."""
+    """Return an absolute path as `text` does; what is none is ""."""
     said = text(value)
     return said if said.startswith("/") else ""
 
 
 def lines_of(out: str, most: int) -> list[str]:
-    """Give at most `most` lines. Only a line feed ends one; to str.splitlines a form feed inside a file would, too."""
+    """Return at most `most` lines. Only a line feed ends one; str.splitlines would also take a form feed."""
     return out.split("\n", most)[:most]
 
 
 def integer(value: object, *, low: int, high: int, default: int) -> int:
-    """Give an int clamped to `low..high`; `default` when it is no number at all."""
+    """Return an int clamped to `low..high`; `default` when it is no number at all."""
     if isinstance(value, str) and _INTEGER.fullmatch(value.strip()):
         value = int(value)
     if isinstance(value, bool) or not isinstance(value, int):
@@ -50,7 +50,7 @@ def integer(value: object, *, low: int, high: int, default: int) -> int:
 
 
 def decimal(value: object, *, low: float, high: float, default: float) -> float:
-    """Give a finite float clamped to `low..high`; `default` when it is no number, NaN or infinite."""
+    """Return a finite float clamped to `low..high`; `default` when it is no number, NaN or infinite."""
     if isinstance(value, str) and _DECIMAL.fullmatch(value.strip()):
         value = float(value)
     if isinstance(value, bool) or not isinstance(value, int | float):
@@ -63,7 +63,7 @@ def decimal(value: object, *, low: float, high: float, default: float) -> float:
 
 
 def parsed(source: str) -> Any:  # noqa: ANN401 - JSON is any; each parser checks the shape that it needs
-    """Give JSON as values; broken or too deeply nested JSON is None.
+    """Return JSON as values; broken or too deeply nested JSON is None.
 
     `ip -j` writes control characters of a link's name or alias as they are: one odd link must not hide all others.
     """
@@ -74,10 +74,10 @@ def parsed(source: str) -> Any:  # noqa: ANN401 - JSON is any; each parser check
 
 
 def mapping(value: object) -> Mapping[str, Any]:
-    """Give the mapping, or an empty one for anything else."""
+    """Return the mapping, or an empty one for anything else."""
     return value if isinstance(value, Mapping) else {}
 
 
 def mappings(value: object) -> list[Mapping[str, Any]]:
-    """Give the mappings in a list, at most `LIST_LENGTH` of them; anything else is left out."""
+    """Return the mappings in a list, at most `LIST_LENGTH` of them; anything else is left out."""
     return [item for item in value if isinstance(item, Mapping)][:LIST_LENGTH] if isinstance(value, list) else []

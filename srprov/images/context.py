@@ -13,11 +13,11 @@ import re
 import tarfile
 from collections.abc import Callable, Iterable, Sequence
 
-from srprov.images.plan import Entry, Listed
+from srprov.images.plan import ContextFile, ListedFile
 
 Read = Callable[[str], bytes]
 """Absolute path -> content; raises OSError."""
-Listing = Callable[[str], Iterable[Listed]]
+Listing = Callable[[str], Iterable[ListedFile]]
 """Absolute path of a file or folder -> every file in it, at any depth, symbolic links not followed; raises OSError."""
 
 DOCKERFILE = "Dockerfile"
@@ -26,8 +26,8 @@ DOCKERFILE = "Dockerfile"
 _ALWAYS = ("**/.git", "**/*.edf", "**/*.cdf", "**/experiment.lock")
 
 
-def entries_of(prefix: str, source: str, mode: str, listing: Listing, read: Read) -> list[Entry]:
-    """Give the entries of one file or folder under the name `prefix`; an octal `mode` holds for every file in it.
+def entries_of(prefix: str, source: str, mode: str, listing: Listing, read: Read) -> list[ContextFile]:
+    """Return the entries of one file or folder under the name `prefix`; an octal `mode` holds for every file in it.
 
     Raises:
         OSError: It cannot be read.
@@ -39,18 +39,20 @@ def entries_of(prefix: str, source: str, mode: str, listing: Listing, read: Read
     return [_entry(prefix, source, item, fixed, read) for item in listing(source)]
 
 
-def _entry(prefix: str, source: str, item: Listed, mode: int | None, read: Read) -> Entry:
+def _entry(prefix: str, source: str, item: ListedFile, mode: int | None, read: Read) -> ContextFile:
     if any(ord(c) < 32 for c in item.path) or ".." in item.path.split("/"):
         raise ValueError(f"a file's name cannot be {item.path!r}")
     path = "/".join(part for part in (prefix, item.path) if part)
     if item.link is not None:
-        return Entry(path=path, link=item.link, mode=0o777)
+        return ContextFile(path=path, link=item.link, mode=0o777)
     content = read(f"{source.rstrip('/')}/{item.path}" if item.path else source)
-    return Entry(path=path, content=content, mode=mode if mode is not None else 0o755 if item.executable else 0o644)
+    return ContextFile(
+        path=path, content=content, mode=mode if mode is not None else 0o755 if item.executable else 0o644
+    )
 
 
-def folder_entries(folder: str, listing: Listing, read: Read) -> list[Entry]:
-    """Give the entries of a Dockerfile's folder, without what its `.dockerignore` leaves out.
+def folder_entries(folder: str, listing: Listing, read: Read) -> list[ContextFile]:
+    """Return the entries of a Dockerfile's folder, without what its `.dockerignore` leaves out.
 
     Raises:
         OSError: Something cannot be read.
@@ -65,7 +67,7 @@ def folder_entries(folder: str, listing: Listing, read: Read) -> list[Entry]:
 
 
 def ignore_rule(patterns: Iterable[str]) -> Callable[[str], bool]:
-    """Give a function that says whether a path is left out; the last pattern for it, or for a folder above, decides."""
+    """Return a function that says whether a path is left out; the last pattern for it or a folder above decides."""
     rules: list[tuple[re.Pattern[str], bool]] = []
     for raw in patterns:
         pattern = raw.strip().removeprefix("\ufeff")
@@ -115,12 +117,12 @@ def _segment(part: str) -> str:
     return out
 
 
-def context_tar(dockerfile: str, entries: Iterable[Entry]) -> bytes:
-    """Give the tar, the same bytes for equal entries in whatever order they come.
+def context_tar(dockerfile: str, entries: Iterable[ContextFile]) -> bytes:
+    """Return the tar, the same bytes for equal entries in whatever order they come.
 
     `dockerfile` is in it under the name `Dockerfile`, in place of an entry that has this name.
     """
-    own = Entry(path=DOCKERFILE, content=dockerfile.encode())
+    own = ContextFile(path=DOCKERFILE, content=dockerfile.encode())
     by_path = {**{entry.path: entry for entry in entries}, DOCKERFILE: own}
     folders = {"/".join(path.split("/")[:depth]) for path in by_path for depth in range(1, path.count("/") + 1)}
     out = io.BytesIO()

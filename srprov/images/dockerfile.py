@@ -4,7 +4,7 @@ Takes a CDF with `base`; gives the text and a line map. Pure. The order of instr
 then packages, then what differs from CDF to CDF, so that definitions with one base and equal packages share these
 layers on every robot. Packages are sorted for the same reason, and are installed without the CDF's environment.
 
-Every value comes in through `words.py`; `run` lines travel as JSON to `/bin/sh -ec`, so that several lines are one
+Every value comes in through `quoting.py`; `run` lines travel as JSON to `/bin/sh -ec`, so that several lines are one
 instruction, the first failing command fails the build, and no line can become an instruction of its own.
 Source: Dockerfile reference; PEP 668; deb's apt-get(8).
 """
@@ -19,8 +19,8 @@ from typing import TypeVar
 import jinja2
 
 from srprov.definitions.model import ContainerDefinition
-from srprov.errors import DefinitionError, Location, Problem
-from srprov.images import words
+from srprov.errors import DefinitionError, Diagnostic, Location
+from srprov.images import quoting
 from srprov.images.plan import Dockerfile
 from srprov.images.reference import Reference, parse_reference
 from srprov.wire import quote
@@ -77,21 +77,21 @@ apt-get -o Acquire::Retries=3 update \\
 _MARK = "\x01"
 
 
-class Checked:
+class FieldChecks:
     """Collects what is wrong with a CDF's fields, so that all of it is said at once."""
 
     def __init__(self, cdf: ContainerDefinition) -> None:
         """Take the CDF whose lines the problems point to."""
         self.cdf = cdf
-        self.problems: list[Problem] = []
+        self.problems: list[Diagnostic] = []
 
     def __call__(self, field: str, make: Callable[[], _T], otherwise: _T) -> _T:
-        """Give what `make` gives; its ValueError or OSError becomes a problem of this field."""
+        """Return what `make` gives; its ValueError or OSError becomes a problem of this field."""
         try:
             return make()
         except (ValueError, OSError) as error:
             reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-            self.problems.append(Problem(location_of(self.cdf, field), reason, path=field))
+            self.problems.append(Diagnostic(location_of(self.cdf, field), reason, path=field))
             return otherwise
 
     def finish(self) -> None:
@@ -101,23 +101,23 @@ class Checked:
 
 
 def location_of(cdf: ContainerDefinition, field: str) -> Location:
-    """Give the place of a field in the CDF, or of the nearest field around it."""
+    """Return the place of a field in the CDF, or of the nearest field around it."""
     while field not in cdf.lines and "." in field:
         field = field.rpartition(".")[0]
     return Location(cdf.location.file or cdf.file, cdf.lines.get(field, cdf.location.line))
 
 
 def label_line(cdf: ContainerDefinition) -> str:
-    """Give the instruction that marks an image as ours, without which nothing is ever pruned.
+    """Return the instruction that marks an image as ours, without which nothing is ever pruned.
 
     Raises:
         ValueError: The name has control characters.
     """
-    return f"LABEL {words.variable('srprov.cdf', cdf.name)}"
+    return f"LABEL {quoting.variable('srprov.cdf', cdf.name)}"
 
 
 def context_name(index: int) -> str:
-    """Give the name that the CDF's file of this number has in the build context; the user's own never reaches COPY."""
+    """Return name that the CDF's file of this number has in the build context; the user's own never reaches COPY."""
     return f"files/{index}"
 
 
@@ -127,7 +127,7 @@ def render_dockerfile(cdf: ContainerDefinition) -> Dockerfile:
     Raises:
         DefinitionError: Values that a Dockerfile cannot hold; all of them, at their lines.
     """
-    checked = Checked(cdf)
+    checked = FieldChecks(cdf)
     base = checked("base", lambda: _base(cdf.base), None)
     values = {
         "base": base.familiar if base else "scratch",
@@ -136,15 +136,15 @@ def render_dockerfile(cdf: ContainerDefinition) -> Dockerfile:
         "files": [
             checked(f"files.{i}", partial(_copy, i, file.source, file.dest), "") for i, file in enumerate(cdf.files)
         ],
-        "run": [words.exec_form(("/bin/sh", "-ec", script)) for script in cdf.run],
+        "run": [quoting.exec_form(("/bin/sh", "-ec", script)) for script in cdf.run],
         **_process(checked),
         "label": checked("name", lambda: label_line(cdf), ""),
     }
     text, fields = _unmark(_template().render(values, at=lambda field: f"{_MARK}{field}{_MARK}"))
     for number, line in enumerate(text.split("\n"), 1):
-        if len(line.encode()) > words.LONGEST_LINE:
-            message = f"it is longer than Docker's builder takes ({words.LONGEST_LINE} bytes); put it into a file"
-            checked.problems.append(Problem(location_of(cdf, fields[number]), message, path=fields[number]))
+        if len(line.encode()) > quoting.LONGEST_LINE:
+            message = f"it is longer than Docker's builder takes ({quoting.LONGEST_LINE} bytes); put it into a file"
+            checked.problems.append(Diagnostic(location_of(cdf, fields[number]), message, path=fields[number]))
     checked.finish()
     return Dockerfile(
         text=text,
@@ -168,42 +168,42 @@ def _base(text: str) -> Reference | None:
 
 
 def _package(kind: str, name: str) -> str:
-    return quote(words.package(kind, name))
+    return quote(quoting.package(kind, name))
 
 
-def _packages(checked: Checked, kind: str, names: tuple[str, ...]) -> str:
+def _packages(checked: FieldChecks, kind: str, names: tuple[str, ...]) -> str:
     found = {checked(f"packages.{kind}.{i}", partial(_package, kind, name), "") for i, name in enumerate(names)}
     return " ".join(sorted(found))
 
 
-def _environment(checked: Checked) -> list[str]:
+def _environment(checked: FieldChecks) -> list[str]:
     pairs = sorted(checked.cdf.build_environment.items())
-    return [checked(f"environment.{name}", partial(words.variable, name, value), "") for name, value in pairs]
+    return [checked(f"environment.{name}", partial(quoting.variable, name, value), "") for name, value in pairs]
 
 
 def _copy(index: int, source: str, dest: str) -> str:
     # with a slash at its end it is a folder to copy into, for files and folders alike
     target = dest + posixpath.basename(source.rstrip("/")) if dest.endswith("/") else dest
-    return words.exec_form((context_name(index), words.path("the destination", target)))
+    return quoting.exec_form((context_name(index), quoting.path("the destination", target)))
 
 
-def _process(checked: Checked) -> dict[str, str]:
+def _process(checked: FieldChecks) -> dict[str, str]:
     runtime = checked.cdf.runtime
 
     def one(field: str, value: str, form: Callable[[str], str]) -> str:
         return checked(field, lambda: form(value), "") if value else ""
 
     return {
-        "working_dir": one("working_dir", runtime.working_dir, lambda v: words.path("the working directory", v)),
-        "user": one("user", runtime.user, words.user),
-        "stop_signal": one("stop_signal", runtime.stop_signal, words.signal),
-        "entrypoint": "" if runtime.entrypoint is None else words.exec_form(runtime.entrypoint),
-        "command": "" if runtime.command is None else words.exec_form(runtime.command),
+        "working_dir": one("working_dir", runtime.working_dir, lambda v: quoting.path("the working directory", v)),
+        "user": one("user", runtime.user, quoting.user),
+        "stop_signal": one("stop_signal", runtime.stop_signal, quoting.signal),
+        "entrypoint": "" if runtime.entrypoint is None else quoting.exec_form(runtime.entrypoint),
+        "command": "" if runtime.command is None else quoting.exec_form(runtime.command),
     }
 
 
 def _unmark(marked: str) -> tuple[str, dict[int, str]]:
-    """Give the text without marks, and the field of each line. No value has control characters, so none can mark."""
+    """Return the text without marks, and the field of each line. No value has control characters, so none can mark."""
     lines: list[str] = []
     fields: dict[int, str] = {}
     field = "base"
@@ -217,7 +217,7 @@ def _unmark(marked: str) -> tuple[str, dict[int, str]]:
 
 
 def instruction_lines(text: str) -> Iterator[int]:
-    """Give the line at which each instruction begins: Docker's `Step 3` is the third of them."""
+    """Return the line at which each instruction begins: Docker's `Step 3` is the third of them."""
     escape, inside, seen = "\\", False, False
     for number, line in enumerate(text.split("\n"), 1):
         stripped = line.strip()

@@ -10,7 +10,7 @@ from srprov.errors import Location
 
 
 @dataclass(frozen=True, slots=True)
-class Listed:
+class ListedFile:
     """One file below a folder, or the file itself that was listed (`path` is then empty)."""
 
     path: str
@@ -21,7 +21,7 @@ class Listed:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Entry:
+class ContextFile:
     """One file of a build context."""
 
     path: str

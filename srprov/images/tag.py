@@ -18,8 +18,8 @@ from functools import partial
 from srprov.definitions.model import ContainerDefinition
 from srprov.errors import Location
 from srprov.images.context import DOCKERFILE, Listing, Read, context_tar, entries_of, folder_entries
-from srprov.images.dockerfile import Checked, context_name, instruction_lines, label_line, render_dockerfile
-from srprov.images.plan import Dockerfile, Entry, ImagePlan
+from srprov.images.dockerfile import FieldChecks, context_name, instruction_lines, label_line, render_dockerfile
+from srprov.images.plan import ContextFile, Dockerfile, ImagePlan
 from srprov.images.reference import parse_reference
 
 _FORMAT = 1
@@ -52,8 +52,8 @@ def plan_image(cdf: ContainerDefinition, listing: Listing, read: Read) -> ImageP
     )
 
 
-def content_hash(dockerfile: Dockerfile, entries: Iterable[Entry]) -> str:
-    """Give the sha256 in hex over the Dockerfile, its base, and every file's name, mode and content."""
+def content_hash(dockerfile: Dockerfile, entries: Iterable[ContextFile]) -> str:
+    """Return the sha256 in hex over the Dockerfile, its base, and every file's name, mode and content."""
     files = sorted(
         [entry.path, f"{entry.mode:04o}", entry.link or "", hashlib.sha256(entry.content).hexdigest()]
         for entry in entries
@@ -64,7 +64,7 @@ def content_hash(dockerfile: Dockerfile, entries: Iterable[Entry]) -> str:
 
 
 def locate_failure(plan: ImagePlan, output: str) -> Location | None:
-    """Give the user's line behind a failed build, from what the builder said; None when it does not tell."""
+    """Return the user's line behind a failed build, from what the builder said; None when it does not tell."""
     if parse := re.findall(r"(?:parse error (?:on )?line |Dockerfile:)([0-9]{1,6})", output):
         return plan.lines.get(int(parse[-1]))
     steps = re.findall(r"\bStep ([0-9]{1,6})/[0-9]{1,6} :", output)
@@ -75,13 +75,13 @@ def locate_failure(plan: ImagePlan, output: str) -> Location | None:
 
 
 def _slug(name: str) -> str:
-    """Give the name as Docker allows it in a repository: lower case, single separators, never empty."""
+    """Return the name as Docker allows it in a repository: lower case, single separators, never empty."""
     return re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")[:100] or "cdf"
 
 
-def _from_base(cdf: ContainerDefinition, listing: Listing, read: Read) -> tuple[Dockerfile, Sequence[Entry]]:
-    dockerfile, checked = render_dockerfile(cdf), Checked(cdf)
-    entries: list[Entry] = []
+def _from_base(cdf: ContainerDefinition, listing: Listing, read: Read) -> tuple[Dockerfile, Sequence[ContextFile]]:
+    dockerfile, checked = render_dockerfile(cdf), FieldChecks(cdf)
+    entries: list[ContextFile] = []
     for index, file in enumerate(cdf.files):
         found = partial(entries_of, context_name(index), file.source, file.mode, listing, read)
         entries += checked(f"files.{index}", found, entries[:0])
@@ -89,15 +89,15 @@ def _from_base(cdf: ContainerDefinition, listing: Listing, read: Read) -> tuple[
     return dockerfile, entries
 
 
-def _from_folder(cdf: ContainerDefinition, listing: Listing, read: Read) -> tuple[Dockerfile, Sequence[Entry]]:
-    checked = Checked(cdf)
+def _from_folder(cdf: ContainerDefinition, listing: Listing, read: Read) -> tuple[Dockerfile, Sequence[ContextFile]]:
+    checked = FieldChecks(cdf)
     for field in ("apt", "pip", "npm", "files", "run"):
         if getattr(cdf, field):
             name = f"packages.{field}" if field in ("apt", "pip", "npm") else field
             checked(name, _refuse, None)
     text = checked("dockerfile", lambda: read(cdf.dockerfile).decode("utf-8"), "")
     label = checked("name", lambda: label_line(cdf), "")
-    entries: list[Entry] = []
+    entries: list[ContextFile] = []
     entries = checked("dockerfile", lambda: folder_entries(posixpath.dirname(cdf.dockerfile), listing, read), entries)
     checked.finish()
     text = text.replace("\r\n", "\n").rstrip("\n") + "\n"
@@ -111,7 +111,7 @@ def _refuse() -> None:
 
 
 def _bases(text: str) -> tuple[str, bool]:
-    """Give what the last stage starts from, and whether all stages start from digests."""
+    """Return what the last stage starts from, and whether all stages start from digests."""
     stages: dict[str, str] = {}
     base, pinned = "", True
     for match in re.finditer(r"(?im)^[ \t]*FROM[ \t]+(?:--\S+[ \t]+)*(\S+)(?:[ \t]+AS[ \t]+(\S+))?", text):

@@ -12,7 +12,7 @@ from collections.abc import Iterator, Sequence
 
 import yaml
 
-from srprov.errors import DefinitionError, Location, Problem
+from srprov.errors import DefinitionError, Diagnostic, Location
 
 UNITS = {"": 1, "K": 2**10, "M": 2**20, "G": 2**30, "T": 2**40}
 BOOLEANS = {"true": True, "yes": True, "on": True, "false": False, "no": False, "off": False}
@@ -34,16 +34,16 @@ class Reader:
         """Parse the text; DefinitionError at once when it is not YAML."""
         self.file = file
         self.lines = text.splitlines()
-        self.problems: list[Problem] = []
+        self.problems: list[Diagnostic] = []
         try:
             root = yaml.compose(text, Loader=yaml.SafeLoader)
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark
             line, column = (mark.line + 1, mark.column + 1) if mark else (1, 1)
             where = Location(file, line, column)
-            raise DefinitionError([Problem(where, f"not YAML: {error.problem}")]) from error
+            raise DefinitionError([Diagnostic(where, f"not YAML: {error.problem}")]) from error
         except yaml.YAMLError as error:
-            raise DefinitionError([Problem(Location(file), f"not YAML: {error}")]) from error
+            raise DefinitionError([Diagnostic(Location(file), f"not YAML: {error}")]) from error
         mark = yaml.Mark(file, 0, 0, 0, "", 0)
         empty = yaml.MappingNode("tag:yaml.org,2002:map", [], mark, mark)
         self.root = Node(root or empty)
@@ -53,7 +53,7 @@ class Reader:
         mark = node.node.start_mark
         line = self.lines[mark.line] if mark.line < len(self.lines) else ""
         where = Location(self.file, mark.line + 1, mark.column + 1)
-        self.problems.append(Problem(where, message, excerpt=line, hint=hint))
+        self.problems.append(Diagnostic(where, message, excerpt=line, hint=hint))
 
     def is_null(self, node: Node) -> bool:
         """Whether nothing is written there."""

@@ -12,9 +12,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from srprov.facts.model import Existing
 from srprov.modules.module import as_int
-from srprov.resource import Action, Change, Resource, State
+from srprov.resource import Action, Change, Observed, Resource, State
 from srprov.wire import AnyQuery, Command, Query, Reply, Run, sh
 
 CHECK_S = 10
@@ -35,7 +34,7 @@ class CommandModule:
         """Ask nothing: see `probes`."""
         return ()
 
-    def parse(self, replies: Sequence[Reply]) -> tuple[Existing, ...]:
+    def parse(self, replies: Sequence[Reply]) -> tuple[Observed, ...]:
         """Find nothing."""
         return ()
 
@@ -44,11 +43,11 @@ class CommandModule:
         bounded = sh("timeout", "-k", "2", str(CHECK_S), "sh", "-c", _check(want))
         return (Query(command=f"{bounded} </dev/null >/dev/null 2>&1; echo $?", timeout_s=CHECK_S + 2.0 * _GRACE_S),)
 
-    def probed(self, want: Resource, replies: Sequence[Reply]) -> Existing:
+    def probed(self, want: Resource, replies: Sequence[Reply]) -> Observed:
         """Read the exit code."""
         code = as_int(replies[0].out.strip(), _NO_ANSWER)
         # the code is told, but two different ones are the same to a plan that is kept: the command is due
-        return Existing(module=self.kind, name=want.name, instance="", state={"holds": code == 0, "status": code})
+        return Observed(module=self.kind, name=want.name, instance="", state={"holds": code == 0, "status": code})
 
     def check(self, want: Resource, found: State | None) -> Change | None:
         """Ask whether the check holds."""
@@ -64,7 +63,7 @@ class CommandModule:
         late = f'test "$s" != {_LATE} || echo "not done after {seconds} s" >&2'
         return (Run(script=f'{bounded} </dev/null; s=$?; {late}; exit "$s"', timeout_s=seconds + 2.0 * _GRACE_S),)
 
-    def removal(self, found: Existing) -> tuple[Command, ...]:
+    def removal(self, found: Observed) -> tuple[Command, ...]:
         """Do nothing: nobody knows how to undo a command."""
         return ()
 

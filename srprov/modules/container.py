@@ -16,7 +16,6 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from srprov.facts.model import Existing
 from srprov.modules.container_body import engine_body, parts_of
 from srprov.modules.module import (
     CONFIG_HASH,
@@ -33,7 +32,7 @@ from srprov.modules.module import (
     canonical,
     digest,
 )
-from srprov.resource import Action, Change, Resource, State
+from srprov.resource import Action, Change, Observed, Resource, State
 from srprov.wire import AnyQuery, Command, EngineCall, EngineQuery, Reply
 
 _EXITED = re.compile(r"^Exited \((-?[0-9]{1,9})\)")
@@ -41,7 +40,7 @@ _HEALTH = re.compile(r"\((healthy|unhealthy|health: starting)\)")
 
 
 def container_name(instance: str, service: str) -> str:
-    """Give the name of a service's container; an instance holds no dot, so two instances never meet."""
+    """Return the name of a service's container; an instance holds no dot, so two instances never meet."""
     return f"srprov.{instance}.{service}"
 
 
@@ -54,7 +53,7 @@ class ContainerModule:
         """List all labelled containers, running or not."""
         return (EngineQuery(path="/containers/json", params=(("all", "true"), ("filters", LABEL_FILTER))),)
 
-    def parse(self, replies: Sequence[Reply]) -> tuple[Existing, ...]:
+    def parse(self, replies: Sequence[Reply]) -> tuple[Observed, ...]:
         """Read the list; the exit code and the health stand in Docker's status text."""
         if not replies[0].ok:
             return ()
@@ -99,7 +98,7 @@ class ContainerModule:
             return (*_stop_and_remove(name, change.before or {}), create, start)
         return (create, start)
 
-    def removal(self, found: Existing) -> tuple[Command, ...]:
+    def removal(self, found: Observed) -> tuple[Command, ...]:
         """Stop with the container's own grace, then remove it with its anonymous volumes."""
         return _stop_and_remove(found.name, found.state)
 
@@ -115,7 +114,7 @@ def _stop_and_remove(name: str, state: State) -> tuple[Command, ...]:
     )
 
 
-def _parse_one(item: Mapping[str, Any]) -> Existing | None:
+def _parse_one(item: Mapping[str, Any]) -> Observed | None:
     labels = as_labels(item.get("Labels"))
     names = item.get("Names")
     # whoever runs an image that was committed from a container of ours inherits its labels, but not its name
@@ -139,11 +138,11 @@ def _parse_one(item: Mapping[str, Any]) -> Existing | None:
         "addresses": _ends(item.get("NetworkSettings"), "IPAddress"),
         "network_ids": _ends(item.get("NetworkSettings"), "NetworkID"),
     }
-    return Existing(module="container", name=name, instance=labels[INSTANCE], state=state)
+    return Observed(module="container", name=name, instance=labels[INSTANCE], state=state)
 
 
 def _ends(settings: object, key: str) -> dict[str, str]:
-    """Give network -> one value of the container's end there; a stopped container's has no address."""
+    """Return network -> one value of the container's end there; a stopped container's has no address."""
     networks = settings.get("Networks") if isinstance(settings, Mapping) else None
     if not isinstance(networks, Mapping):
         return {}

@@ -14,7 +14,7 @@ _SECOND_NS = 1_000_000_000
 
 
 def engine_body(params: Mapping[str, Any]) -> dict[str, Any]:
-    """Give the create request's JSON. `params` as the module's docstring lists them."""
+    """Return the create request's JSON. `params` as the module's docstring lists them."""
     run = params["run"]
     body: dict[str, Any] = {
         "Image": params["image"],
@@ -40,7 +40,7 @@ def engine_body(params: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def parts_of(params: Mapping[str, Any]) -> dict[str, Any]:
-    """Give the parts that decide whether a running container is still the wanted one, by the name that a cause shows.
+    """Return the parts that decide whether a running container is still the wanted one, by the name that a cause shows.
 
     The MAC's place in the body depends on the engine's version, so the network part is the wish, not the body: an
     engine's upgrade restarts nothing.

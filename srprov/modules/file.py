@@ -9,9 +9,8 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Sequence
 
-from srprov.facts.model import Existing
 from srprov.modules.module import STATE_ROOT
-from srprov.resource import Action, Change, Resource, State
+from srprov.resource import Action, Change, Observed, Resource, State
 from srprov.wire import AnyQuery, Command, Put, Query, Reply, Run, quote
 
 _LIST = f"cd {STATE_ROOT} 2>/dev/null || exit 0; find . -mindepth 2 -maxdepth 2 -type f -exec sha256sum {{}} +"
@@ -27,7 +26,7 @@ class FileModule:
         """Hash the files directly inside each instance's folder; shipped trees lie deeper and are not read."""
         return (Query(command=_LIST),)
 
-    def parse(self, replies: Sequence[Reply]) -> tuple[Existing, ...]:
+    def parse(self, replies: Sequence[Reply]) -> tuple[Observed, ...]:
         """Read `sha256  ./instance/name` lines."""
         found = []
         for line in replies[0].out.split("\n"):
@@ -35,7 +34,7 @@ class FileModule:
             parts = path.removeprefix("./").split("/")
             if len(sha) == hashlib.sha256().digest_size * 2 and len(parts) == _MIN_PARTS:
                 name = f"{STATE_ROOT}/{'/'.join(parts)}"
-                found.append(Existing(module="file", name=name, instance=parts[0], state={"sha256": sha}))
+                found.append(Observed(module="file", name=name, instance=parts[0], state={"sha256": sha}))
         return tuple(found)
 
     def check(self, want: Resource, found: State | None) -> Change | None:
@@ -52,13 +51,13 @@ class FileModule:
         mode = int(want.params.get("mode", "0644"), 8)
         return (Put(path=want.name, content=want.params["content"].encode(), mode=mode, in_place=in_place),)
 
-    def removal(self, found: Existing) -> tuple[Command, ...]:
+    def removal(self, found: Observed) -> tuple[Command, ...]:
         """Remove it, and the instance's folder when it was the last thing there."""
         return (remove_path(found.name),)
 
 
 def remove_path(path: str, root: str = STATE_ROOT, *, with_root: bool = False) -> Run:
-    """Give the script that removes a file or tree and then each folder above it, below `root`, that is empty.
+    """Return the script that removes a file or tree and then each folder above it, below `root`, that is empty.
 
     `with_root` tries the root itself, too.
 

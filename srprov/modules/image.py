@@ -11,9 +11,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from srprov.facts.model import Existing
 from srprov.modules.module import as_labels, as_list, as_text
-from srprov.resource import Action, Change, Resource, State
+from srprov.resource import Action, Change, Observed, Resource, State
 from srprov.wire import AnyQuery, Command, CopyImage, EngineCall, EngineQuery, Reply
 
 _LONG_S = 1800.0
@@ -28,8 +27,8 @@ class ImageModule:
         """List all images."""
         return (EngineQuery(path="/images/json"),)
 
-    def parse(self, replies: Sequence[Reply]) -> tuple[Existing, ...]:
-        """Give one entry for every tag and every digest."""
+    def parse(self, replies: Sequence[Reply]) -> tuple[Observed, ...]:
+        """Return one entry for every tag and every digest."""
         if not replies[0].ok:
             return ()
         found = []
@@ -38,7 +37,7 @@ class ImageModule:
             for names in (item.get("RepoTags"), item.get("RepoDigests")):
                 for name in names if isinstance(names, list) else ():
                     if "<none>" not in str(name):
-                        found.append(Existing(module="image", name=str(name), instance="", state=state))
+                        found.append(Observed(module="image", name=str(name), instance="", state=state))
         return tuple(found)
 
     def check(self, want: Resource, found: State | None) -> Change | None:
@@ -68,6 +67,6 @@ class ImageModule:
         blob = want.params["blob"]
         return (EngineCall(method="POST", path="/build", params=wishes, blob=blob, stream=True, timeout_s=_LONG_S),)
 
-    def removal(self, found: Existing) -> tuple[Command, ...]:
+    def removal(self, found: Observed) -> tuple[Command, ...]:
         """Untag; layers go when nothing else needs them."""
         return (EngineCall(method="DELETE", path=f"/images/{found.name}", accept=(200, 404)),)

@@ -15,8 +15,7 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol, runtime_checkable
 
-from srprov.facts.model import Existing
-from srprov.resource import Change, Resource, State
+from srprov.resource import Change, Observed, Resource, State
 from srprov.wire import AnyQuery, Command, Query, Reply
 
 INSTANCE = "srprov.instance"
@@ -41,7 +40,7 @@ class Module(Protocol):
         """Say what to ask to see every resource of this kind that is ours, of all instances."""
         ...
 
-    def parse(self, replies: Sequence[Reply], /) -> tuple[Existing, ...]:
+    def parse(self, replies: Sequence[Reply], /) -> tuple[Observed, ...]:
         """Read the replies to `queries`, in the same order; garbage gives nothing, never an error."""
         ...
 
@@ -53,7 +52,7 @@ class Module(Protocol):
         """Say what makes it right, given the change that `check` found."""
         ...
 
-    def removal(self, found: Existing, /) -> tuple[Command, ...]:
+    def removal(self, found: Observed, /) -> tuple[Command, ...]:
         """Say what takes it away."""
         ...
 
@@ -66,38 +65,38 @@ class Probing(Protocol):
         """Say what to ask to see whether this one is right."""
         ...
 
-    def probed(self, want: Resource, replies: Sequence[Reply], /) -> Existing:
+    def probed(self, want: Resource, replies: Sequence[Reply], /) -> Observed:
         """Read the replies to `probes`; owned by nobody, so that nothing is ever removed for it."""
         ...
 
 
 def canonical(value: object) -> str:
-    """Give the one JSON text of a value: sorted keys, no spaces."""
+    """Return the one JSON text of a value: sorted keys, no spaces."""
     return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=True)
 
 
 def digest(value: object, length: int = 64) -> str:
-    """Give the sha256 of a JSON value in hex, shortened to `length` digits."""
+    """Return the sha256 of a JSON value in hex, shortened to `length` digits."""
     return hashlib.sha256(canonical(value).encode()).hexdigest()[:length]
 
 
 def as_list(value: object) -> list[Mapping[str, Any]]:
-    """Give the mappings of a list that came from a robot; anything else is dropped."""
+    """Return the mappings of a list that came from a robot; anything else is dropped."""
     return [item for item in value if isinstance(item, Mapping)] if isinstance(value, list) else []
 
 
 def as_text(value: object) -> str:
-    """Give a text that came from a robot; None becomes empty."""
+    """Return a text that came from a robot; None becomes empty."""
     return "" if value is None else str(value)
 
 
 def as_int(text: str, default: int = 0) -> int:
-    """Give a whole number that came from a robot as text: ASCII digits, and no more than any real one has."""
+    """Return a whole number that came from a robot as text: ASCII digits, and no more than any real one has."""
     return int(text) if re.fullmatch(r"[0-9]{1,18}", text) else default
 
 
 def as_labels(value: object) -> dict[str, str]:
-    """Give the labels of a Docker object; `null` and garbage become none."""
+    """Return the labels of a Docker object; `null` and garbage become none."""
     return {str(k): as_text(v) for k, v in value.items()} if isinstance(value, Mapping) else {}
 
 

@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from srprov.facts.model import Existing
 from srprov.modules.module import (
     CONFIG_HASH,
     INSTANCE,
@@ -25,7 +24,7 @@ from srprov.modules.module import (
     canonical,
     digest,
 )
-from srprov.resource import Action, Change, Resource, State
+from srprov.resource import Action, Change, Observed, Resource, State
 from srprov.wire import AnyQuery, Command, EngineCall, EngineQuery, Reply, Run, quote
 
 _VNI = "srprov.vni"
@@ -44,7 +43,7 @@ class NetworkModule:
         """List labelled networks."""
         return (EngineQuery(path="/networks", params=(("filters", LABEL_FILTER),)),)
 
-    def parse(self, replies: Sequence[Reply]) -> tuple[Existing, ...]:
+    def parse(self, replies: Sequence[Reply]) -> tuple[Observed, ...]:
         """Read options, addresses and labels."""
         found = []
         for item in as_list(replies[0].json() if replies[0].ok else None):
@@ -66,7 +65,7 @@ class NetworkModule:
                 "gateway": as_text(pool.get("Gateway")),
             }
             name = as_text(item.get("Name"))
-            found.append(Existing(module="network", name=name, instance=labels[INSTANCE], state=state))
+            found.append(Observed(module="network", name=name, instance=labels[INSTANCE], state=state))
         return tuple(found)
 
     def check(self, want: Resource, found: State | None) -> Change | None:
@@ -104,7 +103,7 @@ class NetworkModule:
             return (create,)
         return (remove, *_leftover_bridge(change.before), create)
 
-    def removal(self, found: Existing) -> tuple[Command, ...]:
+    def removal(self, found: Observed) -> tuple[Command, ...]:
         """Remove by name; 404 is fine, somebody was faster."""
         remove = EngineCall(method="DELETE", path=f"/networks/{found.name}", accept=(204, 404))
         return (remove, *_leftover_bridge(found.state))
@@ -125,5 +124,5 @@ def _leftover_bridge(found: State | None) -> tuple[Command, ...]:
 
 
 def network_hash(params: Mapping[str, Any]) -> str:
-    """Give the hash of what a container on the network depends on; part of each container's own hash."""
+    """Return the hash of what a container on the network depends on; part of each container's own hash."""
     return digest([params[key] for key in ("bridge", "mtu", "subnet")], 16)

@@ -15,10 +15,9 @@ import dataclasses
 import hashlib
 from collections.abc import Sequence
 
-from srprov.facts.model import Existing
 from srprov.modules.file import remove_path
 from srprov.modules.module import MEMORY_ROOT
-from srprov.resource import Action, Change, Resource, State
+from srprov.resource import Action, Change, Observed, Resource, State
 from srprov.secret import Hidden, Vault
 from srprov.wire import AnyQuery, Command, Put, Query, Reply
 
@@ -32,12 +31,12 @@ _SHA_DIGITS = hashlib.sha256().digest_size * 2
 
 
 def secret_path(instance: str, name: str, mode: str) -> str:
-    """Give the place of a secret on a robot; services that want it with different permissions get a file each."""
+    """Return the place of a secret on a robot; services that want it with different permissions get a file each."""
     return f"{MEMORY_ROOT}/{instance}/secrets/{name}" + ("" if mode == "0400" else f"@{mode}")
 
 
 def with_value(want: Resource, vault: Vault) -> Resource:
-    """Give a wanted secret its value; any other resource as it is."""
+    """Return a wanted secret its value; any other resource as it is."""
     if want.module != "secret":
         return want
     return dataclasses.replace(want, params={**want.params, "value": vault[want.params["name"]]})
@@ -49,10 +48,10 @@ class SecretModule:
     kind = "secret"
 
     def queries(self) -> tuple[AnyQuery, ...]:
-        """Give permissions and hash of every secret, of all instances."""
+        """Return permissions and hash of every secret, of all instances."""
         return (Query(command=_LIST),)
 
-    def parse(self, replies: Sequence[Reply]) -> tuple[Existing, ...]:
+    def parse(self, replies: Sequence[Reply]) -> tuple[Observed, ...]:
         """Read `400 ./instance/secrets/name` and `sha256  ./instance/secrets/name` lines; a half-written one counts."""
         modes: dict[str, str] = {}
         found = []
@@ -67,7 +66,7 @@ class SecretModule:
                 continue
             state = {"digest": Hidden(word), "mode": modes.get(path, "")}
             name = f"{MEMORY_ROOT}/{'/'.join(parts)}"
-            found.append(Existing(module="secret", name=name, instance=parts[0], state=state))
+            found.append(Observed(module="secret", name=name, instance=parts[0], state=state))
         return tuple(found)
 
     def check(self, want: Resource, found: State | None) -> Change | None:
@@ -87,6 +86,6 @@ class SecretModule:
         in_place = change.action is Action.UPDATE
         return (Put(path=want.name, secret=want.params["name"], mode=mode, in_place=in_place),)
 
-    def removal(self, found: Existing) -> tuple[Command, ...]:
+    def removal(self, found: Observed) -> tuple[Command, ...]:
         """Remove it, and the folders above it that are empty then."""
         return (remove_path(found.name, MEMORY_ROOT, with_root=True),)

@@ -8,10 +8,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from srprov.facts.model import Existing
 from srprov.modules.file import remove_path
 from srprov.modules.module import STATE_ROOT
-from srprov.resource import Action, Change, Resource, State
+from srprov.resource import Action, Change, Observed, Resource, State
 from srprov.wire import AnyQuery, Command, Put, Query, Reply, Run, quote
 
 _PARTS = 3
@@ -26,13 +25,13 @@ class TreeModule:
         """List the shipped trees of every instance."""
         return (Query(command=f'for d in {STATE_ROOT}/*/trees/*; do [ -e "$d" ] && printf "%s\\n" "$d"; done; :'),)
 
-    def parse(self, replies: Sequence[Reply]) -> tuple[Existing, ...]:
+    def parse(self, replies: Sequence[Reply]) -> tuple[Observed, ...]:
         """Read one path per line; half-extracted ones (`.part`, `.tar`) are the instance's too and are cleaned up."""
         found = []
         for line in replies[0].out.split("\n"):
             parts = line.removeprefix(STATE_ROOT + "/").split("/")
             if line.startswith(STATE_ROOT + "/") and len(parts) == _PARTS:
-                found.append(Existing(module="tree", name=line, instance=parts[0], state={}))
+                found.append(Observed(module="tree", name=line, instance=parts[0], state={}))
         return tuple(found)
 
     def check(self, want: Resource, found: State | None) -> Change | None:
@@ -52,6 +51,6 @@ class TreeModule:
             Run(script=unpack, timeout_s=600),
         )
 
-    def removal(self, found: Existing) -> tuple[Command, ...]:
+    def removal(self, found: Observed) -> tuple[Command, ...]:
         """Remove it and what is empty above it."""
         return (remove_path(found.name),)

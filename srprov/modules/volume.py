@@ -7,9 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from srprov.facts.model import Existing
 from srprov.modules.module import INSTANCE, LABEL_FILTER, SOURCE, as_labels, as_list, as_text, canonical
-from srprov.resource import Action, Change, Resource, State
+from srprov.resource import Action, Change, Observed, Resource, State
 from srprov.wire import AnyQuery, Command, EngineCall, EngineQuery, Reply
 
 
@@ -22,8 +21,8 @@ class VolumeModule:
         """List labelled volumes."""
         return (EngineQuery(path="/volumes", params=(("filters", LABEL_FILTER),)),)
 
-    def parse(self, replies: Sequence[Reply]) -> tuple[Existing, ...]:
-        """Give names and owners."""
+    def parse(self, replies: Sequence[Reply]) -> tuple[Observed, ...]:
+        """Return names and owners."""
         body = replies[0].json() if replies[0].ok else None
         found = []
         for item in as_list(body.get("Volumes") if isinstance(body, dict) else None):
@@ -31,7 +30,7 @@ class VolumeModule:
             if INSTANCE in labels:
                 state = {"source": labels.get(SOURCE, "")}
                 name = as_text(item.get("Name"))
-                found.append(Existing(module="volume", name=name, instance=labels[INSTANCE], state=state))
+                found.append(Observed(module="volume", name=name, instance=labels[INSTANCE], state=state))
         return tuple(found)
 
     def check(self, want: Resource, found: State | None) -> Change | None:
@@ -44,6 +43,6 @@ class VolumeModule:
         body = canonical({"Name": want.name, "Labels": labels})
         return (EngineCall(method="POST", path="/volumes/create", body=body, accept=(201,)),)
 
-    def removal(self, found: Existing) -> tuple[Command, ...]:
+    def removal(self, found: Observed) -> tuple[Command, ...]:
         """Remove it with its data."""
         return (EngineCall(method="DELETE", path=f"/volumes/{found.name}", accept=(204, 404)),)

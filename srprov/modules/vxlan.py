@@ -15,9 +15,8 @@ import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from srprov.facts.model import Existing
 from srprov.modules.module import as_list, as_text
-from srprov.resource import Action, Change, Resource, State
+from srprov.resource import Action, Change, Observed, Resource, State
 from srprov.wire import AnyQuery, Command, Query, Reply, Run, quote, sh
 
 FLOOD = "00:00:00:00:00:00"
@@ -39,8 +38,8 @@ class VxlanModule:
             Query(command="bridge -j fdb show"),
         )
 
-    def parse(self, replies: Sequence[Reply]) -> tuple[Existing, ...]:
-        """Give our links with their entries; a link of our name without alias is one that was half made."""
+    def parse(self, replies: Sequence[Reply]) -> tuple[Observed, ...]:
+        """Return our links with their entries; a link of our name without alias is one that was half made."""
         every, entries = (as_list(_json(reply)) for reply in replies)
         links, bridges = ([item for item in every if _kind(item) == kind] for kind in ("vxlan", "bridge"))
         snooping = {as_text(item.get("ifname")): _data(item).get("mcast_snooping") for item in bridges}
@@ -52,7 +51,7 @@ class VxlanModule:
             state = _link_state(item, entries)
             state["snooping"] = bool(snooping.get(state["bridge"], 1))
             instance = alias.removeprefix(_ALIAS) if alias.startswith(_ALIAS) else ""
-            found.append(Existing(module="vxlan", name=name, instance=instance, state={**state, "instance": instance}))
+            found.append(Observed(module="vxlan", name=name, instance=instance, state={**state, "instance": instance}))
         return tuple(found)
 
     def check(self, want: Resource, found: State | None) -> Change | None:
@@ -89,14 +88,14 @@ class VxlanModule:
         entries = _fdb_calls(name, known, [(mac, vtep) for mac, vtep in params["fdb"]])
         return (Run(script="\n".join([*_calls("ip", links), *_calls("bridge", entries)])),)
 
-    def removal(self, found: Existing) -> tuple[Command, ...]:
+    def removal(self, found: Observed) -> tuple[Command, ...]:
         """Delete the link; its entries go with it."""
         name = quote(found.name)
         return (Run(script=f"ip link show dev {name} >/dev/null 2>&1 || exit 0; ip link del dev {name}"),)
 
 
 def _calls(program: str, calls: Sequence[Sequence[str]]) -> list[str]:
-    """Give shell lines for calls of one program of iproute2, up to the first that fails.
+    """Return shell lines for calls of one program of iproute2, up to the first that fails.
 
     One process does them all. A line of its batch cannot quote everything, so words that are not plain get a process
     per call, and the shell's quotes.
@@ -161,7 +160,7 @@ def _loose_differences(params: Mapping[str, Any], found: State) -> list[str]:
 
 
 def _fdb_calls(name: str, known: Sequence[tuple[str, str]], wanted: Sequence[tuple[str, str]]) -> list[list[str]]:
-    """Give calls of bridge(8). All-zero entries are appended (several may stand side by side), others replaced."""
+    """Return calls of bridge(8). All-zero entries are appended (several may stand side by side), others replaced."""
     calls = [["fdb", "del", mac, "dev", name, "dst", vtep, "self"] for mac, vtep in sorted(set(known) - set(wanted))]
     for mac, vtep in sorted(set(wanted) - set(known)):
         verb = "append" if mac == FLOOD else "replace"

@@ -16,7 +16,7 @@ from ipaddress import IPv4Address, IPv4Network
 
 from srprov.errors import UsageError
 from srprov.network.identity import number
-from srprov.network.record import Record
+from srprov.network.record import PlacementRecord
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -31,9 +31,13 @@ class Addresses:
 
 
 def allocate(
-    instance: str, subnet: IPv4Network, services: Iterable[str], robots: Iterable[str], used: Record | None = None
+    instance: str,
+    subnet: IPv4Network,
+    services: Iterable[str],
+    robots: Iterable[str],
+    used: PlacementRecord | None = None,
 ) -> Addresses:
-    """Give every service an IP and a MAC, and every robot a gateway address.
+    """Return every service an IP and a MAC, and every robot a gateway address.
 
     Args:
         instance: The instance id.
@@ -45,7 +49,7 @@ def allocate(
     Raises:
         UsageError: More names than addresses.
     """
-    used = used or Record()
+    used = used or PlacementRecord()
     wanted = [("gateway", name) for name in sorted(set(robots))] + [("service", name) for name in sorted(set(services))]
     if len(wanted) > subnet.num_addresses - 2:
         message = f"subnet {subnet} has {subnet.num_addresses - 2} addresses, {len(wanted)} are needed"
@@ -68,7 +72,7 @@ def allocate(
 def _spread(
     instance: str, wanted: list[tuple[str, str]], kept: Mapping[tuple[str, str], int], count: int
 ) -> dict[tuple[str, str], int]:
-    """Give each (kind, name) a number of its own below `count`: its own, else its hash, else the next free."""
+    """Return each (kind, name) a number of its own below `count`: its own, else its hash, else the next free."""
     slot_of: dict[tuple[str, str], int] = {}
     taken: set[int] = set()
     for key in wanted:

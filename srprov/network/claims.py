@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from ipaddress import IPv4Network, IPv6Network, ip_network
 
-from srprov.facts.model import Found, HostFacts
+from srprov.facts.model import HostFacts, Snapshot
 
 LARGEST = 8
 """Shortest prefix that counts as somebody's: a default route, or the two halves that a VPN puts in its place, claim
@@ -17,7 +17,7 @@ nothing."""
 
 
 @dataclass(frozen=True, slots=True)
-class Claim:
+class ForeignUse:
     """Something that is not ours on a robot."""
 
     where: str
@@ -27,35 +27,37 @@ class Claim:
     port: int = 0
 
 
-def find_claims(instance: str, names: tuple[str, str], found: Found, ours: IPv4Network | None) -> Iterator[Claim]:
-    """Give what others have; the clearest name of a thing that shows twice comes first.
+def foreign_uses(
+    instance: str, names: tuple[str, str], snapshot: Snapshot, ours: IPv4Network | None
+) -> Iterator[ForeignUse]:
+    """Return what others have; the clearest name of a thing that shows twice comes first.
 
     Args:
         instance: Whose own things are no claims.
         names: Of its bridge and its VXLAN link.
-        found: All robots as they are.
+        snapshot: All robots as they are.
         ours: The subnet that the instance has now.
     """
-    for other, placement in sorted(found.placements.items()):
+    for other, placement in sorted(snapshot.placements.items()):
         if other != instance:
             where = f"instance '{other}'"
             yield _of_another(where, placement.get("subnet"), placement.get("vni"), placement.get("port"))
-    for robot, existing in sorted(found.existing.items()):
-        for thing in existing:
+    for robot, things in sorted(snapshot.observed.items()):
+        for thing in things:
             if thing.module == "network" and thing.instance != instance:
                 where = f"network '{thing.name}' on {robot}"
                 yield _of_another(where, thing.state.get("subnet"), thing.state.get("vni"), thing.state.get("port"))
-    for robot, facts in sorted(found.facts.items()):
+    for robot, facts in sorted(snapshot.facts.items()):
         yield from _on_robot(robot, facts, names, ours)
 
 
-def overlap(wanted: IPv4Network, claims: Iterable[Claim]) -> Claim | None:
-    """Give the first claim that a network would meet."""
+def overlap(wanted: IPv4Network, claims: Iterable[ForeignUse]) -> ForeignUse | None:
+    """Return the first claim that a network would meet."""
     return next((claim for claim in claims if claim.subnet is not None and claim.subnet.overlaps(wanted)), None)
 
 
 def to_network(text: object) -> IPv4Network | None:
-    """Give the IPv4 network that an address with or without prefix length lies in; None for anything else."""
+    """Return the IPv4 network that an address with or without prefix length lies in; None for anything else."""
     if not isinstance(text, str):
         return None
     try:
@@ -65,22 +67,22 @@ def to_network(text: object) -> IPv4Network | None:
     return network if isinstance(network, IPv4Network) and network.prefixlen >= LARGEST else None
 
 
-def _on_robot(robot: str, facts: HostFacts, names: tuple[str, str], ours: IPv4Network | None) -> Iterator[Claim]:
-    """Give the claims of a robot's links, routes and own address; its routes over our own bridge are none."""
+def _on_robot(robot: str, facts: HostFacts, names: tuple[str, str], ours: IPv4Network | None) -> Iterator[ForeignUse]:
+    """Return the claims of a robot's links, routes and own address; its routes over our own bridge are none."""
     own = {to_network(address) for link in facts.links if link.name in names for address in link.addresses} | {ours}
     for link in facts.links:
         if link.name not in names:
             where = f"link {link.name} on {robot}"
-            yield Claim(where, vni=link.vni, port=link.port)
-            yield from (Claim(where, to_network(address)) for address in link.addresses)
+            yield ForeignUse(where, vni=link.vni, port=link.port)
+            yield from (ForeignUse(where, to_network(address)) for address in link.addresses)
     for route in facts.routes:
         if (subnet := to_network(route)) is not None and subnet not in own:
-            yield Claim(f"the route to {subnet} on {robot}", subnet)
-    yield Claim(f"the address of {robot}", to_network(facts.underlay_address))
+            yield ForeignUse(f"the route to {subnet} on {robot}", subnet)
+    yield ForeignUse(f"the address of {robot}", to_network(facts.underlay_address))
 
 
-def _of_another(where: str, subnet: object, vni: object, port: object) -> Claim:
-    return Claim(
+def _of_another(where: str, subnet: object, vni: object, port: object) -> ForeignUse:
+    return ForeignUse(
         where,
         subnet=to_network(subnet),
         vni=vni if isinstance(vni, int) else 0,

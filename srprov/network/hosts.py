@@ -19,7 +19,7 @@ ff02::2\tip6-allrouters
 
 
 def hosts_file(overlay: Overlay) -> str:
-    """Give the hosts file: localhost, one line per service, then one per instance of what runs several times.
+    """Return the hosts file: localhost, one line per service, then one per instance of what runs several times.
 
     A resolver gives all addresses of a name that has several lines.
     """

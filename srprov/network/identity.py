@@ -17,11 +17,11 @@ from dataclasses import dataclass
 from ipaddress import IPv4Network
 from typing import TypeGuard, TypeVar
 
-from srprov.definitions.model import NetworkWishes
+from srprov.definitions.model import NetworkSettings
 from srprov.errors import UsageError
-from srprov.facts.model import Found
-from srprov.network.claims import LARGEST, Claim, find_claims, overlap, to_network
-from srprov.network.record import Record
+from srprov.facts.model import Snapshot
+from srprov.network.claims import LARGEST, ForeignUse, foreign_uses, overlap, to_network
+from srprov.network.record import PlacementRecord
 
 POOL = IPv4Network("10.128.0.0/9")
 """Where subnets are taken from: the upper half of 10/8, which Docker's own pools leave alone."""
@@ -38,7 +38,7 @@ _T = TypeVar("_T", int, IPv4Network)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Identity:
+class InstanceIdentity:
     """What tells one instance's overlay from all others."""
 
     instance: str
@@ -54,33 +54,35 @@ class Identity:
 
 
 def number(kind: str, instance: str, name: str = "") -> int:
-    """Give the documented hash: the first 8 bytes, big-endian, of SHA-256 of `srprov/KIND/INSTANCE/NAME` in UTF-8."""
+    """Return the documented hash: the first 8 bytes, big-endian, of SHA-256 of `srprov/KIND/INSTANCE/NAME` in UTF-8."""
     return int.from_bytes(hashlib.sha256(f"srprov/{kind}/{instance}/{name}".encode()).digest()[:8], "big")
 
 
 def link_names(instance: str) -> tuple[str, str]:
-    """Give the names of an instance's bridge and of its VXLAN link, e.g. `srpb0a1b2c3d` and `srpv0a1b2c3d`."""
+    """Return the names of an instance's bridge and of its VXLAN link, e.g. `srpb0a1b2c3d` and `srpv0a1b2c3d`."""
     digits = f"{number('link', instance) >> 32:08x}"
     return f"srpb{digits}", f"srpv{digits}"
 
 
-def identify(instance: str, wishes: NetworkWishes, found: Found, record: Record | None = None) -> Identity:
-    """Give the identity of an instance's overlay.
+def identify(
+    instance: str, wishes: NetworkSettings, snapshot: Snapshot, record: PlacementRecord | None = None
+) -> InstanceIdentity:
+    """Return the identity of an instance's overlay.
 
     Args:
         instance: The instance id.
         wishes: What the EDF asks for.
-        found: All robots as they are; what others use is avoided, also where this instance runs nothing (yet).
+        snapshot: All robots as they are; what others use is avoided, also where this instance runs nothing (yet).
         record: The last placement of this instance, if any robot holds one.
 
     Raises:
         UsageError: A wish that makes no sense or that something else on a robot has, or nothing is left to choose.
     """
     bridge, link = link_names(instance)
-    _check_names(instance, (bridge, link), found)
-    ours, vni = _in_use(instance, found, record or Record())
-    claims = tuple(find_claims(instance, (bridge, link), found, ours))
-    return Identity(
+    _check_names(instance, (bridge, link), snapshot)
+    ours, vni = _in_use(instance, snapshot, record or PlacementRecord())
+    claims = tuple(foreign_uses(instance, (bridge, link), snapshot, ours))
+    return InstanceIdentity(
         instance=instance,
         vni=_vni(instance, wishes, vni, claims),
         port=wishes.port,
@@ -91,8 +93,8 @@ def identify(instance: str, wishes: NetworkWishes, found: Found, record: Record 
     )
 
 
-def _vni(instance: str, wishes: NetworkWishes, used: int, claims: Iterable[Claim]) -> int:
-    """Give the VNI; two VXLANs of one robot may share it only on different ports."""
+def _vni(instance: str, wishes: NetworkSettings, used: int, claims: Iterable[ForeignUse]) -> int:
+    """Return the VNI; two VXLANs of one robot may share it only on different ports."""
     taken = {claim.vni: claim.where for claim in claims if claim.vni and claim.port in (0, wishes.port)}
     if wishes.vni is not None:
         hint = "leave it out to have one chosen"
@@ -108,8 +110,10 @@ def _vni(instance: str, wishes: NetworkWishes, used: int, claims: Iterable[Claim
     return next(vni for i in range(count) if (vni := VNI_FIRST + (start + i) % count) not in taken)
 
 
-def _subnet(instance: str, wishes: NetworkWishes, used: IPv4Network | None, claims: tuple[Claim, ...]) -> IPv4Network:
-    """Give the subnet; nothing on any robot that is not ours may overlap it."""
+def _subnet(
+    instance: str, wishes: NetworkSettings, used: IPv4Network | None, claims: tuple[ForeignUse, ...]
+) -> IPv4Network:
+    """Return the subnet; nothing on any robot that is not ours may overlap it."""
     if wishes.subnet is not None:
         wanted = to_network(wishes.subnet)
         if not _fits(wanted):
@@ -134,19 +138,19 @@ def _subnet(instance: str, wishes: NetworkWishes, used: IPv4Network | None, clai
     raise UsageError(f"no /{PREFIX} of {POOL} is free on all robots", hint="name one as network.subnet in the EDF")
 
 
-def _in_use(instance: str, found: Found, record: Record) -> tuple[IPv4Network | None, int]:
-    """Give the subnet and VNI that the instance has now: by most of its Docker networks, else by the last placement.
+def _in_use(instance: str, snapshot: Snapshot, record: PlacementRecord) -> tuple[IPv4Network | None, int]:
+    """Return the subnet and VNI that the instance has now: by most of its Docker networks, else by the last placement.
 
     What robots say is untrusted: a subnet that would swallow some robot's own address, and a VNI out of range, are not
     used.
     """
     states = [
         thing.state
-        for things in found.existing.values()
+        for things in snapshot.observed.values()
         for thing in things
         if thing.module == "network" and thing.instance == instance
     ]
-    hosts = [to_network(facts.underlay_address) for facts in found.facts.values()]
+    hosts = [to_network(facts.underlay_address) for facts in snapshot.facts.values()]
     subnets = [
         network
         for text in ([state.get("subnet") for state in states] or [record.subnet])
@@ -157,14 +161,14 @@ def _in_use(instance: str, found: Found, record: Record) -> tuple[IPv4Network | 
 
 
 def _most_frequent(values: Sequence[_T]) -> _T | None:
-    """Give the most frequent value, the smallest of several; robots differ only when a change was interrupted."""
+    """Return the most frequent value, the smallest of several; robots differ only when a change was interrupted."""
     counts = Counter(values)
     return min(counts, key=lambda value: (-counts[value], value), default=None)
 
 
-def _check_names(instance: str, names: tuple[str, str], found: Found) -> None:
+def _check_names(instance: str, names: tuple[str, str], snapshot: Snapshot) -> None:
     """Refuse when a link of our name is another instance's: 32 bits of hash, so this is next to impossible."""
-    for robot, facts in sorted(found.facts.items()):
+    for robot, facts in sorted(snapshot.facts.items()):
         for link in facts.links:
             if link.name in names and link.alias not in ("", _ALIAS + instance):
                 message = f"link {link.name} on {robot} belongs to '{link.alias.removeprefix(_ALIAS)}'"
@@ -176,5 +180,5 @@ def _is_vni(number: int) -> bool:
 
 
 def _fits(network: IPv4Network | None) -> TypeGuard[IPv4Network]:
-    """Tell whether a network can be an overlay's: no slip of the pen for half the Internet, and not too small."""
+    """Return whether a network can be an overlay's: no slip of the pen for half the Internet, and not too small."""
     return network is not None and LARGEST <= network.prefixlen <= SMALLEST

@@ -16,10 +16,10 @@ from types import MappingProxyType
 
 from srprov.definitions.model import Experiment
 from srprov.errors import UsageError
-from srprov.facts.model import Found
+from srprov.facts.model import Snapshot
 from srprov.network.addresses import allocate
 from srprov.network.identity import identify
-from srprov.network.record import Record, read_record
+from srprov.network.record import PlacementRecord, read_record
 
 OVERHEAD = {4: 50, 6: 70}
 """Bytes that VXLAN adds, by IP version of the underlay."""
@@ -68,29 +68,29 @@ class Overlay:
         return bool(self.vteps)
 
 
-def layout(experiment: Experiment, placed: Mapping[str, str], found: Found, *, instance: str = "") -> Overlay:
-    """Give the overlay for a placement.
+def layout(experiment: Experiment, placed: Mapping[str, str], snapshot: Snapshot, *, instance: str = "") -> Overlay:
+    """Return the overlay for a placement.
 
     Args:
         experiment: Whose services, wishes and name.
         placed: Service -> robot, also robots that cannot be reached and keep their services.
-        found: All robots as they are, with the placement records they hold.
+        snapshot: All robots as they are, with the placement records they hold.
         instance: The instance id; the experiment's name when empty.
 
     Raises:
         UsageError: A wish that can't be met, or robots that have no address, the same one, or different IP versions.
     """
     instance = instance or experiment.name
-    record = read_record(found.placements.get(instance))
-    underlays = _underlays(placed, found, record)
+    record = read_record(snapshot.placements.get(instance))
+    underlays = _underlays(placed, snapshot, record)
     on_overlay = sorted(name for name in placed if experiment.services[name].network in ON_OVERLAY)
     members = sorted({placed[name] for name in on_overlay})
     vteps = {robot: underlays[robot] for robot in members if robot in underlays}
     if not on_overlay:
         plain = _names(experiment, placed, underlays, {})
         return Overlay(instance=instance, underlays=underlays, names=plain, aliases=_aliases(experiment, plain))
-    _check_vteps(members, vteps, found)
-    identity = identify(instance, experiment.network, found, record)
+    _check_vteps(members, vteps, snapshot)
+    identity = identify(instance, experiment.network, snapshot, record)
     given = allocate(instance, identity.subnet, on_overlay, members, record)
     macs = {name: mac for name, mac in given.macs.items() if experiment.services[name].network == "overlay"}
     names = _names(experiment, placed, underlays, given.services)
@@ -105,7 +105,7 @@ def layout(experiment: Experiment, placed: Mapping[str, str], found: Found, *, i
         link=identity.link,
         network=identity.network,
         subnet=str(identity.subnet),
-        mtu=_mtu(experiment.network.mtu, vteps, found, record),
+        mtu=_mtu(experiment.network.mtu, vteps, snapshot, record),
         addresses=given.services,
         macs=macs,
         gateways=given.gateways,
@@ -115,21 +115,21 @@ def layout(experiment: Experiment, placed: Mapping[str, str], found: Found, *, i
     )
 
 
-def _underlays(placed: Mapping[str, str], found: Found, record: Record | None) -> dict[str, str]:
-    """Give each robot's underlay address: as it says itself, or for one out of reach as the last placement says."""
+def _underlays(placed: Mapping[str, str], snapshot: Snapshot, record: PlacementRecord | None) -> dict[str, str]:
+    """Return each robot's underlay address: as it says itself, or for one out of reach as the last placement says."""
     known = dict(record.vteps) if record else {}
-    known |= {robot: facts.underlay_address for robot, facts in found.facts.items()}
+    known |= {robot: facts.underlay_address for robot, facts in snapshot.facts.items()}
     # facts may come from a file; an address with a scope (and whatever text that is) reaches no other robot
     return {
         robot: known[robot] for robot in sorted(set(placed.values())) if known.get(robot) and "%" not in known[robot]
     }
 
 
-def _check_vteps(members: list[str], vteps: Mapping[str, str], found: Found) -> None:
+def _check_vteps(members: list[str], vteps: Mapping[str, str], snapshot: Snapshot) -> None:
     """Refuse what cannot be one VXLAN segment."""
     hint = "set srprov_underlay in the inventory to the interface or address that the other robots reach"
     for robot in members:
-        if robot in found.facts and robot not in vteps:
+        if robot in snapshot.facts and robot not in vteps:
             raise UsageError(f"{robot} has no address that other robots reach", hint=hint)
     owner: dict[str, str] = {}
     for robot, vtep in vteps.items():
@@ -141,16 +141,16 @@ def _check_vteps(members: list[str], vteps: Mapping[str, str], found: Found) -> 
         raise UsageError(f"{versions[4]} has an IPv4 underlay address, {versions[6]} an IPv6 one", hint=hint)
 
 
-def _mtu(wish: int | None, vteps: Mapping[str, str], found: Found, record: Record | None) -> int:
-    """Give the overlay's MTU: what the smallest underlay MTU leaves, or less if the EDF says so.
+def _mtu(wish: int | None, vteps: Mapping[str, str], snapshot: Snapshot, record: PlacementRecord | None) -> int:
+    """Return the overlay's MTU: what the smallest underlay MTU leaves, or less if the EDF says so.
 
     The MTU of a robot out of reach is not known; the last placement's stands for it, so that losing a robot changes
     nothing.
     """
     possible = {
-        robot: found.facts[robot].underlay_mtu - OVERHEAD[ip_address(vtep).version]
+        robot: snapshot.facts[robot].underlay_mtu - OVERHEAD[ip_address(vtep).version]
         for robot, vtep in vteps.items()
-        if robot in found.facts
+        if robot in snapshot.facts
     }
     narrow = min(possible, key=lambda robot: (possible[robot], robot), default="")
     if wish is not None:
@@ -175,7 +175,7 @@ def _names(
     underlays: Mapping[str, str],
     addresses: Mapping[str, str],
 ) -> dict[str, str]:
-    """Give service -> address; a service on the host's network answers at its robot's underlay address."""
+    """Return service -> address; a service on the host's network answers at its robot's underlay address."""
     names = dict(addresses)
     for name, robot in placed.items():
         if experiment.services[name].network == "host" and robot in underlays:
@@ -184,7 +184,7 @@ def _names(
 
 
 def _aliases(experiment: Experiment, names: Mapping[str, str]) -> dict[str, tuple[str, ...]]:
-    """Give the name in the EDF -> the addresses of all its instances."""
+    """Return the name in the EDF -> the addresses of all its instances."""
     found: dict[str, list[str]] = {}
     for name, address in names.items():
         if experiment.services[name].instance_of:

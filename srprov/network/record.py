@@ -25,7 +25,7 @@ _MAC = re.compile(r"[0-9a-f]{2}(:[0-9a-f]{2}){5}")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Record:
+class PlacementRecord:
     """The last placement of an instance; maps hold only what the record says in the right shape."""
 
     robots: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
@@ -51,7 +51,7 @@ def record(
     source: str,
     before: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """Give the record to write on every robot: JSON values only, keys sorted.
+    """Return the record to write on every robot: JSON values only, keys sorted.
 
     Args:
         overlay: Where everything is on the network.
@@ -88,12 +88,12 @@ def record(
     return dict(sorted({**content, "serial": serial if same else serial + 1}.items()))
 
 
-def read_record(value: Mapping[str, Any] | None) -> Record | None:
-    """Give what a record says; None when there is none."""
+def read_record(value: Mapping[str, Any] | None) -> PlacementRecord | None:
+    """Return what a record says; None when there is none."""
     if value is None:
         return None
     services, robots = _maps(value, "services"), _maps(value, "robots")
-    return Record(
+    return PlacementRecord(
         robots={name: robot for name, entry in services.items() if (robot := _str(entry, "robot"))},
         addresses={name: ip for name, entry in services.items() if (ip := _ipv4(entry, "ip"))},
         macs={name: mac for name, entry in services.items() if _MAC.fullmatch(mac := _str(entry, "mac"))},
@@ -132,7 +132,7 @@ def _ipv4(value: Mapping[str, Any], key: str) -> IPv4Address | None:
 
 
 def _is_address(text: str) -> bool:
-    """Tell whether a text is a plain address; the scope that ipaddress takes behind a % may be any text, lines too."""
+    """Return if a text is a plain address; the scope that ipaddress takes behind a % may be any text, lines too."""
     if "%" in text:
         return False
     try:

@@ -16,14 +16,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from srprov.errors import PlanError
-from srprov.facts.model import Existing
 from srprov.modules import PROBING
 from srprov.planning.draft import Draft, checked, draft_of, removal_of
 from srprov.planning.plan import Step
 from srprov.planning.rebuild import rebuild_on_lost_networks, rebuild_on_replaced_networks
-from srprov.resource import Action, Change, Condition, Need, Resource, resource_id
+from srprov.resource import Action, Change, Condition, Need, Observed, Resource, resource_id
 
-Found = Mapping[str, Sequence[Existing]]
+Snapshot = Mapping[str, Sequence[Observed]]
 """Robot -> everything of ours there, of every instance."""
 
 
@@ -34,8 +33,8 @@ class Removal:
     volumes: bool = False
 
 
-def diff(desired: Iterable[Resource], found: Found, instance: str) -> tuple[tuple[Step, ...], int]:
-    """Give the steps that make `desired` true, and the number of resources that are right already.
+def diff(desired: Iterable[Resource], snapshot: Snapshot, instance: str) -> tuple[tuple[Step, ...], int]:
+    """Return the steps that make `desired` true, and the number of resources that are right already.
 
     Raises:
         PlanError: Two resources with one id, or needs that form a circle.
@@ -43,7 +42,7 @@ def diff(desired: Iterable[Resource], found: Found, instance: str) -> tuple[tupl
     wanted = _by_id(desired)
     drafts: list[Draft] = []
     unchanged = 0
-    there = {(host, item.module, item.name): item for host, items in found.items() for item in items}
+    there = {(host, item.module, item.name): item for host, items in snapshot.items() for item in items}
     for resource in wanted.values():
         item = there.get((resource.host, resource.module, resource.name))
         change = checked(resource, item)
@@ -51,7 +50,7 @@ def diff(desired: Iterable[Resource], found: Found, instance: str) -> tuple[tupl
             unchanged += 1
         else:
             drafts.append(draft_of(resource, change))
-    orphans = _orphans(wanted, found, instance)
+    orphans = _orphans(wanted, snapshot, instance)
     drafts, taken = rebuild_on_replaced_networks(drafts, orphans, wanted, there)
     unchanged -= taken
     drafts = rebuild_on_lost_networks(drafts, there) + orphans
@@ -60,9 +59,9 @@ def diff(desired: Iterable[Resource], found: Found, instance: str) -> tuple[tupl
 
 
 def _asked_again(
-    drafts: Sequence[Draft], wanted: Mapping[str, Resource], there: Mapping[tuple[str, str, str], Existing]
+    drafts: Sequence[Draft], wanted: Mapping[str, Resource], there: Mapping[tuple[str, str, str], Observed]
 ) -> list[Draft]:
-    """Give steps for commands whose check holds now, but which need something that this plan changes.
+    """Return steps for commands whose check holds now, but which need something that this plan changes.
 
     The check is asked again right before the command; without the step, the next plan would find it to be due.
     """
@@ -80,11 +79,11 @@ def _asked_again(
     return again
 
 
-def removal_plan(found: Found, instance: str, removal: Removal) -> tuple[Step, ...]:
-    """Give the steps that remove all of an instance; volumes only when `removal` says so."""
+def removal_plan(snapshot: Snapshot, instance: str, removal: Removal) -> tuple[Step, ...]:
+    """Return the steps that remove all of an instance; volumes only when `removal` says so."""
     drafts = [
         removal_of(host, item, "destroy", destructive=item.module == "volume")
-        for host, items in found.items()
+        for host, items in snapshot.items()
         for item in items
         if item.instance == instance and (item.module != "volume" or removal.volumes)
     ]
@@ -104,11 +103,11 @@ def _by_id(desired: Iterable[Resource]) -> dict[str, Resource]:
     return wanted
 
 
-def _orphans(wanted: Mapping[str, Resource], found: Found, instance: str) -> list[Draft]:
+def _orphans(wanted: Mapping[str, Resource], snapshot: Snapshot, instance: str) -> list[Draft]:
     homes = {r.params["service"]: r.host for r in wanted.values() if r.module == "container"}
     busy = {r.host for r in wanted.values() if r.module == "container"}
     drafts = []
-    for host, items in found.items():
+    for host, items in snapshot.items():
         for item in items:
             ours = item.instance == instance and item.module not in ("volume", "image")
             if ours and resource_id(host, item.module, item.name) not in wanted:
@@ -116,7 +115,7 @@ def _orphans(wanted: Mapping[str, Resource], found: Found, instance: str) -> lis
     return drafts
 
 
-def _orphan_cause(item: Existing, homes: Mapping[str, str], busy: bool) -> str:
+def _orphan_cause(item: Observed, homes: Mapping[str, str], busy: bool) -> str:
     if item.module == "container":
         home = homes.get(str(item.state.get("service")))
         return f"moved to {home}" if home else "no longer in the experiment"
@@ -174,7 +173,7 @@ def _step(
 
 
 def _waited_for(need: Need, wanted: Mapping[str, Resource]) -> bool:
-    """Tell whether a need takes time; or a look, since what is on a robot out of reach is not among the wanted."""
+    """Return whether a need takes time; or a look, since what is on a robot out of reach is not among the wanted."""
     away = need.condition == Condition.STARTED.value and need.id not in wanted
     return away or need.condition in (Condition.HEALTHY.value, Condition.COMPLETED.value)
 
@@ -208,7 +207,7 @@ def _goes_before(first: str, second: str) -> bool:
 def _reached(
     needs: Iterable[Need], wanted: Mapping[str, Resource], changed: Mapping[str, object], seen: set[str] | None = None
 ) -> set[str]:
-    """Give the ids of changing resources that `needs` reach, through unchanged ones."""
+    """Return the ids of changing resources that `needs` reach, through unchanged ones."""
     seen = set() if seen is None else seen
     reached = set()
     for need in needs:

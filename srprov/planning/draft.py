@@ -5,9 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from srprov.errors import PlanError
-from srprov.facts.model import Existing
 from srprov.modules import MODULES, RANK
-from srprov.resource import Action, Change, Resource, resource_id
+from srprov.resource import Action, Change, Observed, Resource, resource_id
 from srprov.wire import Command
 
 
@@ -21,7 +20,7 @@ class Draft:
     change: Change
     commands: tuple[Command, ...]
     want: Resource | None = None
-    found: Existing | None = None
+    found: Observed | None = None
 
     @property
     def key(self) -> tuple[str, int, int, str]:
@@ -37,21 +36,21 @@ class Draft:
 
 
 def draft_of(resource: Resource, change: Change) -> Draft:
-    """Give the step that makes a resource right."""
+    """Return the step that makes a resource right."""
     commands = MODULES[resource.module].commands(resource, change)
     return Draft(
         host=resource.host, module=resource.module, name=resource.name, change=change, commands=commands, want=resource
     )
 
 
-def removal_of(host: str, item: Existing, cause: str, *, destructive: bool = False) -> Draft:
-    """Give the step that takes away what was found."""
+def removal_of(host: str, item: Observed, cause: str, *, destructive: bool = False) -> Draft:
+    """Return the step that takes away what was found."""
     change = Change(action=Action.DELETE, cause=cause, destructive=destructive, before=item.state)
     commands = MODULES[item.module].removal(item)
     return Draft(host=host, module=item.module, name=item.name, change=change, commands=commands, found=item)
 
 
-def checked(resource: Resource, item: Existing | None) -> Change | None:
+def checked(resource: Resource, item: Observed | None) -> Change | None:
     """Ask the module; a user's playbook may give it values that no schema knows to be wrong.
 
     Raises:

@@ -10,24 +10,25 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from srprov.facts.model import Existing, Found, HostFacts
+from srprov.facts.model import HostFacts, Snapshot
 from srprov.planning.plan import Plan
+from srprov.resource import Observed
 from srprov.secret import Hidden
 
 _PASSING = ("status", "health", "labels", "id")
 """Keys of a state that say nothing of whether it is the same: `Up 3 minutes`, a health that settles, labels, an id."""
 
 
-def fingerprints(plan: Plan, found: Found) -> dict[str, dict[str, Any]]:
-    """Give the fingerprint of every robot that the plan places a service on or has a step for."""
-    hosts = {*plan.assignment.values(), *(step.host for step in plan.steps)} & set(found.facts)
-    return {host: fingerprint(plan, host, found.facts[host], found.existing[host]) for host in sorted(hosts)}
+def fingerprints(plan: Plan, snapshot: Snapshot) -> dict[str, dict[str, Any]]:
+    """Return the fingerprint of every robot that the plan places a service on or has a step for."""
+    hosts = {*plan.assignment.values(), *(step.host for step in plan.steps)} & set(snapshot.facts)
+    return {host: fingerprint(plan, host, snapshot.facts[host], snapshot.observed[host]) for host in sorted(hosts)}
 
 
-def fingerprint(plan: Plan, host: str, facts: HostFacts, existing: Iterable[Existing]) -> dict[str, Any]:
-    """Give one robot's fingerprint: JSON values only."""
+def fingerprint(plan: Plan, host: str, facts: HostFacts, observed: Iterable[Observed]) -> dict[str, Any]:
+    """Return one robot's fingerprint: JSON values only."""
     named = {(step.module, step.name) for step in plan.steps if step.host == host}
-    ours = [e for e in existing if e.instance == plan.instance or (e.module, e.name) in named]
+    ours = [e for e in observed if e.instance == plan.instance or (e.module, e.name) in named]
     return {
         "engine": {"version": facts.docker.version, "api": facts.docker.api_version} if facts.docker else None,
         "host": {
@@ -45,5 +46,5 @@ def fingerprint(plan: Plan, host: str, facts: HostFacts, existing: Iterable[Exis
 
 
 def lasting(state: Mapping[str, Any]) -> dict[str, Any]:
-    """Give what of a found state does not change by itself, and may be written down."""
+    """Return what of a found state does not change by itself, and may be written down."""
     return {key: value for key, value in sorted(state.items()) if key not in _PASSING and not isinstance(value, Hidden)}

@@ -12,7 +12,7 @@ from srprov.planning.plan import Plan
 
 
 def limited(plan: Plan, hosts: Collection[str]) -> Plan:
-    """Give the plan with only the steps on `hosts`, and without those that need a step that is left out.
+    """Return the plan with only the steps on `hosts`, and without those that need a step that is left out.
 
     Steps keep their numbers, so that they can be compared with the whole plan.
     """

@@ -16,12 +16,12 @@ _MARKUP = re.compile(r"([\\`*_{}\[\]()<>#+\-!|~@&$^])")
 
 
 def plan_markdown(plan: Plan) -> str:
-    """Give the plan as Markdown: the summary first, the steps in a table that folds away."""
+    """Return the plan as Markdown: the summary first, the steps in a table that folds away."""
     return "\n".join(_lines(plan)) + "\n"
 
 
 def escaped(text: str) -> str:
-    """Give text that Markdown shows as it is, on one line."""
+    """Return text that Markdown shows as it is, on one line."""
     return _MARKUP.sub(r"\\\1", visible(" ".join(text.split())))
 
 

@@ -12,9 +12,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from srprov.definitions.secretmodel import SecretSource
-from srprov.facts.model import Existing
 from srprov.planning.policy import Permission
-from srprov.resource import Action, Change, Need, Resource, resource_id
+from srprov.resource import Action, Change, Need, Observed, Resource, resource_id
 from srprov.wire import Command, CopyImage, EngineCall, Put, Run
 
 
@@ -34,7 +33,7 @@ class Step:
     """Conditions of resources that must hold first, e.g. a container that must be healthy."""
     want: Resource | None = None
     """What should be true; None for a removal."""
-    found: Existing | None = None
+    found: Observed | None = None
     """What is removed; None otherwise."""
 
     @property
@@ -95,12 +94,12 @@ class Plan:
         return not self.steps
 
     def counts(self) -> dict[str, int]:
-        """Give the number of steps per action."""
+        """Return the number of steps per action."""
         return {action.name.lower(): sum(s.change.action is action for s in self.steps) for action in Action}
 
 
 def plan_json(plan: Plan) -> dict[str, Any]:
-    """Give the plan file's content: JSON values only, in a fixed order."""
+    """Return the plan file's content: JSON values only, in a fixed order."""
     return {
         "plan": 1,
         "instance": plan.instance,
@@ -119,14 +118,14 @@ def plan_json(plan: Plan) -> dict[str, Any]:
 
 
 def secret_json(source: SecretSource) -> dict[str, Any]:
-    """Give where a secret comes from: `{"env": …}`, `{"file": …}` or `{"command": […], "folder": …}`."""
+    """Return where a secret comes from: `{"env": …}`, `{"file": …}` or `{"command": […], "folder": …}`."""
     if source.command:
         return {"command": list(source.command), "folder": source.folder}
     return {"env": source.env} if source.env else {"file": source.file}
 
 
 def step_json(step: Step) -> dict[str, Any]:
-    """Give one step as JSON, as `plan --json` shows it; a plan file adds what it takes to do it."""
+    """Return one step as JSON, as `plan --json` shows it; a plan file adds what it takes to do it."""
     return {
         "number": step.number,
         "robot": step.host,
@@ -142,7 +141,7 @@ def step_json(step: Step) -> dict[str, Any]:
 
 
 def command_json(command: Command) -> dict[str, Any]:
-    """Give one command as JSON; bytes appear by length and digest."""
+    """Return one command as JSON; bytes appear by length and digest."""
     if isinstance(command, Run):
         return {"run": command.script}
     if isinstance(command, Put):

@@ -18,11 +18,10 @@ from typing import Any
 
 from srprov.definitions.secretmodel import SecretSource
 from srprov.errors import Location, UsageError
-from srprov.facts.model import Existing
 from srprov.planning.fingerprint import lasting
 from srprov.planning.plan import Plan, PlaybookUse, Step, command_json, plan_json, secret_json, step_json
 from srprov.planning.policy import Permission
-from srprov.resource import Action, Change, Need, Resource
+from srprov.resource import Action, Change, Need, Observed, Resource
 from srprov.secret import Hidden
 from srprov.wire import Command, CopyImage, EngineCall, Put, Run
 
@@ -45,12 +44,12 @@ class PlanFile:
 
 
 def dump(saved: PlanFile) -> str:
-    """Give the file's text."""
+    """Return the file's text."""
     return json.dumps(document(saved), indent=2, sort_keys=False, ensure_ascii=True) + "\n"
 
 
 def document(saved: PlanFile, *, with_blobs: bool = True) -> dict[str, Any]:
-    """Give the file's content as JSON values; without blobs it is for reading only."""
+    """Return the file's content as JSON values; without blobs it is for reading only."""
     blobs: dict[str, bytes] = {}
     shown = {
         **plan_json(saved.plan),
@@ -86,7 +85,7 @@ def load(text: str, name: str) -> PlanFile:
 
 
 def is_plan(text: str) -> bool:
-    """Tell whether a file's text is meant as a plan. An EDF may be JSON too, which is YAML; it says `edf`."""
+    """Return whether a file's text is meant as a plan. An EDF may be JSON too, which is YAML; it says `edf`."""
     if not text.lstrip().startswith("{"):
         return False
     try:
@@ -126,7 +125,7 @@ def _secret_in(name: str, value: Mapping[str, Any]) -> SecretSource:
 
 
 def _secrets_out(plan: Plan) -> dict[str, Any]:
-    """Give where secrets come from, with the place in the EDF, for whoever applies the file and has no such value."""
+    """Return where secrets come from, with the place in the EDF, for whoever applies the file and has no such value."""
     shown = {}
     for source in plan.secrets:
         at = source.location
@@ -161,7 +160,7 @@ def _keep(data: bytes, blobs: dict[str, bytes]) -> str:
 
 
 def _command_out(command: Command, blobs: dict[str, bytes]) -> dict[str, Any]:
-    """Give the command as `plan --json` shows it, with what else it takes to do it."""
+    """Return the command as `plan --json` shows it, with what else it takes to do it."""
     shown = {**command_json(command), "timeout_s": command.timeout_s}
     if isinstance(command, Put) and not command.secret:
         _keep(command.content, blobs)
@@ -191,7 +190,7 @@ def _step_in(value: Mapping[str, Any], blobs: Mapping[str, bytes]) -> Step:
         needs=tuple(value["needs"]),
         waits=tuple(Need(**need) for need in value["waits"]),
         want=_want_in(want, blobs, host, module, name) if want else None,
-        found=Existing(module=module, name=name, **found) if found else None,
+        found=Observed(module=module, name=name, **found) if found else None,
     )
 
 

@@ -59,7 +59,7 @@ def permissions(experiment: Experiment) -> tuple[Permission, ...]:
 
 
 def refused(asked: Collection[Permission], allowed: Collection[str]) -> tuple[Permission, ...]:
-    """Give those that are not allowed; the word `all` allows every kind."""
+    """Return those that are not allowed; the word `all` allows every kind."""
     return () if "all" in allowed else tuple(one for one in asked if one.kind not in allowed)
 
 

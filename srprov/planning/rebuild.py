@@ -4,16 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping, Sequence
 
-from srprov.facts.model import Existing
 from srprov.planning.draft import Draft, draft_of, removal_of
-from srprov.resource import Action, Change, Condition, Resource
+from srprov.resource import Action, Change, Condition, Observed, Resource
 
 
 def rebuild_on_replaced_networks(
     drafts: list[Draft],
     orphans: Sequence[Draft],
     wanted: Mapping[str, Resource],
-    there: Mapping[tuple[str, str, str], Existing],
+    there: Mapping[tuple[str, str, str], Observed],
 ) -> tuple[list[Draft], int]:
     """Docker cannot change or remove a network that is in use: what stands on it goes before, and comes back after.
 
@@ -46,13 +45,13 @@ def rebuild_on_replaced_networks(
     return drafts, taken
 
 
-def _stands_on(item: Existing, host: str, networks: Collection[tuple[str, str]]) -> bool:
-    """Tell whether a container that was found is attached to one of some robots' networks."""
+def _stands_on(item: Observed, host: str, networks: Collection[tuple[str, str]]) -> bool:
+    """Return whether a container that was found is attached to one of some robots' networks."""
     attached = item.state["addresses"] if item.module == "container" else ()
     return any((host, name) in networks for name in attached)
 
 
-def rebuild_on_lost_networks(drafts: Iterable[Draft], there: Mapping[tuple[str, str, str], Existing]) -> list[Draft]:
+def rebuild_on_lost_networks(drafts: Iterable[Draft], there: Mapping[tuple[str, str, str], Observed]) -> list[Draft]:
     """Docker starts a stopped container on the very network that it was made on; without that it never starts again."""
     rebuilt: list[Draft] = []
     for draft in drafts:
@@ -69,8 +68,8 @@ def rebuild_on_lost_networks(drafts: Iterable[Draft], there: Mapping[tuple[str, 
     return rebuilt
 
 
-def _lost(want: Resource, item: Existing, there: Mapping[tuple[str, str, str], Existing]) -> bool:
-    """Tell whether a container's end is on another network than the one that has its network's name now, or on none."""
+def _lost(want: Resource, item: Observed, there: Mapping[tuple[str, str, str], Observed]) -> bool:
+    """Return if a container's end is on another network than the one that has its network's name now, or on none."""
     if want.params["network"]["mode"] != "overlay":
         return False
     name = want.params["network"]["name"]

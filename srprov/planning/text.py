@@ -21,13 +21,13 @@ _WORDS = {
 
 
 def plan_text(plan: Plan, *, commands: bool = False) -> str:
-    """Give the plan as lines. `commands` adds what each step runs, exactly."""
+    """Return the plan as lines. `commands` adds what each step runs, exactly."""
     # names and causes come from robots, and must not write lines of their own
     return "\n".join(visible(line) for line in _lines(plan, commands)) + "\n"
 
 
 def summary(plan: Plan) -> str:
-    """Give the one line that says how much changes."""
+    """Return the one line that says how much changes."""
     if plan.empty:
         return f"Nothing to do: {plan.unchanged} resources are right already."
     counts = plan.counts()

@@ -10,8 +10,8 @@ installed libraries, and for `@failed` the newest record.
 
 from __future__ import annotations
 
-from srprov.record.documents import Run, event_json, run_id, write_inputs
+from srprov.record.documents import RunInputs, event_json, run_id, write_inputs
 from srprov.record.folder import RunFolder, default_root
 from srprov.record.last import LastRun, last_run
 
-__all__ = ["LastRun", "Run", "RunFolder", "default_root", "event_json", "last_run", "run_id", "write_inputs"]
+__all__ = ["LastRun", "RunFolder", "RunInputs", "default_root", "event_json", "last_run", "run_id", "write_inputs"]

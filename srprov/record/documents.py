@@ -24,7 +24,7 @@ from typing import Any
 from srprov.definitions.model import Host, Inventory
 from srprov.execution import Event
 from srprov.facts.document import facts_document
-from srprov.facts.model import Found
+from srprov.facts.model import Snapshot
 from srprov.planning.plan import Plan, plan_json
 from srprov.planning.planfile import PlanFile, document
 from srprov.planning.text import plan_text
@@ -37,7 +37,7 @@ _LIBRARIES = ("click", "docker", "fabric", "jinja2", "jsonschema", "numpy", "ort
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Run:
+class RunInputs:
     """What is recorded before the first act."""
 
     verb: str
@@ -49,27 +49,27 @@ class Run:
     file: Callable[[], PlanFile]
     """The plan as `plan -o` writes it, made in the writer's thread."""
     inventory: Inventory
-    found: Found | None = None
+    snapshot: Snapshot | None = None
     assignment: object = None
     """The decision with its costs and reasons, when this run made one."""
     desired: Sequence[Resource] = ()
 
 
 def run_id(plan: Plan, now: dt.datetime) -> str:
-    """Give `<utc>-<instance>-<first 8 of the plan's hash>`."""
+    """Return `<utc>-<instance>-<first 8 of the plan's hash>`."""
     digest = hashlib.sha256(json.dumps(plan_json(plan), sort_keys=True).encode()).hexdigest()
     return f"{now.astimezone(dt.timezone.utc):%Y%m%dT%H%M%SZ}-{plan.instance}-{digest[:8]}"
 
 
-def write_inputs(folder: RunFolder, run: Run) -> None:
+def write_inputs(folder: RunFolder, run: RunInputs) -> None:
     """Hand everything that is known before the first act to the folder's writer."""
     begun = dt.datetime.now(dt.timezone.utc)
     folder.put_json("environment.json", lambda: environment(run, begun))
     folder.put("plan.txt", lambda: plan_text(run.plan, commands=True))
     folder.put_json("plan.json", lambda: document(run.file(), with_blobs=False))
     folder.put_json("assignment.json", lambda: decision(run.plan, run.assignment))
-    if run.found is not None:
-        found = run.found
+    if run.snapshot is not None:
+        found = run.snapshot
         folder.put_json("facts.json", lambda: facts_document(found.facts, found.unreachable))
     folder.put_json("inputs/inventory.yml", lambda: inventory_document(run.inventory))
     for name, text in inputs(run.file().inputs):
@@ -79,14 +79,14 @@ def write_inputs(folder: RunFolder, run: Run) -> None:
 
 
 def inputs(files: Mapping[str, str]) -> Iterable[tuple[str, str]]:
-    """Give each definition file by a name below inputs/; one from outside the EDF's folder lies below outside/."""
+    """Return each definition file by a name below inputs/; one from outside the EDF's folder lies below outside/."""
     for name, text in sorted(files.items()):
         parts = [part for part in PurePosixPath(name).parts if part not in ("/", "..", ".")]
         yield "/".join(parts) if not name.startswith(("/", "..")) else "/".join(("outside", *parts)), text
 
 
 def decision(plan: Plan, assignment: object) -> dict[str, Any]:
-    """Give who runs what, what it costs, and, when it was decided in this run, all that led to it."""
+    """Return who runs what, what it costs, and, when it was decided in this run, all that led to it."""
     return {
         "assignment": dict(sorted(plan.assignment.items())),
         "costs": {service: round(cost, 6) for service, cost in sorted(plan.costs.items())},
@@ -95,8 +95,8 @@ def decision(plan: Plan, assignment: object) -> dict[str, Any]:
     }
 
 
-def environment(run: Run, begun: dt.datetime) -> dict[str, Any]:
-    """Give who ran what with which versions."""
+def environment(run: RunInputs, begun: dt.datetime) -> dict[str, Any]:
+    """Return who ran what with which versions."""
     return {
         "verb": run.verb,
         "instance": run.plan.instance,
@@ -109,7 +109,7 @@ def environment(run: Run, begun: dt.datetime) -> dict[str, Any]:
 
 @functools.lru_cache(maxsize=1)
 def controller() -> dict[str, Any]:
-    """Give this machine's Python, platform and libraries; worth calling early, as it takes a few milliseconds."""
+    """Return this machine's Python, platform and libraries; worth calling early, as it takes a few milliseconds."""
     system = os.uname()
     return {
         "python": sys.version.split()[0],
@@ -119,7 +119,7 @@ def controller() -> dict[str, Any]:
 
 
 def _versions() -> dict[str, str]:
-    """Give the installed libraries' versions, by the names of their folders: importlib.metadata takes 20 ms to say it.
+    """Return installed libraries' versions, by the names of their folders: importlib.metadata takes 20 ms to say it.
 
     Source: the specification of installed distributions, `NAME-VERSION.dist-info`.
     """
@@ -133,10 +133,10 @@ def _versions() -> dict[str, str]:
     return dict(sorted(found.items()))
 
 
-def inventory_document(lab: Inventory) -> dict[str, Any]:
-    """Give the lab as an Ansible inventory of what srprov read; JSON is YAML."""
-    hosts = {name: _host(host) for name, host in sorted(lab.hosts.items())}
-    groups = {name: members for name, members in sorted(lab.groups.items()) if name not in ("all", "ungrouped")}
+def inventory_document(inventory: Inventory) -> dict[str, Any]:
+    """Return the lab as an Ansible inventory of what srprov read; JSON is YAML."""
+    hosts = {name: _host(host) for name, host in sorted(inventory.hosts.items())}
+    groups = {name: members for name, members in sorted(inventory.groups.items()) if name not in ("all", "ungrouped")}
     children = {name: {"hosts": {host: None for host in members}} for name, members in groups.items()}
     return {"all": {"hosts": hosts, **({"children": children} if children else {})}}
 
@@ -163,7 +163,7 @@ def _host(host: Host) -> dict[str, Any]:
 
 
 def rendered(desired: Sequence[Resource], host: str) -> list[dict[str, Any]]:
-    """Give what should be true on one robot, as a playbook has it; JSON is YAML."""
+    """Return what should be true on one robot, as a playbook has it; JSON is YAML."""
     mine = [resource for resource in desired if resource.host == host]
     return [
         {
@@ -180,7 +180,7 @@ def _params(params: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def event_json(event: Event) -> dict[str, Any]:
-    """Give one event as `--events` and events.jsonl have it; the time is when this is called."""
+    """Return one event as `--events` and events.jsonl have it; the time is when this is called."""
     return {
         "time": round(time.time(), 3),
         "event": event.kind,
@@ -194,7 +194,7 @@ def event_json(event: Event) -> dict[str, Any]:
 
 
 def plain(value: object) -> Any:  # noqa: ANN401 - JSON is any
-    """Give any value as JSON: dataclasses by their fields, bytes by length and hash, hidden values as `***`."""
+    """Return any value as JSON: dataclasses by their fields, bytes by length and hash, hidden values as `***`."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return {field.name: plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
     if isinstance(value, Mapping):

@@ -23,13 +23,13 @@ _MOST_TWINS = 100
 
 
 def default_root() -> Path:
-    """Give where runs are recorded: the user's folder for state, as the XDG base directory specification has it."""
+    """Return where runs are recorded: the user's folder for state, as the XDG base directory specification has it."""
     state = os.environ.get("XDG_STATE_HOME", "")
     return Path(state if os.path.isabs(state) else os.path.expanduser("~/.local/state")) / "srprov" / "runs"
 
 
 def in_lines(value: object, depth: int = 2) -> str:
-    """Give JSON with a line for every item of the upper levels: easy to read, and much faster than a full indent."""
+    """Return JSON with a line for every item of the upper levels: easy to read, and much faster than a full indent."""
     if depth and value and isinstance(value, dict):
         inner = (f"{json.dumps(str(key))}: {in_lines(item, depth - 1)}" for key, item in value.items())
         return "{\n" + ",\n".join(inner) + "\n}"
@@ -73,7 +73,7 @@ class RunFolder:
                 self.problem = self.problem or f"not written after {_PATIENCE_S:g} s"
 
     def __enter__(self) -> RunFolder:
-        """Give itself."""
+        """Return itself."""
         return self
 
     def __exit__(

@@ -79,7 +79,7 @@ def _failed(path: Path) -> Iterator[str]:
 
 
 def _events(path: Path) -> Iterator[Mapping[str, Any]]:
-    """Give the events that are whole: the last line of a killed run may not be."""
+    """Return the events that are whole: the last line of a killed run may not be."""
     for line in (path / "events.jsonl").read_text(encoding="utf-8").split("\n"):
         try:
             yield json.loads(line)

@@ -12,7 +12,7 @@ from typing import Any
 
 from srprov.definitions.playbookmodel import ADDED, AFTER, BEFORE, REPLACES, Playbook
 from srprov.definitions.schema import did_you_mean
-from srprov.errors import DefinitionError, Location, Problem
+from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.rendering.render import render
 from srprov.rendering.user import render_user
 from srprov.resource import Condition, Need, Resource
@@ -22,7 +22,7 @@ Entry = tuple[str, Playbook | None]
 
 
 def arrange(ours: Collection[str], theirs: Iterable[Playbook]) -> tuple[Entry, ...]:
-    """Give all playbooks in order: those `before`, then ours and the user's by file name, then those `after`."""
+    """Return all playbooks in order: those `before`, then ours and the user's by file name, then those `after`."""
     every = list(theirs)
     own = {one.base: one for one in every if one.place in (ADDED, REPLACES)}
     middle = [(name, own.get(name)) for name in sorted({*ours, *own})]
@@ -52,7 +52,7 @@ def render_all(
             for one in render(ours, host, context, modules=modules, blobs=blobs)
         ]
     chains: dict[str, _Chain] = {}
-    problems: dict[Problem, None] = {}
+    problems: dict[Diagnostic, None] = {}
     for host, context in contexts.items():
         chain = chains[host] = _Chain(host)
         for name, playbook in entries:
@@ -78,7 +78,7 @@ class _Chain:
     def __init__(self, host: str) -> None:
         self.host = host
         self.resources: dict[str, Resource] = {}
-        self.problems: list[Problem] = []
+        self.problems: list[Diagnostic] = []
         self._last: list[str] = []
         """What all that comes now waits for: the last resource that a user added."""
         self._since: list[str] = []
@@ -106,8 +106,8 @@ class _Chain:
             if playbook is not None:
                 self._users[resource.id] = playbook
 
-    def finish(self, stated: Mapping[str, Collection[str]]) -> list[Problem]:
-        """Give what is wrong with the needs of users' resources, and resources that stand twice.
+    def finish(self, stated: Mapping[str, Collection[str]]) -> list[Diagnostic]:
+        """Return what is wrong with the needs of users' resources, and resources that stand twice.
 
         What is needed of a robot that is out of reach cannot be judged; `stated` has the ids of all others.
         """
@@ -139,4 +139,4 @@ class _Chain:
     def _tell(self, resource: Resource, playbook: Playbook, message: str, hint: str = "") -> None:
         file, line, column = resource.source.rsplit(":", 2)
         excerpt = playbook.source.excerpt(int(line))
-        self.problems.append(Problem(Location(file, int(line), int(column)), message, "", excerpt, hint))
+        self.problems.append(Diagnostic(Location(file, int(line), int(column)), message, "", excerpt, hint))

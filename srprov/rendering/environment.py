@@ -42,7 +42,7 @@ class _Loader(getattr(yaml, "CSafeLoader", yaml.SafeLoader)):  # type: ignore[mi
     """Safe YAML in which a substitution is a value of its own; one that melted into other text is refused."""
 
     def construct_scalar(self, node: yaml.ScalarNode) -> Any:  # noqa: ANN401 - as yaml has it
-        """Give the text of a scalar that the author wrote."""
+        """Return the text of a scalar that the author wrote."""
         if f'{TAG} "' in str(node.value):
             problem = "a substitution must be a whole YAML value"
             raise yaml.constructor.ConstructorError(None, None, problem, node.start_mark)
@@ -62,7 +62,7 @@ def load(text: str) -> Any:  # noqa: ANN401 - whatever the playbook says
 
 
 def environment() -> ImmutableSandboxedEnvironment:
-    """Give a fresh environment; no loader, so a playbook can include nothing."""
+    """Return a fresh environment; no loader, so a playbook can include nothing."""
     env = ImmutableSandboxedEnvironment(
         undefined=StrictUndefined, finalize=_finalize, trim_blocks=True, lstrip_blocks=True, autoescape=False
     )

@@ -21,7 +21,7 @@ from srprov.definitions.nodes import Findings, Map, Node, Scalar, Seq, Source
 from srprov.definitions.playbook import check_item
 from srprov.definitions.playbookmodel import Playbook
 from srprov.definitions.template import unmarked
-from srprov.errors import DefinitionError, Location, Problem
+from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.rendering.environment import TAG, environment
 from srprov.resource import Condition, Need, Resource
 
@@ -73,23 +73,23 @@ def _rendered(playbook: Playbook, context: Mapping[str, Any]) -> Node | None:
 
 
 def _line(error: BaseException) -> int:
-    """Give the line of the template in which an expression failed; Jinja2 writes it into the traceback."""
+    """Return the line of the template in which an expression failed; Jinja2 writes it into the traceback."""
     if isinstance(line := getattr(error, "lineno", None), int):
         return line
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == "<template>"]
     return lines[-1] or 1 if lines else 1
 
 
-def _problem(playbook: Playbook, line: int, message: str, hint: str = "") -> Problem:
+def _problem(playbook: Playbook, line: int, message: str, hint: str = "") -> Diagnostic:
     excerpt = playbook.source.excerpt(line)
     column = len(excerpt) - len(excerpt.lstrip()) + 1
-    return Problem(Location(playbook.source.file, line, column), message, "", excerpt, hint)
+    return Diagnostic(Location(playbook.source.file, line, column), message, "", excerpt, hint)
 
 
 def _resource(
     item: Node, playbook: Playbook, context: Mapping[str, Any], blobs: Mapping[str, bytes], findings: Findings
 ) -> Resource | None:
-    """Give the resource of an item, or add what is wrong with it."""
+    """Return the resource of an item, or add what is wrong with it."""
     if not isinstance(item, Map):
         findings.extend([_problem(playbook, 1, f"an item is a map, not {nodes.kind(item)}")])
         return None
@@ -116,7 +116,7 @@ def _resource(
 
 
 def _placed(item: Map, source: Source) -> Map:
-    """Give an item as it is checked: substitutions as what they hold, each at the place of its key."""
+    """Return an item as it is checked: substitutions as what they hold, each at the place of its key."""
     entries: dict[str, Node] = {}
     keys: dict[str, Scalar] = {}
     for key, value in item.entries.items():
@@ -140,7 +140,7 @@ def _filled(node: Node, key: Scalar) -> Node:
 
 
 def _value(node: Node, rule: Mapping[str, Any]) -> Any:  # noqa: ANN401 - a JSON value
-    """Give a node as the value that its field takes; the schema has said that it is one."""
+    """Return a node as the value that its field takes; the schema has said that it is one."""
     kinds = {one.get("type") for one in rule.get("anyOf", [rule])}
     if isinstance(node, Scalar) and node.tag == TAG:
         value = json.loads(node.text)

@@ -91,7 +91,7 @@ class Sshd:
         raise AssertionError(f"sshd did not start: {(self.folder / 'log').read_text()}")
 
     def connections(self) -> list[int]:
-        """Give the processes that serve connections, oldest first."""
+        """Return the processes that serve connections, oldest first."""
         assert self.process
         done = subprocess.run(["pgrep", "-P", str(self.process.pid)], capture_output=True, text=True, check=False)
         return [int(pid) for pid in done.stdout.split()]

@@ -146,6 +146,6 @@ def test_a_robot_waits_for_what_is_missing_of_the_pause_and_no_longer(
 
 
 def counters(replies: list[Reply]) -> list[str]:
-    """Give the first reading, from the replies of the files."""
+    """Return the first reading, from the replies of the files."""
     files = next(parse_files(reply.out) for reply in replies if "/proc/uptime:" in reply.out)
     return [*files["/proc/uptime"], *files["/proc/net/dev"]]

@@ -50,7 +50,7 @@ class Robot:
         return Reply(status=done.returncode, out=out, err=err, ok=done.returncode == 0)
 
     def path(self, path: str) -> Path:
-        """Give where a path of the robot lies on this machine."""
+        """Return where a path of the robot lies on this machine."""
         return self.folder / path.removeprefix(STATE_ROOT + "/")
 
     def check(self, want: Resource) -> Change | None:
@@ -72,26 +72,26 @@ class Robot:
         assert self.check(want) is None
 
     def names(self) -> list[str]:
-        """Give all paths below the root."""
+        """Return all paths below the root."""
         return sorted(one.relative_to(self.folder).as_posix() for one in self.folder.rglob("*"))
 
 
 @pytest.fixture(params=["dash", "busybox sh"])
 def robot(request: pytest.FixtureRequest, tmp_path: Path) -> Robot:
-    """Give an empty robot, once with each shell that robots have."""
+    """Return an empty robot, once with each shell that robots have."""
     if not shutil.which(request.param.split()[0]):
         pytest.skip(f"{request.param} is not installed")
     return Robot(tmp_path, request.param)
 
 
 def file(name: str, content: str, **params: object) -> Resource:
-    """Give a wanted file."""
+    """Return a wanted file."""
     full = f"{STATE_ROOT}/{name}"
     return Resource(host="r1", module="file", name=full, params={"content": content, "mode": "0644", **params})
 
 
 def tar(**files: bytes) -> bytes:
-    """Give a tar with one top folder, `www`."""
+    """Return a tar with one top folder, `www`."""
     buffer = io.BytesIO()
     with tarfile.open(fileobj=buffer, mode="w") as archive:
         for name, content in files.items():

@@ -21,13 +21,12 @@ from hypothesis import strategies as st
 
 from srprov.errors import SrprovError
 from srprov.facts.links import parse_links
-from srprov.facts.model import Existing
 from srprov.modules import MODULES
 from srprov.modules.module import MEMORY_ROOT, STATE_ROOT
 from srprov.modules.secret import secret_path
 from srprov.network.record import read_record
 from srprov.planning.plan import Plan, Step
-from srprov.resource import Action, Change, Resource
+from srprov.resource import Action, Change, Observed, Resource
 from srprov.transport.frames import Frames, batch
 from srprov.transport.secretfile import secret_script
 from srprov.transport.shell import excerpt
@@ -103,7 +102,7 @@ def _parsed(call: list[str]) -> list[str]:
 
 
 def without_mkdir(calls: Sequence[list[str]]) -> tuple[list[list[str]], set[str]]:
-    """Give the calls but those that make folders, and these folders: what is there already is not made again."""
+    """Return the calls but those that make folders, and these folders: what is there already is not made again."""
     return [c for c in calls if c[0] != "mkdir"], {c[-1] for c in calls if c[0] == "mkdir"}
 
 
@@ -115,7 +114,7 @@ def same(calls: Sequence[list[str]], wanted: Sequence[list[str]]) -> None:
 
 
 def put_meant(put: Put) -> list[list[str]]:
-    """Give the calls that writing a file means."""
+    """Return the calls that writing a file means."""
     part, mode = put.path + ".part", f"{put.mode:04o}"
     folder = put.path.rpartition("/")[0]
     read = [["stat", "-f", "-c", "%T", folder]] if put.secret else []
@@ -125,7 +124,7 @@ def put_meant(put: Put) -> list[list[str]]:
 
 
 def meant(step: Step) -> Iterator[list[str]]:
-    """Give the calls that a step means, from what it wants and not from its scripts."""
+    """Return the calls that a step means, from what it wants and not from its scripts."""
     assert step.want is not None
     params, name = step.want.params, step.want.name
     for command in step.commands:
@@ -147,7 +146,7 @@ def meant(step: Step) -> Iterator[list[str]]:
 
 
 def script_of(command: Put | Run) -> str:
-    """Give what the transport sends for a command."""
+    """Return what the transport sends for a command."""
     if isinstance(command, Run):
         return command.script
     return secret_script(command, b"it's $(reboot)") if command.secret else command.script()
@@ -229,7 +228,7 @@ def test_secrets_and_removals_do_what_they_mean(shell: str, instance: str, name:
     }  # fmt: skip
     scripts, calls = [], []
     for module, path in there.items():
-        found = Existing(module=module, name=path, instance=instance, state={})
+        found = Observed(module=module, name=path, instance=instance, state={})
         scripts += [c.script for c in MODULES[module].removal(found) if isinstance(c, Run)]
         if module == "vxlan":
             calls += [["ip", "link", "show", "dev", path], ["ip", "link", "del", "dev", path]]

@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[2]
 
 @pytest.fixture
 def silent(tmp_path: Path) -> Iterator[tuple[str, socket.socket]]:
-    """Give an inventory with a robot that accepts connections and says nothing, and its socket."""
+    """Return an inventory with a robot that accepts connections and says nothing, and its socket."""
     with socket.create_server(("127.0.0.1", 0)) as server:
         server.settimeout(30)
         path = tmp_path / "silent.yml"

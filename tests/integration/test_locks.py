@@ -68,7 +68,7 @@ def shell(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.Mo
 
 @pytest.fixture
 def opened() -> Iterator[Callable[[], Session]]:
-    """Give a function that opens a session with this machine."""
+    """Return a function that opens a session with this machine."""
     sessions: list[Session] = []
 
     def build() -> Session:
@@ -103,7 +103,7 @@ def wait_until(holds: Callable[[], object], seconds: float) -> float:
 
 
 def running(*words: str) -> list[int]:
-    """Give the processes whose command line holds all of these words, without this one."""
+    """Return the processes whose command line holds all of these words, without this one."""
     found = []
     for folder in Path("/proc").glob("[0-9]*"):
         with contextlib.suppress(OSError):
@@ -114,7 +114,7 @@ def running(*words: str) -> list[int]:
 
 
 def script_of(session: Session) -> int:
-    """Give the process of a session's lock script; its children look the same until they run a program."""
+    """Return the process of a session's lock script; its children look the same until they run a program."""
     return min(running("flock -n 9", session._mark))  # type: ignore[attr-defined]
 
 
@@ -276,7 +276,7 @@ class Bare:
 
 @pytest.fixture
 def bare(tmp_path: Path) -> Iterator[Callable[..., Bare]]:
-    """Give a function that starts a script by itself."""
+    """Return a function that starts a script by itself."""
     made: list[Bare] = []
 
     def build(**more: object) -> Bare:
@@ -447,7 +447,7 @@ def test_a_killed_controller_frees_the_lock_at_once(opened: Callable[[], Session
 
 @pytest.fixture
 def server(tmp_path: Path, shell: str) -> Iterator[Sshd]:
-    """Give a real sshd whose shells are those of the test."""
+    """Return a real sshd whose shells are those of the test."""
     if not usable():
         pytest.skip("needs openssh-server")
     made = Sshd(tmp_path / "sshd", options={"SetEnv": f"PATH={os.environ['PATH']}"}).start()
@@ -504,7 +504,7 @@ def test_a_connection_that_ends_frees_the_lock(server: Sshd, opened: Callable[[]
 
 @pytest.fixture
 def listening(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[socket.socket]:
-    """Give a socket where the robot's engine is looked for; it accepts and says nothing."""
+    """Return a socket where the robot's engine is looked for; it accepts and says nothing."""
     path = str(tmp_path / "engine.sock")
     monkeypatch.setattr("srprov.transport.ssh._ENGINE_SOCKET", path)
     with socket.socket(socket.AF_UNIX) as made:
@@ -525,7 +525,7 @@ def to_engine(session: Session, listening: socket.socket) -> tuple[object, socke
 
 
 def over(theirs: socket.socket) -> bool:
-    """Tell whether a stream has come to its end."""
+    """Return whether a stream has come to its end."""
     try:
         return theirs.recv(1) == b""
     except BlockingIOError:

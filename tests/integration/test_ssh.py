@@ -637,7 +637,7 @@ session.close()
 
 
 def greeting(port: int) -> bytes:
-    """Give the first bytes of a port that a thread is about to listen on."""
+    """Return the first bytes of a port that a thread is about to listen on."""
     for _ in range(100):
         with contextlib.suppress(ConnectionRefusedError), socket.create_connection(("127.0.0.1", port), 5) as stream:
             return stream.recv(4096)  # what stays unread would reset the forward

@@ -49,7 +49,7 @@ class Robot:
         return Reply(status=done.returncode, out=done.stdout, err=done.stderr, ok=done.returncode == 0)
 
     def see(self) -> dict[str, Any]:
-        """Give the states of all links of ours by name."""
+        """Return the states of all links of ours by name."""
         queries = [query for query in MODULE.queries() if isinstance(query, Query)]
         return {one.name: one for one in MODULE.parse([self.sh(query.command) for query in queries])}
 
@@ -72,7 +72,7 @@ class Robot:
 
 @pytest.fixture(params=["dash", "busybox sh"])
 def robot(request: pytest.FixtureRequest) -> Iterator[Robot]:
-    """Give a namespace, once with each shell that robots have."""
+    """Return a namespace, once with each shell that robots have."""
     shell = tuple(request.param.split())
     if not shutil.which(shell[0]):
         pytest.skip(f"{shell[0]} is not installed")
@@ -94,7 +94,7 @@ def robot(request: pytest.FixtureRequest) -> Iterator[Robot]:
 
 
 def link(name: str = "srpv00000001", **params: Any) -> Resource:
-    """Give the wanted link."""
+    """Return the wanted link."""
     return Resource(host="r1", module="vxlan", name=name, params={**PARAMS, **params})
 
 

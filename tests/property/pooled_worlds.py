@@ -15,7 +15,7 @@ from srprov.assignment import problem, solve
 from srprov.assignment.cost import at_slot, load, terms
 from srprov.assignment.model import Assignment, Problem
 from srprov.definitions.model import Experiment, Placement, Pool, Weights
-from srprov.facts.model import Found
+from srprov.facts.model import Snapshot
 from tests.unit.assignment.worlds import GIB, experiment, found, robot, service
 
 Placed = dict[str, tuple[str, int]]
@@ -26,7 +26,7 @@ class World:
     """An experiment, robots, their slots, where services run now, and earlier runs."""
 
     what: Experiment
-    where: Found
+    where: Snapshot
     slots: Mapping[str, int]
     previous: Mapping[str, str] = field(default_factory=dict)
     history: tuple[Mapping[str, float], ...] = ()
@@ -41,7 +41,7 @@ class World:
 
 
 def world(seed: int, most: int = 6) -> World:
-    """Give a random world of at most `most` services and robots; costs from few values, so that ties are frequent."""
+    """Return a random world of at most `most` services and robots; costs from few values, so that ties are frequent."""
     random = Random(seed)
     names = [chr(ord("a") + i) for i in range(random.randint(1, most))]
     robots = [f"r{i}" for i in range(random.randint(1, most))]
@@ -96,7 +96,7 @@ def _groups(random: Random, names: Sequence[str], chance: float, most: int) -> l
 
 
 def every_answer(world: World) -> Iterator[tuple[Mapping[str, str], int, int]]:
-    """Give (service -> robot, moves, cost in millionths) of every possible assignment."""
+    """Return (service -> robot, moves, cost in millionths) of every possible assignment."""
     nodes = nodes_of(world)
     places = [(name, slot) for name, slots in world.slots.items() for slot in range(slots)]
     for partition in partitions(nodes):
@@ -128,7 +128,7 @@ def _put(
 
 
 def nodes_of(world: World) -> list[tuple[str, ...]]:
-    """Give what same_robot makes of the services."""
+    """Return what same_robot makes of the services."""
     groups: list[set[str]] = [{name} for name in world.what.services]
     for related in world.what.same_robot:
         joined = set().union(*(group for group in groups if group & set(related)))
@@ -137,7 +137,7 @@ def nodes_of(world: World) -> list[tuple[str, ...]]:
 
 
 def partitions(nodes: Sequence[tuple[str, ...]]) -> Iterator[list[tuple[str, ...]]]:
-    """Give every way to put nodes together."""
+    """Return every way to put nodes together."""
     if not nodes:
         yield []
         return
@@ -148,7 +148,7 @@ def partitions(nodes: Sequence[tuple[str, ...]]) -> Iterator[list[tuple[str, ...
 
 
 def alpha(world: World, part: Sequence[str]) -> float | None:
-    """Give the least alpha of services in one slot, None when they may not share one: pools must hold them together."""
+    """Return least alpha of services in one slot, None when they may not share one: pools must hold them together."""
     nodes = [node for node in nodes_of(world) if set(node) <= set(part)]
     pools = [pool for pool in world.what.pools if set(pool.services) <= set(part)]
     best: float | None = None
@@ -172,13 +172,13 @@ def _connected(nodes: Sequence[tuple[str, ...]], links: Sequence[set[str]]) -> b
 
 
 def can_run(world: World, name: str, where: str) -> bool:
-    """Tell whether a robot has the tags, and is the pinned one if any."""
+    """Return whether a robot has the tags, and is the pinned one if any."""
     wants, has = world.what.services[name], world.where.facts[where]
     return set(wants.requires.tags) <= set(has.tags) and wants.robot in ("", where)
 
 
 def keeps_apart(world: World, placed: Mapping[str, str]) -> bool:
-    """Tell whether different_robot holds."""
+    """Return whether different_robot holds."""
     for group in world.what.different_robot:
         where = [placed[name] for name in group if name in placed]
         if len(set(where)) < len(where):
@@ -187,14 +187,14 @@ def keeps_apart(world: World, placed: Mapping[str, str]) -> bool:
 
 
 def units(world: World, value: float, where: str, slot: int) -> int:
-    """Give a cost in millionths."""
+    """Return a cost in millionths."""
     what = world.what
     beta = at_slot(load(world.where.facts[where], what.placement.bandwidth_reference_mbit), slot, world.slots[where])
     return round(1_000_000 * value * terms(1.0, beta, what.weights).total)
 
 
 def without(world: World, names: set[str]) -> World:
-    """Give a world without some services; pools and groups lose them too."""
+    """Return a world without some services; pools and groups lose them too."""
     what = world.what
 
     def rest(group: Sequence[str]) -> tuple[str, ...]:

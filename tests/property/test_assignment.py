@@ -15,7 +15,7 @@ from srprov.assignment.cost import at_slot, load, terms
 from srprov.assignment.model import Assignment, Problem
 from srprov.definitions.model import Experiment, Placement, Weights
 from srprov.errors import NoAssignment
-from srprov.facts.model import Found
+from srprov.facts.model import Snapshot
 from tests.unit.assignment.worlds import GIB, experiment, found, robot, service
 
 TAGS = ("arm", "eye", "ear")
@@ -26,7 +26,7 @@ ROBOTS = ("r1", "r2", "r3", "r4", "r5", "r6")
 @dataclass(frozen=True, kw_only=True)
 class World:
     what: Experiment
-    where: Found
+    where: Snapshot
     slots: Mapping[str, int]
     previous: Mapping[str, str] = field(default_factory=dict)
 
@@ -84,7 +84,7 @@ def pins(robots: Sequence[str]) -> st.SearchStrategy[str]:
 
 
 def brute_force(world: World) -> Iterator[tuple[int, int]]:
-    """Give (moves, cost in millionths) of every possible assignment: all that is tested but the costs is left out."""
+    """Return (moves, cost in millionths) of every possible assignment: all that is tested but the costs is left out."""
     groups: list[set[str]] = [{name} for name in world.what.services]
     for related in world.what.same_robot:
         joined = set().union(*(group for group in groups if group & set(related)))
@@ -177,7 +177,7 @@ def test_the_order_of_inputs_changes_nothing(world: World, random: Random) -> No
 
 
 def outcome(world: World) -> tuple[object, ...]:
-    """Give an answer with the order of its mappings, or a refusal."""
+    """Return an answer with the order of its mappings, or a refusal."""
     try:
         answer = world.solve()
     except NoAssignment as error:
@@ -215,7 +215,7 @@ def test_a_sticky_answer_does_not_follow_the_load(world: World, loads: list[floa
 
 
 def crowd(seed: int) -> World:
-    """Give a world of little else than requirements, as dense as conflicts are frequent and need alternating paths."""
+    """Return a world of little else than requirements, dense: conflicts are frequent and need alternating paths."""
     random = Random(seed)
     names, robots = "abcdefgh"[: random.randint(4, 8)], ROBOTS[: random.randint(3, 6)]
     facts = [robot(one, tags=tuple(name for name in names if random.random() < 0.4)) for one in robots]
@@ -243,7 +243,7 @@ def test_a_conflict_is_one_and_no_part_of_it_is(world: World) -> None:
 
 
 def cut(task: Problem, names: Sequence[str]) -> tuple[list[tuple[str, ...]], dict[tuple[str, ...], Sequence[str]]]:
-    """Give the nodes that are left of some services, and their robots."""
+    """Return the nodes that are left of some services, and their robots."""
     nodes = [rest for node in task.nodes if (rest := tuple(name for name in node if name in names))]
     return nodes, {node: task.eligible(node) for node in nodes}
 

@@ -33,7 +33,7 @@ number = st.one_of(st.integers(), st.floats(), st.just("nan"), st.just("9" * 400
 
 
 def shaped(fields: tuple[str, ...]) -> st.SearchStrategy[object]:
-    """Give objects with the names that parsers look for, and anything as their values."""
+    """Return objects with the names that parsers look for, and anything as their values."""
     return st.dictionaries(st.sampled_from(fields), json_values, max_size=len(fields))
 
 

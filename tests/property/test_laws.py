@@ -22,16 +22,27 @@ from hypothesis import HealthCheck as Hypothesis
 from hypothesis import given, note, settings
 from hypothesis import strategies as st
 
-from srprov.execution import Options, conditions
+from srprov.execution import RunOptions, conditions
 from srprov.planning.text import plan_text
 from tests.fakes import Behaviour, Fault, World
-from tests.worlds import CHECK, Experiment, Mount, NetworkWishes, apply, experiment, plan_for, removal_for, run, service
+from tests.worlds import (
+    CHECK,
+    Experiment,
+    Mount,
+    NetworkSettings,
+    apply,
+    experiment,
+    plan_for,
+    removal_for,
+    run,
+    service,
+)
 
 ROBOTS = ("r1", "r2", "r3")
 NAMES = ("job1", "a", "job2", "b", "c")
 """In the order in which they may depend on each other; those named so are jobs."""
-FAST = Options(settle_s=0.0, wait_timeout_s=3.0)
-ONE = Options(settle_s=0.0, wait_timeout_s=3.0, forks=1)
+FAST = RunOptions(settle_s=0.0, wait_timeout_s=3.0)
+ONE = RunOptions(settle_s=0.0, wait_timeout_s=3.0, forks=1)
 LIMITS = settings(
     derandomize=True,
     deadline=None,
@@ -50,7 +61,7 @@ def quick_polls() -> Iterator[None]:
 
 
 def _folder() -> str:
-    """Give a folder to ship; it holds as little as possible."""
+    """Return a folder to ship; it holds as little as possible."""
     folder = Path(tempfile.mkdtemp(prefix="laws-")) / "www"
     folder.mkdir()
     (folder / "index.html").write_text("hello")
@@ -68,7 +79,7 @@ MOUNTS = {
 
 @st.composite
 def experiments(draw: st.DrawFn) -> Experiment:
-    """Give an experiment of some of five services; each may depend on those before it."""
+    """Return an experiment of some of five services; each may depend on those before it."""
     chosen = draw(st.sets(st.sampled_from(NAMES), min_size=1, max_size=4))
     names = [name for name in NAMES if name in chosen]
     jobs = {name for name in names if name.startswith("job")}
@@ -93,7 +104,7 @@ def experiments(draw: st.DrawFn) -> Experiment:
                 mounts=tuple(MOUNTS[key] for key in sorted(draw(st.sets(st.sampled_from(sorted(MOUNTS)), max_size=2)))),
             )
         )
-    wishes = NetworkWishes(
+    wishes = NetworkSettings(
         mtu=draw(st.sampled_from([None, None, 1300])), subnet=draw(st.sampled_from([None, None, "10.222.0.0/24"]))
     )
     return experiment(*services, network=wishes)
@@ -182,7 +193,7 @@ DRIFTS: dict[str, Drift] = {
 
 
 def new_world(data: st.DataObject) -> World:
-    """Give three robots whose jobs end and whose services become healthy after a while."""
+    """Return three robots whose jobs end and whose services become healthy after a while."""
     world = World().add(*ROBOTS)
     for name in NAMES:
         lives = data.draw(st.integers(0, 2), label=f"{name} lives or is healthy after")
@@ -206,7 +217,7 @@ def strangers(world: World) -> None:
 
 
 def others(state: Any) -> Any:
-    """Give everything of a world's state that is not instance hello's; an instance's things are known by name."""
+    """Return everything of a world's state that is not instance hello's; an instance's things are known by name."""
     if isinstance(state, dict):
         own = lambda key: "srprov.hello" in str(key) or "/hello/" in str(key) or key in LINKS  # noqa: E731
         return {key: others(value) for key, value in state.items() if not own(key)}
@@ -219,7 +230,7 @@ LINKS = ("srpbabf8c589", "srpvabf8c589")
 
 
 def settled(world: World) -> dict[str, Any]:
-    """Give the state with jobs that still run taken for jobs that ended: when they end is not srprov's to say."""
+    """Return the state with jobs that still run taken for jobs that ended: when they end is not srprov's to say."""
     state = world.state()
     for name, robot in world.robots.items():
         for container in robot.engine.containers.values():
@@ -367,7 +378,7 @@ def test_a_failure_is_healed_by_the_next_apply(
 
 
 def copy_of(world: World) -> World:
-    """Give another world in the same state."""
+    """Return another world in the same state."""
     twin = World().add(*world.robots)
     for name, robot in world.robots.items():
         mine = twin.robots[name]

@@ -11,14 +11,15 @@ from random import Random
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from srprov.definitions.model import Experiment, NetworkWishes
+from srprov.definitions.model import Experiment, NetworkSettings
 from srprov.errors import UsageError
-from srprov.facts.model import Existing, Found, Link
+from srprov.facts.model import Link, Snapshot
 from srprov.network.addresses import Addresses, allocate
 from srprov.network.hosts import hosts_file
 from srprov.network.identity import POOL, identify
 from srprov.network.layout import Overlay, layout
-from srprov.network.record import Record, read_record, record
+from srprov.network.record import PlacementRecord, read_record, record
+from srprov.resource import Observed
 from tests.unit.assignment.worlds import experiment, found, robot, service
 
 NAME = st.from_regex(r"[a-z0-9-]{1,8}", fullmatch=True)
@@ -28,8 +29,8 @@ NAMES = st.lists(NAME, unique=True, max_size=30)
 ROBOTS = ("r1", "r2", "r3", "r4")
 
 
-def as_record(given: Addresses) -> Record:
-    return Record(
+def as_record(given: Addresses) -> PlacementRecord:
+    return PlacementRecord(
         addresses={name: IPv4Address(ip) for name, ip in given.services.items()},
         gateways={name: IPv4Address(ip) for name, ip in given.gateways.items()},
         macs=given.macs,
@@ -89,19 +90,19 @@ def test_a_chosen_identity_meets_nothing_on_any_robot(instance: str, taken: list
     claims = [net for net in (IPv4Network(r) for r in taken) if net.prefixlen >= 8]
     claims += [IPv4Network(a, strict=False) for link in there for a in link.addresses]
     try:
-        identity = identify(instance, NetworkWishes(), world)
+        identity = identify(instance, NetworkSettings(), world)
     except UsageError:
         assert any(net.supernet_of(POOL) for net in claims) or sum(net.num_addresses for net in claims) >= 2**23
         return
     assert not any(net.overlaps(identity.subnet) for net in claims)
     assert (identity.vni, identity.port) not in {(link.vni, link.port) for link in there}
     bare = found(robot("r1"))
-    used = Existing(module="network", name="n", instance=instance, state={"subnet": str(identity.subnet), "vni": 5})
-    kept = identify(instance, NetworkWishes(), replace(bare, existing={"r1": (used,)}))
+    used = Observed(module="network", name="n", instance=instance, state={"subnet": str(identity.subnet), "vni": 5})
+    kept = identify(instance, NetworkSettings(), replace(bare, observed={"r1": (used,)}))
     assert (kept.subnet, kept.vni) == (identity.subnet, 5)
 
 
-def lab(unreachable: Sequence[str] = (), **placements: object) -> Found:
+def lab(unreachable: Sequence[str] = (), **placements: object) -> Snapshot:
     robots = [robot(name, underlay_address=f"192.168.0.{name[1]}") for name in ROBOTS if name not in unreachable]
     return found(*robots, unreachable=dict.fromkeys(unreachable, "down"), placements=placements)
 

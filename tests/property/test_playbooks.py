@@ -15,20 +15,20 @@ from hypothesis import strategies as st
 
 from srprov.definitions.playbook import read
 from srprov.definitions.playbookmodel import ADDED, AFTER, BEFORE, Playbook
-from srprov.execution import Options
+from srprov.execution import RunOptions
 from srprov.planning.plan import Plan
 from srprov.planning.text import plan_text
 from tests.fakes import Fault, World
 from tests.worlds import Experiment, experiment, plan_for, run, service
 
-FAST = Options(settle_s=0.0, forks=1)
+FAST = RunOptions(settle_s=0.0, forks=1)
 LIMITS = settings(derandomize=True, deadline=None, max_examples=40)
 PLACES = {BEFORE: "first.yml", ADDED: "35-mine.yml", AFTER: "last.yml"}
 
 
 @st.composite
 def items(draw: st.DrawFn, place: str) -> list[str]:
-    """Give some items of one playbook; each may need those above it."""
+    """Return some items of one playbook; each may need those above it."""
     written: list[str] = []
     above: list[str] = []
     for number in range(draw(st.integers(0, 3))):
@@ -51,7 +51,7 @@ PLAYBOOKS = st.fixed_dictionaries({place: items(place) for place in PLACES})
 
 
 def of(written: dict[str, list[str]]) -> tuple[Experiment, tuple[Playbook, ...]]:
-    """Give the experiment with its playbooks, and the user's own."""
+    """Return the experiment with its playbooks, and the user's own."""
     made: dict[str, Playbook] = {}
     with tempfile.TemporaryDirectory() as folder:
         for place, name in PLACES.items():
@@ -69,7 +69,7 @@ def planned(world: World, written: dict[str, list[str]]) -> Plan:
 
 
 def world_with(marks: set[str]) -> World:
-    """Give two robots, on which some commands' work is done already."""
+    """Return two robots, on which some commands' work is done already."""
     world = World().add("r1", "r2")
     for robot in world.robots.values():
         robot.disk.marks |= marks

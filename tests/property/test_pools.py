@@ -18,7 +18,7 @@ from srprov.assignment.model import Assignment
 from srprov.assignment.requirements import missing
 from srprov.assignment.solve_flow import assign, potentials
 from srprov.assignment.solve_pools import solve_table
-from srprov.assignment.table import NEVER, Table
+from srprov.assignment.table import NEVER, ProblemTable
 from srprov.definitions.model import Requirements, Runtime
 from srprov.errors import NoAssignment
 from tests.property.pooled_worlds import World, every_answer, keeps_apart, without, world
@@ -96,7 +96,7 @@ def _mixed(mapping: object, random: Random) -> dict[str, object]:
 
 
 def outcome(one: World) -> object:
-    """Give what the user reads."""
+    """Return what the user reads."""
     try:
         answer = one.solve()
     except NoAssignment as error:
@@ -138,8 +138,8 @@ def possible(one: World) -> bool:
     return next(every_answer(one), None) is not None
 
 
-def random_table(seed: int, robots: int, services: int, pools: int, slots: int = 1) -> Table:
-    """Give a table whose costs are the paper's product, 70 % of it allowed, with pools of 2-4 at 0.8."""
+def random_table(seed: int, robots: int, services: int, pools: int, slots: int = 1) -> ProblemTable:
+    """Return a table whose costs are the paper's product, 70 % of it allowed, with pools of 2-4 at 0.8."""
     random = np.random.default_rng(seed)
     unit = np.repeat(0.25 * (random.random(robots) ** 4 + random.random(robots)), slots) + np.tile(
         np.arange(slots) / 10, robots
@@ -154,7 +154,7 @@ def random_table(seed: int, robots: int, services: int, pools: int, slots: int =
         tuple(sorted(random.choice(services, 3, replace=False).tolist())) for _ in range(pools // 4 * (slots > 1))
     )
     groups = [group for group in groups if not any(len(set(group) & set(other)) > 1 for other in apart)]
-    return Table(
+    return ProblemTable(
         items=(*((node,) for node in range(services)), *groups),
         nodes=services,
         cost=np.vstack([cost, *(np.rint(0.8 * cost[list(group)].sum(axis=0))[None] for group in groups)]).astype(
@@ -166,8 +166,8 @@ def random_table(seed: int, robots: int, services: int, pools: int, slots: int =
     )
 
 
-def by_highs(table: Table) -> int | None:
-    """Give the least cost by HiGHS on the whole model, written down plainly; None when there is none."""
+def by_highs(table: ProblemTable) -> int | None:
+    """Return the least cost by HiGHS on the whole model, written down plainly; None when there is none."""
     model = mathopt.Model()
     x = {
         (item, place): model.add_binary_variable()

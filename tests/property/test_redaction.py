@@ -77,7 +77,7 @@ def test_base64_of_more_than_the_value(value: str, shift: bytes, after: bytes) -
 
 
 def shape(value: object) -> object:
-    """Give a document with every text left out."""
+    """Return a document with every text left out."""
     if isinstance(value, list):
         return [shape(item) for item in value]
     return "" if isinstance(value, str) else value

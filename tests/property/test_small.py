@@ -23,7 +23,7 @@ PER_BLOCK = 200
 
 
 def task(seed: int, most: int = 8, random: Random | None = None) -> Problem:
-    """Give a random plain problem of up to `most` services and robots; ties are frequent, `random` mixes the input."""
+    """Return a random plain problem of up to `most` services and robots with many ties; `random` mixes the input."""
     dice = Random(seed)
     names = [f"s{i}" for i in range(dice.randint(1, most))]
     robots = [f"r{i}" for i in range(dice.randint(1, most))]
@@ -79,7 +79,7 @@ def mixed(mapping: Mapping[str, Any], random: Random) -> dict[str, Any]:
 
 
 def worth(one: Problem, chosen: tuple[Choice, ...]) -> tuple[int, int]:
-    """Give (cost in millionths, moves), each pair by itself."""
+    """Return (cost in millionths, moves), each pair by itself."""
     cost = moves = 0
     for node, where, slot in chosen:
         alpha = sum(one.services[name].cost for name in node)
@@ -117,7 +117,7 @@ def test_what_is_said_of_it_is_the_same(monkeypatch: pytest.MonkeyPatch) -> None
 
 
 def said(one: Problem) -> tuple[object, list[float]]:
-    """Give what must be the same of an answer, or of a refusal; costs apart."""
+    """Return what must be the same of an answer, or of a refusal; costs apart."""
     try:
         answer = solve(one)
     except NoAssignment as error:
@@ -140,7 +140,7 @@ def test_of_equal_placements_it_takes_the_first_in_name_order() -> None:
 
 
 def every_choice(one: Problem) -> list[tuple[Choice, ...]]:
-    """Give every placement, by trying all."""
+    """Return every placement, by trying all."""
     places = [(where, slot) for where in one.slots for slot in range(one.slots[where])]
     able = [one.eligible(node) for node in one.nodes]
     return [

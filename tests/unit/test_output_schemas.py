@@ -17,7 +17,7 @@ OUTPUTS = ("assign", "facts", "locks", "plan", "run", "status")
 
 
 def parts(schema: Any, path: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
-    """Give every part of a schema that stands for a value, with its path."""
+    """Return every part of a schema that stands for a value, with its path."""
     for name, field in schema.get("properties", {}).items():
         yield f"{path}.{name}", field
         yield from parts(field, f"{path}.{name}")

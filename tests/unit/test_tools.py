@@ -20,7 +20,7 @@ SETUP = (ROOT / "tools/setup.sh").read_text()
 
 
 def words(name: str) -> list[str]:
-    """Give the words of one quoted assignment in setup.sh."""
+    """Return the words of one quoted assignment in setup.sh."""
     found = re.search(rf'^{name}="([^"]*)"', SETUP, re.MULTILINE)
     assert found, f"{name} is not in tools/setup.sh"
     return found[1].split()

@@ -61,7 +61,7 @@ def path_of(test: str) -> str:
 
 
 def in_order() -> list[tuple[str, list[str]]]:
-    """Give each file's tests as they stand there: some build on what others left."""
+    """Return each file's tests as they stand there: some build on what others left."""
     every = [path_of(test) for tests in FAULTS.values() for test in tests]
 
     def place(test: str) -> tuple[str, int]:
@@ -86,7 +86,7 @@ def soak(wait_s: float, tell: Callable[[Result], None]) -> bool:
 
 
 def told(outcomes: list[Outcome], seconds: float, left: int) -> Result:
-    """Give the figures, and each fault's tests by name."""
+    """Return the figures, and each fault's tests by name."""
     rows, whole, seen = [], 0, 0
     for fault, tests in FAULTS.items():
         mine = [one for one in outcomes if any(belongs(one.test, path_of(test)) for test in tests)]

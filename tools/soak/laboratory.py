@@ -38,7 +38,7 @@ def _give_up(_number: int, _frame: FrameType | None) -> None:
 
 @contextmanager
 def laboratory(robots: int, wait_s: float) -> Iterator[tuple[Lab, Path]]:
-    """Give a fresh lab of so many robots and a folder."""
+    """Return a fresh lab of so many robots and a folder."""
     with guarded(wait_s) as folder:
         lab = Lab(folder)
         down(lab)  # one that is up may hold what somebody tried

@@ -79,7 +79,7 @@ def soak(every: int, wait_s: float, tell: Callable[[Result], None]) -> bool:
 
 
 def moments(survivor: Survivor, every: int) -> Iterator[Moment]:
-    """Give fault, moment, and what makes the one happen at the other."""
+    """Return fault, moment, and what makes the one happen at the other."""
     for kind in ("end", "start"):
         for count in range(1, survivor.steps + 1, every):
             yield "controller killed", f"{kind} {count}", lambda s, k=kind, c=count: s.disturb(k, c, kill).code
@@ -145,7 +145,7 @@ def in_a_cell(error: Exception) -> str:
 
 
 def told(turns: list[Turn], steps: int, every: int, left: int, seconds: float) -> Result:
-    """Give the figures and each turn."""
+    """Return the figures and each turn."""
     which = "every moment" if every == 1 else f"one moment in {every}"
     figures = [f"{steps} steps, {which}: {len(turns)} turns"]
     for fault in dict.fromkeys(turn.fault for turn in turns):

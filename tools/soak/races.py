@@ -35,7 +35,7 @@ def soak(races: int, wait_s: float, tell: Callable[[Result], None]) -> bool:
 
 
 def told(outcomes: list[Outcome], seconds: float, left: int) -> Result:
-    """Give the figures and each race."""
+    """Return the figures and each race."""
     fine = [one for one in outcomes if one.fine]
     winners = Counter(str(one.said.get("winner")) for one in fine)
     won = ", ".join(f"{name} {count}" for name, count in sorted(winners.items()))

@@ -53,6 +53,6 @@ def write(path: Path, result: Result) -> None:
 
 
 def _sections(text: str) -> dict[str, str]:
-    """Give title -> text."""
+    """Return title -> text."""
     parts = [part.partition("\n") for part in re.split(r"^## ", text, flags=re.MULTILINE)[1:]]
     return {title.strip(): rest.strip() for title, _, rest in parts}

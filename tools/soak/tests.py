@@ -65,7 +65,7 @@ def run(tests: Sequence[str], limit_s: float, wait_s: float, **env: str) -> tupl
 
 
 def collected(tests: Sequence[str], told: Sequence[str]) -> list[Outcome]:
-    """Give each wanted test's outcome from what the plugin wrote; a name without `[...]` stands for all its cases."""
+    """Return each wanted test's outcome from what the plugin wrote; a name without `[...]` stands for all its cases."""
     phases: dict[str, list[dict[str, Any]]] = {}
     for line in told:
         phase = json.loads(line)

@@ -6,12 +6,12 @@ from srprov.assignment import explain
 from srprov.definitions.expand import expand
 from srprov.definitions.model import Experiment, Placement, Requirements, Weights
 from srprov.errors import NoAssignment
-from srprov.facts.model import Docker, Found
+from srprov.facts.model import Docker, Snapshot
 from tests.unit.assignment.worlds import GIB, assign, experiment, found, robot, service
 
 
 def refusal(
-    what: Experiment, where: Found, previous: dict[str, str] | None = None, slots: dict[str, int] | None = None
+    what: Experiment, where: Snapshot, previous: dict[str, str] | None = None, slots: dict[str, int] | None = None
 ) -> NoAssignment:
     with pytest.raises(NoAssignment) as caught:
         assign(what, where, previous, slots=slots)

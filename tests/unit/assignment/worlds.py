@@ -7,14 +7,15 @@ from collections.abc import Mapping
 from srprov.assignment import problem, solve
 from srprov.assignment.model import Assignment
 from srprov.definitions.model import Experiment, Requirements, Service
-from srprov.facts.model import Docker, Existing, Found, HostFacts
+from srprov.facts.model import Docker, HostFacts, Snapshot
+from srprov.resource import Observed
 
 GIB = 1 << 30
 DOCKER = Docker(version="27.0.3", api_version="1.46")
 
 
 def robot(name: str, **facts: object) -> HostFacts:
-    """Give an idle robot that can run anything, with `facts` on top."""
+    """Return an idle robot that can run anything, with `facts` on top."""
     defaults: dict[str, object] = {
         "arch": "amd64",
         "cpus": 4,
@@ -29,25 +30,27 @@ def robot(name: str, **facts: object) -> HostFacts:
 
 
 def service(name: str, **fields: object) -> Service:
-    """Give a service; `tags` stands for `requires` with these tags."""
+    """Return a service; `tags` stands for `requires` with these tags."""
     if "tags" in fields:
         fields["requires"] = Requirements(tags=fields.pop("tags"))
     return Service(name=name, image="busybox", **fields)
 
 
 def experiment(*services: Service, **fields: object) -> Experiment:
-    """Give an experiment named `hello`."""
+    """Return an experiment named `hello`."""
     by_name = {one.name: one for one in services}
     return Experiment(name="hello", file="/e/hello.edf", folder="/e", services=by_name, **fields)
 
 
-def found(*robots: HostFacts, unreachable: Mapping[str, str] | None = None, **fields: object) -> Found:
-    """Give all robots as they are."""
-    existing: Mapping[str, tuple[Existing, ...]] = fields.pop("existing", {})
+def found(*robots: HostFacts, unreachable: Mapping[str, str] | None = None, **fields: object) -> Snapshot:
+    """Return all robots as they are."""
+    observed: Mapping[str, tuple[Observed, ...]] = fields.pop("observed", {})
     facts = {one.name: one for one in robots}
-    return Found(facts=facts, existing=existing, unreachable=unreachable or {}, **fields)
+    return Snapshot(facts=facts, observed=observed, unreachable=unreachable or {}, **fields)
 
 
-def assign(what: Experiment, where: Found, previous: Mapping[str, str] | None = None, **options: object) -> Assignment:
+def assign(
+    what: Experiment, where: Snapshot, previous: Mapping[str, str] | None = None, **options: object
+) -> Assignment:
     """Build and solve in one go."""
     return solve.solve(problem.build(what, {}, where, previous or {}, **options))

@@ -32,7 +32,7 @@ relations: {different_robot: [[work, nav]]}
 
 @pytest.fixture
 def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Give a folder with an EDF, an inventory and facts of three robots."""
+    """Return a folder with an EDF, an inventory and facts of three robots."""
     (tmp_path / "e.edf").write_text(EDF)
     (tmp_path / "inv.yml").write_text("all: {hosts: {r1: {}, r2: {}, r3: {}}}\n")
     facts = {

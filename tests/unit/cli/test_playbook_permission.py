@@ -20,7 +20,7 @@ SETUP = "- command: x\n  argv: [touch, /x]\n  unless: [test, -e, /x]\n"
 
 @pytest.fixture
 def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Give a folder with an experiment, and an inventory whose only robot refuses connections."""
+    """Return a folder with an experiment, and an inventory whose only robot refuses connections."""
     (tmp_path / "e.edf").write_text(EDF)
     (tmp_path / "setup.yml").write_text(SETUP)
     (tmp_path / "inv.yml").write_text("all: {hosts: {r1: {ansible_host: 127.0.0.1, ansible_port: 1}}}\n")

@@ -33,7 +33,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
 
 
 def lab(clock: Clock, held: dict[str, tuple[str, float]], away: tuple[str, ...] = ()) -> Any:
-    """Give robots that are held by somebody with a purpose, until so many seconds have passed."""
+    """Return robots that are held by somebody with a purpose, until so many seconds have passed."""
 
     def get(robot: str) -> Any:
         if robot in away:

@@ -26,7 +26,7 @@ def _cases() -> list[Any]:
 
 
 def _places(name: str, marked: str) -> list[str]:
-    """Give `file:line:column` of each mark, counted as if no mark were there."""
+    """Return `file:line:column` of each mark, counted as if no mark were there."""
     places = []
     for number, line in enumerate(marked.split("\n"), 1):
         for index, match in enumerate(re.finditer(MARK, line)):

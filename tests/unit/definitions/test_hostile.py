@@ -72,7 +72,7 @@ JSON = st.recursive(
 
 
 def _examples(kind: str) -> st.SearchStrategy[dict[str, Any]]:
-    """Give documents whose fields hold examples of the schema, or anything at all."""
+    """Return documents whose fields hold examples of the schema, or anything at all."""
     root = schema(kind)
     fields = {}
     for name, field in root["properties"].items():

@@ -193,14 +193,14 @@ def test_program_without_meta_is_asked_per_host(tmp_path: Path) -> None:
 
 def test_program_that_hangs_is_ended_with_all_it_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from srprov.definitions import script
-    from srprov.definitions.groups import Lab
+    from srprov.definitions.groups import HostTree
 
     path = tmp_path / "inventory.sh"
     path.write_text("#!/bin/sh\nsleep 60 & sleep 60\n")
     path.chmod(0o755)
     begin = time.monotonic()
     with pytest.raises(DefinitionError) as error:
-        script.read(str(path), Lab(), deadline_s=0.3)
+        script.read(str(path), HostTree(), deadline_s=0.3)
     assert time.monotonic() - begin < 5
     assert "gave no answer in time" in error.value.problems[0].message
 

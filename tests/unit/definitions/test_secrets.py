@@ -118,7 +118,7 @@ def test_validate_and_definitions_need_no_value(tmp_path: Path) -> None:
 
 
 def source(**more: object) -> SecretSource:
-    """Give the source of a secret `t` at line 7."""
+    """Return the source of a secret `t` at line 7."""
     return SecretSource(name="t", location=Location("e.edf", 7, 3), excerpt="  t: …", **more)  # type: ignore[arg-type]
 
 
@@ -128,7 +128,7 @@ def read(one: SecretSource, environ: dict[str, str] | None = None, deadline_s: f
 
 
 def python(code: str) -> SecretSource:
-    """Give a source that runs a program of Python."""
+    """Return a source that runs a program of Python."""
     return source(command=(sys.executable, "-c", code))
 
 
@@ -222,7 +222,7 @@ def test_the_complaint_of_a_command_that_works_is_not_shown(capfd: pytest.Captur
 
 
 def running(group: int) -> list[str]:
-    """Give the processes of a group that are not dead; in a container nobody may collect those that are."""
+    """Return the processes of a group that are not dead; in a container nobody may collect those that are."""
     found = []
     for one in psutil.process_iter():
         with contextlib.suppress(psutil.Error, ProcessLookupError):

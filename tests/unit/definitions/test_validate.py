@@ -12,7 +12,7 @@ import pytest
 
 from srprov.cli.main import run
 from srprov.cli.problems import render_problems
-from srprov.errors import Location, Problem
+from srprov.errors import Diagnostic, Location
 from tests.unit.definitions.examples import INVENTORY, write_full
 
 
@@ -83,13 +83,13 @@ def test_control_characters_of_a_file_do_not_reach_the_terminal(
 def test_a_long_line_is_cut_around_the_caret() -> None:
     line = "k: [" + "a, " * 200 + "BAD, " + "b, " * 200 + "]"
     column = line.index("BAD") + 1
-    shown = render_problems([Problem(Location("f", 1, column), "no", "", line)]).splitlines()
+    shown = render_problems([Diagnostic(Location("f", 1, column), "no", "", line)]).splitlines()
     assert len(shown[1]) <= 130
     assert shown[1][shown[2].index("^") :].startswith("BAD")
 
 
 def test_tabs_before_the_caret_stay_tabs() -> None:
-    shown = render_problems([Problem(Location("f", 1, 3), "no", "", "\t\tx: 1")]).splitlines()
+    shown = render_problems([Diagnostic(Location("f", 1, 3), "no", "", "\t\tx: 1")]).splitlines()
     assert shown[2] == "    \t\t^"
 
 

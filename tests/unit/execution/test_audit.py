@@ -12,14 +12,14 @@ import pytest
 
 from srprov.errors import TransportError
 from srprov.execution import audit as audits
-from srprov.execution.audit import Entry, audit
+from srprov.execution.audit import AuditEntry, audit
 from srprov.execution.outcome import Outcome, StepResult
-from srprov.execution.robot import Robot
+from srprov.execution.robot import RobotExecutor
 from srprov.planning.plan import Step
 from srprov.resource import Action, Change
 from srprov.wire import Reply, Run
 
-ENTRY = Entry(run="20261121T090507Z-hello-0123abcd", owner="ada@desk", verb="apply", instance="hello")
+ENTRY = AuditEntry(run="20261121T090507Z-hello-0123abcd", owner="ada@desk", verb="apply", instance="hello")
 
 
 class Session:
@@ -39,7 +39,7 @@ class Session:
 
 
 def results(*outcomes: tuple[str, Outcome, float]) -> list[StepResult]:
-    """Give results of steps: robot, outcome, seconds."""
+    """Return results of steps: robot, outcome, seconds."""
     change = Change(action=Action.RUN, cause="")
     return [
         StepResult(step=Step(number=n, host=host, module="file", name="x", change=change, commands=()), outcome=outcome,
@@ -48,9 +48,9 @@ def results(*outcomes: tuple[str, Outcome, float]) -> list[StepResult]:
     ]  # fmt: skip
 
 
-def robots(**sessions: Session) -> dict[str, Robot]:
-    """Give robots by name."""
-    return {name: Robot(session, lambda _event: None) for name, session in sessions.items()}  # type: ignore[arg-type]
+def robots(**sessions: Session) -> dict[str, RobotExecutor]:
+    """Return robots by name."""
+    return {name: RobotExecutor(session, lambda _event: None) for name, session in sessions.items()}  # type: ignore[arg-type]
 
 
 def test_a_line_per_changed_robot(tmp_path: Path) -> None:
@@ -88,7 +88,7 @@ def test_what_does_not_work_is_told_per_robot() -> None:
 def test_no_word_of_the_controller_can_forge_a_line(tmp_path: Path, owner: str) -> None:
     """A user's or host's name stays one word on one line, and runs nothing."""
     log = tmp_path / "log"
-    entry = Entry(run="r", owner=owner, verb="apply", instance="i")
+    entry = AuditEntry(run="r", owner=owner, verb="apply", instance="i")
     with mock.patch.object(audits, "AUDIT_LOG", str(log)):
         assert audit(entry, robots(r=Session()), results(("r", Outcome.CHANGED, 1.0))) == {}
     (line,) = log.read_text().splitlines()

@@ -13,7 +13,7 @@ import pytest
 
 from srprov import controller
 from srprov.errors import LockHeld
-from srprov.execution import Options, Outcome, taking
+from srprov.execution import Outcome, RunOptions, taking
 from srprov.execution.locks import Claim, Holder, age, parse_holder
 from srprov.execution.taking import Locks, Patience, take
 from srprov.wire import Pulse
@@ -52,7 +52,7 @@ def together(works: Sequence[Callable[[], None]]) -> None:
 
 
 def held(world: World) -> dict[str, str]:
-    """Give robot -> owner."""
+    """Return robot -> owner."""
     return {name: robot.holder.claim.split('"')[3] for name, robot in world.robots.items() if robot.holder}
 
 
@@ -89,7 +89,7 @@ def test_who_waits_is_told_for_whom_and_goes_on_when_it_is_free() -> None:
     other = taken(world, ["r1"])
     timer = threading.Timer(0.4, other.give_back)
     timer.start()
-    result, heard = events(world, plan, Options(settle_s=0.0, lock_wait_s=20.0))
+    result, heard = events(world, plan, RunOptions(settle_s=0.0, lock_wait_s=20.0))
     assert result.exit_code == 0 and result.count(Outcome.CHANGED) == len(plan.steps)
     said = [event.text for event in heard if event.kind == "waiting" and event.host == "r1"]
     assert any("held by anna@desk, process 7: apply hello" in text and "waiting up to 20 s" in text for text in said)
@@ -231,7 +231,7 @@ def test_an_interrupt_while_waiting_changes_nothing() -> None:
     with taken(world, ["r2"]):
         threading.Timer(0.3, stop.set).start()
         begun = time.monotonic()
-        result = controller.apply(plan, world.sessions(), lambda _event: None, Options(lock_wait_s=60), stop)
+        result = controller.apply(plan, world.sessions(), lambda _event: None, RunOptions(lock_wait_s=60), stop)
         assert time.monotonic() - begun < 3
         assert held(world) == {"r2": "anna@desk"}
     assert result.exit_code == 130

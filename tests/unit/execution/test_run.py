@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from srprov import controller
-from srprov.execution import Options, Outcome, RunResult, StepResult, conditions
+from srprov.execution import Outcome, RunOptions, RunResult, StepResult, conditions
 from srprov.planning.plan import Plan, Step
 from srprov.resource import Action, Change
 from srprov.wire import Command, EngineCall, EngineQuery
@@ -27,7 +27,7 @@ from tests.worlds import (
     service,
 )
 
-SETTLE = Options(settle_s=0.05, wait_timeout_s=2.0)
+SETTLE = RunOptions(settle_s=0.05, wait_timeout_s=2.0)
 
 
 @pytest.fixture(autouse=True)
@@ -39,23 +39,23 @@ def quick_polls(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
 
 
 def pair(**second: object) -> Experiment:
-    """Give `a` on r1, and `b` on r2 that depends on it."""
+    """Return `a` on r1, and `b` on r2 that depends on it."""
     first = service("a", robot="r1", healthcheck=CHECK)
     return experiment(first, service("b", **{"robot": "r2", "depends_on": {"a": "started"}, **second}))
 
 
 def world(*names: str) -> World:
-    """Give robots, two if none is named."""
+    """Return robots, two if none is named."""
     return World().add(*(names or ("r1", "r2")))
 
 
 def of(result: RunResult, identity: str) -> StepResult:
-    """Give what came of one step, by the end of its id."""
+    """Return what came of one step, by the end of its id."""
     return next(one for one in result.results if one.step.id.endswith(identity))
 
 
 def outcomes(result: RunResult) -> dict[str, Outcome]:
-    """Give the outcome of containers by service."""
+    """Return the outcome of containers by service."""
     return {one.step.service: one.outcome for one in result.results if one.step.service}
 
 
@@ -63,7 +63,7 @@ def outcomes(result: RunResult) -> dict[str, Outcome]:
 
 
 def test_everything_is_done_and_verified() -> None:
-    """An ordinary run changes every step, and each robot is read before its first act and after each stretch."""
+    """An ordinary run changes every step, and each robot is read before its first act and after each batch."""
     w = world()
     plan = plan_for(w, pair())
     w.log.clear()
@@ -275,9 +275,9 @@ def test_settling_waits_only_for_fresh_services() -> None:
     apply(w, what)
     w.robots["r1"].disk.files.pop("/var/lib/srprov/hello/placement.json")
     began = time.monotonic()
-    assert run(w, plan_for(w, what), Options(settle_s=30.0)).exit_code == 0
-    assert run(w, removal_for(w), Options(settle_s=30.0)).exit_code == 0
-    assert apply(w, what, Options(settle_s=0.0)).exit_code == 0
+    assert run(w, plan_for(w, what), RunOptions(settle_s=30.0)).exit_code == 0
+    assert run(w, removal_for(w), RunOptions(settle_s=30.0)).exit_code == 0
+    assert apply(w, what, RunOptions(settle_s=0.0)).exit_code == 0
     assert time.monotonic() - began < 10
 
 
@@ -333,7 +333,7 @@ def test_what_never_holds_skips_with_its_reason(behaviour: Behaviour, job: bool,
     w.robots["r1"].engine.behaviours["a"] = behaviour
     first = service("a", robot="r1", job=job, healthcheck=None if job else CHECK)
     what = experiment(first, service("b", robot="r2", depends_on={"a": condition}))
-    result = run(w, plan_for(w, what), Options(settle_s=0, wait_timeout_s=0.1))
+    result = run(w, plan_for(w, what), RunOptions(settle_s=0, wait_timeout_s=0.1))
     assert outcomes(result) == {"a": Outcome.CHANGED, "b": Outcome.SKIPPED}
     assert says in of(result, "hello.b").message
     assert result.exit_code == 3
@@ -348,7 +348,7 @@ def test_a_dependency_that_somebody_removed_is_not_awaited() -> None:
     plan = plan_for(w, what)
     w.robots["r1"].engine.containers.clear()
     began = time.monotonic()
-    result = run(w, plan, Options(settle_s=0, wait_timeout_s=60))
+    result = run(w, plan, RunOptions(settle_s=0, wait_timeout_s=60))
     assert "container srprov.hello.a is not there" in of(result, "hello.b").message
     assert time.monotonic() - began < 10
 
@@ -395,7 +395,7 @@ def test_garbage_while_waiting_ends_by_the_deadline(body: str) -> None:
         return Reply(status=200, out=body) if one.path.startswith("/containers/srprov") else known(one)
 
     engine.query = query  # type: ignore[method-assign]
-    result = run(w, plan, Options(settle_s=0, wait_timeout_s=0.05))
+    result = run(w, plan, RunOptions(settle_s=0, wait_timeout_s=0.05))
     assert of(result, "hello.b").outcome is Outcome.SKIPPED
 
 
@@ -449,7 +449,7 @@ def test_a_stop_ends_a_wait() -> None:
     timer = threading.Timer(0.2, stop.set)
     timer.start()
     began = time.monotonic()
-    options = Options(settle_s=0, wait_timeout_s=60)
+    options = RunOptions(settle_s=0, wait_timeout_s=60)
     result = controller.apply(plan, w.sessions(), lambda _event: None, options, stop)
     assert time.monotonic() - began < 10
     assert outcomes(result) == {"a": Outcome.CHANGED, "b": Outcome.NOT_REACHED}
@@ -457,7 +457,7 @@ def test_a_stop_ends_a_wait() -> None:
 
 
 def barrier(w: World, timeout: float) -> Callable[[Command], None]:
-    """Give a hook that holds the first command of each of two robots until both are there."""
+    """Return a hook that holds the first command of each of two robots until both are there."""
     gate, passed = threading.Barrier(2), set()
 
     def hold(_command: Command) -> None:
@@ -495,12 +495,12 @@ def test_one_fork_works_on_one_robot_at_a_time() -> None:
     for name, robot in w.robots.items():
         robot.before_command = watch(name)
     w.robots["r1"].engine.behaviours["a"] = Behaviour(healthy_after=3)
-    result = apply(w, pair(depends_on={"a": "healthy"}), Options(settle_s=0, forks=1, wait_timeout_s=5))
+    result = apply(w, pair(depends_on={"a": "healthy"}), RunOptions(settle_s=0, forks=1, wait_timeout_s=5))
     assert result.exit_code == 0
 
 
 def test_one_robot_is_never_worked_on_twice_at_once() -> None:
-    """Steps of one robot run one after the other, although stretches of it wait for others."""
+    """Steps of one robot run one after the other, although batches of it wait for others."""
     w = World().add("r1", "r2", "r3")
     names = "abcdef"
     services = [
@@ -578,7 +578,7 @@ def test_an_empty_plan_touches_no_robot() -> None:
 
 
 def test_no_round_trip_per_step() -> None:
-    """A robot is asked as often for eleven steps as for six: before and after a stretch, never per step."""
+    """A robot is asked as often for eleven steps as for six: before and after a batch, never per step."""
     asked = {}
     for names in ("a", "abcdef"):
         w = world("r1")

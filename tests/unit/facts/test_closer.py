@@ -28,7 +28,7 @@ def asked(world: World, what: Experiment, **wishes: object) -> tuple[int, int]:
 
 
 def readings(queries: Sequence[object]) -> list[str]:
-    """Give the commands that read the counters a second time."""
+    """Return the commands that read the counters a second time."""
     every = [query.command for query in queries if isinstance(query, Query)]
     return [command for command in every if command.endswith("cat /proc/uptime /proc/net/dev")]
 

@@ -23,12 +23,12 @@ GOOD = ("", "loaded\n", "1\n", '[{"ifname":"lo"}]')
 
 
 def replies(*texts: str) -> list[Reply]:
-    """Give shell replies that succeeded."""
+    """Return shell replies that succeeded."""
     return [Reply(status=0, out=text) for text in texts]
 
 
 def by_name(checks: tuple[Check, ...]) -> dict[str, Check]:
-    """Give checks by their name."""
+    """Return checks by their name."""
     return {check.name: check for check in checks}
 
 

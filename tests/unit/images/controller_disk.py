@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from srprov.images.plan import Listed
+from srprov.images.plan import ListedFile
 
 
 class Disk:
@@ -16,13 +16,13 @@ class Disk:
             raise FileNotFoundError(2, "No such file or directory", path)
         return self.files[path]
 
-    def listing(self, path: str) -> Iterable[Listed]:
+    def listing(self, path: str) -> Iterable[ListedFile]:
         if path in self.files:
-            return [Listed("", path in self.x)]
+            return [ListedFile("", path in self.x)]
         inside = [name for name in self.files if name.startswith(path + "/")]
         if not inside:
             raise FileNotFoundError(2, "No such file or directory", path)
-        below = [Listed(name[len(path) + 1 :], name in self.x) for name in inside]
+        below = [ListedFile(name[len(path) + 1 :], name in self.x) for name in inside]
         return below + [
-            Listed(name[len(path) + 1 :], link=to) for name, to in self.links.items() if name.startswith(path)
+            ListedFile(name[len(path) + 1 :], link=to) for name, to in self.links.items() if name.startswith(path)
         ]

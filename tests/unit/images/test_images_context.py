@@ -7,7 +7,7 @@ import pytest
 from controller_disk import Disk
 
 from srprov.images.context import context_tar, entries_of, folder_entries, ignore_rule
-from srprov.images.plan import Entry
+from srprov.images.plan import ContextFile
 
 
 def members(blob: bytes) -> dict[str, tarfile.TarInfo]:
@@ -16,7 +16,11 @@ def members(blob: bytes) -> dict[str, tarfile.TarInfo]:
 
 
 def test_the_tar_is_the_same_whatever_the_order() -> None:
-    entries = [Entry(path="b/c/x", content=b"1", mode=0o755), Entry(path="a", content=b"2"), Entry(path="l", link="a")]
+    entries = [
+        ContextFile(path="b/c/x", content=b"1", mode=0o755),
+        ContextFile(path="a", content=b"2"),
+        ContextFile(path="l", link="a"),
+    ]
     blob = context_tar("FROM x\n", entries)
     assert blob == context_tar("FROM x\n", list(reversed(entries)))
     found = members(blob)
@@ -27,7 +31,9 @@ def test_the_tar_is_the_same_whatever_the_order() -> None:
 
 
 def test_our_dockerfile_takes_the_place_of_another() -> None:
-    with tarfile.open(fileobj=io.BytesIO(context_tar("ours", [Entry(path="Dockerfile", content=b"theirs")]))) as tar:
+    with tarfile.open(
+        fileobj=io.BytesIO(context_tar("ours", [ContextFile(path="Dockerfile", content=b"theirs")]))
+    ) as tar:
         file = tar.extractfile("Dockerfile")
         assert file is not None
         assert file.read() == b"ours"
@@ -35,12 +41,12 @@ def test_our_dockerfile_takes_the_place_of_another() -> None:
 
 def test_long_and_foreign_names() -> None:
     names = ["x" * 150 + "/" + "y" * 150, "grüße"]
-    assert set(names) <= members(context_tar("", [Entry(path=name) for name in names])).keys()
+    assert set(names) <= members(context_tar("", [ContextFile(path=name) for name in names])).keys()
 
 
 def test_a_file_and_its_mode() -> None:
     lab = Disk({"/lab/a": b"1", "/lab/b": b"2"}, x=("/lab/b",))
-    assert entries_of("files/0", "/lab/a", "", lab.listing, lab.read) == [Entry(path="files/0", content=b"1")]
+    assert entries_of("files/0", "/lab/a", "", lab.listing, lab.read) == [ContextFile(path="files/0", content=b"1")]
     assert entries_of("files/0", "/lab/b", "", lab.listing, lab.read)[0].mode == 0o755
     assert entries_of("files/0", "/lab/b", "0640", lab.listing, lab.read)[0].mode == 0o640
     for mode in ("rwx", "99", "0o755", "7 5 5", "77777"):

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from srprov.definitions.model import BuildFile, ContainerDefinition, Runtime
 from srprov.errors import DefinitionError, Location
-from srprov.images import words
+from srprov.images import quoting
 from srprov.images.dockerfile import instruction_lines, render_dockerfile
 
 CDF = ContainerDefinition(name="talker", file="/lab/talker.cdf", folder="/lab", base="debian:bookworm")
@@ -167,7 +167,7 @@ def test_no_value_becomes_an_instruction(value: str, dest: str, script: str, fol
 
 @given(value=st.text(st.characters(blacklist_categories=["Cc", "Cs"]), max_size=40))
 def test_variables_keep_their_value(value: str) -> None:
-    name, _, quoted = words.variable("A", value).partition("=")
+    name, _, quoted = quoting.variable("A", value).partition("=")
     assert name == "A"
     assert re.fullmatch(r'"([^"$\\]|\\["$\\])*"', quoted)
     assert re.sub(r"\\(.)", r"\1", quoted[1:-1]) == value
@@ -191,17 +191,17 @@ def test_variables_keep_their_value(value: str) -> None:
     ],
 )
 def test_packages_with_versions(kind: str, name: str, plain: str) -> None:
-    assert words.package(kind, name) == plain
+    assert quoting.package(kind, name) == plain
 
 
 @pytest.mark.parametrize("value", ["root", "1000", "1000:1000", "www-data:adm", "robot_1"])
 def test_users(value: str) -> None:
-    assert words.user(value) == value
+    assert quoting.user(value) == value
 
 
 @pytest.mark.parametrize("value", ["SIGINT", "INT", "9", "SIGRTMIN+3", "RTMAX-1"])
 def test_signals(value: str) -> None:
-    assert words.signal(value) == value
+    assert quoting.signal(value) == value
 
 
 def test_instructions_are_counted_as_docker_counts_them() -> None:

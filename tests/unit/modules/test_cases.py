@@ -42,7 +42,7 @@ def merged(base: Any, over: Any) -> Any:
 
 
 def reply(raw: Any, known: dict[str, Any]) -> Reply:
-    """Give one reply of a robot; `joined` lists are one."""
+    """Return one reply of a robot; `joined` lists are one."""
     if isinstance(raw, dict) and set(raw) == {"joined"}:
         parts = [known[part[1:]] if isinstance(part, str) else part for part in raw["joined"]]
         raw = [item for part in parts for item in part]

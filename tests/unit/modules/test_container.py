@@ -46,7 +46,7 @@ NO_PART = {"pull_policy", "job"}
 
 
 def wanted(**fields: Any) -> Resource:
-    """Give the container resource of an experiment with one service."""
+    """Return the container resource of an experiment with one service."""
     plan = plan_for(World().add("r1"), experiment(service("a", **fields)))
     return next(step.want for step in plan.steps if step.want is not None and step.module == "container")
 
@@ -55,7 +55,7 @@ WANT = wanted().params
 
 
 def labels(resource: Resource) -> dict[str, str]:
-    """Give the labels that its container would carry."""
+    """Return the labels that its container would carry."""
     import json
 
     module = MODULES["container"]
@@ -107,10 +107,10 @@ def test_another_instance_or_source_is_a_label_and_no_restart() -> None:
 
 def test_the_stop_waits_for_the_containers_own_grace() -> None:
     """The time to wait for a stop is the container's grace and a minute, also where the wish has changed since."""
-    from srprov.facts.model import Existing
+    from srprov.resource import Observed
 
     state = {"stop_grace": 300}
-    stop, _ = MODULES["container"].removal(Existing(module="container", name="x", instance="i", state=state))
+    stop, _ = MODULES["container"].removal(Observed(module="container", name="x", instance="i", state=state))
     assert stop.timeout_s == 360
     change = MODULES["container"].check(wanted(), {**state, "hash": "0", "parts": {}, "state": "running"})
     assert change is not None and change.action is Action.REPLACE

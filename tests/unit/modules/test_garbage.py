@@ -43,19 +43,19 @@ LINES = st.sampled_from(["", "a", "/" * 50, "\x85\u2028", f"{SHA}  ./a/b", f"{SH
 
 
 def real(kind: str) -> tuple[dict[str, Any], list[Any]]:
-    """Give a wanted resource and real replies of a robot that has it."""
+    """Return a wanted resource and real replies of a robot that has it."""
     defaults = yaml.safe_load((CASES / kind / "defaults.yaml").read_text())
     return defaults["want"], list(defaults["replies"].values())[: len(MODULES[kind].queries())]
 
 
 def places(value: Any, at: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
-    """Give the path of every value inside a JSON value."""
+    """Return the path of every value inside a JSON value."""
     inside = value.items() if isinstance(value, dict) else enumerate(value) if isinstance(value, list) else ()
     return [at] + [path for key, one in inside for path in places(one, (*at, key))]
 
 
 def replaced(value: Any, path: tuple[Any, ...], junk: Any) -> Any:
-    """Give the value with something else at a path."""
+    """Return the value with something else at a path."""
     if not path:
         return junk
     value = copy.deepcopy(value)

@@ -30,7 +30,7 @@ def _none_left() -> Iterator[None]:
 
 
 def want(mode: str = "0400") -> Resource:
-    """Give the wanted secret."""
+    """Return the wanted secret."""
     return with_value(
         Resource(host="r", module="secret", name=PATH, params={"name": "token", "mode": mode}),
         Vault({"token": Secret(VALUE)}),

@@ -9,7 +9,7 @@ import pytest
 from srprov.errors import UsageError
 from srprov.network.addresses import allocate
 from srprov.network.identity import number
-from srprov.network.record import Record
+from srprov.network.record import PlacementRecord
 
 WIDE = IPv4Network("10.200.0.0/20")
 SMALL = IPv4Network("10.200.0.0/29")
@@ -40,7 +40,7 @@ def test_too_many_names() -> None:
 
 
 def test_what_is_in_use_wins() -> None:
-    used = Record(
+    used = PlacementRecord(
         addresses={"b": IPv4Address("10.200.0.3")},
         gateways={"r1": IPv4Address("10.200.0.4")},
         macs={"b": "02:00:00:00:00:01"},
@@ -54,18 +54,18 @@ def test_what_is_in_use_wins() -> None:
 
 @pytest.mark.parametrize("address", ["10.200.0.0", "10.200.0.7", "10.201.0.3", "0.0.0.0"])
 def test_what_does_not_fit_the_subnet_is_not_kept(address: str) -> None:
-    given = allocate("hello", SMALL, ["a"], [], Record(addresses={"a": IPv4Address(address)}))
+    given = allocate("hello", SMALL, ["a"], [], PlacementRecord(addresses={"a": IPv4Address(address)}))
     assert given == allocate("hello", SMALL, ["a"], [])
 
 
 def test_two_names_with_one_recorded_address_part() -> None:
     both = dict.fromkeys(("a", "b"), IPv4Address("10.200.0.3"))
     macs = dict.fromkeys(("a", "b"), "02:00:00:00:00:01")
-    given = allocate("hello", SMALL, ["a", "b"], [], Record(addresses=both, macs=macs))
+    given = allocate("hello", SMALL, ["a", "b"], [], PlacementRecord(addresses=both, macs=macs))
     assert given.services["a"] == "10.200.0.3" != given.services["b"]
     assert given.macs["a"] == "02:00:00:00:00:01" != given.macs["b"]
 
 
 def test_a_mac_that_is_not_locally_administered_is_not_kept() -> None:
-    given = allocate("hello", SMALL, ["a"], [], Record(macs={"a": "01:00:5e:00:00:01"}))
+    given = allocate("hello", SMALL, ["a"], [], PlacementRecord(macs={"a": "01:00:5e:00:00:01"}))
     assert given == allocate("hello", SMALL, ["a"], [])

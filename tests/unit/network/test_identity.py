@@ -7,24 +7,25 @@ from ipaddress import IPv4Network
 
 import pytest
 
-from srprov.definitions.model import NetworkWishes
+from srprov.definitions.model import NetworkSettings
 from srprov.errors import UsageError
-from srprov.facts.model import Existing, Found, Link
+from srprov.facts.model import Link, Snapshot
 from srprov.network.identity import POOL, identify, link_names, number
-from srprov.network.record import Record
+from srprov.network.record import PlacementRecord
+from srprov.resource import Observed
 from tests.unit.assignment.worlds import found, robot
 
-NO_WISH = NetworkWishes()
-HELLO = identify("hello", NO_WISH, Found(facts={}, existing={}))
+NO_WISH = NetworkSettings()
+HELLO = identify("hello", NO_WISH, Snapshot(facts={}, observed={}))
 
 
-def network(instance: str, **state: object) -> Existing:
-    return Existing(module="network", name=f"srprov.{instance}", instance=instance, state=state)
+def network(instance: str, **state: object) -> Observed:
+    return Observed(module="network", name=f"srprov.{instance}", instance=instance, state=state)
 
 
-def with_networks(*per_robot: Existing) -> Found:
+def with_networks(*per_robot: Observed) -> Snapshot:
     robots = [robot(f"r{index}") for index in range(len(per_robot))]
-    return found(*robots, existing={one.name: (thing,) for one, thing in zip(robots, per_robot, strict=True)})
+    return found(*robots, observed={one.name: (thing,) for one, thing in zip(robots, per_robot, strict=True)})
 
 
 def test_the_hash_is_the_documented_one() -> None:
@@ -44,7 +45,7 @@ def test_what_hello_gets_never_changes() -> None:
 
 @pytest.mark.parametrize("instance", ["a", "hello", "x" * 32, "hello-2"])
 def test_everything_has_its_bounds(instance: str) -> None:
-    identity = identify(instance, NO_WISH, Found(facts={}, existing={}))
+    identity = identify(instance, NO_WISH, Snapshot(facts={}, observed={}))
     assert 0x100000 <= identity.vni <= 0xFFFFFF
     assert identity.subnet.subnet_of(POOL)
     assert identity.subnet.prefixlen == 20
@@ -97,13 +98,13 @@ def test_other_instances_are_avoided_also_where_only_their_record_is_known() -> 
 def test_what_the_instance_uses_wins_over_the_hash_and_over_claims() -> None:
     used = network("hello", subnet="10.140.16.0/20", vni=1234567, port=4789)
     mine = Link(name="srpbabf8c589", kind="bridge", addresses=("10.140.20.1/20",))
-    there = found(robot("r1", routes=("10.140.16.0/20",), links=(mine,)), existing={"r1": (used,)})
+    there = found(robot("r1", routes=("10.140.16.0/20",), links=(mine,)), observed={"r1": (used,)})
     identity = identify("hello", NO_WISH, there)
     assert (identity.vni, str(identity.subnet)) == (1234567, "10.140.16.0/20")
 
 
 def test_the_record_speaks_when_no_network_is_there() -> None:
-    record = Record(subnet="10.140.16.0/20", vni=1234567)
+    record = PlacementRecord(subnet="10.140.16.0/20", vni=1234567)
     identity = identify("hello", NO_WISH, found(robot("r1")), record)
     assert (identity.vni, str(identity.subnet)) == (1234567, "10.140.16.0/20")
 
@@ -133,13 +134,13 @@ def test_robots_that_differ_follow_most_of_them() -> None:
     ],
 )
 def test_what_a_robot_says_is_not_believed_when_it_cannot_be(state: dict[str, object]) -> None:
-    there = found(robot("r1", underlay_address="192.168.0.7"), existing={"r1": (network("hello", **state),)})
+    there = found(robot("r1", underlay_address="192.168.0.7"), observed={"r1": (network("hello", **state),)})
     identity = identify("hello", NO_WISH, there)
     assert (identity.vni, identity.subnet) == (HELLO.vni, HELLO.subnet)
 
 
 def test_wishes_win() -> None:
-    wishes = NetworkWishes(subnet="172.30.0.0/24", vni=42, port=8472)
+    wishes = NetworkSettings(subnet="172.30.0.0/24", vni=42, port=8472)
     used = network("hello", subnet="10.140.16.0/20", vni=1234567, port=4789)
     identity = identify("hello", wishes, with_networks(used))
     assert (identity.vni, str(identity.subnet), identity.port) == (42, "172.30.0.0/24", 8472)
@@ -148,26 +149,26 @@ def test_wishes_win() -> None:
 def test_a_wish_for_what_we_have_is_no_conflict() -> None:
     used = network("hello", subnet="172.30.0.0/24", vni=42, port=4789)
     mine = Link(name="srpvabf8c589", kind="vxlan", vni=42, port=4789, alias="srprov:hello")
-    there = found(robot("r1", routes=("172.30.0.0/24",), links=(mine,)), existing={"r1": (used,)})
+    there = found(robot("r1", routes=("172.30.0.0/24",), links=(mine,)), observed={"r1": (used,)})
     for subnet in ("172.30.0.0/24", "172.30.0.0/16"):
-        assert str(identify("hello", NetworkWishes(subnet=subnet, vni=42), there).subnet) == subnet
+        assert str(identify("hello", NetworkSettings(subnet=subnet, vni=42), there).subnet) == subnet
 
 
 @pytest.mark.parametrize(
     ("wishes", "message"),
     [
-        (NetworkWishes(subnet="192.168.0.0/16"), r"192\.168\.0\.0/16 overlaps the route to 192\.168\.7\.0/24 on r1"),
-        (NetworkWishes(subnet="172.17.0.0/24"), "overlaps link docker0 on r1"),
-        (NetworkWishes(subnet="10.200.0.0/20"), "overlaps instance 'other'"),
-        (NetworkWishes(subnet="fd00::/64"), "is not an IPv4 network"),
-        (NetworkWishes(subnet="10.0.0.0/30"), "of size /8 to /29"),
-        (NetworkWishes(subnet="big"), "is not an IPv4 network"),
-        (NetworkWishes(vni=77), "vni 77 is used by link vx0 on r1"),
-        (NetworkWishes(vni=78), "vni 78 is used by instance 'other'"),
-        (NetworkWishes(vni=0), r"vni 0 is not in 1\.\.16777215"),
+        (NetworkSettings(subnet="192.168.0.0/16"), r"192\.168\.0\.0/16 overlaps the route to 192\.168\.7\.0/24 on r1"),
+        (NetworkSettings(subnet="172.17.0.0/24"), "overlaps link docker0 on r1"),
+        (NetworkSettings(subnet="10.200.0.0/20"), "overlaps instance 'other'"),
+        (NetworkSettings(subnet="fd00::/64"), "is not an IPv4 network"),
+        (NetworkSettings(subnet="10.0.0.0/30"), "of size /8 to /29"),
+        (NetworkSettings(subnet="big"), "is not an IPv4 network"),
+        (NetworkSettings(vni=77), "vni 77 is used by link vx0 on r1"),
+        (NetworkSettings(vni=78), "vni 78 is used by instance 'other'"),
+        (NetworkSettings(vni=0), r"vni 0 is not in 1\.\.16777215"),
     ],
 )
-def test_wishes_that_meet_something_foreign(wishes: NetworkWishes, message: str) -> None:
+def test_wishes_that_meet_something_foreign(wishes: NetworkSettings, message: str) -> None:
     links = (
         Link(name="docker0", kind="bridge", addresses=("172.17.0.1/16",)),
         Link(name="vx0", kind="vxlan", vni=77, port=4789),

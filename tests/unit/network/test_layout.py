@@ -6,9 +6,9 @@ from collections.abc import Mapping
 
 import pytest
 
-from srprov.definitions.model import Experiment, NetworkWishes
+from srprov.definitions.model import Experiment, NetworkSettings
 from srprov.errors import UsageError
-from srprov.facts.model import Found
+from srprov.facts.model import Snapshot
 from srprov.network.hosts import hosts_file
 from srprov.network.layout import Overlay, layout
 from srprov.network.record import read_record, record
@@ -17,7 +17,7 @@ from tests.unit.assignment.worlds import experiment, found, robot, service
 PLACED = {"map": "r1", "talker": "r2", "listener": "r3"}
 
 
-def lab(**per_robot: Mapping[str, object]) -> Found:
+def lab(**per_robot: Mapping[str, object]) -> Snapshot:
     names = ("r1", "r2", "r3")
     return found(*(robot(n, **{"underlay_address": f"192.168.0.{n[1]}", **per_robot.get(n, {})}) for n in names))
 
@@ -98,7 +98,7 @@ def test_the_instance_is_the_experiments_name_unless_given() -> None:
 )
 def test_mtu(per_robot: dict[str, dict[str, object]], wish: int | None, mtu: int) -> None:
     """Mtu."""
-    assert layout(three(network=NetworkWishes(mtu=wish)), PLACED, lab(**per_robot)).mtu == mtu
+    assert layout(three(network=NetworkSettings(mtu=wish)), PLACED, lab(**per_robot)).mtu == mtu
 
 
 @pytest.mark.parametrize(
@@ -115,7 +115,7 @@ def test_what_cannot_be_a_segment(
     per_robot: dict[str, dict[str, object]], wishes: dict[str, object], message: str | None
 ) -> None:
     """What cannot be a segment."""
-    what = three(network=NetworkWishes(**wishes))
+    what = three(network=NetworkSettings(**wishes))
     if message is None:
         assert layout(what, PLACED, lab(**per_robot)).subnet == "10.200.0.0/29"
         return
@@ -242,7 +242,7 @@ def test_read_record_believes_nothing_odd(value: dict[str, object]) -> None:
 @pytest.mark.parametrize(("wish", "remembered", "mtu"), [(None, 1200, 1200), (None, 5, 1450), (1400, 1200, 1400)])
 def test_the_mtu_of_a_robot_out_of_reach_is_the_last_placements(wish: int | None, remembered: int, mtu: int) -> None:
     """The mtu of a robot out of reach is the last placements."""
-    what = three(network=NetworkWishes(mtu=wish))
+    what = three(network=NetworkSettings(mtu=wish))
     value = {**record(layout(what, PLACED, lab()), what, PLACED, "here"), "mtu": remembered}
     rest = [one for name, one in lab().facts.items() if name != "r2"]
     there = found(*rest, unreachable={"r2": ""}, placements={"hello": value})

@@ -11,34 +11,33 @@ from typing import Any
 import pytest
 
 from srprov.errors import PlanError
-from srprov.facts.model import Existing
 from srprov.planning.diff import Removal, diff, removal_plan
 from srprov.planning.limit import limited
 from srprov.planning.plan import Plan, Step, plan_json
 from srprov.planning.text import plan_text, summary
-from srprov.resource import Action, Need, Resource
+from srprov.resource import Action, Need, Observed, Resource
 from tests.fakes import World
-from tests.worlds import CHECK, NetworkWishes, Service, apply, experiment, plan_for, removal_for, service
+from tests.worlds import CHECK, NetworkSettings, Service, apply, experiment, plan_for, removal_for, service
 
 
 def volume(name: str, *needs: str, host: str = "r1") -> Resource:
-    """Give a wanted volume: the simplest resource there is."""
+    """Return a wanted volume: the simplest resource there is."""
     params = {"instance": "hello", "source": "s"}
     return Resource(host=host, module="volume", name=name, params=params, needs=tuple(map(Need, needs)), source="p, 1")
 
 
-def there(module: str, name: str, instance: str = "hello", **state: Any) -> Existing:
-    """Give something that was found."""
-    return Existing(module=module, name=name, instance=instance, state=state)
+def there(module: str, name: str, instance: str = "hello", **state: Any) -> Observed:
+    """Return something that was found."""
+    return Observed(module=module, name=name, instance=instance, state=state)
 
 
 def shown(steps: Iterable[Step]) -> list[str]:
-    """Give steps as short text."""
+    """Return steps as short text."""
     return [f"{s.change.action.value} {s.host} {s.module} {s.name}" for s in steps]
 
 
 def order(steps: Iterable[Step], *ids: str) -> list[str]:
-    """Give those of the ids that have steps, in step order."""
+    """Return those of the ids that have steps, in step order."""
     return [step.id for step in steps if step.id in ids]
 
 
@@ -149,7 +148,7 @@ def test_who_leaves_a_network_lets_go_of_it_first(mode: str, others: tuple[Servi
     """A container that wants another network from now on stops before its old one is removed or replaced."""
     world = World().add("r1")
     apply(world, experiment(service("a", robot="r1"), *others))
-    what = experiment(service("a", robot="r1", network=mode), *others, network=NetworkWishes(mtu=1300))
+    what = experiment(service("a", robot="r1", network=mode), *others, network=NetworkSettings(mtu=1300))
     steps = plan_for(world, what).steps
     mine = [step for step in steps if step.name == "srprov.hello.a"]
     assert [step.change.action for step in mine] == [Action.DELETE, Action.CREATE]
@@ -164,7 +163,7 @@ def test_a_replaced_network_counts_what_it_rebuilds() -> None:
     world = World().add("r1")
     apply(world, experiment(service("a")))
     before = plan_for(world, experiment(service("a")))
-    after = plan_for(world, experiment(service("a"), network=NetworkWishes(mtu=1300)))
+    after = plan_for(world, experiment(service("a"), network=NetworkSettings(mtu=1300)))
     assert before.unchanged == 6
     assert after.unchanged + len({step.id for step in after.steps}) == 6
 
@@ -203,7 +202,7 @@ def test_waits_are_the_conditions_that_take_time() -> None:
 
 
 def two_robots() -> Plan:
-    """Give a plan in which r2's service needs r1's."""
+    """Return a plan in which r2's service needs r1's."""
     what = experiment(service("a", robot="r1"), service("b", robot="r2", depends_on={"a": "started"}))
     return plan_for(World().add("r1", "r2"), what)
 

@@ -22,7 +22,7 @@ from srprov.definitions.playbookmodel import ADDED, AFTER, BEFORE
 from srprov.planning.plan import Plan
 from srprov.planning.text import plan_text
 from tests.fakes import World
-from tests.worlds import CHECK, Experiment, Mount, NetworkWishes, apply, experiment, plan_for, removal_for, service
+from tests.worlds import CHECK, Experiment, Mount, NetworkSettings, apply, experiment, plan_for, removal_for, service
 
 GOLDEN = Path(__file__).parents[2] / "golden"
 UPDATE = bool(os.environ.get("SRPROV_UPDATE_GOLDEN"))
@@ -33,12 +33,12 @@ ONCE = service("once", robot="r3", job=True, depends_on={"web": "healthy"})
 
 
 def three(*more: object, **fields: object) -> Experiment:
-    """Give the experiment with three services on three robots."""
+    """Return the experiment with three services on three robots."""
     return experiment(WEB, GREETER, ONCE, *more, **fields)  # type: ignore[arg-type]
 
 
 def applied(what: Experiment | None = None) -> World:
-    """Give three robots on which the experiment is true."""
+    """Return three robots on which the experiment is true."""
     world = World().add("r1", "r2", "r3")
     assert apply(world, what or three()).exit_code == 0
     return world
@@ -71,7 +71,7 @@ def removal_with_volumes() -> Plan:
 
 def network_replaced() -> Plan:
     """What stands on a network that must be made anew goes before and comes back after."""
-    return plan_for(applied(), three(network=NetworkWishes(subnet="10.222.0.0/24")))
+    return plan_for(applied(), three(network=NetworkSettings(subnet="10.222.0.0/24")))
 
 
 def drift() -> Plan:
@@ -145,7 +145,7 @@ SCENES: tuple[Callable[[], Plan], ...] = (
 
 
 def priced(plan: Plan) -> Plan:
-    """Give the plan with fixed costs: what a placement costs is assignment's to say, and tested there."""
+    """Return the plan with fixed costs: what a placement costs is assignment's to say, and tested there."""
     return dataclasses.replace(plan, cost=0.5 * len(plan.costs), costs=dict.fromkeys(plan.costs, 0.5))
 
 

@@ -38,7 +38,7 @@ def _none_left() -> Iterator[None]:
 
 
 def wanted(**more: object) -> Definitions:
-    """Give an experiment whose service `web` gets the secret, on robot r1."""
+    """Return an experiment whose service `web` gets the secret, on robot r1."""
     what = experiment(service("web", robot="r1", **more), service("other", robot="r1"))
     web = dataclasses.replace(what.services["web"], secrets=USES)
     services = {**what.services, "web": web}
@@ -48,17 +48,17 @@ def wanted(**more: object) -> Definitions:
 def planned(world: World, value: str = VALUE, **more: object) -> controller.Planned:
     """Plan with this value."""
     world.vault = Vault({"token": Secret(value)})
-    wishes = controller.Wishes()
+    wishes = controller.PlanRequest()
     return controller.make_plan(wanted(**more), inventory(world), world.reader, wishes, vault=world.vault)
 
 
 def file_of(made: controller.Planned) -> PlanFile:
-    """Give the plan as a file, without inputs."""
-    return removal_file(made.plan, made.found)
+    """Return the plan as a file, without inputs."""
+    return removal_file(made.plan, made.snapshot)
 
 
 def steps(made: controller.Planned) -> dict[str, str]:
-    """Give name -> cause of every step that is not about images and networks."""
+    """Return name -> cause of every step that is not about images and networks."""
     return {step.name: step.change.cause for step in made.plan.steps if step.module in ("secret", "container")}
 
 
@@ -159,7 +159,7 @@ def test_a_missing_value_is_told_before_any_robot_is_changed() -> None:
     """Without a vault the plan reads the values itself, and says at which line of the EDF one is missing."""
     world = World().add("r1")
     with pytest.raises(DefinitionError) as caught:
-        controller.make_plan(wanted(), inventory(world), world.reader, controller.Wishes())
+        controller.make_plan(wanted(), inventory(world), world.reader, controller.PlanRequest())
     assert str(caught.value.problems[0].location) == "e.edf:7:3"
     assert world.done() == []
 

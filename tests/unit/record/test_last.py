@@ -27,7 +27,7 @@ def record(root: Path, name: str, **files: Any) -> Path:
 
 
 def result(outcomes: dict[str, str], unreachable: tuple[str, ...] = ()) -> dict[str, Any]:
-    """Give what `apply --json` prints, as far as it matters."""
+    """Return what `apply --json` prints, as far as it matters."""
     steps = [{"number": 1, "id": f"{robot}/container:srprov.x.y", "outcome": word} for robot, word in outcomes.items()]
     return {"unreachable": list(unreachable), "steps": steps}
 

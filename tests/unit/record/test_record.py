@@ -18,7 +18,7 @@ import pytest
 from srprov.definitions.model import Host, Inventory
 from srprov.execution import Event
 from srprov.planning.planfile import document
-from srprov.record import Run, RunFolder, default_root, event_json, run_id, write_inputs
+from srprov.record import RunFolder, RunInputs, default_root, event_json, run_id, write_inputs
 from srprov.record.documents import inputs, inventory_document, plain
 from srprov.resource import Action
 from srprov.saved import removal_file
@@ -40,7 +40,7 @@ def _none_left() -> Iterator[None]:
 
 
 def modes(folder: Path) -> dict[str, str]:
-    """Give path below the folder -> permissions in octal."""
+    """Return path below the folder -> permissions in octal."""
     every = [folder, *folder.rglob("*")]
     return {str(path.relative_to(folder)): f"{stat.S_IMODE(path.stat().st_mode):o}" for path in every}
 
@@ -51,9 +51,11 @@ def test_everything_is_there_and_for_its_owner_only(tmp_path: Path) -> None:
     what = experiment(service("a", robot="r1"), service("b", robot="r2"))
     plan = plan_of(world, what)
     desired = [step.want for step in plan.steps if step.want]
-    file = removal_file(plan, type("Found", (), {"facts": {}, "existing": {}})())  # type: ignore[arg-type]
+    file = removal_file(plan, type("Found", (), {"facts": {}, "observed": {}})())  # type: ignore[arg-type]
     lab = inventory(world)
-    run = Run(verb="apply", owner="a@b", version="1", plan=plan, file=lambda: file, inventory=lab, desired=desired)
+    run = RunInputs(
+        verb="apply", owner="a@b", version="1", plan=plan, file=lambda: file, inventory=lab, desired=desired
+    )
     os.umask(0)
     try:
         with RunFolder(tmp_path / "runs" / "deep", run_id(plan, NOW)) as folder:

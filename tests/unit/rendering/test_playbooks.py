@@ -11,7 +11,7 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from srprov import controller
-from srprov.context import Parts
+from srprov.context import RenderInputs
 from srprov.data import schema
 from srprov.definitions import playbook as reading
 from srprov.definitions.playbookmodel import ADDED, AFTER, BEFORE, REPLACES, Playbook
@@ -37,7 +37,7 @@ MARKER = """\
 
 @pytest.fixture
 def write(tmp_path: Path) -> Any:
-    """Give a function that writes a playbook and reads it as it is read."""
+    """Return a function that writes a playbook and reads it as it is read."""
 
     def _write(text: str, place: str = BEFORE, name: str = "p.yml") -> Playbook:
         (tmp_path / name).write_text(text)
@@ -47,24 +47,24 @@ def write(tmp_path: Path) -> Any:
 
 
 def with_playbooks(*playbooks: Playbook, services: tuple[Any, ...] = ()) -> Experiment:
-    """Give an experiment with playbooks of its own."""
+    """Return an experiment with playbooks of its own."""
     return experiment(*(services or (service("a", robot="r1"),)), playbooks=playbooks)
 
 
 def told(world: World, what: Experiment, **wishes: Any) -> list[str]:
-    """Give what a plan that must not be possible says, as `line:column message (hint)`."""
+    """Return what a plan that must not be possible says, as `line:column message (hint)`."""
     with pytest.raises(DefinitionError) as caught:
         plan_for(world, what, allow=ALLOW, **wishes)
     return [f"{p.location.line}:{p.location.column} {p.message} ({p.hint})" for p in caught.value.problems]
 
 
 def ids(plan: Plan) -> list[str]:
-    """Give the steps' addresses, in order."""
+    """Return the steps' addresses, in order."""
     return [step.id for step in plan.steps]
 
 
 def checks(world: World) -> list[str]:
-    """Give the checks of commands that robots were asked."""
+    """Return the checks of commands that robots were asked."""
     queries = [entry.what for entry in world.log if isinstance(entry.what, Query)]
     return [query.command for query in queries if query.command.startswith("timeout -k 2")]
 
@@ -77,7 +77,7 @@ def test_the_schemas_modules_and_variables_are_those_that_there_are(
     seen: list[dict[str, Any]] = []
     made = controller.contexts
 
-    def spy(parts: Parts) -> Any:
+    def spy(parts: RenderInputs) -> Any:
         per_host, blobs = made(parts)
         seen.extend(per_host.values())
         return per_host, blobs

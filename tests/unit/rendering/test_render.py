@@ -71,7 +71,7 @@ def rendered(text: str, blobs: dict[str, bytes] | None = None, **context: Any) -
 
 
 def refused(text: str, **context: Any) -> RenderError:
-    """Give the error of a playbook that must not render."""
+    """Return the error of a playbook that must not render."""
     with pytest.raises(RenderError) as caught:
         rendered(text, **context)
     return caught.value

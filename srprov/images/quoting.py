@@ -27,7 +27,7 @@ _PACKAGES = {"apt": (_APT, "curl=7.88.*"), "pip": (_PIP, "numpy==1.26.4"), "npm"
 
 
 def package(kind: str, name: str) -> str:
-    """Give one package of `apt`, `pip` or `npm`, with its version if it has one; blanks around operators go.
+    """Return one package of `apt`, `pip` or `npm`, with its version if it has one; blanks around operators go.
 
     Raises:
         ValueError: A character that no package name or version has, or an option in disguise.
@@ -40,7 +40,7 @@ def package(kind: str, name: str) -> str:
 
 
 def one_line(what: str, value: str) -> str:
-    """Give the value when it has no control character.
+    """Return the value when it has no control character.
 
     Raises:
         ValueError: It has one: a line break, say, cannot be written into a Dockerfile.
@@ -51,7 +51,7 @@ def one_line(what: str, value: str) -> str:
 
 
 def variable(name: str, value: str) -> str:
-    """Give `NAME="value"` for ENV and LABEL, with nothing expanded.
+    """Return `NAME="value"` for ENV and LABEL, with nothing expanded.
 
     Raises:
         ValueError: The name is none, or the value has control characters.
@@ -63,7 +63,7 @@ def variable(name: str, value: str) -> str:
 
 
 def path(what: str, value: str) -> str:
-    """Give a path for WORKDIR or, inside JSON, COPY: what expansion would take for quotes or variables is escaped.
+    """Return a path for WORKDIR or, inside JSON, COPY: what expansion would take for quotes or variables is escaped.
 
     Raises:
         ValueError: It is empty or has control characters.
@@ -74,12 +74,12 @@ def path(what: str, value: str) -> str:
 
 
 def exec_form(words: Sequence[str]) -> str:
-    """Give the JSON form of RUN, COPY, CMD or ENTRYPOINT: one line whatever the words hold, and no shell reads it."""
+    """Return the JSON form of RUN, COPY, CMD or ENTRYPOINT: one line whatever the words hold, and no shell reads it."""
     return json.dumps(list(words))
 
 
 def user(value: str) -> str:
-    """Give the argument of USER.
+    """Return the argument of USER.
 
     Raises:
         ValueError: It is no `name`, `uid`, `name:group` or `uid:gid`.
@@ -90,7 +90,7 @@ def user(value: str) -> str:
 
 
 def signal(value: str) -> str:
-    """Give the argument of STOPSIGNAL.
+    """Return the argument of STOPSIGNAL.
 
     Raises:
         ValueError: It is no signal's name or number.

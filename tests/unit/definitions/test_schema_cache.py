@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from srprov.definitions import load_experiment, remembered, schema
+from srprov.definitions import load_experiment, schema, schema_cache
 from srprov.errors import DefinitionError
 
 EDF = "edf: 1\nname: a\nservices:\n  one:\n    image: busybox\n"
@@ -16,7 +16,7 @@ EDF = "edf: 1\nname: a\nservices:\n  one:\n    image: busybox\n"
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Use a cache folder of the test's own."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    remembered._lines.cache_clear()
+    schema_cache._lines.cache_clear()
     return tmp_path / "cache" / "srprov" / "documents"
 
 
@@ -58,7 +58,7 @@ def test_a_file_that_is_not_to_be_trusted_is_not(tmp_path: Path, checks: list[st
     else:
         folder.unlink()
         folder.mkdir() if spoil == "folder" else folder.write_bytes(b"\xff\n" * 40_000)
-    remembered._lines.cache_clear()
+    schema_cache._lines.cache_clear()
     load_experiment(written(tmp_path, EDF))
     assert checks == ["edf", "edf"]
 
@@ -72,9 +72,9 @@ def test_quotes_count(tmp_path: Path, checks: list[str]) -> None:
 
 def test_the_file_stays_small(folder: Path) -> None:
     for number in range(3000):
-        remembered.remember(f"{number:064x}")
+        schema_cache.remember(f"{number:064x}")
     assert folder.stat().st_size <= 64 * 1024
-    assert remembered.is_known(f"{2999:064x}") and not remembered.is_known("0" * 64)
+    assert schema_cache.is_known(f"{2999:064x}") and not schema_cache.is_known("0" * 64)
 
 
 def test_passwords_leave_no_trace(tmp_path: Path, folder: Path) -> None:

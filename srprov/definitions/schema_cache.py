@@ -19,7 +19,7 @@ _LINE = 65
 
 
 def is_known(digest: str) -> bool:
-    """Tell whether a document with this digest was without fault."""
+    """Return whether a document with this digest was without fault."""
     return digest.encode("ascii") in _lines()
 
 
@@ -36,14 +36,14 @@ def remember(digest: str) -> None:
 
 @cache
 def code() -> str:
-    """Give a digest of the code that checks documents."""
+    """Return a digest of the code that checks documents."""
     here = Path(__file__).parent
     return hashlib.sha256(b"".join((here / name).read_bytes() for name in ("schema.py", "nodes.py"))).hexdigest()
 
 
 @cache
 def _lines() -> frozenset[bytes]:
-    """Give the digests of a file that is the user's alone; somebody else's would say what is without fault."""
+    """Return the digests of a file that is the user's alone; somebody else's would say what is without fault."""
     try:
         with _path().open("rb") as file:
             about = os.fstat(file.fileno())

@@ -1,4 +1,4 @@
-"""Cutting a plan into stretches: one table."""
+"""Cutting a plan into batches: one table."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from srprov.execution.segments import segments
+from srprov.execution.batches import segments
 from srprov.planning.plan import Step
 from srprov.resource import Action, Change, Need
 
@@ -36,7 +36,7 @@ def steps(text: str) -> list[Step]:
 
 
 def shown(text: str) -> list[str]:
-    """Give stretches as `robot: steps < stretches`."""
+    """Return batches as `robot: steps < batches`."""
     return [
         f"{part.host}: {' '.join(str(s.number) for s in part.steps)}"
         + (f" < {' '.join(map(str, sorted(part.needs)))}" if part.needs else "")
@@ -61,13 +61,13 @@ def shown(text: str) -> list[str]:
         ("1:a 2:b<1 3:a<2", ["a: 1", "b: 2 < 0", "a: 3 < 0 1"]),
     ],
 )
-def test_stretches(text: str, parts: list[str]) -> None:
-    """A stretch ends behind a step that another robot needs and before one that needs another robot or waits."""
+def test_batches(text: str, parts: list[str]) -> None:
+    """A batch ends behind a step that another robot needs and before one that needs another robot or waits."""
     assert shown(text) == parts
 
 
 def test_any_plan_can_be_walked() -> None:
-    """Stretches of any plan hold every step once, keep each robot's order, and need only what stands before them."""
+    """Batches of any plan hold every step once, keep each robot's order, and need only what stands before them."""
     dice = random.Random(1)
     for _ in range(300):
         count = dice.randint(1, 14)

@@ -1,6 +1,6 @@
-"""Cut a plan into stretches that run on one robot without looking at any other.
+"""Cut a plan into batches that run on one robot without looking at any other.
 
-A new stretch begins before a step that needs another robot, and after a step that another robot needs. So a robot
+A new batch begins before a step that needs another robot, and after a step that another robot needs. So a robot
 reads once, does several steps, verifies once; and nobody waits for more than he needs. Pure.
 """
 
@@ -13,7 +13,7 @@ from srprov.planning.plan import Step
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Segment:
+class Batch:
     """Consecutive steps of one robot."""
 
     index: int
@@ -23,7 +23,7 @@ class Segment:
     """Indexes of segments that must have ended first; the robot's previous one is among them."""
 
 
-def segments(steps: Sequence[Step]) -> tuple[Segment, ...]:
+def segments(steps: Sequence[Step]) -> tuple[Batch, ...]:
     """Cut the plan's steps, which stand in an order that respects their needs."""
     by_number = {step.number: step for step in steps}
     needed_elsewhere = {n for step in steps for n in step.needs if by_number[n].host != step.host}
@@ -40,7 +40,7 @@ def segments(steps: Sequence[Step]) -> tuple[Segment, ...]:
     return _linked(groups)
 
 
-def _linked(groups: Sequence[Sequence[Step]]) -> tuple[Segment, ...]:
+def _linked(groups: Sequence[Sequence[Step]]) -> tuple[Batch, ...]:
     home = {step.number: index for index, group in enumerate(groups) for step in group}
     previous: dict[str, int] = {}
     linked = []
@@ -50,5 +50,5 @@ def _linked(groups: Sequence[Sequence[Step]]) -> tuple[Segment, ...]:
         if host in previous:
             needs.add(previous[host])
         previous[host] = index
-        linked.append(Segment(index=index, host=host, steps=tuple(group), needs=frozenset(needs)))
+        linked.append(Batch(index=index, host=host, steps=tuple(group), needs=frozenset(needs)))
     return tuple(linked)
