@@ -18,19 +18,18 @@ from srprov.cli.output import clean, err, line_of, wants_color
 if TYPE_CHECKING:
     from srprov.execution import Event, Listener
     from srprov.planning.plan import Plan
-    from srprov.record import RunFolder
 
 _SYMBOL_COLORS = {"changed": "green", "unchanged": "blue", "failed": "red", "skipped": "yellow"}
 _PROGRESS_EVERY_S = 5.0
 
 
 @contextmanager
-def progress(plan: Plan, record: RunFolder, *, events: str | None, color: bool) -> Iterator[Listener]:
-    """Return a listener for one run, which is recorded too; the status line goes away at the end."""
+def progress(plan: Plan, *, events: str | None, color: bool) -> Iterator[Listener]:
+    """Return a listener for one run; the status line goes away at the end."""
     with ExitStack() as stack:
         stream = stack.enter_context(open(events, "w", encoding="utf-8")) if events else None
         live = stack.enter_context(_live()) if sys.stderr.isatty() and plan.steps else None
-        shown = _Shown(len(plan.steps), record, stream, live, color=color and wants_color(sys.stderr))
+        shown = _Shown(len(plan.steps), stream, live, color=color and wants_color(sys.stderr))
         yield shown.listen
 
 
@@ -56,13 +55,12 @@ class _Shown:
     def __init__(
         self,
         total: int,
-        record: RunFolder,
         stream: TextIO | None,
         live: Any,  # noqa: ANN401 - rich's Status or None
         *,
         color: bool,
     ) -> None:
-        self.total, self.record, self.stream, self.live, self.color = total, record, stream, live, color
+        self.total, self.stream, self.live, self.color = total, stream, live, color
         self.done = 0
         self.running: dict[str, str] = {}
         self.last_said: dict[str, float] = {}
@@ -73,10 +71,8 @@ class _Shown:
         from srprov.record import event_json
 
         with self.lock:
-            value = event_json(event)
-            self.record.event(value)
             if self.stream:
-                self.stream.write(line_of(value))
+                self.stream.write(line_of(event_json(event)))
                 self.stream.flush()
             getattr(self, f"_{event.kind}")(event)
             if self.live:

@@ -7,7 +7,7 @@ import json
 from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import cast
 
 import pytest
 from hypothesis import given
@@ -103,8 +103,7 @@ def test_the_status_line_takes_any_word_of_a_robot(word: str) -> None:
     """To rich, `[/b]` in a build's output is the end of what never began: it must not be markup."""
     stream = io.StringIO()
     live = Console(file=stream, force_terminal=True).status("starting")
-    record: Any = SimpleNamespace(event=lambda _value: None)
-    shown = progress._Shown(1, record, None, live, color=False)
+    shown = progress._Shown(1, None, live, color=False)
     shown.listen(Event(kind="progress", host="r1", text=f"{word} seen"))
     assert "seen" in str(live.renderable.text) or len(word) > 150  # type: ignore[union-attr]
 
