@@ -70,6 +70,7 @@ def apply(
     failing = options.budget(max_fail, len(chosen))
     with inputs.connect(inventory, timeout, forks, changing=True, vault=vault) as fleet:
         err(f"asking {len(inventory.hosts)} robots for facts")
+        phases.begin("facts")
         lock_wait = inputs.waited(fleet, name, lock_wait)
         phases.prepare(fleet, chosen)
         planned = _planned(source, fleet, request, vault, phases).limited(chosen)
@@ -139,7 +140,6 @@ def _planned(
     if not isinstance(source, Definitions):
         from srprov.controller.saved import check_plan
 
-        phases.begin("facts")
         return check_plan(source, fleet, vault)
     with fleet.look(source.experiment) as look, answers_only():
         from srprov.controller.plan import make_plan  # a tenth of a second of imports, while the robots are asked

@@ -20,7 +20,7 @@ from srprov.facts.model import HostFacts
 from srprov.modules.module import STATE_ROOT, canonical
 from srprov.modules.secret import secret_path
 from srprov.network.hosts import hosts_file
-from srprov.network.layout import Overlay
+from srprov.network.model import Overlay
 
 if TYPE_CHECKING:
     pass

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from srprov.definitions.model import Experiment
 from srprov.facts.model import Snapshot
-from srprov.network.layout import Overlay
+from srprov.network.model import Overlay
 
 if TYPE_CHECKING:
     from srprov.images.plan import ImagePlan

@@ -33,7 +33,8 @@ from srprov.facts.gather import Gathering
 from srprov.facts.model import Snapshot
 from srprov.modules import MODULES
 from srprov.modules.secret import with_value
-from srprov.network.layout import Overlay, layout
+from srprov.network.layout import layout
+from srprov.network.model import Overlay
 from srprov.network.record import record
 from srprov.planning.diff import diff
 from srprov.planning.limit import limited
