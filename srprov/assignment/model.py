@@ -108,10 +108,6 @@ class Problem:
         """Return the terms of one service in one slot of a reachable robot."""
         return terms(self.services[service].cost * discount, self.loads[robot][slot], self.weights)
 
-    def node_cost(self, node: ServiceGroup, robot: str, slot: int = 0) -> float:
-        """Return what all services of a node cost together, without any pool's discount."""
-        return sum(self.cost(service, robot, slot).total for service in node)
-
     def eligible(self, node: ServiceGroup) -> tuple[str, ...]:
         """Return the reachable robots that lack nothing for any service of the node, in name order."""
         able = self.able(node)
