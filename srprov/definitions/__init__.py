@@ -4,8 +4,7 @@ Takes paths; gives values, or `DefinitionError` with every problem at once, each
 do. Touches user files for reading, and runs an inventory that is a program, and the commands that give secrets. What a
 field means is in `schemas/` and in docs/definitions.md.
 
-    nodes, yamlfile        a document that knows where each value stands
-    schema                 document and JSON Schema -> problems
+    schema, schema_cache   document (`yamldoc`) and JSON Schema -> problems
     paths, values, mounts  what a text stands for
     merging, runtime       one definition over another -> run-time part
     container, dockerfile  CDF        service, envfile, checks, unsupported, experiment, pins  EDF
@@ -101,8 +100,9 @@ def file_kind(path: str) -> str:
     Raises:
         DefinitionError: Its content has to tell, and it cannot be read.
     """
-    from srprov.definitions import dockerfile, yamlfile
-    from srprov.definitions.nodes import Map
+    from srprov.definitions import dockerfile
+    from srprov.yamldoc import loader
+    from srprov.yamldoc.nodes import Map
 
     if path.endswith((".edf", ".cdf")):
         return path[-3:]
@@ -110,7 +110,7 @@ def file_kind(path: str) -> str:
         return "cdf"
     if os.path.isdir(path) or not path.endswith((".yml", ".yaml", ".json")) or os.access(path, os.X_OK):
         return "inventory"
-    root = yamlfile.read(path)
+    root = loader.read(path)
     keys = set(root.entries) if isinstance(root, Map) else set()
     if "edf" in keys or ("services" in keys and "all" not in keys):
         return "edf"

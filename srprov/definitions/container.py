@@ -12,11 +12,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from srprov.definitions import dockerfile, merging, nodes, paths, runtime, schema, yamlfile
+from srprov.definitions import dockerfile, merging, paths, runtime, schema
 from srprov.definitions.model import BuildFile, ContainerDefinition, HealthCheck
-from srprov.definitions.nodes import Findings, Map, Node, Scalar, Seq, Source
 from srprov.definitions.values import text, texts
 from srprov.errors import DefinitionError, Diagnostic, Location
+from srprov.yamldoc import loader, nodes
+from srprov.yamldoc.nodes import Findings, Map, Node, Scalar, Seq, Source
 
 _ORIGINS = ("base", "image", "dockerfile")
 _BUILDING = ("packages", "repositories", "files", "run")
@@ -35,7 +36,7 @@ class Container:
     def image_has_healthcheck(self) -> bool:
         """Return whether the Dockerfile sets one; that of an image is not known."""
         path = self.definition.dockerfile
-        return bool(path) and dockerfile.has_healthcheck(yamlfile.read_text(path))
+        return bool(path) and dockerfile.has_healthcheck(loader.read_text(path))
 
 
 def load(path: str, folder: str, environ: Mapping[str, str], shown: str = "") -> Container:
@@ -75,7 +76,7 @@ class _Chain:
         try:
             if dockerfile.is_dockerfile(path):
                 return _as_layer(path, shown)
-            root = yamlfile.read(path, shown)
+            root = loader.read(path, shown)
         except DefinitionError as error:
             self.findings.extend(error.problems)
             return None
@@ -130,7 +131,7 @@ def _as_layer(path: str, shown: str) -> Map:
     Raises:
         DefinitionError: It cannot be read, or is no Dockerfile.
     """
-    content = yamlfile.read_text(path, shown)
+    content = loader.read_text(path, shown)
     wrong = dockerfile.check(content, shown)
     if wrong:
         raise DefinitionError(wrong)

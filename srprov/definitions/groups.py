@@ -10,8 +10,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from srprov.definitions import nodes, ranges
-from srprov.definitions.nodes import Findings, Map, Node, Scalar
+from srprov.definitions import ranges
+from srprov.yamldoc import nodes
+from srprov.yamldoc.nodes import Findings, Map, Node, Scalar
 
 Variables = dict[str, tuple[Scalar, Node]]
 """name -> (where its name stands, its value)"""

@@ -12,11 +12,12 @@ import re
 from collections.abc import Callable, Mapping
 from typing import TypeVar
 
-from srprov.definitions import nodes, sshargs
+from srprov.definitions import sshargs
 from srprov.definitions.groups import Variables
 from srprov.definitions.model import Host
-from srprov.definitions.nodes import Findings, Map, Node, Scalar, Seq
 from srprov.secret import Secret
+from srprov.yamldoc import nodes
+from srprov.yamldoc.nodes import Findings, Map, Node, Scalar, Seq
 
 _T = TypeVar("_T")
 _SSH = {"ssh", "smart", "paramiko", "paramiko_ssh", "ansible.builtin.ssh", "ansible.builtin.paramiko_ssh"}

@@ -10,9 +10,9 @@ import ast
 import re
 import shlex
 
-from srprov.definitions import nodes
 from srprov.definitions.groups import HostTree, Variables
-from srprov.definitions.nodes import Node, Scalar, Source
+from srprov.yamldoc import nodes
+from srprov.yamldoc.nodes import Node, Scalar, Source
 
 _SECTION = re.compile(r"\[(?P<name>[^:\]\s]+)(?::(?P<kind>\w+))?\]\s*(?:[#;].*)?")
 _LONGEST_LITERAL = 10_000

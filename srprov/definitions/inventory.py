@@ -11,11 +11,12 @@ import re
 from collections.abc import Sequence
 from types import MappingProxyType
 
-from srprov.definitions import hostvars, inifile, nodes, schema, script, yamlfile
+from srprov.definitions import hostvars, inifile, schema, script
 from srprov.definitions.groups import Group, HostEntry, HostTree, Variables, variables_of
 from srprov.definitions.model import Inventory
-from srprov.definitions.nodes import Map, Node, Scalar, Source
-from srprov.errors import DefinitionError
+from srprov.errors import DefinitionError, did_you_mean
+from srprov.yamldoc import loader, nodes
+from srprov.yamldoc.nodes import Map, Node, Scalar, Source
 
 _NOT_INVENTORIES = ("~", ".orig", ".bak", ".cfg", ".retry", ".pyc", ".pyo", ".swp", ".md", ".rst", ".txt")
 _LOOKS_LIKE_YAML = re.compile(r"---|[{%]|.*:(\s|$)|-\s")
@@ -80,12 +81,12 @@ def _read(path: str, lab: HostTree) -> None:
     if script.is_program(path):
         script.read(path, lab)
         return
-    text = yamlfile.read_text(path)
+    text = loader.read_text(path)
     significant = (line.strip() for line in text.splitlines())
     first = next((line for line in significant if line and line[0] not in "#;"), "")
     by_name = path.endswith((".yml", ".yaml", ".json"))
     if by_name or (not path.endswith((".ini", ".cfg")) and _LOOKS_LIKE_YAML.match(first)):
-        _read_yaml(yamlfile.parse(text, path), path, lab)
+        _read_yaml(loader.parse(text, path), path, lab)
     else:
         inifile.read(text, path, lab)
 
@@ -119,7 +120,7 @@ def _read_group(key: Scalar, node: Node, lab: HostTree, path: nodes.Path) -> Non
         if part in _GROUP_KEYS:
             _read_part(name, part, value, lab, (*path, part))
         elif not part.startswith("x-"):
-            hint = schema.did_you_mean(part, _GROUP_KEYS) or "a group has hosts, vars and children"
+            hint = did_you_mean(part, _GROUP_KEYS) or "a group has hosts, vars and children"
             lab.findings.add(node.keys[part], f"unknown key '{part[:60]}' in the group '{name}'", (*path, part), hint)
 
 
@@ -174,8 +175,8 @@ def _variables(folder: str, name: str, lab: HostTree) -> Variables:
 
 def _variables_file(path: str, lab: HostTree) -> Variables:
     try:
-        text = yamlfile.read_text(path)
-        root = None if text.startswith("$ANSIBLE_VAULT;") else yamlfile.parse(text, path)
+        text = loader.read_text(path)
+        root = None if text.startswith("$ANSIBLE_VAULT;") else loader.parse(text, path)
     except DefinitionError as error:
         lab.findings.extend(error.problems)
         return {}

@@ -7,7 +7,7 @@ makes it replace as well.
 
 from __future__ import annotations
 
-from srprov.definitions.nodes import Findings, Map, Node, Path, Scalar, Seq
+from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq
 
 WHOLE = frozenset({"command", "entrypoint", "test", "authors", "arch"})
 """Lists that are one value: they replace."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import os
 
-from srprov.definitions.nodes import Findings, Path, Scalar
+from srprov.yamldoc.nodes import Findings, Path, Scalar
 
 _MOST_ENTRIES = 20_000
 """How far a shipped folder is searched for links that lead out of it."""

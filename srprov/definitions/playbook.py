@@ -15,11 +15,12 @@ from collections.abc import Collection, Iterator
 from dataclasses import replace
 
 from srprov.data import schema as shipped_schema
-from srprov.definitions import nodes, paths, schema, template, yamlfile
-from srprov.definitions.nodes import Findings, Map, Node, Path, Scalar, Seq, Source
+from srprov.definitions import paths, schema, template
 from srprov.definitions.playbookmodel import ADDED, AFTER, BEFORE, REPLACES, Playbook, PlaybookCommand
 from srprov.definitions.template import HOLE, MARK
-from srprov.errors import DefinitionError, Diagnostic, Location
+from srprov.errors import DefinitionError, Diagnostic, Location, did_you_mean
+from srprov.yamldoc import loader, nodes
+from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq, Source
 
 VARIABLES = (
     "api", "files", "folder", "host", "images", "instance", "overlay", "robot", "secrets", "services", "source",
@@ -80,7 +81,7 @@ def read(file: str, shown: str, name: str, place: str) -> Playbook:
     Raises:
         DefinitionError: With everything that is wrong with it.
     """
-    text = yamlfile.read_text(file, shown).replace("\r\n", "\n").replace("\r", "\n")
+    text = loader.read_text(file, shown).replace("\r\n", "\n").replace("\r", "\n")
     source = Source(shown, tuple(text.split("\n")))
     findings = Findings()
     if len(text) > MAX_LENGTH:
@@ -141,7 +142,7 @@ def _check_template(text: str, source: Source, findings: Findings) -> bool:
     used += [("test", t.lineno, t.name, env.tests) for t in tree.find_all(syntax.Test) if t.name not in env.tests]
     for what, row, name, choices in used:
         match = re.search(rf"\b{re.escape(name)}\b", source.excerpt(row))
-        hint = schema.did_you_mean(name, choices)
+        hint = did_you_mean(name, choices)
         hint = hint or (f"known: {', '.join(VARIABLES)}" if what == "variable" else "")
         place = Scalar(source, row, match.start() + 1 if match else 1, "")
         findings.add(place, f"there is no {what} '{name[:60]}'", (), hint)
@@ -166,7 +167,7 @@ def _holes(text: str) -> dict[tuple[int, int], str]:
 def _items(skeleton: str, source: Source, holes: Collection[tuple[int, int]], findings: Findings) -> Iterator[Map]:
     """Return the items of a skeleton that are maps; everything that is wrong is added."""
     try:
-        root = yamlfile.parse(skeleton, source.file)
+        root = loader.parse(skeleton, source.file)
     except DefinitionError as error:
         findings.extend(replace(one, excerpt=source.excerpt(one.location.line)) for one in error.problems)
         return
@@ -227,7 +228,7 @@ def check_item(item: Node, findings: Findings, path: Path = ()) -> None:
     if kind not in modules():
         later = next((key for key in item.entries if key in modules()), "")
         known = f"known: {', '.join(modules())}"
-        hint = f"put '{later}' first" if later else schema.did_you_mean(kind, modules()) or known
+        hint = f"put '{later}' first" if later else did_you_mean(kind, modules()) or known
         findings.add(item.keys.get(kind, item), f"there is no module '{kind[:60]}'", (*path, kind), hint)
         return
     schema.check_tags(item, findings, frozenset(), path)

@@ -8,10 +8,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 
-from srprov.definitions import nodes
 from srprov.definitions.model import Pool
-from srprov.definitions.nodes import Findings, Map, Node, Path, Scalar, Seq
 from srprov.definitions.values import scalars, text
+from srprov.yamldoc import nodes
+from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq
 
 
 def pools(root: Map) -> tuple[Pool, ...]:

@@ -8,15 +8,16 @@ or value that is meant.
 
 from __future__ import annotations
 
-import difflib
 import hashlib
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from typing import Any
 
-from srprov.definitions import nodes, schema_cache
-from srprov.definitions.nodes import Findings, Map, Node, Path, Scalar, Seq
+from srprov.definitions import schema_cache
+from srprov.errors import did_you_mean
+from srprov.yamldoc import nodes
+from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq
 
 _WORDS = {"object": "a map", "array": "a list", "string": "text", "integer": "a whole number", "number": "a number"}
 _WORDS |= {"boolean": "true or false"}
@@ -66,12 +67,6 @@ def check_tags(node: Node, findings: Findings, allowed: frozenset[str], path: Pa
     elif isinstance(node, Seq):
         for index, item in enumerate(node.items):
             check_tags(item, findings, allowed, (*path, index))
-
-
-def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """Return `did you mean 'x'?` for the closest known word, or else nothing."""
-    close = difflib.get_close_matches(word[:200], sorted(known), n=1, cutoff=0.6)
-    return f"did you mean '{close[0]}'?" if close else ""
 
 
 def _shadow(node: Node) -> Any:  # noqa: ANN401 - what jsonschema walks

@@ -14,6 +14,8 @@ import stat
 from functools import cache
 from pathlib import Path
 
+from srprov.yamldoc import nodes
+
 _MOST_BYTES = 64 * 1024
 _LINE = 65
 
@@ -37,8 +39,8 @@ def remember(digest: str) -> None:
 @cache
 def code() -> str:
     """Return a digest of the code that checks documents."""
-    here = Path(__file__).parent
-    return hashlib.sha256(b"".join((here / name).read_bytes() for name in ("schema.py", "nodes.py"))).hexdigest()
+    code_files = (Path(__file__).with_name("schema.py"), Path(nodes.__file__))
+    return hashlib.sha256(b"".join(path.read_bytes() for path in code_files)).hexdigest()
 
 
 @cache

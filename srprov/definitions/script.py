@@ -13,10 +13,10 @@ import subprocess
 import time
 from typing import Any
 
-from srprov.definitions import nodes
 from srprov.definitions.groups import HostTree, variables_of
-from srprov.definitions.nodes import Map, Node, Scalar, Seq, Source
 from srprov.errors import DefinitionError, Diagnostic, Location
+from srprov.yamldoc import nodes
+from srprov.yamldoc.nodes import Map, Node, Scalar, Seq, Source
 
 DEADLINE_S = 30.0
 

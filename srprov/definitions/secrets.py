@@ -13,12 +13,13 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
-from srprov.definitions import nodes, values
+from srprov.definitions import values
 from srprov.definitions.model import Mount, Service
-from srprov.definitions.nodes import Findings, Map, Node, Path, Scalar, Seq
-from srprov.definitions.schema import did_you_mean
 from srprov.definitions.secretmodel import SecretSource, SecretUse
 from srprov.definitions.values import text
+from srprov.errors import did_you_mean
+from srprov.yamldoc import nodes
+from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq
 
 _FOLDER = "/run/secrets"
 _MODE = "0400"

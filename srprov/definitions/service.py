@@ -11,12 +11,13 @@ from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
-from srprov.definitions import envfile, merging, nodes, paths, runtime, yamlfile
+from srprov.definitions import envfile, merging, paths, runtime
 from srprov.definitions.container import Container
 from srprov.definitions.model import Requirements, Service
-from srprov.definitions.nodes import Findings, Map, Node, Path, Scalar, Seq
 from srprov.definitions.values import scalars, text, texts
 from srprov.errors import DefinitionError
+from srprov.yamldoc import loader, nodes
+from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq
 
 _CONDITIONS = {
     "service_started": "started",
@@ -103,7 +104,7 @@ def _env_files(node: Node | None, folder: str, environ: Mapping[str, str], findi
             continue
         try:
             shown = paths.shown_beside(item.source.file, item.text)
-            found, problems = envfile.parse(yamlfile.read_text(real, shown), shown, environ)
+            found, problems = envfile.parse(loader.read_text(real, shown), shown, environ)
         except DefinitionError as error:
             found, problems = {}, list(error.problems)
         findings.extend(map(nodes.hushed, problems))

@@ -22,10 +22,10 @@ from srprov.facts.host import host_queries, later_query, parse_host
 from srprov.facts.model import HostFacts, Snapshot
 from srprov.facts.observe import observe_queries, parse_observed, parse_probed, probe_queries
 from srprov.facts.probes import INFO
-from srprov.facts.untrusted import text
 from srprov.modules import PROBING
 from srprov.modules.module import STATE_ROOT
 from srprov.resource import Observed, Resource
+from srprov.untrusted import text
 from srprov.wire import EngineQuery, Measures, Query, Reader, Reply
 
 _PLACEMENTS = Query(command=f'for f in {STATE_ROOT}/*/placement.json; do test -f "$f" && cat "$f" && echo; done; :')

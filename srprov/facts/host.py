@@ -19,7 +19,7 @@ from srprov.facts.hardware import detect_tags
 from srprov.facts.links import Underlay, find_underlay
 from srprov.facts.model import Docker, HostFacts
 from srprov.facts.probes import ENGINE, PING, PROBES, counters
-from srprov.facts.untrusted import decimal, folder, integer, mapping, parsed, text
+from srprov.untrusted import decimal, folder, integer, mapping, parsed, text
 from srprov.wire import EngineQuery, Measures, Query, Reply
 
 _MOST_BYTES = 2**60

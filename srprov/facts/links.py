@@ -16,7 +16,7 @@ from typing import Any
 
 from srprov.definitions.model import Host
 from srprov.facts.model import Link
-from srprov.facts.untrusted import integer, mapping, mappings, parsed, text
+from srprov.untrusted import integer, mapping, mappings, parsed, text
 
 _NAME = re.compile(r"[^\s/\x00-\x1f\x7f]{1,15}")
 _MAC = re.compile(r"[0-9a-f]{2}(:[0-9a-f]{2}){5}")

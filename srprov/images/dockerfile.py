@@ -20,9 +20,9 @@ import jinja2
 
 from srprov.definitions.model import ContainerDefinition
 from srprov.errors import DefinitionError, Diagnostic, Location
+from srprov.image_reference import Reference, parse_reference
 from srprov.images import quoting
 from srprov.images.plan import Dockerfile
-from srprov.images.reference import Reference, parse_reference
 from srprov.wire import quote
 
 _T = TypeVar("_T")

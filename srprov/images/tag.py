@@ -17,10 +17,10 @@ from functools import partial
 
 from srprov.definitions.model import ContainerDefinition
 from srprov.errors import Location
+from srprov.image_reference import parse_reference
 from srprov.images.context import DOCKERFILE, Listing, Read, context_tar, entries_of, folder_entries
 from srprov.images.dockerfile import FieldChecks, context_name, instruction_lines, label_line, render_dockerfile
 from srprov.images.plan import ContextFile, Dockerfile, ImagePlan
-from srprov.images.reference import parse_reference
 
 _FORMAT = 1
 """Counts up when the same definition shall build something else than before."""

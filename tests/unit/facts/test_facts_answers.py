@@ -12,7 +12,7 @@ from srprov.facts.answers import (
     parse_wireless,
 )
 from srprov.facts.links import parse_links, parse_routes
-from srprov.facts.untrusted import decimal, integer, parsed, text
+from srprov.untrusted import decimal, integer, parsed, text
 
 
 @pytest.mark.parametrize(

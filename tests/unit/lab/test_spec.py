@@ -58,14 +58,23 @@ def test_an_empty_file_is_a_lab_without_options() -> None:
 
 
 def test_all_problems_come_at_once_with_their_places() -> None:
-    text = "count: x\nrobots:\n  robot1: {tag: [a], docker: maybe}\n  r2: {}\n  robot1: {}\n"
+    text = "count: x\nrobots:\n  robot1: {tag: [a], docker: maybe}\n  r2: {}\n"
     assert problems(text) == [
         (1, 8, "a whole number from 1 to 200 is wanted here"),
         (3, 12, "unknown key 'tag'"),
         (3, 30, "true or false is wanted here"),
         (4, 3, "'r2' is not robot1 .. robot200"),
-        (5, 3, "'robot1' is there twice"),
     ]
+
+
+def test_a_robot_that_is_there_twice_is_told_with_both_lines() -> None:
+    assert problems("robots:\n  robot1: {}\n  robot1: {}\n") == [
+        (3, 3, "duplicate key 'robot1'; it is already on line 2")
+    ]
+
+
+def test_a_spec_nested_without_end_is_one_problem() -> None:
+    assert problems("robots: " + "[" * 5000) == [(1, 69, "is nested more than 60 levels deep")]
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,6 @@
 """The document as it was written: maps, lists and scalars that know their place in the file.
 
-Takes nothing but what `yamlfile` read; gives `Node`s, and `Diagnostic`s that point at them. Touches nothing. A scalar
+Takes what `loader` has read; gives `Node`s, and `Diagnostic`s that point at them. Touches nothing. A scalar
 keeps its source text: whether `on` is a word or a boolean is decided by who asks for it, so `as_bool` and `text` can
 both be right.
 """
