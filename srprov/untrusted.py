@@ -1,7 +1,8 @@
-"""What robots say, made harmless: text without control characters, numbers in their bounds, lists of a sane length.
+"""What robots, engines and files from elsewhere say, made harmless: bounded JSON, text, numbers and lists.
 
-Takes any text or JSON value; gives a value of the type that was asked for, never an exception. A robot may be broken or
-hostile: its facts end on terminals, in file names and in sums that decide who runs what. Touches nothing.
+Takes any text or JSON value; returns a value of the type that was asked for. A robot may be broken or hostile: its
+words end on terminals, in file names and in sums that decide who runs what. Only `parse_json` raises, for files that a
+user names; everything else turns what is wrong into an empty value. Touches nothing.
 """
 
 from __future__ import annotations
@@ -10,15 +11,70 @@ import json
 import math
 import re
 from collections.abc import Mapping
-from typing import Any
+from itertools import accumulate
+from typing import Any, NoReturn
 
 TEXT_LENGTH = 200
-"""Characters that a fact may have."""
+"""Characters of a text that is shown."""
+STRING_LENGTH = 65_536
+"""Characters of a text that is only compared."""
 LIST_LENGTH = 1024
 """Entries that a list of facts may have: links, routes, devices."""
+MAX_JSON_CHARACTERS = 8 * 1024 * 1024
+"""Parsing is linear in the text, so that this also limits its time: about 0.2 s."""
+MAX_JSON_DEPTH = 60
+LARGEST_NUMBER = 2**64
+"""No JSON number is larger; counters of kernel and engine have 64 bits."""
 
 _INTEGER = re.compile(r"-?[0-9]{1,18}")
 _DECIMAL = re.compile(r"-?[0-9]{1,18}(\.[0-9]{1,18})?")
+# a string that is not closed reaches to the end of the text, so that no search begins twice at one place
+_NO_BRACKETS = re.compile(r'"[^"\\]*(?:\\.[^"\\]*)*(?:"|\\?\Z)|[^"\[\]{}]+', re.DOTALL)
+_STEPS = {"[": 1, "{": 1, "]": -1, "}": -1}
+
+
+def parse_json(source: str, *, max_characters: int = MAX_JSON_CHARACTERS) -> Any:  # noqa: ANN401 - JSON is any
+    """Return JSON as values with numbers that can be calculated with.
+
+    `ip -j` writes control characters of a link's name or alias as they are: one odd link must not hide all others.
+
+    Raises:
+        ValueError: It is no JSON, is too long or nested too deeply, or has a number that is not finite or too large.
+    """
+    if len(source) > max_characters:
+        raise ValueError(f"it is longer than {max_characters} characters")
+    if source.count("[") + source.count("{") > MAX_JSON_DEPTH and _depth(source) > MAX_JSON_DEPTH:
+        raise ValueError(f"it is nested more than {MAX_JSON_DEPTH} levels deep")
+    return _DECODER.decode(source)
+
+
+def json_or_none(source: str) -> Any:  # noqa: ANN401 - JSON is any; each caller checks the shape that it needs
+    """Return JSON as `parse_json` does, or None for what it refuses."""
+    try:
+        return parse_json(source)
+    except ValueError:
+        return None
+
+
+def _depth(source: str) -> int:
+    return max(accumulate(map(_STEPS.__getitem__, _NO_BRACKETS.sub("", source))), default=0)
+
+
+def _whole(digits: str) -> int:
+    # Python itself refuses thousands of digits, with words that nobody understands
+    return int(digits) if len(digits) < 25 and abs(int(digits)) <= LARGEST_NUMBER else _refuse(digits)
+
+
+def _fraction(digits: str) -> float:
+    value = float(digits)
+    return value if abs(value) <= LARGEST_NUMBER else _refuse(digits)
+
+
+def _refuse(digits: str) -> NoReturn:
+    raise ValueError(f"the number {digits if len(digits) < 25 else digits[:20] + '...'} is too large or not a number")
+
+
+_DECODER = json.JSONDecoder(strict=False, parse_int=_whole, parse_float=_fraction, parse_constant=_refuse)
 
 
 def text(value: object, *, length: int = TEXT_LENGTH) -> str:
@@ -27,6 +83,13 @@ def text(value: object, *, length: int = TEXT_LENGTH) -> str:
         return ""
     # cut first: a robot may send megabytes, and only a few characters of them can matter
     return "".join(c for c in value[: 4 * length] if c.isprintable())[:length].strip()
+
+
+def string(value: object) -> str:
+    """Return a text as it came, cut, to be compared with; what is not text is ""."""
+    cut = value[:STRING_LENGTH] if isinstance(value, str) else ""
+    # half of a surrogate pair, which JSON can hold, cannot be written to any file or terminal
+    return cut if cut.isascii() else cut.encode("utf-8", "replace").decode("utf-8")
 
 
 def folder(value: object) -> str:
@@ -40,7 +103,7 @@ def lines_of(out: str, most: int) -> list[str]:
     return out.split("\n", most)[:most]
 
 
-def integer(value: object, *, low: int, high: int, default: int) -> int:
+def integer(value: object, *, low: int = 0, high: int = 10**18, default: int = 0) -> int:
     """Return an int clamped to `low..high`; `default` when it is no number at all."""
     if isinstance(value, str) and _INTEGER.fullmatch(value.strip()):
         value = int(value)
@@ -62,22 +125,16 @@ def decimal(value: object, *, low: float, high: float, default: float) -> float:
     return float(max(low, min(high, number))) if math.isfinite(number) else default
 
 
-def parsed(source: str) -> Any:  # noqa: ANN401 - JSON is any; each parser checks the shape that it needs
-    """Return JSON as values; broken or too deeply nested JSON is None.
-
-    `ip -j` writes control characters of a link's name or alias as they are: one odd link must not hide all others.
-    """
-    try:
-        return json.loads(source, strict=False)
-    except (ValueError, RecursionError):
-        return None
-
-
 def mapping(value: object) -> Mapping[str, Any]:
     """Return the mapping, or an empty one for anything else."""
     return value if isinstance(value, Mapping) else {}
 
 
-def mappings(value: object) -> list[Mapping[str, Any]]:
-    """Return the mappings in a list, at most `LIST_LENGTH` of them; anything else is left out."""
-    return [item for item in value if isinstance(item, Mapping)][:LIST_LENGTH] if isinstance(value, list) else []
+def mappings(value: object, *, most: int = 65_536) -> list[Mapping[str, Any]]:
+    """Return the mappings in a list, at most `most` of them; anything else is left out."""
+    return [item for item in value if isinstance(item, Mapping)][:most] if isinstance(value, list) else []
+
+
+def labels(value: object) -> dict[str, str]:
+    """Return a map of texts, such as the labels of a Docker object; anything else is empty."""
+    return {string(name): string(one) for name, one in mapping(value).items()}

@@ -51,22 +51,26 @@ ROOMS: Mapping[str, Room] = {
     "image_reference": room(),
     "untrusted": room(),
     "yamldoc": room("errors", "yaml"),
-    "definitions": room("errors secret data owner image_reference yamldoc", "jsonschema jinja2"),
-    "transport": room("errors wire secret definitions.model", "paramiko fabric invoke docker requests urllib3 psutil"),
+    "definitions": room("errors untrusted secret data owner image_reference yamldoc", "jsonschema jinja2"),
+    "transport": room(
+        "errors wire untrusted secret definitions.model", "paramiko fabric invoke docker requests urllib3 psutil"
+    ),
     "facts": room("errors wire untrusted resource modules definitions.model"),
     "assignment": room("errors definitions.model facts.model"),
-    "network": room("errors definitions.model facts.model"),
+    "network": room("errors untrusted definitions.model facts.model"),
     "images": room("errors wire image_reference definitions.model", "jinja2"),
     "rendering": room("errors resource data definitions yamldoc", "jinja2 yaml"),
-    "modules": room("errors wire resource secret"),
-    "planning": room("errors resource wire secret modules facts.model definitions.model definitions.secretmodel"),
-    "execution": room("errors resource wire modules planning facts owner"),
+    "modules": room("errors wire untrusted resource secret"),
+    "planning": room(
+        "errors untrusted resource wire secret modules facts.model definitions.model definitions.secretmodel"
+    ),
+    "execution": room("errors untrusted resource wire modules planning facts owner"),
     "record": room("errors resource secret definitions.model facts planning execution"),
     "lab": room("errors yamldoc", "yaml"),
     "data": room("errors"),
     "errors": room(),
     "secret": room(),
-    "wire": room("errors resource"),
+    "wire": room("errors untrusted resource"),
     "resource": room("errors wire"),
 }
 

@@ -6,15 +6,14 @@ Takes the program's path; adds to the `HostTree`. Runs it with `--list` (and `--
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import subprocess
 import time
-from typing import Any
 
 from srprov.definitions.groups import HostTree, variables_of
 from srprov.errors import DefinitionError, Diagnostic, Location
+from srprov.untrusted import parse_json
 from srprov.yamldoc import nodes
 from srprov.yamldoc.nodes import Map, Node, Scalar, Seq, Source
 
@@ -87,9 +86,8 @@ def _answer(path: str, arguments: list[str], end: float) -> Map:
         last = (err.decode("utf-8", "replace").strip().splitlines() or [""])[-1]
         raise _failed(path, f"'{' '.join(arguments)}' ended with {process.returncode}: {last[:200]}")
     try:
-        value: Any = json.loads(out)
-        root = nodes.from_json(value, Source(path))
-    except (ValueError, RecursionError) as error:
+        root = nodes.from_json(parse_json(out.decode("utf-8-sig")), Source(path))
+    except ValueError as error:
         raise _failed(path, f"'{' '.join(arguments)}' printed no JSON: {str(error)[:200]}") from None
     if not isinstance(root, Map):
         raise _failed(path, f"'{' '.join(arguments)}' printed {nodes.kind(root)}, not a map")
