@@ -91,7 +91,7 @@ def _refuse(digits: str) -> NoReturn:
 
 _FILE_DECODER = json.JSONDecoder(strict=False, parse_int=_whole, parse_float=_fraction, parse_constant=_refuse)
 _ROBOT_DECODER = json.JSONDecoder(strict=False, parse_float=_fraction, parse_constant=_refuse)
-"""Leaves whole numbers to Python, which refuses thousands of digits: twelve robots' answers are read in half the time."""
+"""Leaves whole numbers to Python, which refuses thousands of digits: a check of each takes longer than the rest."""
 
 
 def text(value: object, *, length: int = TEXT_LENGTH) -> str:

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from srprov.definitions import dockerfile, merging, paths, runtime, schema
+from srprov.definitions import dockerfile, images, merging, paths, runtime, schema
 from srprov.definitions.model import BuildFile, ContainerDefinition, HealthCheck
 from srprov.definitions.values import text, texts
 from srprov.errors import DefinitionError, Diagnostic, Location
@@ -129,13 +129,9 @@ def _as_layer(path: str, shown: str) -> Map:
     """Return a Dockerfile as the CDF that it stands for.
 
     Raises:
-        DefinitionError: It cannot be read, or is no Dockerfile.
+        DefinitionError: It cannot be read.
     """
-    content = loader.read_text(path, shown)
-    wrong = dockerfile.check(content, shown)
-    if wrong:
-        raise DefinitionError(wrong)
-    source = Source(shown, tuple(content.splitlines()))
+    source = Source(shown, tuple(loader.read_text(path, shown).splitlines()))
     key = Scalar(source, 1, 1, "dockerfile")
     return Map(source, 1, 1, {"dockerfile": Scalar(source, 1, 1, os.path.basename(path))}, {"dockerfile": key})
 
@@ -164,19 +160,18 @@ def _check_origin(layer: Map, findings: Findings, unknown_parent: bool) -> None:
 
 def _definition(layer: Map, path: str, folder: str, findings: Findings) -> ContainerDefinition:
     get = layer.entries.get
-    packages = layer.entries.get("packages")
+    for key in ("base", "image"):
+        images.check(get(key), findings, (key,))
+    packages = get("packages")
     packed = packages.entries if isinstance(packages, Map) else {}
-    image_file, run_time = get("dockerfile"), runtime.parse(layer, folder, findings, ())
-    built = paths.resolve(image_file, folder, findings, ("dockerfile",)) if isinstance(image_file, Scalar) else ""
-    if built and os.path.isdir(built) and isinstance(image_file, Scalar):
-        findings.add(image_file, f"'{image_file.text}' is a folder, not a Dockerfile", ("dockerfile",))
+    run_time = runtime.parse(layer, folder, findings, ())
     return ContainerDefinition(
         name=text(get("name")) or _stem(path),
         file=path,
         folder=os.path.dirname(path),
         base=text(get("base")),
         image=text(get("image")),
-        dockerfile=built,
+        dockerfile=_dockerfile(get("dockerfile"), folder, findings),
         description=text(get("description")),
         platforms=texts(get("platforms")),
         apt=texts(packed.get("apt")),
@@ -190,6 +185,21 @@ def _definition(layer: Map, path: str, folder: str, findings: Findings) -> Conta
         location=nodes.location(layer),
         lines=MappingProxyType(_lines(layer, layer.source)),
     )
+
+
+def _dockerfile(node: Node | None, folder: str, findings: Findings) -> str:
+    """Return the absolute path of a CDF's Dockerfile, and check what stands in it."""
+    if not isinstance(node, Scalar) or not (path := paths.resolve(node, folder, findings, ("dockerfile",))):
+        return ""
+    if os.path.isdir(path):
+        findings.add(node, f"'{node.text}' is a folder, not a Dockerfile", ("dockerfile",))
+        return path
+    shown = paths.shown_beside(node.source.file, node.text)
+    try:
+        findings.extend(dockerfile.check(loader.read_text(path, shown), shown))
+    except DefinitionError as error:
+        findings.extend(error.problems)
+    return path
 
 
 def _stem(path: str) -> str:

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
-from srprov.definitions import envfile, merging, paths, runtime
+from srprov.definitions import envfile, images, merging, paths, runtime
 from srprov.definitions.container import Container
 from srprov.definitions.model import Requirements, Service
 from srprov.definitions.values import scalars, text, texts
@@ -34,6 +34,7 @@ def build(
     path: Path = ("services", name)
     own = merging.normalise(merging.only(node, runtime.RUNTIME_FIELDS), dict(environ), findings, path)
     below: Map = container.layer if container is not None else Map(node.source, node.line, node.column)
+    images.check(node.entries.get("image"), findings, (*path, "image"))
     files = _env_files(node.entries.get("env_file"), folder, environ, findings, (*path, "env_file"))
     merged = merging.merge(merging.merge(below, files), own) if files.entries else merging.merge(below, own)
     assert isinstance(merged, Map)
