@@ -10,7 +10,7 @@ field means is in `schemas/` and in docs/definitions.md.
     container, dockerfile  CDF        service, envfile, checks, unsupported, experiment, pins  EDF
     template, playbook, playbookmodel  playbooks that users write
     secrets, secretmodel, secretvalues  where secrets come from, and what they are
-    inventory, inifile, script, hostvars, ranges, patterns  the lab
+    inventory, inifile, script, hostvars, ranges, patterns  the robots
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ def load_container(path: str | Path, environ: Mapping[str, str] | None = None) -
 
 
 def load_inventory(paths: Sequence[str | Path]) -> Inventory:
-    """Read the lab from one or more inventories as Ansible has them; later ones win.
+    """Read the robots from one or more inventories as Ansible has them; later ones win.
 
     Raises:
         DefinitionError: With everything that is wrong.
@@ -95,7 +95,7 @@ def _check(path: str) -> None:
 
 
 def file_kind(path: str) -> str:
-    """Tell what a file is: `edf`, `cdf` (a Dockerfile too) or `inventory`.
+    """Return what a file is: `edf`, `cdf` (a Dockerfile too) or `inventory`.
 
     Raises:
         DefinitionError: Its content has to tell, and it cannot be read.

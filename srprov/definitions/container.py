@@ -47,8 +47,8 @@ def load(path: str, folder: str, environ: Mapping[str, str], shown: str = "") ->
     """
     absolute = os.path.abspath(path)
     findings, unsupported = Findings(), Findings()
-    chain = _Chain(dict(environ), findings, unsupported)
-    layer = chain.read(absolute, shown or path, ())
+    reader = _ExtendsReader(dict(environ), findings, unsupported)
+    layer = reader.read(absolute, shown or path, ())
     if findings.problems or layer is None:
         raise DefinitionError(findings.problems)
     _check_origin(layer, findings, bool(unsupported.problems))
@@ -57,12 +57,12 @@ def load(path: str, folder: str, environ: Mapping[str, str], shown: str = "") ->
         raise DefinitionError(findings.problems)
     return Container(
         definition=definition,
-        layer=merging.only(layer, runtime.RUNTIME_FIELDS),
+        layer=merging.select(layer, runtime.RUNTIME_FIELDS),
         unsupported=tuple(unsupported.problems),
     )
 
 
-class _Chain:
+class _ExtendsReader:
     """Reads a CDF and what it extends, each file once; `trail` holds the files on the way here."""
 
     def __init__(self, environ: dict[str, str], findings: Findings, unsupported: Findings) -> None:
@@ -141,7 +141,7 @@ def _overlay(parent: Map, child: Map) -> Map:
     inherited = {"name", "cdf", "extends"}
     if any(origin in child.entries for origin in _ORIGINS):
         inherited |= set(_ORIGINS)
-    merged = merging.merge(merging.only(parent, frozenset(parent.entries) - inherited), child)
+    merged = merging.merge(merging.select(parent, frozenset(parent.entries) - inherited), child)
     assert isinstance(merged, Map)
     return merged
 
@@ -233,7 +233,7 @@ def _lines(layer: Map, source: Source) -> dict[str, int]:
                 lines[nodes.dotted((*path, index))] = item.line
             note(item, (*path, index))
 
-    note(merging.only(layer, frozenset({*_ORIGINS, *_BUILDING, "environment", "platforms"})), ())
+    note(merging.select(layer, frozenset({*_ORIGINS, *_BUILDING, "environment", "platforms"})), ())
     return lines
 
 

@@ -18,13 +18,13 @@ _HEREDOC = re.compile(r"<<-?([\"']?)([A-Za-z_][A-Za-z0-9_]*)\1")
 
 
 def is_dockerfile(path: str) -> bool:
-    """Tell by its name whether a path is a Dockerfile: `…Dockerfile` or `*.dockerfile`."""
+    """Return whether a path is a Dockerfile, by its name: `…Dockerfile` or `*.dockerfile`."""
     name = path.rsplit("/", 1)[-1]
     return name.endswith("Dockerfile") or name.startswith("Dockerfile.") or name.endswith(".dockerfile")
 
 
 def instructions(text: str) -> Iterator[tuple[int, str, str]]:
-    """Return (line, INSTRUCTION, rest) with continued lines joined, comments and here-documents left out."""
+    """Yield (line, INSTRUCTION, rest) with continued lines joined, comments and here-documents left out."""
     start, joined, ends = 0, "", []  # type: int, str, list[str]
     for number, line in enumerate(text.splitlines(), 1):
         bare = line.strip()

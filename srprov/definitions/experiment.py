@@ -46,7 +46,7 @@ def load(path: str, environ: Mapping[str, str]) -> Definitions:
         if not findings.broken(("services", name)):
             place = checks.service_key(root, name)
             built = service.build(place, entries[name], containers.get(key), folder, environ, findings)
-            services[name] = secrets.with_uses(built, entries[name], root, findings)
+            services[name] = secrets.with_secrets(built, entries[name], root, findings)
     sources = secrets.sources(root, folder, findings)
     playbooks = playbook.from_experiment(root, folder, findings)
     checks.check(root, services, {name: containers.get(_cdf_key(entries[name])) for name in services}, findings)

@@ -1,4 +1,4 @@
-"""The lab while it is being read: hosts, groups and their variables, with Ansible's rules of who inherits what.
+"""The inventory while it is being read: hosts, groups and their variables, with Ansible's rules of who inherits what.
 
 Takes what the inventory files say, one fact at a time; gives each host's variables. Pure. Ansible's order, from weak
 to strong: groups' variables in the inventory from `all` downwards, then `group_vars/all`, then `group_vars/*`

@@ -19,7 +19,7 @@ def check(node: Node | None, findings: Findings, path: Path) -> None:
 
 
 def fault(text: str) -> str:
-    """Say what is wrong with an image reference, or nothing."""
+    """Return what is wrong with an image reference, or nothing."""
     try:
         parse_reference(text)
     except ValueError as error:
@@ -28,7 +28,7 @@ def fault(text: str) -> str:
 
 
 def hint(text: str) -> str:
-    """Say what to write instead of a text that is no image reference."""
+    """Return what to write instead of a text that is no image reference."""
     if "$" in text or "{{" in text:
         return "no variables are substituted here: write the name out"
     name, at, _ = text.partition("@")

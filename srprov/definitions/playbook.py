@@ -97,7 +97,7 @@ def read(file: str, shown: str, name: str, place: str) -> Playbook:
         for item in _items(skeleton, source, holes, findings):
             keys |= {(key.line, key.column) for key in item.keys.values() if key.text != "<<"}
             if next(iter(item.entries), "") == "command":
-                commands[item.line] = PlaybookCommand(line=item.line, what=_told(item, holes))
+                commands[item.line] = PlaybookCommand(line=item.line, what=_command_text(item, holes))
     if findings.problems:
         raise DefinitionError(findings.problems)
     return Playbook(
@@ -107,7 +107,7 @@ def read(file: str, shown: str, name: str, place: str) -> Playbook:
 
 
 def _check_template(text: str, source: Source, findings: Findings) -> bool:
-    """Add what Jinja2 refuses, blocks that a playbook has no use for, and unknown names; tell if it can be read on."""
+    """Add what Jinja2 refuses, unknown blocks and unknown names; return whether the rest can be checked."""
     from jinja2 import TemplateSyntaxError
     from jinja2 import nodes as syntax
     from jinja2.sandbox import ImmutableSandboxedEnvironment
@@ -173,7 +173,7 @@ def _items(skeleton: str, source: Source, holes: Collection[tuple[int, int]], fi
         return
     if root is None:
         return
-    root = _placed(root, source)
+    root = _with_source(root, source)
     if not isinstance(root, Seq):
         findings.add(root, f"a playbook is a list of resources, not {nodes.kind(root)}")
         return
@@ -188,14 +188,14 @@ def _items(skeleton: str, source: Source, holes: Collection[tuple[int, int]], fi
             findings.add(item, "an item is a map whose first key names its module, and is not substituted", (index,))
 
 
-def _placed(node: Node, source: Source) -> Node:
+def _with_source(node: Node, source: Source) -> Node:
     """Return the node with the template's lines for its excerpts, not the skeleton's."""
     if isinstance(node, Map):
-        entries = {key: _placed(value, source) for key, value in node.entries.items()}
+        entries = {key: _with_source(value, source) for key, value in node.entries.items()}
         keys = {key: replace(one, source=source) for key, one in node.keys.items()}
         return replace(node, source=source, entries=entries, keys=keys)
     if isinstance(node, Seq):
-        return replace(node, source=source, items=tuple(_placed(item, source) for item in node.items))
+        return replace(node, source=source, items=tuple(_with_source(item, source) for item in node.items))
     return replace(node, source=source)
 
 
@@ -215,7 +215,7 @@ def _check_holes(node: Node, path: Path, findings: Findings) -> None:
 
 
 def modules() -> tuple[str, ...]:
-    """Name the modules that an item may begin with, in name order."""
+    """Return the modules that an item may begin with, in name order."""
     return tuple(sorted(shipped_schema("playbook")["$defs"]))
 
 
@@ -235,8 +235,8 @@ def check_item(item: Node, findings: Findings, path: Path = ()) -> None:
     schema.check(item, f"playbook/{kind}", findings, path)
 
 
-def _told(item: Map, holes: dict[tuple[int, int], str]) -> str:
-    """Say what a `command` runs and how it is checked, as it is written."""
+def _command_text(item: Map, holes: dict[tuple[int, int], str]) -> str:
+    """Return what a `command` runs and how it is checked, as it is written."""
 
     def words(node: Node | None) -> str:
         if isinstance(node, Seq):

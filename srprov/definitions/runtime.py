@@ -32,8 +32,8 @@ def parse(layer: Map, folder: str, findings: Findings, path: Path) -> Runtime:
         return default if node is None else _guarded(reader, node, default, findings, (*path, key))
 
     return Runtime(
-        command=read("command", values.words, None),
-        entrypoint=read("entrypoint", values.words, None),
+        command=read("command", values.command_words, None),
+        entrypoint=read("entrypoint", values.command_words, None),
         environment=text_map(get("environment")),
         working_dir=text(get("working_dir")),
         user=text(get("user")),
@@ -87,8 +87,8 @@ def requirements(node: Node | None, findings: Findings, path: Path) -> Requireme
 _ARCH = {"x86_64": "amd64", "aarch64": "arm64", "armv7l": "arm", "armv6l": "arm", "armhf": "arm"}
 
 
-def both(one: Requirements, other: Requirements) -> Requirements:
-    """Return what holds when both hold.
+def combined(one: Requirements, other: Requirements) -> Requirements:
+    """Return the requirements of which each robot must meet both.
 
     Raises:
         ValueError: They name architectures, and none in common.

@@ -25,8 +25,8 @@ def is_known(digest: str) -> bool:
     return digest.encode("ascii") in _lines()
 
 
-def remember(digest: str) -> None:
-    """Keep a digest; the file begins anew when it is full."""
+def add(digest: str) -> None:
+    """Add a digest; when the file is full, it starts again with this one."""
     path = _path()
     with contextlib.suppress(OSError):
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -39,7 +39,8 @@ def remember(digest: str) -> None:
 @cache
 def code() -> str:
     """Return a digest of the code that checks documents."""
-    code_files = (Path(__file__).with_name("schema.py"), Path(nodes.__file__))
+    here = Path(__file__)
+    code_files = (here.with_name("schema.py"), Path(nodes.__file__))
     return hashlib.sha256(b"".join(path.read_bytes() for path in code_files)).hexdigest()
 
 

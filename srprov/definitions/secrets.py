@@ -45,7 +45,7 @@ def _source(name: str, key: Scalar, entry: Map, folder: str, findings: Findings)
     words: tuple[str, ...] = ()
     if command is not None:
         try:
-            words = values.words(command) or ()
+            words = values.command_words(command) or ()
         except ValueError as error:
             findings.add(command, str(error), ("secrets", name, "command"))
     if command is not None and (not words or not words[0]) and not findings.broken(("secrets", name)):
@@ -62,8 +62,8 @@ def _source(name: str, key: Scalar, entry: Map, folder: str, findings: Findings)
     )
 
 
-def with_uses(service: Service, entry: Map, root: Map, findings: Findings) -> Service:
-    """Return a service its secrets; those that cannot be where they are wished are problems."""
+def with_secrets(service: Service, entry: Map, root: Map, findings: Findings) -> Service:
+    """Return a service with its secrets; one that cannot be mounted where it is asked for is a problem."""
     path: Path = ("services", service.name)
     found = _uses(entry.entries.get("secrets"), root, findings, (*path, "secrets"))
     _check_targets(entry, found, service.runtime.mounts, findings, (*path, "secrets"))

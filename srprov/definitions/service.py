@@ -32,7 +32,7 @@ def build(
     """Merge one service; `node` passed the schema, `container` is None for an image (or a CDF that is wrong)."""
     name = key.text
     path: Path = ("services", name)
-    own = merging.normalise(merging.only(node, runtime.RUNTIME_FIELDS), dict(environ), findings, path)
+    own = merging.normalise(merging.select(node, runtime.RUNTIME_FIELDS), dict(environ), findings, path)
     below: Map = container.layer if container is not None else Map(node.source, node.line, node.column)
     images.check(node.entries.get("image"), findings, (*path, "image"))
     files = _env_files(node.entries.get("env_file"), folder, environ, findings, (*path, "env_file"))
@@ -83,7 +83,7 @@ def _requires(node: Map, container: Container | None, findings: Findings, path: 
     if container is None:
         return own
     try:
-        return runtime.both(container.definition.requires, own)
+        return runtime.combined(container.definition.requires, own)
     except ValueError as error:
         where = nodes.find(node, ("requires", "arch"))
         findings.add(where, str(error), (*path, "requires", "arch"))
@@ -108,7 +108,7 @@ def _env_files(node: Node | None, folder: str, environ: Mapping[str, str], findi
             found, problems = envfile.parse(loader.read_text(real, shown), shown, environ)
         except DefinitionError as error:
             found, problems = {}, list(error.problems)
-        findings.extend(map(nodes.hushed, problems))
+        findings.extend(map(nodes.without_secrets, problems))
         entries |= {
             key: Scalar(item.source, item.line, item.column, value, plain=False) for key, value in found.items()
         }

@@ -50,7 +50,7 @@ def duration(words: str) -> float:
     return sum(float(count) * _SECONDS[unit] for count, unit in _DURATION.findall(words))
 
 
-def words(node: Node) -> tuple[str, ...]:
+def command_words(node: Node) -> tuple[str, ...]:
     """Read a command: a list as it is, text split like a shell's command line."""
     if isinstance(node, Scalar):
         try:

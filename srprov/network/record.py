@@ -125,7 +125,7 @@ def _ipv4(value: object) -> IPv4Address | None:
 
 
 def _is_address(text: str) -> bool:
-    """Return if a text is a plain address; the scope that ipaddress takes behind a % may be any text, lines too."""
+    """Return whether a text is a plain address; ipaddress takes any text behind a %, lines too, as its scope."""
     if "%" in text:
         return False
     try:

@@ -20,7 +20,7 @@ from srprov.yamldoc.nodes import Map, Node, Scalar, Seq, Source, problem
 MAX_BYTES = 8 * 1024 * 1024
 MAX_DEPTH = 60
 MAX_NODES = 200_000
-"""Nodes of one document after aliases are followed; a lab of a thousand robots needs a tenth."""
+"""Nodes of one document after aliases are followed; an inventory of a thousand robots needs a tenth."""
 
 _LINE_END = re.compile("\r\n|[\r\n\x85\u2028\u2029]")
 _YAML_TAGS = "tag:yaml.org,2002:"
