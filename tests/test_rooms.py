@@ -43,8 +43,8 @@ ROOMS: Mapping[str, Room] = {
     # Options, questions and output; a verb may also import the room that it fronts: see FILES.
     "cli": room("errors secret untrusted wire controller definitions.+ definitions.model record.+", "click rich tomli"),
     "controller": room(
-        "errors wire resource secret data disk owner image_reference definitions transport facts assignment network images rendering"
-        " modules planning execution record"
+        "errors wire resource secret data disk owner untrusted image_reference definitions transport facts assignment"
+        " network images rendering modules planning execution record"
     ),
     "disk": room("images.plan"),
     "owner": room(),
