@@ -12,7 +12,7 @@ from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Any
 
-from srprov.definitions import schema_cache, schema_errors
+from srprov.definitions import schema_cache
 from srprov.yamldoc import nodes
 from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq
 
@@ -31,9 +31,11 @@ def check(root: Node, kind: str, findings: Findings, path: Path = ()) -> None:
     digest = hashlib.sha256(about.encode("utf-8", "surrogatepass")).hexdigest()
     if schema_cache.is_known(digest):
         return
+    from srprov.definitions.schema_errors import add_problem
+
     faults = 0
     for faults, error in enumerate(_validator(kind).iter_errors(_shadow(root)), start=1):  # noqa: B007 - counted
-        schema_errors.add_problem(error, root, path, findings)
+        add_problem(error, root, path, findings)
     if not faults:
         schema_cache.add(digest)
 
