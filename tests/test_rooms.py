@@ -56,13 +56,14 @@ ROOMS: Mapping[str, Room] = {
         "errors wire untrusted secret definitions.model", "paramiko fabric invoke docker requests urllib3 psutil"
     ),
     "facts": room("errors wire untrusted resource modules definitions.model"),
-    "assignment": room("errors definitions.model facts.model"),
+    "assignment": room("errors definitions.containermodel definitions.model facts.model"),
     "network": room("errors untrusted definitions.model facts.model"),
-    "images": room("errors wire image_reference definitions.model", "jinja2"),
+    "images": room("errors wire image_reference definitions.containermodel definitions.model", "jinja2"),
     "rendering": room("errors resource data definitions yamldoc", "jinja2 yaml"),
     "modules": room("errors wire untrusted resource secret"),
     "planning": room(
-        "errors untrusted resource wire secret modules facts.model definitions.model definitions.secretmodel"
+        "errors untrusted resource wire secret modules facts.model definitions.containermodel definitions.model"
+        " definitions.secretmodel"
     ),
     "execution": room("errors untrusted resource wire modules planning facts owner"),
     "record": room("errors resource secret definitions.model facts planning execution"),

@@ -23,7 +23,8 @@ from typing import TYPE_CHECKING
 from srprov.errors import DefinitionError, Diagnostic
 
 if TYPE_CHECKING:
-    from srprov.definitions.model import ContainerDefinition, Definitions, Inventory
+    from srprov.definitions.containermodel import ContainerDefinition
+    from srprov.definitions.model import Definitions, Inventory
 
 
 def load_experiment(path: str | Path, environ: Mapping[str, str] | None = None) -> Definitions:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from srprov.definitions import dockerfile, images, merging, paths, runtime, schema
-from srprov.definitions.model import BuildFile, ContainerDefinition, HealthCheck
+from srprov.definitions.containermodel import BuildFile, ContainerDefinition, HealthCheck
 from srprov.definitions.values import text, texts
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.yamldoc import loader, nodes

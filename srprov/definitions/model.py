@@ -11,36 +11,11 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
-from srprov.definitions.containermodel import (
-    BuildFile,
-    ContainerDefinition,
-    HealthCheck,
-    Mount,
-    Requirements,
-    Runtime,
-)
+from srprov.definitions.containermodel import ContainerDefinition, Requirements, Runtime
 from srprov.definitions.playbookmodel import Playbook
 from srprov.definitions.secretmodel import SecretSource, SecretUse
 from srprov.errors import Diagnostic, Location
 from srprov.secret import Secret
-
-__all__ = [  # with those of `containermodel`, so that whoever uses the values needs one import
-    "BuildFile",
-    "ContainerDefinition",
-    "Definitions",
-    "Experiment",
-    "HealthCheck",
-    "Host",
-    "Inventory",
-    "Mount",
-    "NetworkSettings",
-    "Placement",
-    "Pool",
-    "Requirements",
-    "Runtime",
-    "Service",
-    "Weights",
-]
 
 _NOWHERE = Location("")
 

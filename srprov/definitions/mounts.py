@@ -11,7 +11,7 @@ import posixpath
 import re
 
 from srprov.definitions import paths
-from srprov.definitions.model import Mount
+from srprov.definitions.containermodel import Mount
 from srprov.definitions.values import text
 from srprov.yamldoc import nodes
 from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 from srprov.definitions import merging, mounts, values
-from srprov.definitions.model import HealthCheck, Requirements, Runtime
+from srprov.definitions.containermodel import HealthCheck, Requirements, Runtime
 from srprov.definitions.values import Device, Port, text, text_map, texts
 from srprov.yamldoc import nodes
 from srprov.yamldoc.fields import size_in_bytes

@@ -14,7 +14,8 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from srprov.definitions import values
-from srprov.definitions.model import Mount, Service
+from srprov.definitions.containermodel import Mount
+from srprov.definitions.model import Service
 from srprov.definitions.secretmodel import SecretSource, SecretUse
 from srprov.definitions.values import text
 from srprov.errors import did_you_mean

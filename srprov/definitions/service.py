@@ -13,7 +13,8 @@ from types import MappingProxyType
 
 from srprov.definitions import envfile, images, merging, paths, runtime
 from srprov.definitions.container import Container
-from srprov.definitions.model import Requirements, Service
+from srprov.definitions.containermodel import Requirements
+from srprov.definitions.model import Service
 from srprov.definitions.values import scalars, text, texts
 from srprov.errors import DefinitionError
 from srprov.yamldoc import loader, nodes

@@ -18,7 +18,7 @@ from typing import TypeVar
 
 import jinja2
 
-from srprov.definitions.model import ContainerDefinition
+from srprov.definitions.containermodel import ContainerDefinition
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.image_reference import Reference, parse_reference
 from srprov.images import quoting

@@ -15,7 +15,7 @@ import re
 from collections.abc import Iterable, Sequence
 from functools import partial
 
-from srprov.definitions.model import ContainerDefinition
+from srprov.definitions.containermodel import ContainerDefinition
 from srprov.errors import Location
 from srprov.image_reference import parse_reference
 from srprov.images.context import DOCKERFILE, Listing, Read, context_tar, entries_of, folder_entries
