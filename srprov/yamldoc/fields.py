@@ -44,10 +44,14 @@ class FieldReader:
         """Note a problem at a node."""
         self.findings.add(node, message, hint=hint)
 
+    def _expected(self, node: Node, what: str) -> None:
+        shown = f"'{node.text[:60]}'" if isinstance(node, Scalar) and node.text else nodes.kind(node)
+        self.problem(node, f"expected {what}, not {shown}")
+
     def mapping(self, node: Node, known: Sequence[str] = ()) -> Iterator[tuple[Scalar, Node]]:
         """Yield keys and values; a key that is not `known` is a problem and left out."""
         if not isinstance(node, Map):
-            self.problem(node, "a mapping is wanted here")
+            self._expected(node, "a map")
             return
         for name, value in node.entries.items():
             if known and name not in known:
@@ -60,21 +64,21 @@ class FieldReader:
         """Return the items of a list."""
         if isinstance(node, Seq):
             return node.items
-        self.problem(node, "a list is wanted here")
+        self._expected(node, "a list")
         return ()
 
     def string(self, node: Node) -> str:
         """Return a scalar's text; empty and null are problems."""
         text = _text(node)
         if not text or nodes.is_null(node):
-            self.problem(node, "a text is wanted here")
+            self._expected(node, "text")
         return text
 
     def integer(self, node: Node, least: int, most: int) -> int | None:
         """Return a whole number from `least` to `most`."""
         value = nodes.as_int(node)
         if value is None or not least <= value <= most:
-            self.problem(node, f"a whole number from {least} to {most} is wanted here")
+            self._expected(node, f"a whole number from {least} to {most}")
             return None
         return value
 
@@ -82,7 +86,7 @@ class FieldReader:
         """Return a number from `least` to `most`."""
         value = nodes.as_number(node)
         if value is None or not least <= value <= most:
-            self.problem(node, f"a number from {least} to {most} is wanted here")
+            self._expected(node, f"a number from {least} to {most}")
             return None
         return value
 
@@ -91,21 +95,21 @@ class FieldReader:
         try:
             return size_in_bytes(_text(node))
         except ValueError:
-            self.problem(node, "a size such as 512M or 4G is wanted here")
+            self._expected(node, "a size such as 512M or 4G")
             return None
 
     def boolean(self, node: Node) -> bool | None:
         """Return a boolean, in YAML 1.1's spellings too."""
         value = nodes.as_bool(node)
         if value is None:
-            self.problem(node, "true or false is wanted here")
+            self._expected(node, "true or false")
         return value
 
     def choice(self, node: Node, choices: Sequence[str]) -> str | None:
         """Return one of the words."""
         if _text(node) in choices:
             return _text(node)
-        self.problem(node, f"one of {', '.join(choices)} is wanted here")
+        self._expected(node, f"one of {', '.join(choices)}")
         return None
 
 
