@@ -54,7 +54,7 @@ ROOMS: Mapping[str, Room] = {
     "assignment": room("errors definitions.model facts.model"),
     "network": room("errors definitions.model facts.model"),
     "images": room("errors wire definitions.model", "jinja2"),
-    "rendering": room("errors resource data definitions", "jinja2 yaml"),
+    "rendering": room("errors resource data definitions modules", "jinja2 yaml"),
     "modules": room("errors wire resource secret"),
     "planning": room("errors resource wire secret modules facts.model definitions.model definitions.secretmodel"),
     "execution": room("errors resource wire modules planning facts owner"),

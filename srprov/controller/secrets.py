@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from srprov.controller.permissions import permit_planning
 from srprov.definitions.model import Definitions
 from srprov.definitions.secretvalues import resolve, used
+from srprov.modules.secret import names_of
 from srprov.planning.policy import ASKED_FIRST, require
 from srprov.secret import Vault
 
@@ -38,5 +39,5 @@ def read_secrets(source: Definitions | PlanFile, allowed: Collection[str]) -> Va
 
 def secret_sources(saved: PlanFile) -> tuple[SecretSource, ...]:
     """Return the sources of the secrets that the plan's steps write."""
-    written = {step.want.params["name"] for step in saved.plan.steps if step.module == "secret" and step.want}
+    written = names_of(step.want for step in saved.plan.steps if step.want)
     return tuple(source for source in saved.plan.secrets if source.name in written)

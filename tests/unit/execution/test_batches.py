@@ -27,7 +27,6 @@ def steps(text: str) -> list[Step]:
                 module="volume",
                 name=number,
                 change=CREATE,
-                commands=(),
                 needs=tuple(int(one) for one in needs.split(",") if one),
                 waits=waits,
             )

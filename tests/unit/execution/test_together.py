@@ -25,8 +25,7 @@ def step(number: int, module: str, *commands: Command, needs: tuple[int, ...] = 
         host="r1",
         module=module,
         name=str(number),
-        change=Change(action=Action.CREATE, cause="missing"),
-        commands=commands,
+        change=Change(action=Action.CREATE, cause="missing", commands=commands),
         needs=needs,
     )
 
