@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 from srprov.controller.permissions import permit_planning
 from srprov.definitions.model import Definitions
 from srprov.definitions.secretvalues import resolve, used
-from srprov.modules.secret import names_of
 from srprov.planning.policy import ASKED_FIRST, require
 from srprov.secret import Vault
 
@@ -39,5 +38,7 @@ def read_secrets(source: Definitions | PlanFile, allowed: Collection[str]) -> Va
 
 def secret_sources(saved: PlanFile) -> tuple[SecretSource, ...]:
     """Return the sources of the secrets that the plan's steps write."""
+    from srprov.modules.secret import names_of
+
     written = names_of(step.want for step in saved.plan.steps if step.want)
     return tuple(source for source in saved.plan.secrets if source.name in written)

@@ -19,7 +19,7 @@ P = TypeVar("P")
 AnyText = NewType("AnyText", str)
 """Text that may hold NUL, which neither a shell's word nor a variable can."""
 
-NOT_WRITTEN = types.MappingProxyType({"written": False})
+NOT_WRITTEN = {"written": False}
 """Metadata of a field that is no parameter of a playbook."""
 
 _SHAPES: dict[Any, tuple[type | tuple[type, ...], str]] = {
@@ -97,7 +97,7 @@ def _fields(kind: type[Any]) -> dict[str, tuple[str, Any, bool]]:
     return {
         field.name.rstrip("_"): (field.name, hints[field.name], field.default is dataclasses.MISSING)
         for field in dataclasses.fields(kind)
-        if field.metadata is not NOT_WRITTEN
+        if field.metadata != NOT_WRITTEN
     }
 
 

@@ -96,33 +96,53 @@ def _resource(
         raise RenderError(f"{source}: {name!r} is no name of a {kind}", hint="write the resource's name as text")
     if not isinstance(needs, list):
         raise RenderError(f"{source}: needs is a list", hint="write needs: [module:name]")
+    for need in needs:
+        _check_need(need, source)
     try:
-        params = read_params(modules[kind].params, written, blobs)
-        check_text(name, "its name")
+        return build(kind, name, written, needs, host=host, modules=modules, blobs=blobs, source=source)
     except ParameterError as error:
         hint = "`srprov schema playbook` explains the parameters of every module"
         raise RenderError(f"{source}: {kind} {name!r}: {error}", hint=hint) from error
+
+
+def _check_need(value: object, source: str) -> None:
+    identity, condition = value, Condition.PRESENT.value
+    if isinstance(value, Mapping):
+        identity, condition = value.get("id"), value.get("condition", condition)
+    if not isinstance(identity, str) or condition not in [one.value for one in Condition]:
+        raise RenderError(f"{source}: {value!r} is no need", hint="write module:name or {id: …, condition: healthy}")
+
+
+def build(
+    kind: str,
+    name: str,
+    written: Mapping[str, Any],
+    needs: Sequence[Any],
+    *,
+    host: str,
+    modules: Mapping[str, Module[Any]],
+    blobs: Mapping[str, bytes],
+    source: str,
+) -> Resource:
+    """Return the resource of an item whose name and needs have been checked.
+
+    Raises:
+        ParameterError: Its module cannot take a parameter, or a robot its name.
+    """
     return Resource(
         host=host,
         module=kind,
-        name=name,
-        params=params,
+        name=check_text(name, "its name"),
+        params=read_params(modules[kind].params, written, blobs),
         written=written,
-        needs=tuple(_need(need, host, source) for need in needs),
+        needs=tuple(_need(need, host) for need in needs),
         source=source,
     )
 
 
-def _need(value: object, host: str, source: str) -> Need:
-    identity, condition = value, Condition.PRESENT.value
-    if isinstance(value, Mapping):
-        identity, condition = value.get("id"), value.get("condition", condition)
-    if not isinstance(identity, str) or condition not in (one.value for one in Condition):
-        raise RenderError(f"{source}: {value!r} is no need", hint="write module:name or {id: …, condition: healthy}")
-    return need_of(identity, condition, host)
-
-
-def need_of(identity: str, condition: str, host: str) -> Need:
-    """Return a need as an item of a robot's playbook states it: `module:name`, or `robot/module:name`."""
+def _need(value: Any, host: str) -> Need:  # noqa: ANN401 - text or a map
+    stated = value if isinstance(value, Mapping) else {"id": value}
+    identity = stated["id"]
     # a robot's name never holds a colon, a resource's name may hold a slash
-    return Need(identity if "/" in identity.split(":", 1)[0] else f"{host}/{identity}", condition)
+    full = identity if "/" in identity.split(":", 1)[0] else f"{host}/{identity}"
+    return Need(full, stated.get("condition", Condition.PRESENT.value))

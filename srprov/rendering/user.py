@@ -23,10 +23,10 @@ from srprov.definitions.playbookmodel import Playbook
 from srprov.definitions.template import unmarked
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.modules.module import Module
-from srprov.modules.params import ParameterError, check_text, read_params
+from srprov.modules.params import ParameterError
 from srprov.rendering.environment import TAG, environment
-from srprov.rendering.render import need_of
-from srprov.resource import Condition, Need, Resource
+from srprov.rendering.render import build
+from srprov.resource import Resource
 
 _FAILURES = (
     TemplateError, TypeError, ValueError, ArithmeticError, LookupError, AttributeError, RecursionError, SyntaxError,
@@ -113,30 +113,16 @@ def _resource(
     written = {key: _value(value, rules[key]) for key, value in nodes_of.items() if not key.startswith("x-")}
     name, needs = written.pop(kind), written.pop("needs", [])
     place = plain.keys[kind]
+    source = f"{playbook.source.file}:{place.line}:{place.column}"
     try:
-        params = read_params(modules[kind].params, written, blobs)
-        check_text(name, "its name")
+        made = build(kind, name, written, needs, host=context["host"], modules=modules, blobs=blobs, source=source)
     except ParameterError as error:
         findings.add(plain.keys.get(error.key, place), str(error))
         return None
-    if wrong := modules[kind].misplaced(name, params, context):
+    if wrong := modules[kind].misplaced(name, made.params, context):
         message, hint = wrong
         findings.add(place, message, (), hint)
-    return Resource(
-        host=context["host"],
-        module=kind,
-        name=name,
-        params=params,
-        written=written,
-        needs=tuple(_need(one, context["host"]) for one in needs),
-        source=f"{playbook.source.file}:{place.line}:{place.column}",
-    )
-
-
-def _need(value: Any, host: str) -> Need:  # noqa: ANN401 - text or a map, as the schema says
-    if not isinstance(value, Mapping):
-        return need_of(value, Condition.PRESENT.value, host)
-    return need_of(value["id"], value.get("condition") or Condition.PRESENT.value, host)
+    return made
 
 
 def _placed(item: Map, source: Source) -> Map:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import re
 from pathlib import Path
 from typing import Any
@@ -20,7 +21,7 @@ from srprov.errors import DefinitionError, RefusedError
 from srprov.execution import Outcome
 from srprov.modules import MODULES
 from srprov.modules.file import FileParams
-from srprov.modules.params import AnyText
+from srprov.modules.params import NOT_WRITTEN, AnyText
 from srprov.planning.plan import Plan
 from srprov.resource import Action
 from srprov.wire import Query
@@ -88,6 +89,37 @@ def test_the_schemas_modules_and_variables_are_those_that_there_are(
     monkeypatch.setattr(plan, "contexts", spy)
     plan_for(World().add("r1"), experiment(service("a")))
     assert tuple(sorted(seen[0])) == reading.VARIABLES
+
+
+TYPES = {
+    "str": {"string"}, "AnyText": {"string"}, "bytes": {"string"}, "bool": {"boolean"}, "int": {"integer"},
+    "float": {"number"}, "tuple": {"array"}, "Mapping": {"object"},
+}  # fmt: skip
+"""The type of a field as its module writes it -> what the schema calls it."""
+
+
+def json_types(written: str) -> set[str]:
+    """Return the types of JSON that a field of a module takes."""
+    if written.startswith("Literal"):
+        return set()  # an enum, which has no type
+    options = {one.partition("[")[0] for one in re.split(r" \| (?![^[]*\])", written)} - {"None"}
+    return set().union(*(TYPES.get(one, {"object"}) for one in options))
+
+
+@pytest.mark.parametrize("kind", MODULES)
+def test_the_schema_says_what_the_module_takes(kind: str) -> None:
+    """The same parameters, required or not, of the same types: what validates can be read, and the other way round."""
+    stated = schema("playbook")["$defs"][kind]
+    fields = {field.name.rstrip("_"): field for field in dataclasses.fields(MODULES[kind].params)}
+    fields = {name: field for name, field in fields.items() if field.metadata != NOT_WRITTEN}
+    assert set(stated["properties"]) == {kind, *fields, "needs"}
+    assert set(stated["required"]) == {kind, *(n for n, one in fields.items() if one.default is dataclasses.MISSING)}
+    for name, field in fields.items():
+        rule = stated["properties"][name]
+        types = {one["type"] for one in rule.get("anyOf", [rule]) if "type" in one}
+        assert types == json_types(str(field.type)), name
+        if "enum" in rule:
+            assert str(field.type) == f"Literal[{', '.join(json.dumps(one) for one in rule['enum'])}]", name
 
 
 def test_our_own_playbooks_hold_to_the_schema() -> None:
