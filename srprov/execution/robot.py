@@ -8,7 +8,7 @@
 | after  | still a change            | failed: did not converge                      |
 | after  | it is right               | changed                                       |
 
-What only shows when it is asked for (a command) is looked at right before and right after its own act.
+What only shows when it is asked for is read right before and right after its own step.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class RobotExecutor:
     made: set[str] = field(default_factory=set)
     """Ids that a step of this run made or changed."""
 
-    def look(self, kinds: Collection[str]) -> None:
+    def refresh(self, kinds: Collection[str]) -> None:
         """Read again everything of these kinds.
 
         Raises:
@@ -64,7 +64,7 @@ class RobotExecutor:
     def act(self, steps: Sequence[Step]) -> list[StepResult | None]:
         """Do steps unless they are done or stale; None means that one was done and must be verified.
 
-        Several are done in one round trip; `together` says which those may be.
+        Several are done in one round trip; `round_trip_size` says which those may be.
 
         Raises:
             TransportError: The robot cannot be talked to any more.
@@ -127,7 +127,7 @@ class RobotExecutor:
         self.acted[step.number] = took_s
 
     def verdict(self, step: Step, failed: str = "did not converge") -> StepResult:
-        """Return what came of a step that was acted on, from what `look` saw after it; `failed` begins its message."""
+        """Return what came of a step that was acted on, from what `refresh` saw after it; `failed` begins its message."""
         due = self._due(step)
         remade = step.want is None and step.id in self.made
         if due is None or remade:
@@ -162,17 +162,17 @@ class RobotExecutor:
         self.listener(Event(kind="progress", host=step.host, step=step, text=line))
 
 
-def together(steps: Sequence[Step]) -> int:
-    """Return how many of the first steps may be done in one round trip: at least one, which may be any.
+def round_trip_size(steps: Sequence[Step]) -> int:
+    """Return how many of the first steps may be done in one round trip, at least one.
 
-    More only while each is one short script or file for the shell, and none needs another of them: so nothing is done
-    that would not be done if one of them failed.
+    There are more only while each is one short script or file for the shell and none needs another of them, so that
+    nothing is done that would not be done if one of them failed.
     """
     begun: set[int] = set()
     size = 0
     for step in steps:
         if (
-            not MODULES[step.module].batchable
+            not MODULES[step.module].shares_round_trip
             or len(step.commands) != 1
             or step.waits
             or not begun.isdisjoint(step.needs)

@@ -1,7 +1,7 @@
-"""A last look: a service counts as started only if it still runs a little later.
+"""A last check: a service counts as started only if it still runs a little later.
 
-Docker says "started" for a process that dies in its first breath. Each robot with fresh containers is read once
-more, two seconds (or what the user sets) after its last start; jobs may have ended.
+An engine also says "started" of a process that ends at once. Each robot with services that were started is read once
+more, two seconds (or what the user sets) after the last start; jobs may have ended.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def settle(
 def _check(robot: RobotExecutor, fresh: list[StepResult]) -> list[StepResult]:
     begun = time.monotonic()
     try:
-        robot.look({result.step.module for result in fresh})
+        robot.refresh({result.step.module for result in fresh})
         return [_still(robot, result) for result in fresh]
     except TransportError as error:
         took = time.monotonic() - begun

@@ -38,7 +38,7 @@ class FileModule(Module[FileParams]):
 
     kind = "file"
     params = FileParams
-    batchable = True
+    shares_round_trip = True
     root = STATE_ROOT
 
     def queries(self) -> tuple[AnyQuery, ...]:

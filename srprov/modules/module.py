@@ -46,7 +46,7 @@ class Module(ABC, Generic[P]):
     """Its removal loses data: it is removed only when the user asks for that."""
     shared = False
     """Other instances may use it too: it is never removed for one of them."""
-    batchable = False
+    shares_round_trip = False
     """What makes one right is one short script or file for the shell, which may share a round trip with others."""
     rebuilds_users = False
     """It cannot be replaced while it is in use: what needs it is removed before and made again after."""

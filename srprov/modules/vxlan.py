@@ -46,7 +46,7 @@ class VxlanModule(Module[VxlanParams]):
 
     kind = "vxlan"
     params = VxlanParams
-    batchable = True
+    shares_round_trip = True
 
     def queries(self) -> tuple[AnyQuery, ...]:
         """List VXLAN links, bridges and the forwarding database, as JSON."""
