@@ -127,7 +127,7 @@ class RobotExecutor:
         self.acted[step.number] = took_s
 
     def verdict(self, step: Step, failed: str = "did not converge") -> StepResult:
-        """Return what came of a step that was acted on, from what `refresh` saw after it; `failed` begins its message."""
+        """Return what came of a step that was acted on, by what `refresh` saw after it; `failed` begins its message."""
         due = self._due(step)
         remade = step.want is None and step.id in self.made
         if due is None or remade:
