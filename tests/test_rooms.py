@@ -56,7 +56,7 @@ ROOMS: Mapping[str, Room] = {
     "network": room("errors definitions.model facts.model"),
     "images": room("errors wire definitions.model", "jinja2"),
     "rendering": room("errors resource data definitions modules", "jinja2 yaml"),
-    "modules": room("errors wire resource secret"),
+    "modules": room("errors wire resource secret definitions.model"),
     "planning": room("errors resource wire secret modules facts.model definitions.model definitions.secretmodel"),
     "execution": room("errors resource wire modules planning facts owner"),
     "record": room("errors resource secret definitions.model facts planning execution"),

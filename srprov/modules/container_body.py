@@ -11,7 +11,8 @@ import dataclasses
 from collections.abc import Iterable
 from typing import Any
 
-from srprov.modules.container_params import ContainerParams, HealthCheck
+from srprov.definitions.model import HealthCheck
+from srprov.modules.container_params import ContainerParams
 
 _SECOND_NS = 1_000_000_000
 

@@ -2,68 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from srprov.definitions.model import Runtime
 from srprov.modules.params import ParameterError
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class HealthCheck:
-    """How the engine tells whether the container is healthy."""
-
-    test: tuple[str, ...]
-    interval_s: float
-    timeout_s: float
-    retries: int
-    start_period_s: float
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class RunParams:
-    """The run-time fields; empty means the image's own."""
-
-    command: tuple[str, ...] | None
-    entrypoint: tuple[str, ...] | None
-    environment: Mapping[str, str]
-    working_dir: str
-    user: str
-    stop_signal: str
-    stop_grace_s: float
-    healthcheck: HealthCheck | None
-    devices: tuple[tuple[str, str, str], ...]
-    """(path on the robot, path inside, `rwm`)"""
-    ports: tuple[tuple[str, int, int, str], ...]
-    """(address or "", published port, container port, `tcp` or `udp`)"""
-    ulimits: tuple[tuple[str, int, int], ...]
-    """(name, soft, hard)"""
-    cap_add: tuple[str, ...]
-    privileged: bool
-    sysctls: Mapping[str, str]
-    group_add: tuple[str, ...]
-    security_opt: tuple[str, ...]
-    device_cgroup_rules: tuple[str, ...]
-    tty: bool
-    shm_size: int
-    """bytes"""
-    ipc: str
-    pid: str
-    gpus: str
-    """empty, `all`, or a count"""
-    restart: str
-    """`no`, `always`, `unless-stopped`, `on-failure` or `on-failure:N`"""
-    pull_policy: str
-    """Not the container's, but its image's."""
-    job: bool
-    """As the parameter of the same name."""
-
-    def __post_init__(self) -> None:
-        """Refuse counts that are no numbers."""
-        count = self.restart.partition(":")[2]
-        for field, text in (("gpus", "" if self.gpus == "all" else self.gpus), ("restart", count)):
-            if text and not (text.isascii() and text.removeprefix("-").isdigit()):
-                raise ParameterError("run", f"run.{field}: {text!r} is no number")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -77,11 +22,6 @@ class NetworkPlace:
     hash: str | None = None
     """Of what it depends on in the network."""
 
-    def __post_init__(self) -> None:
-        """Refuse an overlay without an address."""
-        if self.mode == "overlay" and None in (self.name, self.ip, self.mac):
-            raise ParameterError("network", "network: an overlay needs 'name', 'ip' and 'mac'")
-
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ContainerParams:
@@ -94,7 +34,8 @@ class ContainerParams:
     hostname: str
     job: bool
     """It ends by itself."""
-    run: RunParams
+    run: Runtime
+    """Without mounts."""
     mounts: tuple[Mapping[str, Any], ...]
     """In the engine's form."""
     network: NetworkPlace
@@ -102,7 +43,17 @@ class ContainerParams:
     """The version of the engine's API."""
 
     def __post_init__(self) -> None:
-        """Refuse mounts that the engine could not read."""
+        """Refuse what the engine's form cannot be made of."""
+        if self.network.mode == "overlay" and None in (self.network.name, self.network.ip, self.network.mac):
+            raise ParameterError("network", "network: an overlay needs 'name', 'ip' and 'mac'")
+        if self.run.mounts:
+            raise ParameterError("run", "run: mounts stand beside it, in the engine's form")
+        if not re.fullmatch(r"(all|-?[0-9]{1,9})?", self.run.gpus):
+            raise ParameterError("run", f"run.gpus: expected 'all' or a number, not {self.run.gpus!r}")
+        if not re.fullmatch(r"[a-z-]*(:[0-9]{1,9})?", self.run.restart):
+            raise ParameterError(
+                "run", f"run.restart: expected a policy such as on-failure:3, not {self.run.restart!r}"
+            )
         for mount in self.mounts:
             if not (isinstance(mount.get("Type"), str) and isinstance(mount.get("Target"), str)):
                 raise ParameterError("mounts", "mounts: each needs 'Type' and 'Target'")

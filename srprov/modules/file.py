@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from srprov.modules.module import STATE_ROOT, Module
-from srprov.modules.params import AnyText, octal
+from srprov.modules.params import AnyText, Mode
 from srprov.resource import Action, Change, Observed, State
 from srprov.wire import AnyQuery, Command, Put, Query, Reply, Run, quote
 
@@ -24,13 +24,9 @@ class FileParams:
     """What a playbook says of a file."""
 
     content: AnyText
-    mode: str = "0644"
+    mode: Mode = Mode(0o644)
     in_place: bool = False
     """Keep the inode: a file that is mounted into running containers must be rewritten, not replaced."""
-
-    def __post_init__(self) -> None:
-        """Refuse a mode that is none."""
-        octal(self.mode)
 
 
 class FileModule(Module[FileParams]):
@@ -61,7 +57,7 @@ class FileModule(Module[FileParams]):
         content = want.content.encode()
         if found is not None and found["sha256"] == hashlib.sha256(content).hexdigest():
             return None
-        write = Put(path=name, content=content, mode=octal(want.mode), in_place=want.in_place and found is not None)
+        write = Put(path=name, content=content, mode=want.mode, in_place=want.in_place and found is not None)
         if found is None:
             return Change(action=Action.CREATE, cause="not there", commands=(write,))
         return Change(action=Action.UPDATE, cause="content differs", before=found, commands=(write,))

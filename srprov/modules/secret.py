@@ -17,7 +17,7 @@ from typing import Any
 
 from srprov.modules.file import remove_path
 from srprov.modules.module import MEMORY_ROOT, Module
-from srprov.modules.params import NOT_WRITTEN, octal
+from srprov.modules.params import NOT_WRITTEN, Mode
 from srprov.resource import Action, Change, Observed, Resource, State
 from srprov.secret import Hidden, Secret, Vault
 from srprov.wire import AnyQuery, Command, Put, Query, Reply
@@ -53,13 +53,9 @@ class SecretParams:
     """What a playbook says of a secret."""
 
     name: str
-    mode: str
+    mode: Mode
     value: Secret | None = field(default=None, metadata=NOT_WRITTEN)
     """Added by `with_value`."""
-
-    def __post_init__(self) -> None:
-        """Refuse a mode that is none."""
-        octal(self.mode)
 
 
 class SecretModule(Module[SecretParams]):
@@ -93,13 +89,13 @@ class SecretModule(Module[SecretParams]):
 
     def check(self, name: str, want: SecretParams, found: State | None) -> Change | None:
         """Compare hashes, and say no more than that they differ; the command holds a placeholder for the value."""
-        write = (Put(path=name, secret=want.name, mode=octal(want.mode), in_place=found is not None),)
+        write = (Put(path=name, secret=want.name, mode=want.mode, in_place=found is not None),)
         if found is None:
             return Change(action=Action.CREATE, cause="not there", commands=write)
         if want.value is None or found["digest"] != want.value.digest():
             return Change(action=Action.UPDATE, cause="secret differs", before=found, commands=write)
-        if found["mode"] != want.mode:
-            cause = f"mode is {found['mode'] or 'unknown'}, not {want.mode}"
+        if found["mode"] != (mode := f"{want.mode:04o}"):
+            cause = f"mode is {found['mode'] or 'unknown'}, not {mode}"
             return Change(action=Action.UPDATE, cause=cause, before=found, commands=write)
         return None
 

@@ -20,7 +20,7 @@ from srprov.errors import DefinitionError, RefusedError
 from srprov.execution import Outcome
 from srprov.modules import MODULES
 from srprov.modules.file import FileParams
-from srprov.modules.params import NOT_WRITTEN, AnyText
+from srprov.modules.params import NOT_WRITTEN, AnyText, Mode
 from srprov.planning.plan import Plan
 from srprov.resource import Action
 from srprov.wire import Query
@@ -91,8 +91,8 @@ def test_the_schemas_modules_and_variables_are_those_that_there_are(
 
 
 TYPES = {
-    "str": {"string"}, "AnyText": {"string"}, "bytes": {"string"}, "bool": {"boolean"}, "int": {"integer"},
-    "float": {"number"}, "tuple": {"array"}, "Mapping": {"object"},
+    "str": {"string"}, "AnyText": {"string"}, "Mode": {"string"}, "bytes": {"string"}, "bool": {"boolean"},
+    "int": {"integer"}, "float": {"number"}, "tuple": {"array"}, "Mapping": {"object"},
 }  # fmt: skip
 """The type of a field as its module writes it -> what the schema calls it."""
 
@@ -377,7 +377,7 @@ def test_values_that_no_schema_can_judge_are_an_error_of_the_playbook(write: Any
         "  hostname: c\n  job: no\n  run: {}\n  mounts: []\n  network: {}\n  api: {{ api }}\n"
     )
     (problem,) = told(World().add("r1"), with_playbooks(write(text)))
-    assert problem.startswith("8:3 the parameter 'run.command' is missing")
+    assert problem.startswith("10:3 the parameter 'network.mode' is missing")
 
 
 def test_a_field_decides_the_type_of_what_is_written(write: Any) -> None:
@@ -385,7 +385,7 @@ def test_a_field_decides_the_type_of_what_is_written(write: Any) -> None:
     text = '- file: {{ folder ~ "/x" }}\n  content: on\n  mode: 0600\n  in_place: yes\n'
     plan = plan_for(World().add("r1"), with_playbooks(write(text)), allowed=ALLOW)
     params = next(step.want.params for step in plan.steps if step.want and step.name.endswith("/x"))
-    assert params == FileParams(content=AnyText("on"), mode="0600", in_place=True)
+    assert params == FileParams(content=AnyText("on"), mode=Mode(0o600), in_place=True)
 
 
 def test_the_manuals_playbooks_work(write: Any) -> None:

@@ -82,8 +82,10 @@ class FreeParams:
 VXLAN = "- vxlan: v\n  instance: i\n  vni: 1\n  local: 192.0.2.1\n  port: 4789\n  bridge: b\n  mtu: 1450\n"
 CONTAINER = (
     "- container: c\n  instance: i\n  source: s\n  service: c\n  image: busybox\n  hostname: c\n  job: false\n"
-    "  run: {{ run }}\n  mounts: []\n  api: '1.41'\n"
+    "  run: {}\n  mounts: []\n  api: '1.41'\n"
 )
+
+HOST = CONTAINER + "  network: {mode: host}\n"
 
 FREE: Any = dict.fromkeys(MODULES, SimpleNamespace(params=FreeParams))
 """Every kind, with parameters that may be anything: what a value becomes is no question of its module."""
@@ -234,7 +236,7 @@ def test_the_line_of_a_partial_value_is_named() -> None:
         ("- file: [a]\n", "is no name of a file"),
         ("- file: x\n- file: x\n", "r1/file:x stands twice"),
         ("- tree: x\n  blob: nope\n", "no blob 'nope'"),
-        ("- tree: x\n  blob: [a]\n", "blob: expected the sha256 of a blob, not a list"),
+        ("- tree: x\n  blob: [a]\n", 'blob: expected the sha256 of a blob, not ["a"]'),
         ("- file: x\n  needs: network:y\n", "needs is a list"),
         ("- file: x\n  needs: {id: network:y}\n", "needs is a list"),
         ("- file: x\n  needs: [5]\n", "5 is no need"),
@@ -303,9 +305,9 @@ def test_the_shipped_playbooks_render() -> None:
     [
         ("- file: x\n", "the parameter 'content' is missing"),
         ("- file: x\n  content: y\n  mod: '0644'\n", "there is no parameter 'mod', only content, mode, in_place"),
-        ("- file: x\n  content: 5\n", "content: expected text, not a whole number"),
-        ("- file: x\n  content: y\n  in_place: 1\n", "in_place: expected true or false, not a whole number"),
-        ("- file: x\n  content: y\n  mode: rw\n", "a mode is octal digits such as 0644, not 'rw'"),
+        ("- file: x\n  content: 5\n", "content: expected text, not 5"),
+        ("- file: x\n  content: y\n  in_place: 1\n", "in_place: expected true or false, not 1"),
+        ("- file: x\n  content: y\n  mode: rw\n", 'mode: expected octal digits such as 0644, not "rw"'),
         ("- file: x\n  content: {{ half }}\n", "content holds half a character"),
         ("- file: {{ nul }}\n  content: y\n", "its name holds a NUL"),
         ("- volume: v\n  instance: {{ nul }}\n  source: s\n", "instance holds a NUL"),
@@ -314,25 +316,29 @@ def test_the_shipped_playbooks_render() -> None:
         ("- image: i\n  source: copy\n", "an image that is copied needs a 'from'"),
         ("- command: c\n  argv: [a]\n", "a command needs 'unless' or 'creates'"),
         ("- command: c\n  creates: /x\n", "a command needs either 'argv' or 'shell'"),
-        ("- command: c\n  argv: [a, 5]\n  creates: /x\n", "argv.1: expected text, not a whole number"),
+        ("- command: c\n  argv: [a, 5]\n  creates: /x\n", "argv.1: expected text, not 5"),
         ("- command: c\n  argv: [a]\n  creates: /x\n  timeout: true\n", "timeout: expected a whole number, not true"),
-        ("- command: c\n  argv: [a]\n  unless: {}\n", "unless: expected text or a list, not a map"),
+        ("- command: c\n  argv: [a]\n  unless: {}\n", "unless: expected text or a list, not {}"),
         (VXLAN + "  fdb: [[a, b, c]]\n", "fdb.0: expected 2 values, not 3"),
-        (VXLAN + "  fdb: [a]\n", "fdb.0: expected a list, not text"),
+        (VXLAN + "  fdb: [a]\n", 'fdb.0: expected a list, not "a"'),
         (CONTAINER + "  network: {}\n", "the parameter 'network.mode' is missing"),
         (CONTAINER + "  network: {mode: overlay}\n", "network: an overlay needs 'name', 'ip' and 'mac'"),
-        (CONTAINER.replace("{{ run }}", "{}") + "  network: {mode: host}\n", "'run.command' is missing"),
-        (CONTAINER.replace("[]", "[{}]") + "  network: {mode: host}\n", "mounts: each needs 'Type' and 'Target'"),
+        (HOST.replace("{}", "{gpus: some}"), "run.gpus: expected 'all' or a number"),
+        (HOST.replace("{}", "{restart: 'a:b'}"), "run.restart: expected a policy"),
+        (
+            CONTAINER.replace("{}", "{mounts: [{kind: a, source: b, target: c}]}") + "  network: {mode: host}\n",
+            "beside",
+        ),
+        (
+            CONTAINER.replace("{}", "{ports: [['', 1, 2]]}") + "  network: {mode: host}\n",
+            "run.ports.0: expected 4 values",
+        ),
+        (HOST.replace("[]", "[{}]"), "mounts: each needs 'Type' and 'Target'"),
     ],
 )
 def test_a_module_refuses_what_it_cannot_take(text: str, says: str) -> None:
     """Parameters that are unknown, missing or of another type are told with the playbook and the item."""
-    lists = ("devices", "ports", "ulimits", "cap_add", "group_add", "security_opt", "device_cgroup_rules")
-    texts = ("working_dir", "user", "stop_signal", "ipc", "pid", "gpus", "restart", "pull_policy")
-    run: dict[str, Any] = {**{key: [] for key in lists}, **dict.fromkeys(texts, "")}
-    run |= {"command": None, "entrypoint": None, "environment": {}, "sysctls": {}, "healthcheck": None, "job": False}
-    run |= {"stop_grace_s": 10, "privileged": False, "tty": False, "shm_size": 0}
-    context = {"half": "\ud800", "nul": "a\0b", "run": run}
+    context = {"half": "\ud800", "nul": "a\0b"}
     with pytest.raises(RenderError) as caught:
         render({"10-test.yml": text}, "r1", context, modules=MODULES, blobs={})
     assert caught.value.message.startswith("10-test.yml, item 1: ")
