@@ -17,6 +17,7 @@ from srprov.wire import AnyQuery, Command, Put, Query, Reply, Run, quote
 
 _LIST = f"cd {STATE_ROOT} 2>/dev/null || exit 0; find . -mindepth 2 -maxdepth 2 -type f -exec sha256sum {{}} +"
 _MIN_PARTS = 2
+_READABLE = Mode(0o644)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -24,7 +25,7 @@ class FileParams:
     """What a playbook says of a file."""
 
     content: AnyText
-    mode: Mode = Mode(0o644)
+    mode: Mode = _READABLE
     in_place: bool = False
     """Keep the inode: a file that is mounted into running containers must be rewritten, not replaced."""
 
