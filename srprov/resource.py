@@ -1,7 +1,9 @@
 """The values that modules, rendering, planning and execution share: Resource, Observed, State, Action, Change.
 
 A `Resource` is one thing that should be true on one robot. A `State` is what was found of it. A `Change` is the
-difference, with its cause in words. All are values; none can talk to a robot.
+difference, with its cause in words and the commands that end it. All are values; none can talk to a robot.
+
+What runs a service has a parameter `service`, and a `service` in the state that was found of it.
 """
 
 from __future__ import annotations
@@ -10,6 +12,8 @@ import enum
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
+
+from srprov.wire import Command
 
 State = Mapping[str, Any]
 """What a module found of one resource: JSON values only."""
@@ -56,7 +60,10 @@ class Resource:
     host: str
     module: str
     name: str
-    params: Mapping[str, Any]
+    params: Any
+    """Its module's dataclass of parameters."""
+    written: Mapping[str, Any]
+    """The parameters as the playbook wrote them, as JSON values, for plan files and records; never a secret's value."""
     needs: tuple[Need, ...] = ()
     source: str = ""
     """Playbook and item, for error messages."""
@@ -65,6 +72,11 @@ class Resource:
     def id(self) -> str:
         """The resource's address."""
         return resource_id(self.host, self.module, self.name)
+
+    @property
+    def service(self) -> str:
+        """The service that it runs, or empty."""
+        return getattr(self.params, "service", "")
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -77,6 +89,11 @@ class Observed:
     """The owner; empty for what is looked at but owned by nobody of ours (an image pulled by its name)."""
     state: State
 
+    @property
+    def service(self) -> str:
+        """The service that it runs, or empty."""
+        return str(self.state.get("service", ""))
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Change:
@@ -88,5 +105,5 @@ class Change:
     destructive: bool = False
     """Data is lost with it."""
     before: State | None = None
-    details: tuple[str, ...] = ()
-    """Lines for `--verbose`: what differs, field by field."""
+    commands: tuple[Command, ...] = ()
+    """What makes it right, in order."""

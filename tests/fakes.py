@@ -270,6 +270,7 @@ class FakeRobot:
             words = shlex.split(command)
             return Reply(status=0, out=f"{self.disk.command(words[4 : words.index('</dev/null')])}\n")
         answers = {
+            **{q.command: "" for module in MODULES.values() for q in module.queries() if isinstance(q, Query)},
             **{probe.command: self._probe(probe.name) for probe in PROBES},
             _PLACEMENTS.command: self.disk.records(),
             MODULES["file"].queries()[0].command: self.disk.hashes(),  # type: ignore[union-attr]

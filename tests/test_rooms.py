@@ -7,6 +7,7 @@ whoever reads the change can judge it.
 from __future__ import annotations
 
 import ast
+import graphlib
 import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
@@ -59,8 +60,8 @@ ROOMS: Mapping[str, Room] = {
     "assignment": room("errors definitions.containermodel definitions.model facts.model"),
     "network": room("errors untrusted definitions.model facts.model"),
     "images": room("errors wire image_reference definitions.containermodel definitions.model", "jinja2"),
-    "rendering": room("errors resource data definitions yamldoc", "jinja2 yaml"),
-    "modules": room("errors wire untrusted resource secret"),
+    "rendering": room("errors resource data definitions modules yamldoc", "jinja2 yaml"),
+    "modules": room("errors wire untrusted resource secret definitions.model definitions.containermodel"),
     "planning": room(
         "errors untrusted resource wire secret modules facts.model definitions.containermodel definitions.model"
         " definitions.secretmodel"
@@ -129,6 +130,9 @@ MAY_TALK = ("cli/", "__main__.py")
 """Where the user is spoken to: output, questions, exit codes."""
 
 
+_FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
+
+
 def room_of(path: str) -> str:
     """Return the room of a file, named as below `srprov/`."""
     return path.split("/", 1)[0].removesuffix(".py")
@@ -146,6 +150,38 @@ def imports(tree: ast.AST, path: str) -> Iterator[tuple[int, str]]:
             base += node.module.split(".") if node.module else []
             for alias in node.names:
                 yield node.lineno, ".".join([*base, alias.name])
+
+
+def import_graph(package: Mapping[str, str]) -> dict[str, set[str]]:
+    """Return file -> files that it imports when it is loaded, or only for types; paths are as below `srprov/`."""
+    names = {f"srprov.{path}".removesuffix(".py").removesuffix("/__init__").replace("/", "."): path for path in package}
+    graph: dict[str, set[str]] = {}
+    for path, source in package.items():
+        tree = ast.parse(source, filename=path)
+        for node in ast.walk(tree):
+            if isinstance(node, _FUNCTIONS):
+                node.body = []
+        targets = {target for _, target in imports(tree, path)}
+        found = {names.get(target, names.get(target.rpartition(".")[0], path)) for target in targets}
+        graph[path] = found - {path}
+    return graph
+
+
+def circle(graph: Mapping[str, set[str]]) -> str:
+    """Return one circle of a graph of imports as `a -> b -> a`, or nothing."""
+    try:
+        graphlib.TopologicalSorter(graph).prepare()
+    except graphlib.CycleError as error:
+        return " -> ".join(reversed(error.args[1]))
+    return ""
+
+
+def of_rooms(graph: Mapping[str, set[str]]) -> dict[str, set[str]]:
+    """Return room -> rooms that its files import."""
+    rooms: dict[str, set[str]] = {}
+    for path, targets in graph.items():
+        rooms.setdefault(room_of(path), set()).update({room_of(target) for target in targets} - {room_of(path)})
+    return rooms
 
 
 def allows(allowed: frozenset[str] | None, target: str) -> bool:
@@ -241,6 +277,25 @@ def test_the_rooms_import_what_the_table_allows() -> None:
     """Sockets, printing and foreign libraries included."""
     found = [line for path, source in sources().items() for line in problems(path, source)]
     assert not found, "\n".join(found)
+
+
+def test_nothing_imports_in_a_circle() -> None:
+    """Neither files nor rooms, imports for types included: whoever reads one need not know the other first."""
+    graph = import_graph(sources())
+    assert circle(graph) == ""
+    assert circle(of_rooms(graph)) == ""
+
+
+def test_the_checker_sees_a_circle() -> None:
+    """Of files, also by types only, and of rooms whose files have none; an import inside a function is none."""
+    typed = "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from srprov.a.one import One\n"
+    files = {"a/one.py": "from srprov.b import two\n", "b/two.py": typed, "b/__init__.py": ""}
+    assert circle(import_graph(files)) in ("a/one.py -> b/two.py -> a/one.py", "b/two.py -> a/one.py -> b/two.py")
+    late = {**files, "b/two.py": "def f():\n    from srprov.a.one import One\n"}
+    assert circle(import_graph(late)) == ""
+    rooms = {**files, "b/two.py": "", "b/three.py": "from ..a import four\n", "a/four.py": ""}
+    assert circle(import_graph(rooms)) == ""
+    assert circle(of_rooms(import_graph(rooms))) in ("a -> b -> a", "b -> a -> b")
 
 
 def test_files_and_functions_are_small() -> None:

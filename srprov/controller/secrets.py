@@ -38,5 +38,7 @@ def read_secrets(source: Definitions | PlanFile, allowed: Collection[str]) -> Va
 
 def secret_sources(saved: PlanFile) -> tuple[SecretSource, ...]:
     """Return the sources of the secrets that the plan's steps write."""
-    written = {step.want.params["name"] for step in saved.plan.steps if step.module == "secret" and step.want}
+    from srprov.modules.secret import names_of
+
+    written = names_of(step.want for step in saved.plan.steps if step.want)
     return tuple(source for source in saved.plan.secrets if source.name in written)

@@ -1,7 +1,7 @@
 """Cut a plan into batches that run on one robot without looking at any other.
 
-A new batch begins before a step that needs another robot, and after a step that another robot needs. So a robot
-reads once, does several steps, verifies once; and nobody waits for more than he needs. Pure.
+A new batch begins before a step that needs another robot, and after a step that another robot needs. So a robot is
+read once, does several steps and is verified once, and no robot waits for more than it needs. Pure.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ class Batch:
     host: str
     steps: tuple[Step, ...]
     needs: frozenset[int]
-    """Indexes of segments that must have ended first; the robot's previous one is among them."""
+    """Indexes of batches that must have ended first; the robot's previous one is among them."""
 
 
-def segments(steps: Sequence[Step]) -> tuple[Batch, ...]:
-    """Cut the plan's steps, which stand in an order that respects their needs."""
+def cut(steps: Sequence[Step]) -> tuple[Batch, ...]:
+    """Return the batches of a plan's steps, which stand in an order that respects their needs."""
     by_number = {step.number: step for step in steps}
     needed_elsewhere = {n for step in steps for n in step.needs if by_number[n].host != step.host}
     groups: list[list[Step]] = []

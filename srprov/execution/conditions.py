@@ -1,28 +1,26 @@
-"""Wait until a container is started, healthy or completed, with a deadline, saying what is awaited."""
+"""Wait until a service is started, healthy or completed, with a deadline, saying what is awaited."""
 
 from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Mapping
-from urllib.parse import quote as url_quote
+from collections.abc import Callable
 
-from srprov.resource import Condition, Need
-from srprov.untrusted import mapping
-from srprov.wire import EngineQuery, Session
+from srprov.modules import RUNNING
+from srprov.resource import Need
+from srprov.wire import Session
 
 _FIRST_PAUSE_S = 0.15
 _LONGEST_PAUSE_S = 1.0
-_NOT_FOUND = 404
 
 
 def wait_for(
     need: Need, session: Session, *, deadline_s: float, stop: threading.Event, say: Callable[[str], None]
 ) -> str:
-    """Poll until the condition holds; give the empty text then, else why it cannot hold.
+    """Ask again and again until the condition holds; return the empty text then, else why it cannot hold.
 
     Args:
-        need: a container's id and `healthy` or `completed`.
+        need: the id of what runs the service, and `started`, `healthy` or `completed`.
         session: the robot that runs it.
         deadline_s: seconds from now.
         stop: set when the run is interrupted.
@@ -31,11 +29,14 @@ def wait_for(
     Raises:
         TransportError: That robot cannot be talked to any more.
     """
-    container = need.id.rpartition(":")[2]
+    place, _, name = need.id.partition(":")
+    module = RUNNING.get(place.rpartition("/")[2])
+    if module is None:
+        return f"nothing of its kind can be {need.condition}"
     begun = time.monotonic()
     pause, said = _FIRST_PAUSE_S, 0
     while not stop.is_set():
-        holds, never = _look(session, container, need.condition)
+        holds, never = module.reached(name, need.condition, session.ask([module.status_query(name)])[0])
         if holds or never:
             return never
         waited = time.monotonic() - begun
@@ -47,30 +48,3 @@ def wait_for(
         stop.wait(pause)
         pause = min(pause * 1.5, _LONGEST_PAUSE_S)
     return "interrupted"
-
-
-def _look(session: Session, container: str, condition: str) -> tuple[bool, str]:
-    """Return (it holds, why it never will)."""
-    reply = session.ask([EngineQuery(path=f"/containers/{url_quote(container, safe='')}/json")])[0]
-    body = reply.json()
-    if not reply.ok or not isinstance(body, dict):
-        return False, f"container {container} is not there" if reply.status == _NOT_FOUND else ""
-    state = mapping(body.get("State"))
-    status, code = state.get("Status"), state.get("ExitCode")
-    if condition == Condition.COMPLETED.value:
-        failed = status == "exited" and code != 0
-        return status == "exited" and code == 0, f"{container} exited with code {code}" if failed else ""
-    if condition == Condition.STARTED.value:
-        return status == "running", f"{container} exited with code {code}" if status == "exited" else ""
-    health = mapping(state.get("Health")).get("Status")
-    if status == "exited":
-        return False, f"{container} exited with code {code} before it was healthy"
-    if health == "unhealthy":
-        return False, f"{container} is unhealthy: {_last_check(state)}"
-    return health == "healthy", ""
-
-
-def _last_check(state: Mapping[str, object]) -> str:
-    log = mapping(state.get("Health")).get("Log")
-    last = mapping(log[-1]) if isinstance(log, list) and log else {}
-    return " ".join(str(last.get("Output", "no output")).split())[:200]

@@ -1,8 +1,7 @@
 """Walk a plan over many robots: batches in parallel, one at a time per robot, each after those that it needs.
 
-Carries no decision of its own: what is due and how it is done stands in the plan, and the modules say whether it is
-right. A robot that fails is a value; the others go on. The first interrupt lets running steps end and begins no new
-one.
+It decides nothing: the plan says what is due and how it is done, and the modules say whether it is right. A robot that
+fails is a value; the others go on. After the first interrupt, running steps end and no new one begins.
 """
 
 from __future__ import annotations
@@ -14,12 +13,12 @@ from collections.abc import Mapping
 
 from srprov.errors import TransportError
 from srprov.execution.audit import AuditEntry, audit
-from srprov.execution.batches import Batch, segments
+from srprov.execution.batches import Batch, cut
 from srprov.execution.conditions import wait_for
 from srprov.execution.locks import claim
 from srprov.execution.options import RunOptions
 from srprov.execution.outcome import Event, Listener, Outcome, RunResult, StepResult
-from srprov.execution.robot import RobotExecutor, together
+from srprov.execution.robot import RobotExecutor, round_trip_size
 from srprov.execution.settle import settle
 from srprov.execution.taking import Patience, take
 from srprov.planning.plan import Plan, Step
@@ -37,7 +36,7 @@ def walk(
     with take(robots, sessions, mine, patience, stop, listener) as locks:
         reached = {host: session for host, session in sessions.items() if host not in locks.lost}
         run = _Run(reached, listener, options, stop, locks.lost)
-        run.walk(segments(plan.steps))
+        run.walk(cut(plan.steps))
         results = settle(run.robots, run.results, options.settle_s, run.stop, listener)
         if options.run:
             entry = AuditEntry(run=options.run, owner=mine.owner, verb=options.verb, instance=plan.instance)
@@ -71,18 +70,18 @@ class _Run:
         self.lost: dict[str, str] = dict(lost)
         self.kinds: dict[str, set[str]] = {}
 
-    def walk(self, parts: tuple[Batch, ...]) -> None:
-        """Start each segment as soon as all that it needs has ended."""
-        self.kinds = {part.host: {s.module for p in parts if p.host == part.host for s in p.steps} for part in parts}
-        waiting = {part.index: set(part.needs) for part in parts}
+    def walk(self, batches: tuple[Batch, ...]) -> None:
+        """Start each batch as soon as all that it needs has ended."""
+        for batch in batches:
+            self.kinds.setdefault(batch.host, set()).update(step.module for step in batch.steps)
+        waiting = {batch.index: set(batch.needs) for batch in batches}
         running: dict[concurrent.futures.Future[None], int] = {}
-        hosts = {part.host for part in parts}
-        pool = concurrent.futures.ThreadPoolExecutor(max(1, min(self.options.forks, len(hosts))))
+        pool = concurrent.futures.ThreadPoolExecutor(max(1, min(self.options.forks, len(self.kinds))))
         try:
             while waiting or running:
                 for index in [i for i, needs in waiting.items() if not needs]:
                     del waiting[index]
-                    running[pool.submit(self._segment, parts[index])] = index
+                    running[pool.submit(self._run_batch, batches[index])] = index
                 for done in self._next(running):
                     ended = running.pop(done)
                     done.result()
@@ -103,21 +102,21 @@ class _Run:
             self.listener(Event(kind="waiting", host="", text="interrupted: running steps end, no new one begins"))
             return set()
 
-    def _segment(self, part: Batch) -> None:
-        robot = self.robots.get(part.host)
+    def _run_batch(self, batch: Batch) -> None:
+        robot = self.robots.get(batch.host)
         if robot is None:
-            reason = self.lost.get(part.host, "no connection")
-            self._end_all(part.steps, Outcome.UNREACHABLE, reason)
+            reason = self.lost.get(batch.host, "no connection")
+            self._end_all(batch.steps, Outcome.UNREACHABLE, reason)
             return
         try:
-            self._steps(robot, part)
+            self._steps(robot, batch)
         except TransportError as error:
-            self._lose(part.host, error)
-            self._end_all(part.steps, Outcome.UNREACHABLE, error.message)
+            self._mark_unreachable(batch.host, error)
+            self._end_all(batch.steps, Outcome.UNREACHABLE, error.message)
 
-    def _steps(self, robot: RobotExecutor, part: Batch) -> None:
+    def _steps(self, robot: RobotExecutor, batch: Batch) -> None:
         acted: list[Step] = []
-        ahead = list(part.steps)
+        ahead = list(batch.steps)
         while ahead:
             step = ahead.pop(0)
             if self.stop.is_set():
@@ -131,9 +130,9 @@ class _Run:
                 self._end(StepResult(step=step, outcome=outcome, message=blocked))
             else:
                 if robot.seen is None:
-                    robot.look(self.kinds[part.host])
+                    robot.refresh(self.kinds[batch.host])
                 # a budget of failing robots is looked at before each step
-                beside = ahead[: together([step, *ahead]) - 1] if self.options.max_fail is None else []
+                beside = ahead[: round_trip_size([step, *ahead]) - 1] if self.options.max_fail is None else []
                 group = [step, *itertools.takewhile(lambda one: not self._blocked(one, acted), beside)]
                 ahead = ahead[len(group) - 1 :]
                 for one, result in zip(group, robot.act(group), strict=True):
@@ -142,7 +141,7 @@ class _Run:
                     else:
                         self._end(result)
         if acted:
-            robot.look({step.module for step in acted})
+            robot.refresh({step.module for step in acted})
         for step in acted:
             self._end(robot.verdict(step))
 
@@ -177,14 +176,14 @@ class _Run:
             try:
                 why = wait_for(need, session, deadline_s=self.options.wait_timeout_s, stop=self.stop, say=say)
             except TransportError as error:
-                self._lose(host, error)
+                self._mark_unreachable(host, error)
                 return f"needs {need.id} {need.condition}: {error.message}"
             if why:
                 return f"needs {need.id} {need.condition}: {why}"
         return ""
 
-    def _lose(self, host: str, error: TransportError) -> None:
-        """Note that a robot cannot be talked to any more, whoever found out."""
+    def _mark_unreachable(self, host: str, error: TransportError) -> None:
+        """Note that a robot cannot be talked to any more."""
         self.lost[host] = error.message
         self.robots.pop(host, None)
 

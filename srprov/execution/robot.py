@@ -8,7 +8,7 @@
 | after  | still a change            | failed: did not converge                      |
 | after  | it is right               | changed                                       |
 
-What only shows when it is asked for (a command) is looked at right before and right after its own act.
+What only shows when it is asked for is read right before and right after its own step.
 """
 
 from __future__ import annotations
@@ -20,15 +20,14 @@ from dataclasses import dataclass, field
 from srprov.errors import TransportError
 from srprov.execution.outcome import Event, Listener, Outcome, StepResult
 from srprov.facts.observe import observe_queries, parse_observed, parse_probed, probe_queries
-from srprov.modules import MODULES, PROBING
+from srprov.modules import MODULES, PROBING, RUNNING
 from srprov.planning.plan import Step
 from srprov.resource import Action, Change, Observed
-from srprov.wire import Command, EngineCall, Put, Query, Reply, Run, Session, sh
+from srprov.wire import Command, EngineCall, Put, Reply, Run, Session
 
 _Key = tuple[str, str]
-_SHORT = frozenset({"vxlan", "file"})
-"""Modules whose steps take the shell no time, and can be done whatever comes of one another."""
 _MOST_BYTES = 256 * 1024
+_LOG_LINES = 8
 
 
 @dataclass(slots=True)
@@ -43,7 +42,7 @@ class RobotExecutor:
     made: set[str] = field(default_factory=set)
     """Ids that a step of this run made or changed."""
 
-    def look(self, kinds: Collection[str]) -> None:
+    def refresh(self, kinds: Collection[str]) -> None:
         """Read again everything of these kinds.
 
         Raises:
@@ -65,7 +64,7 @@ class RobotExecutor:
     def act(self, steps: Sequence[Step]) -> list[StepResult | None]:
         """Do steps unless they are done or stale; None means that one was done and must be verified.
 
-        Several are done in one round trip; `together` says which those may be.
+        Several are done in one round trip; `round_trip_size` says which those may be.
 
         Raises:
             TransportError: The robot cannot be talked to any more.
@@ -93,7 +92,7 @@ class RobotExecutor:
         if change is None:
             why = "its check holds by now" if step.module in PROBING else "somebody was faster"
             return StepResult(step=step, outcome=Outcome.UNCHANGED, message=why)
-        if step.want is not None and MODULES[step.module].commands(step.want, change) != step.commands:
+        if step.want is not None and change.commands != step.commands:
             message = f"the robot changed since the plan was made: now {change.cause}; plan again"
             return StepResult(step=step, outcome=Outcome.FAILED, message=message)
         return None
@@ -127,15 +126,13 @@ class RobotExecutor:
             self.made.add(step.id)
         self.acted[step.number] = took_s
 
-    def verdict(self, step: Step) -> StepResult:
-        """Say what came of a step that was acted on, from what `look` saw after it."""
+    def verdict(self, step: Step, failed: str = "did not converge") -> StepResult:
+        """Return what came of a step that was acted on, by what `refresh` saw after it; `failed` begins its message."""
         due = self._due(step)
         remade = step.want is None and step.id in self.made
         if due is None or remade:
             return StepResult(step=step, outcome=Outcome.CHANGED, duration_s=self.acted[step.number])
-        message = f"did not converge: {due.cause}"
-        if step.module == "container":
-            message += last_words(self.session, step.name)
+        message = f"{failed}: {due.cause}{self._log_end(step)}"
         return StepResult(step=step, outcome=Outcome.FAILED, message=message, duration_s=self.acted[step.number])
 
     def _probe(self, step: Step) -> None:
@@ -149,23 +146,37 @@ class RobotExecutor:
         seen = self.seen or {}
         item = seen.get((step.module, step.name))
         if step.want is not None:
-            return MODULES[step.module].check(step.want, item.state if item else None)
+            return MODULES[step.module].check(step.name, step.want.params, item.state if item else None)
         return Change(action=Action.DELETE, cause="still there") if item else None
+
+    def _log_end(self, step: Step) -> str:
+        """Return the end of the log of a step's service, indented under a failure, or nothing when there is none."""
+        if step.module not in RUNNING:
+            return ""
+        reply = self.session.ask([RUNNING[step.module].log_query(step.name, _LOG_LINES)])[0]
+        if not reply.ok or not reply.out.strip():
+            return ""
+        return "; its last lines:\n" + "\n".join(f"    {one}" for one in reply.out.strip().splitlines()[-_LOG_LINES:])
 
     def _progress(self, step: Step, line: str) -> None:
         self.listener(Event(kind="progress", host=step.host, step=step, text=line))
 
 
-def together(steps: Sequence[Step]) -> int:
-    """Return how many of the first steps may be done in one round trip: at least one, which may be any.
+def round_trip_size(steps: Sequence[Step]) -> int:
+    """Return how many of the first steps may be done in one round trip, at least one.
 
-    More only while each is one short script or file for the shell, and none needs another of them: so nothing is done
-    that would not be done if one of them failed.
+    There are more only while each is one short script or file for the shell and none needs another of them, so that
+    nothing is done that would not be done if one of them failed.
     """
     begun: set[int] = set()
     size = 0
     for step in steps:
-        if step.module not in _SHORT or len(step.commands) != 1 or step.waits or not begun.isdisjoint(step.needs):
+        if (
+            not MODULES[step.module].shares_round_trip
+            or len(step.commands) != 1
+            or step.waits
+            or not begun.isdisjoint(step.needs)
+        ):
             break
         command = _only(step)
         size += len(command.content if isinstance(command, Put) else command.script)
@@ -179,14 +190,6 @@ def _only(step: Step) -> Run | Put:
     (command,) = step.commands
     assert isinstance(command, Run | Put)
     return command
-
-
-def last_words(session: Session, container: str, lines: int = 8) -> str:
-    """Return the end of a container's log, indented under a failure, or nothing when it has none."""
-    reply = session.ask([Query(command=sh("docker", "logs", "--tail", str(lines), container) + " 2>&1")])[0]
-    if not reply.ok or not reply.out.strip():
-        return ""
-    return "; its last lines:\n" + "\n".join(f"    {line}" for line in reply.out.strip().splitlines()[-lines:])
 
 
 def _failure(command: Command, reply: Reply) -> str:

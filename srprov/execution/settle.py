@@ -1,7 +1,7 @@
-"""A last look: a service counts as started only if it still runs a little later.
+"""A last check: a service counts as started only if it still runs a little later.
 
-Docker says "started" for a process that dies in its first breath. Each robot with fresh containers is read once
-more, two seconds (or what the user sets) after its last start; jobs may have ended.
+An engine also says "started" of a process that ends at once. Each robot with services that were started is read once
+more, two seconds (or what the user sets) after the last start; jobs may have ended.
 """
 
 from __future__ import annotations
@@ -14,7 +14,8 @@ from collections.abc import Mapping
 
 from srprov.errors import TransportError
 from srprov.execution.outcome import Event, Listener, Outcome, StepResult
-from srprov.execution.robot import RobotExecutor, last_words
+from srprov.execution.robot import RobotExecutor
+from srprov.modules import RUNNING
 from srprov.resource import Action
 
 
@@ -30,7 +31,7 @@ def settle(
     for result in results.values():
         step = result.step
         started = result.outcome is Outcome.CHANGED and step.change.action is not Action.DELETE
-        if started and step.module == "container" and step.host in robots:
+        if started and step.module in RUNNING and step.host in robots:
             fresh.setdefault(step.host, []).append(result)
     settled = dict(results)
     if not fresh or settle_s <= 0:
@@ -57,7 +58,7 @@ def settle(
 def _check(robot: RobotExecutor, fresh: list[StepResult]) -> list[StepResult]:
     begun = time.monotonic()
     try:
-        robot.look({"container"})
+        robot.refresh({result.step.module for result in fresh})
         return [_still(robot, result) for result in fresh]
     except TransportError as error:
         took = time.monotonic() - begun
@@ -67,12 +68,5 @@ def _check(robot: RobotExecutor, fresh: list[StepResult]) -> list[StepResult]:
 
 
 def _still(robot: RobotExecutor, result: StepResult) -> StepResult:
-    verdict = robot.verdict(result.step)
-    if verdict.outcome is Outcome.CHANGED:
-        return result
-    item = (robot.seen or {}).get(("container", result.step.name))
-    how = (
-        f"exited with code {item.state['exit_code']}" if item and item.state["state"] == "exited" else "is not running"
-    )
-    words = last_words(robot.session, result.step.name)
-    return dataclasses.replace(result, outcome=Outcome.FAILED, message=f"did not stay up: {how}{words}")
+    verdict = robot.verdict(result.step, "did not stay up")
+    return result if verdict.outcome is Outcome.CHANGED else verdict

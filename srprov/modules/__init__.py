@@ -5,18 +5,20 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from srprov.modules.command import CommandModule
 from srprov.modules.container import ContainerModule
 from srprov.modules.file import FileModule
 from srprov.modules.image import ImageModule
-from srprov.modules.module import Module, Probing
+from srprov.modules.module import Module, Probing, Running
 from srprov.modules.network import NetworkModule
 from srprov.modules.secret import SecretModule
 from srprov.modules.tree import TreeModule
 from srprov.modules.volume import VolumeModule
 from srprov.modules.vxlan import VxlanModule
 
-_ALL: tuple[Module, ...] = (
+_ALL: tuple[Module[Any], ...] = (
     ImageModule(),
     NetworkModule(),
     VxlanModule(),
@@ -28,7 +30,9 @@ _ALL: tuple[Module, ...] = (
     ContainerModule(),
 )
 
-MODULES: dict[str, Module] = {module.kind: module for module in _ALL}
+MODULES: dict[str, Module[Any]] = {module.kind: module for module in _ALL}
 PROBING: dict[str, Probing] = {module.kind: module for module in _ALL if isinstance(module, Probing)}
-"""Kinds whose resources only show to who knows the wish."""
+"""Kinds that only show when they are asked for."""
+RUNNING: dict[str, Running] = {module.kind: module for module in _ALL if isinstance(module, Running)}
+"""Kinds that run a service."""
 RANK: dict[str, int] = {module.kind: rank for rank, module in enumerate(_ALL)}

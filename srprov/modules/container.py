@@ -1,9 +1,5 @@
 """Containers: one per service and robot.
 
-Wanted parameters: `service`, `instance`, `source`, `image`, `job`, `run` (the merged run-time fields), `mounts`
-(engine form), `network` (`mode` overlay, host or none; `name`, `ip`, `mac`, `hash`), `hostname`, `api` (the
-engine's API version).
-
 A container carries a hash of its whole configuration, and a short one of each part of it, as labels: what differs
 can be said in words without comparing defaults that an engine fills in. Restarts follow from that hash alone.
 
@@ -13,10 +9,13 @@ Source: Docker Engine API 1.41, "Create a container".
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any
+from urllib.parse import quote as url_quote
 
 from srprov.modules.container_body import engine_body, parts_of
+from srprov.modules.container_params import ContainerParams
+from srprov.modules.container_status import reached
 from srprov.modules.module import (
     CONFIG_HASH,
     CONFIG_PARTS,
@@ -25,6 +24,7 @@ from srprov.modules.module import (
     SERVICE,
     SOURCE,
     STOP_GRACE,
+    Module,
     as_int,
     as_labels,
     as_list,
@@ -32,8 +32,8 @@ from srprov.modules.module import (
     canonical,
     digest,
 )
-from srprov.resource import Action, Change, Observed, Resource, State
-from srprov.wire import AnyQuery, Command, EngineCall, EngineQuery, Reply
+from srprov.resource import Action, Change, Observed, State
+from srprov.wire import AnyQuery, Command, EngineCall, EngineQuery, Query, Reply, sh
 
 _EXITED = re.compile(r"^Exited \((-?[0-9]{1,9})\)")
 _HEALTH = re.compile(r"\((healthy|unhealthy|health: starting)\)")
@@ -44,10 +44,11 @@ def container_name(instance: str, service: str) -> str:
     return f"srprov.{instance}.{service}"
 
 
-class ContainerModule:
+class ContainerModule(Module[ContainerParams]):
     """The module of kind `container`."""
 
     kind = "container"
+    params = ContainerParams
 
     def queries(self) -> tuple[AnyQuery, ...]:
         """List all labelled containers, running or not."""
@@ -59,48 +60,78 @@ class ContainerModule:
             return ()
         return tuple(found for item in as_list(replies[0].json()) if (found := _parse_one(item)))
 
-    def check(self, want: Resource, found: State | None) -> Change | None:
+    def check(self, name: str, want: ContainerParams, found: State | None) -> Change | None:
         """Compare by hash, then by what the process does."""
         if found is None:
-            return Change(action=Action.CREATE, cause="not there")
-        wanted_hash, wanted_parts = _hashes(want.params)
+            return Change(action=Action.CREATE, cause="not there", commands=_create_and_start(name, want))
+        wanted_hash, wanted_parts = _hashes(want)
         if found["hash"] != wanted_hash:
-            return Change(action=Action.REPLACE, cause=_differing(found["parts"], wanted_parts), before=found)
-        if cause := _wrong_address(want.params, found):
-            return Change(action=Action.REPLACE, cause=cause, before=found)
-        return _check_process(bool(want.params["job"]), found)
-
-    def commands(self, want: Resource, change: Change) -> tuple[Command, ...]:
-        """Create and start; replace stops and removes first; an update starts what stopped."""
-        name = want.name
-        start = EngineCall(method="POST", path=f"/containers/{name}/start")
-        if change.action is Action.UPDATE:
-            state = (change.before or {}).get("state")
-            if state == "paused":
-                return (EngineCall(method="POST", path=f"/containers/{name}/unpause"),)
-            if state == "restarting":
-                return (EngineCall(method="POST", path=f"/containers/{name}/restart"),)
-            return (start,)
-        body = engine_body(want.params)
-        wanted_hash, parts = _hashes(want.params)
-        body["Labels"] = {
-            INSTANCE: want.params["instance"],
-            SERVICE: want.params["service"],
-            SOURCE: want.params["source"],
-            CONFIG_HASH: wanted_hash,
-            CONFIG_PARTS: ",".join(f"{key}={value}" for key, value in sorted(parts.items())),
-            STOP_GRACE: str(body["StopTimeout"]),
-        }
-        create = EngineCall(
-            method="POST", path="/containers/create", params=(("name", name),), body=canonical(body), accept=(201,)
-        )
-        if change.action is Action.REPLACE:
-            return (*_stop_and_remove(name, change.before or {}), create, start)
-        return (create, start)
+            return _replacement(name, want, found, _differing(found["parts"], wanted_parts))
+        if cause := _wrong_address(want, found):
+            return _replacement(name, want, found, cause)
+        if found["state"] in ("dead", "removing"):
+            return _replacement(name, want, found, f"container is {found['state']}")
+        return _check_process(name, want.job, found)
 
     def removal(self, found: Observed) -> tuple[Command, ...]:
         """Stop with the container's own grace, then remove it with its anonymous volumes."""
         return _stop_and_remove(found.name, found.state)
+
+    def removed_before(self, other: str) -> bool:
+        """Go first: a container may use whatever there is."""
+        return other != self.kind
+
+    def made_after_removal_of(self, other: str) -> bool:
+        """Wait for ports, devices and names to be free."""
+        return other == self.kind
+
+    def stands_on(self, found: State) -> Collection[tuple[str, str]]:
+        """Return the networks that it is attached to."""
+        return [("network", name) for name in found["addresses"]]
+
+    def stranded(self, want: ContainerParams, found: State, others: Mapping[tuple[str, str], State]) -> str:
+        """Compare networks by id: Docker starts a container on the very network that it was made on, or never again."""
+        name = want.network.name
+        if name is None:
+            return ""
+        network, holds = others.get(("network", name)), found["network_ids"].get(name)
+        # one that was never started has no id yet: Docker looks its network up by name
+        lost = holds is None or (holds != "" and (network is None or holds != network["id"]))
+        return "its network was removed" if lost else ""
+
+    def status_query(self, name: str) -> EngineQuery:
+        """Inspect it."""
+        return EngineQuery(path=f"/containers/{url_quote(name, safe='')}/json")
+
+    def reached(self, name: str, condition: str, reply: Reply) -> tuple[bool, str]:
+        """Judge by its state, its exit code and its health."""
+        return reached(name, condition, reply)
+
+    def log_query(self, name: str, lines: int) -> Query:
+        """Ask Docker."""
+        return Query(command=sh("docker", "logs", "--tail", str(lines), name) + " 2>&1")
+
+
+def _create_and_start(name: str, want: ContainerParams) -> tuple[Command, ...]:
+    body = engine_body(want)
+    config_hash, parts = _hashes(want)
+    body["Labels"] = {
+        INSTANCE: want.instance,
+        SERVICE: want.service,
+        SOURCE: want.source,
+        CONFIG_HASH: config_hash,
+        CONFIG_PARTS: ",".join(f"{key}={value}" for key, value in sorted(parts.items())),
+        STOP_GRACE: str(body["StopTimeout"]),
+    }
+    create = EngineCall(
+        method="POST", path="/containers/create", params=(("name", name),), body=canonical(body), accept=(201,)
+    )
+    return create, EngineCall(method="POST", path=f"/containers/{name}/start")
+
+
+def _replacement(name: str, want: ContainerParams, found: State, cause: str) -> Change:
+    commands = (*_stop_and_remove(name, found), *_create_and_start(name, want))
+    return Change(action=Action.REPLACE, cause=cause, before=found, commands=commands)
 
 
 def _stop_and_remove(name: str, state: State) -> tuple[Command, ...]:
@@ -149,9 +180,9 @@ def _ends(settings: object, key: str) -> dict[str, str]:
     return {str(name): as_text(end.get(key)) for name, end in networks.items() if isinstance(end, Mapping)}
 
 
-def _hashes(params: Mapping[str, Any]) -> tuple[str, dict[str, str]]:
-    parts = {name: digest(value, 8) for name, value in parts_of(params).items()}
-    return digest(parts_of(params)), parts
+def _hashes(want: ContainerParams) -> tuple[str, dict[str, str]]:
+    parts = parts_of(want)
+    return digest(parts), {name: digest(value, 8) for name, value in parts.items()}
 
 
 def _differing(found: Mapping[str, str], wanted: Mapping[str, str]) -> str:
@@ -161,27 +192,28 @@ def _differing(found: Mapping[str, str], wanted: Mapping[str, str]) -> str:
     return f"{', '.join(names)} {'differs' if len(names) == 1 else 'differ'}"
 
 
-def _wrong_address(params: Mapping[str, Any], found: State) -> str:
-    """A container that lost its network, or has another address than its peers' tables say, cannot be reached."""
-    network = params["network"]
-    if network["mode"] != "overlay" or found["state"] != "running":
+def _wrong_address(want: ContainerParams, found: State) -> str:
+    """Return why a running container cannot be reached: no network, or not the address that its peers' tables have."""
+    network = want.network
+    if network.mode != "overlay" or found["state"] != "running":
         return ""
-    address = found["addresses"].get(network["name"])
+    address = found["addresses"].get(network.name)
     if address is None:
-        return f"not attached to network {network['name']}"
-    return "" if address == network["ip"] else f"address is {address or 'none'}, not {network['ip']}"
+        return f"not attached to network {network.name}"
+    return "" if address == network.ip else f"address is {address or 'none'}, not {network.ip}"
 
 
-def _check_process(job: bool, found: State) -> Change | None:
+def _check_process(name: str, job: bool, found: State) -> Change | None:
     state, code = found["state"], found["exit_code"]
     if state == "running" or (job and state == "exited" and code == 0):
         return None
-    if state in ("dead", "removing"):
-        return Change(action=Action.REPLACE, cause=f"container is {state}", before=found)
     causes = {
         "created": "created, never started",
         "paused": "paused",
         "restarting": "keeps restarting",
         "exited": f"{'job ' if job else ''}exited with code {code}",
     }
-    return Change(action=Action.UPDATE, cause=causes.get(state, f"state is {state or 'unknown'}"), before=found)
+    verb = {"paused": "unpause", "restarting": "restart"}.get(state, "start")
+    command = EngineCall(method="POST", path=f"/containers/{name}/{verb}")
+    cause = causes.get(state, f"state is {state or 'unknown'}")
+    return Change(action=Action.UPDATE, cause=cause, before=found, commands=(command,))

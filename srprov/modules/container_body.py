@@ -7,53 +7,57 @@ Source: Docker Engine API 1.41, "Create a container"; from 1.44 the MAC address 
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import dataclasses
+from collections.abc import Iterable
 from typing import Any
+
+from srprov.definitions.containermodel import HealthCheck
+from srprov.modules.container_params import ContainerParams
 
 _SECOND_NS = 1_000_000_000
 
 
-def engine_body(params: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the create request's JSON. `params` as the module's docstring lists them."""
-    run = params["run"]
+def engine_body(want: ContainerParams) -> dict[str, Any]:
+    """Return the create request's JSON."""
+    run = want.run
     body: dict[str, Any] = {
-        "Image": params["image"],
-        "Env": [f"{key}={value}" for key, value in sorted(run["environment"].items())],
-        "Tty": run["tty"],
-        "StopTimeout": round(run["stop_grace_s"]),
-        "HostConfig": _host_config(params),
+        "Image": want.image,
+        "Env": [f"{key}={value}" for key, value in sorted(run.environment.items())],
+        "Tty": run.tty,
+        "StopTimeout": round(run.stop_grace_s),
+        "HostConfig": _host_config(want),
     }
-    if params["hostname"]:
-        body["Hostname"] = params["hostname"]
-    for key, name in (("command", "Cmd"), ("entrypoint", "Entrypoint")):
-        if run[key] is not None:
-            body[name] = list(run[key])
-    for key, name in (("working_dir", "WorkingDir"), ("user", "User"), ("stop_signal", "StopSignal")):
-        if run[key]:
-            body[name] = run[key]
-    if run["healthcheck"]:
-        body["Healthcheck"] = _healthcheck(run["healthcheck"])
-    if run["ports"]:
-        body["ExposedPorts"] = {f"{inside}/{protocol}": {} for _, _, inside, protocol in run["ports"]}
-    _add_network(body, params)
+    if run.command is not None:
+        body["Cmd"] = list(run.command)
+    if run.entrypoint is not None:
+        body["Entrypoint"] = list(run.entrypoint)
+    optional: dict[str, Any] = {
+        "Hostname": want.hostname,
+        "WorkingDir": run.working_dir,
+        "User": run.user,
+        "StopSignal": run.stop_signal,
+        "Healthcheck": _healthcheck(run.healthcheck) if run.healthcheck else None,
+        "ExposedPorts": {f"{inside}/{protocol}": {} for _, _, inside, protocol in run.ports},
+    }
+    body.update({key: value for key, value in optional.items() if value})
+    _add_network(body, want)
     return body
 
 
-def parts_of(params: Mapping[str, Any]) -> dict[str, Any]:
+def parts_of(want: ContainerParams) -> dict[str, Any]:
     """Return the parts that decide whether a running container is still the wanted one, by the name that a cause shows.
 
     The MAC's place in the body depends on the engine's version, so the network part is the wish, not the body: an
     engine's upgrade restarts nothing.
     """
-    body = engine_body({**params, "api": "1.41"})
-    host = body["HostConfig"]
-    network = params["network"]
+    body = engine_body(dataclasses.replace(want, api="1.41"))
+    host, network = body["HostConfig"], want.network
     return {
         "image": body["Image"],
         "command": [body.get("Cmd"), body.get("Entrypoint")],
         "environment": body["Env"],
         "volumes": host.get("Mounts", []),
-        "network": [network.get(key) for key in ("mode", "name", "ip", "mac", "hash")],
+        "network": [network.mode, network.name, network.ip, network.mac, network.hash],
         "ports": [body.get("ExposedPorts"), host.get("PortBindings")],
         "healthcheck": body.get("Healthcheck"),
         "devices": [host.get(key) for key in ("Devices", "DeviceRequests", "DeviceCgroupRules")],
@@ -65,55 +69,54 @@ def parts_of(params: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _host_config(params: Mapping[str, Any]) -> dict[str, Any]:
-    run = params["run"]
-    host: dict[str, Any] = {"RestartPolicy": _restart(run["restart"]), "Privileged": run["privileged"]}
-    mounts = [mount for mount in params["mounts"] if mount["Type"] != "tmpfs"]
+def _host_config(want: ContainerParams) -> dict[str, Any]:
+    run = want.run
+    host: dict[str, Any] = {"RestartPolicy": _restart(run.restart), "Privileged": run.privileged}
     optional = {
-        "Mounts": mounts,
-        "Tmpfs": {mount["Target"]: "" for mount in params["mounts"] if mount["Type"] == "tmpfs"},
+        "Mounts": [mount for mount in want.mounts if mount["Type"] != "tmpfs"],
+        "Tmpfs": {mount["Target"]: "" for mount in want.mounts if mount["Type"] == "tmpfs"},
         "Devices": [
             {"PathOnHost": path, "PathInContainer": inside, "CgroupPermissions": rights}
-            for path, inside, rights in run["devices"]
+            for path, inside, rights in run.devices
         ],
-        "DeviceCgroupRules": list(run["device_cgroup_rules"]),
-        "DeviceRequests": _gpus(run["gpus"]),
-        "PortBindings": _port_bindings(run["ports"]),
-        "Ulimits": [{"Name": name, "Soft": soft, "Hard": hard} for name, soft, hard in run["ulimits"]],
-        "CapAdd": list(run["cap_add"]),
-        "Sysctls": dict(sorted(run["sysctls"].items())),
-        "GroupAdd": list(run["group_add"]),
-        "SecurityOpt": list(run["security_opt"]),
-        "ShmSize": run["shm_size"],
-        "IpcMode": run["ipc"],
-        "PidMode": run["pid"],
+        "DeviceCgroupRules": list(run.device_cgroup_rules),
+        "DeviceRequests": _gpus(run.gpus),
+        "PortBindings": _port_bindings(run.ports),
+        "Ulimits": [{"Name": name, "Soft": soft, "Hard": hard} for name, soft, hard in run.ulimits],
+        "CapAdd": list(run.cap_add),
+        "Sysctls": dict(sorted(run.sysctls.items())),
+        "GroupAdd": list(run.group_add),
+        "SecurityOpt": list(run.security_opt),
+        "ShmSize": run.shm_size,
+        "IpcMode": run.ipc,
+        "PidMode": run.pid,
     }
     host.update({key: value for key, value in optional.items() if value})
     return host
 
 
-def _add_network(body: dict[str, Any], params: Mapping[str, Any]) -> None:
-    network = params["network"]
+def _add_network(body: dict[str, Any], want: ContainerParams) -> None:
+    network = want.network
     host = body["HostConfig"]
-    if network["mode"] != "overlay":
-        host["NetworkMode"] = network["mode"]
+    if network.mode != "overlay":
+        host["NetworkMode"] = network.mode
         return
-    host["NetworkMode"] = network["name"]
-    endpoint: dict[str, Any] = {"IPAMConfig": {"IPv4Address": network["ip"]}}
-    if _version(params["api"]) >= (1, 44):
-        endpoint["MacAddress"] = network["mac"]
+    host["NetworkMode"] = network.name
+    endpoint: dict[str, Any] = {"IPAMConfig": {"IPv4Address": network.ip}}
+    if _version(want.api) >= (1, 44):
+        endpoint["MacAddress"] = network.mac
     else:
-        body["MacAddress"] = network["mac"]
-    body["NetworkingConfig"] = {"EndpointsConfig": {network["name"]: endpoint}}
+        body["MacAddress"] = network.mac
+    body["NetworkingConfig"] = {"EndpointsConfig": {network.name: endpoint}}
 
 
-def _healthcheck(check: Mapping[str, Any]) -> dict[str, Any]:
+def _healthcheck(check: HealthCheck) -> dict[str, Any]:
     return {
-        "Test": list(check["test"]),
-        "Interval": round(check["interval_s"] * _SECOND_NS),
-        "Timeout": round(check["timeout_s"] * _SECOND_NS),
-        "StartPeriod": round(check["start_period_s"] * _SECOND_NS),
-        "Retries": check["retries"],
+        "Test": list(check.test),
+        "Interval": round(check.interval_s * _SECOND_NS),
+        "Timeout": round(check.timeout_s * _SECOND_NS),
+        "StartPeriod": round(check.start_period_s * _SECOND_NS),
+        "Retries": check.retries,
     }
 
 
@@ -128,9 +131,9 @@ def _gpus(wish: str) -> list[dict[str, Any]]:
     return [{"Driver": "", "Count": -1 if wish == "all" else int(wish), "Capabilities": [["gpu"]]}]
 
 
-def _port_bindings(ports: object) -> dict[str, list[dict[str, str]]]:
+def _port_bindings(ports: Iterable[tuple[str, int, int, str]]) -> dict[str, list[dict[str, str]]]:
     bindings: dict[str, list[dict[str, str]]] = {}
-    for address, published, inside, protocol in ports if isinstance(ports, (list, tuple)) else ():
+    for address, published, inside, protocol in ports:
         bindings.setdefault(f"{inside}/{protocol}", []).append({"HostIp": address, "HostPort": str(published)})
     return bindings
 

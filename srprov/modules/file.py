@@ -1,26 +1,42 @@
 """Rendered files below the instance's folder on a robot.
 
-Wanted parameters: `content` (text), `mode` (octal text), `in_place` (keep the inode: a file that is bind-mounted
-into running containers must be rewritten, not replaced). The name is the absolute path.
+The name is the absolute path.
 """
 
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
 
-from srprov.modules.module import STATE_ROOT
-from srprov.resource import Action, Change, Observed, Resource, State
+from srprov.modules.module import STATE_ROOT, Module
+from srprov.modules.params import AnyText, Mode
+from srprov.resource import Action, Change, Observed, State
 from srprov.wire import AnyQuery, Command, Put, Query, Reply, Run, quote
 
 _LIST = f"cd {STATE_ROOT} 2>/dev/null || exit 0; find . -mindepth 2 -maxdepth 2 -type f -exec sha256sum {{}} +"
 _MIN_PARTS = 2
+_READABLE = Mode(0o644)
 
 
-class FileModule:
+@dataclass(frozen=True, kw_only=True, slots=True)
+class FileParams:
+    """What a playbook says of a file."""
+
+    content: AnyText
+    mode: Mode = _READABLE
+    in_place: bool = False
+    """Keep the inode: a file that is mounted into running containers must be rewritten, not replaced."""
+
+
+class FileModule(Module[FileParams]):
     """The module of kind `file`."""
 
     kind = "file"
+    params = FileParams
+    shares_round_trip = True
+    root = STATE_ROOT
 
     def queries(self) -> tuple[AnyQuery, ...]:
         """Hash the files directly inside each instance's folder; shipped trees lie deeper and are not read."""
@@ -37,23 +53,29 @@ class FileModule:
                 found.append(Observed(module="file", name=name, instance=parts[0], state={"sha256": sha}))
         return tuple(found)
 
-    def check(self, want: Resource, found: State | None) -> Change | None:
-        """Compare contents by hash."""
-        if found is None:
-            return Change(action=Action.CREATE, cause="not there")
-        if found["sha256"] == hashlib.sha256(want.params["content"].encode()).hexdigest():
+    def check(self, name: str, want: FileParams, found: State | None) -> Change | None:
+        """Compare contents by hash; one that differs is written whole."""
+        content = want.content.encode()
+        if found is not None and found["sha256"] == hashlib.sha256(content).hexdigest():
             return None
-        return Change(action=Action.UPDATE, cause="content differs", before=found)
-
-    def commands(self, want: Resource, change: Change) -> tuple[Command, ...]:
-        """Write it whole."""
-        in_place = bool(want.params.get("in_place")) and change.action is Action.UPDATE
-        mode = int(want.params.get("mode", "0644"), 8)
-        return (Put(path=want.name, content=want.params["content"].encode(), mode=mode, in_place=in_place),)
+        write = Put(path=name, content=content, mode=want.mode, in_place=want.in_place and found is not None)
+        if found is None:
+            return Change(action=Action.CREATE, cause="not there", commands=(write,))
+        return Change(action=Action.UPDATE, cause="content differs", before=found, commands=(write,))
 
     def removal(self, found: Observed) -> tuple[Command, ...]:
         """Remove it, and the instance's folder when it was the last thing there."""
         return (remove_path(found.name),)
+
+    def misplaced(self, name: str, want: FileParams, context: Mapping[str, Any]) -> tuple[str, str] | None:
+        """Say so of one in a deeper folder, too: those are not listed."""
+        if wrong := super().misplaced(name, want, context):
+            return wrong
+        home = f"{self.root}/{context['instance']}"
+        rest = name[len(home) + 1 :]
+        if "/" in rest or rest in ("", ".", "..") or "\n" in rest or "\\" in rest:
+            return f"the file '{name}' is not directly in {home}", "files of an instance lie side by side"
+        return None
 
 
 def remove_path(path: str, root: str = STATE_ROOT, *, with_root: bool = False) -> Run:

@@ -1,7 +1,6 @@
 """Images: present on a robot under a tag or digest.
 
-Wanted parameters: `source` is `pull`, `build` (with `blob`, the build context as a tar) or `copy` (with `from`, the
-robot that has it). Whether it is right is a question of its name alone: a built image's tag is a hash of all that
+Whether it is right is a question of its name alone: a built image's tag is a hash of all that
 went in, and a digest is one by nature. Images are nobody's: they are never removed as orphans.
 
 Source: Docker Engine API 1.41, "Build an image", "Create an image".
@@ -10,18 +9,43 @@ Source: Docker Engine API 1.41, "Build an image", "Create an image".
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
 
-from srprov.modules.module import as_labels, as_list, as_text
-from srprov.resource import Action, Change, Observed, Resource, State
+from srprov.modules.module import Module, as_labels, as_list, as_text
+from srprov.modules.params import ParameterError
+from srprov.resource import Action, Change, Observed, State
 from srprov.wire import AnyQuery, Command, CopyImage, EngineCall, EngineQuery, Reply
 
 _LONG_S = 1800.0
 
 
-class ImageModule:
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ImageParams:
+    """What a playbook says of an image."""
+
+    source: Literal["pull", "build", "copy"]
+    blob: bytes | None = None
+    """The build context as a tar, for `build`."""
+    unpinned: bool = False
+    """Its build names something that moves."""
+    from_: str = ""
+    """The robot that has it, for `copy`."""
+
+    def __post_init__(self) -> None:
+        """Refuse a source without what it takes."""
+        if self.source == "build" and self.blob is None:
+            raise ParameterError("source", "an image that is built needs a 'blob'")
+        if self.source == "copy" and not self.from_:
+            raise ParameterError("source", "an image that is copied needs a 'from'")
+
+
+class ImageModule(Module[ImageParams]):
     """The module of kind `image`."""
 
     kind = "image"
+    params = ImageParams
+    shared = True
 
     def queries(self) -> tuple[AnyQuery, ...]:
         """List all images."""
@@ -40,33 +64,32 @@ class ImageModule:
                         found.append(Observed(module="image", name=str(name), instance="", state=state))
         return tuple(found)
 
-    def check(self, want: Resource, found: State | None) -> Change | None:
-        """Ask only whether it is there."""
+    def check(self, name: str, want: ImageParams, found: State | None) -> Change | None:
+        """Ask only whether it is there; if not, it is pulled, built or copied."""
         if found is not None:
             return None
-        how = {
-            "pull": "pulled by the robot",
-            "build": "built here",
-            "copy": f"copied from {want.params.get('from', '')}",
-        }[want.params["source"]]
-        note = "; base not pinned" if want.params.get("unpinned") else ""
-        return Change(action=Action.CREATE, cause=f"not on the robot; {how}{note}")
-
-    def commands(self, want: Resource, change: Change) -> tuple[Command, ...]:
-        """Pull, build, or copy."""
-        source = want.params["source"]
-        if source == "copy":
-            return (CopyImage(image=want.name, source_host=want.params["from"], timeout_s=_LONG_S),)
-        if source == "pull":
-            name, _, digest = want.name.partition("@")
-            repository, _, tag = (name, "", digest) if digest else want.name.rpartition(":")
-            params = (("fromImage", repository), ("tag", tag))
-            return (EngineCall(method="POST", path="/images/create", params=params, stream=True, timeout_s=_LONG_S),)
-        # rm and forcerm: a failed build leaves no container behind
-        wishes = (("dockerfile", "Dockerfile"), ("forcerm", "true"), ("rm", "true"), ("t", want.name))
-        blob = want.params["blob"]
-        return (EngineCall(method="POST", path="/build", params=wishes, blob=blob, stream=True, timeout_s=_LONG_S),)
+        how, command = _getting(name, want)
+        note = "; base not pinned" if want.unpinned else ""
+        return Change(action=Action.CREATE, cause=f"not on the robot; {how}{note}", commands=(command,))
 
     def removal(self, found: Observed) -> tuple[Command, ...]:
         """Untag; layers go when nothing else needs them."""
         return (EngineCall(method="DELETE", path=f"/images/{found.name}", accept=(200, 404)),)
+
+
+def _getting(name: str, want: ImageParams) -> tuple[str, Command]:
+    """Return how an image gets to the robot, in words and as a command."""
+    if want.source == "copy":
+        copy = CopyImage(image=name, source_host=want.from_, timeout_s=_LONG_S)
+        return f"copied from {want.from_}", copy
+    if want.source == "pull":
+        path, _, digest = name.partition("@")
+        repository, _, tag = (path, "", digest) if digest else name.rpartition(":")
+        what = (("fromImage", repository), ("tag", tag))
+        pull = EngineCall(method="POST", path="/images/create", params=what, stream=True, timeout_s=_LONG_S)
+        return "pulled by the robot", pull
+    # rm and forcerm: a failed build leaves no container behind
+    options = (("dockerfile", "Dockerfile"), ("forcerm", "true"), ("rm", "true"), ("t", name))
+    blob = want.blob or b""
+    build = EngineCall(method="POST", path="/build", params=options, blob=blob, stream=True, timeout_s=_LONG_S)
+    return "built here", build

@@ -1,8 +1,11 @@
-"""What every kind of resource can say of itself: the Module protocol, and helpers that several kinds share.
+"""What a kind of resource says of itself: the base class Module, and helpers that several kinds share.
 
-A module knows how to ask (`queries`), how to read the answers (`parse`), what is missing (`check`), and which
-commands make it right (`commands`, `removal`). It never sees a connection. `check` is the only definition of
+A module knows how to ask (`queries`), how to read the answers (`parse`), what is missing and which commands make it
+right (`check`), and which take it away (`removal`). It never sees a connection. `check` is the only definition of
 "already right": it is asked when planning, again before the first act on a robot, and again after.
+
+What else planning, rendering and execution must know of a kind is a trait: an attribute or method of Module with a
+default, so that a module names only what is special about it. No other room names a kind.
 
 Touches nothing.
 """
@@ -11,12 +14,14 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
-from typing import Protocol, runtime_checkable
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any, Generic, Protocol, runtime_checkable
 
 from srprov import untrusted
-from srprov.resource import Change, Observed, Resource, State
-from srprov.wire import AnyQuery, Command, Query, Reply
+from srprov.modules.params import P
+from srprov.resource import Change, Observed, State
+from srprov.wire import AnyQuery, Command, EngineQuery, Query, Reply
 
 INSTANCE = "srprov.instance"
 SERVICE = "srprov.service"
@@ -31,43 +36,95 @@ MEMORY_ROOT = "/run/srprov"
 """Where secrets live on a robot, in memory: MEMORY_ROOT/<instance>/secrets/."""
 
 
-class Module(Protocol):
-    """One kind of resource."""
+class Module(ABC, Generic[P]):
+    """One kind of resource, with parameters of the dataclass P."""
 
     kind: str
+    params: type[P]
 
+    holds_data = False
+    """Its removal loses data: it is removed only when the user asks for that."""
+    shared = False
+    """Other instances may use it too: it is never removed for one of them."""
+    shares_round_trip = False
+    """What makes one right is one short script or file for the shell, which may share a round trip with others."""
+    rebuilds_users = False
+    """It cannot be replaced while it is in use: what needs it is removed before and made again after."""
+    root = ""
+    """The names are paths below root/<instance>/; empty: they are no paths."""
+
+    @abstractmethod
     def queries(self) -> tuple[AnyQuery, ...]:
-        """Say what to ask to see every resource of this kind that is ours, of all instances."""
-        ...
+        """Return what to ask to see every resource of this kind that is ours, of all instances."""
 
-    def parse(self, replies: Sequence[Reply], /) -> tuple[Observed, ...]:
-        """Read the replies to `queries`, in the same order; garbage gives nothing, never an error."""
-        ...
+    @abstractmethod
+    def parse(self, replies: Sequence[Reply]) -> tuple[Observed, ...]:
+        """Return what the replies to `queries` say, in the same order; garbage gives nothing, never an error."""
 
-    def check(self, want: Resource, found: State | None, /) -> Change | None:
-        """Say what is missing; None when it is right."""
-        ...
+    @abstractmethod
+    def check(self, name: str, want: P, found: State | None) -> Change | None:
+        """Return what is missing, with the commands that make it right; None when it is right. Nothing found is not."""
 
-    def commands(self, want: Resource, change: Change, /) -> tuple[Command, ...]:
-        """Say what makes it right, given the change that `check` found."""
-        ...
+    @abstractmethod
+    def removal(self, found: Observed) -> tuple[Command, ...]:
+        """Return the commands that take it away."""
 
-    def removal(self, found: Observed, /) -> tuple[Command, ...]:
-        """Say what takes it away."""
-        ...
+    def removed_before(self, other: str) -> bool:
+        """Return whether its removals on a robot come before those of another kind."""
+        return False
+
+    def made_after_removal_of(self, other: str) -> bool:
+        """Return whether one is made or changed only after all of another kind that must go from the robot are gone."""
+        return False
+
+    def stands_on(self, found: State) -> Collection[tuple[str, str]]:
+        """Return kind and name of what one that was found is attached to on its robot."""
+        return ()
+
+    def stranded(self, want: P, found: State, others: Mapping[tuple[str, str], State]) -> str:
+        """Return, in words, what is gone that one was made on, so that an update cannot make it right; or nothing.
+
+        `others` are all on its robot, by kind and name.
+        """
+        return ""
+
+    def misplaced(self, name: str, want: P, context: Mapping[str, Any]) -> tuple[str, str] | None:
+        """Return why one in a user's playbook would not be the instance's, and what to write instead.
+
+        Such a resource would never be found again, nor removed. `context` is what the playbook is rendered with.
+        """
+        instance = context["instance"]
+        if getattr(want, "instance", instance) != instance:
+            return f"the {self.kind} '{name}' would belong to another instance", "write instance: {{ instance }}"
+        if self.root and not name.startswith(f"{self.root}/{instance}/"):
+            hint = 'write {{ folder ~ "/name" }}; a command can copy it elsewhere'
+            return f"the {self.kind} '{name}' is not in the instance's folder {self.root}/{instance}", hint
+        return None
 
 
 @runtime_checkable
 class Probing(Protocol):
     """A kind whose resources cannot be found by looking around, only by asking for one that is wanted."""
 
-    def probes(self, want: Resource, /) -> tuple[Query, ...]:
-        """Say what to ask to see whether this one is right."""
-        ...
+    def probes(self, want: Any, /) -> tuple[Query, ...]:  # noqa: ANN401 - its own parameters
+        """Return what to ask to see whether this one is right."""
 
-    def probed(self, want: Resource, replies: Sequence[Reply], /) -> Observed:
-        """Read the replies to `probes`; owned by nobody, so that nothing is ever removed for it."""
-        ...
+    def probed(self, name: str, want: Any, replies: Sequence[Reply], /) -> Observed:  # noqa: ANN401 - its own parameters
+        """Return what the replies to `probes` say; owned by nobody, so that nothing is ever removed for it."""
+
+
+@runtime_checkable
+class Running(Protocol):
+    """A kind whose resources run a process: others can wait for it, it may end, and it has a log."""
+
+    def status_query(self, name: str, /) -> EngineQuery:
+        """Return what to ask to see how the process of one is."""
+
+    def reached(self, name: str, condition: str, reply: Reply, /) -> tuple[bool, str]:
+        """Return whether a condition holds by the reply to `status_query`, and why it never will, or nothing."""
+
+    def log_query(self, name: str, lines: int, /) -> Query:
+        """Return what to ask to see the last lines of the log."""
 
 
 def canonical(value: object) -> str:

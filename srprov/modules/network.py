@@ -1,6 +1,6 @@
 """Docker bridge networks: the robot's end of the overlay.
 
-Wanted parameters: `instance`, `source`, `bridge` (interface name), `subnet`, `gateway`, `mtu`, `vni`, `port`. Each
+Each
 robot's engine has the whole subnet, with a gateway address of its own; addresses are given by the controller, so no
 two engines hand out the same.
 
@@ -9,7 +9,9 @@ Source: Docker Engine API 1.41, "Create a network"; bridge driver options.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 from srprov.modules.module import (
@@ -17,6 +19,7 @@ from srprov.modules.module import (
     INSTANCE,
     LABEL_FILTER,
     SOURCE,
+    Module,
     as_int,
     as_labels,
     as_list,
@@ -24,7 +27,7 @@ from srprov.modules.module import (
     canonical,
     digest,
 )
-from srprov.resource import Action, Change, Observed, Resource, State
+from srprov.resource import Action, Change, Observed, State
 from srprov.wire import AnyQuery, Command, EngineCall, EngineQuery, Reply, Run, quote
 
 _VNI = "srprov.vni"
@@ -34,10 +37,27 @@ _BRIDGE_OPTION = "com.docker.network.bridge.name"
 _MTU_OPTION = "com.docker.network.driver.mtu"
 
 
-class NetworkModule:
+@dataclass(frozen=True, kw_only=True, slots=True)
+class NetworkParams:
+    """What a playbook says of a network."""
+
+    instance: str
+    source: str
+    bridge: str
+    """Name of the interface."""
+    subnet: str
+    gateway: str
+    mtu: int
+    vni: int
+    port: int
+
+
+class NetworkModule(Module[NetworkParams]):
     """The module of kind `network`."""
 
     kind = "network"
+    params = NetworkParams
+    rebuilds_users = True
 
     def queries(self) -> tuple[AnyQuery, ...]:
         """List labelled networks."""
@@ -68,53 +88,59 @@ class NetworkModule:
             found.append(Observed(module="network", name=name, instance=labels[INSTANCE], state=state))
         return tuple(found)
 
-    def check(self, want: Resource, found: State | None) -> Change | None:
+    def check(self, name: str, want: NetworkParams, found: State | None) -> Change | None:
         """Compare field by field: Docker cannot change a network, only make it anew."""
         if found is None:
-            return Change(action=Action.CREATE, cause="not there")
+            return Change(action=Action.CREATE, cause="not there", commands=(_create(name, want),))
         differing = [
-            key for key in ("subnet", "gateway", "mtu", "bridge", "vni", "port") if found[key] != want.params[key]
+            f"{key} is {found[key]}, not {getattr(want, key)}"
+            for key in ("subnet", "gateway", "mtu", "bridge", "vni", "port")
+            if found[key] != getattr(want, key)
         ]
         if not differing:
             return None
-        cause = "; ".join(f"{key} is {found[key]}, not {want.params[key]}" for key in differing)
-        return Change(action=Action.REPLACE, cause=cause, before=found)
-
-    def commands(self, want: Resource, change: Change) -> tuple[Command, ...]:
-        """Create; a replacement removes first, after the containers on it."""
-        params = want.params
-        body = {
-            "Name": want.name,
-            "CheckDuplicate": True,
-            "Driver": "bridge",
-            "IPAM": {"Config": [{"Subnet": params["subnet"], "Gateway": params["gateway"]}]},
-            "Options": {_BRIDGE_OPTION: params["bridge"], _MTU_OPTION: str(params["mtu"])},
-            "Labels": {
-                INSTANCE: params["instance"],
-                SOURCE: params["source"],
-                CONFIG_HASH: network_hash(params),
-                _VNI: str(params["vni"]),
-                _PORT: str(params["port"]),
-            },
-        }
-        create = EngineCall(method="POST", path="/networks/create", body=canonical(body), accept=(201,))
-        remove = EngineCall(method="DELETE", path=f"/networks/{want.name}", accept=(204, 404))
-        if change.action is not Action.REPLACE:
-            return (create,)
-        return (remove, *_leftover_bridge(change.before), create)
+        commands = (*_remove(name, found), _create(name, want))
+        return Change(action=Action.REPLACE, cause="; ".join(differing), before=found, commands=commands)
 
     def removal(self, found: Observed) -> tuple[Command, ...]:
-        """Remove by name; 404 is fine, somebody was faster."""
-        remove = EngineCall(method="DELETE", path=f"/networks/{found.name}", accept=(204, 404))
-        return (remove, *_leftover_bridge(found.state))
+        """Remove by name."""
+        return _remove(found.name, found.state)
+
+    def made_after_removal_of(self, other: str) -> bool:
+        """Wait for what holds addresses and bridges of a network that goes."""
+        return other in ("container", "vxlan")
 
 
-def _leftover_bridge(found: State | None) -> tuple[Command, ...]:
+def _create(name: str, want: NetworkParams) -> Command:
+    body = {
+        "Name": name,
+        "CheckDuplicate": True,
+        "Driver": "bridge",
+        "IPAM": {"Config": [{"Subnet": want.subnet, "Gateway": want.gateway}]},
+        "Options": {_BRIDGE_OPTION: want.bridge, _MTU_OPTION: str(want.mtu)},
+        "Labels": {
+            INSTANCE: want.instance,
+            SOURCE: want.source,
+            CONFIG_HASH: network_hash(dataclasses.asdict(want)),
+            _VNI: str(want.vni),
+            _PORT: str(want.port),
+        },
+    }
+    return EngineCall(method="POST", path="/networks/create", body=canonical(body), accept=(201,))
+
+
+def _remove(name: str, found: State) -> tuple[Command, ...]:
+    # 404: somebody was faster
+    remove = EngineCall(method="DELETE", path=f"/networks/{name}", accept=(204, 404))
+    return (remove, *_leftover_bridge(found))
+
+
+def _leftover_bridge(found: State) -> tuple[Command, ...]:
     """Delete the bridge that Docker leaves: one that was there before its network is somebody else's to Docker.
 
     So it is after the engine crashed between the two, and the next apply made the network on the bridge that was left.
     """
-    bridge = as_text(found.get("bridge")) if found else ""
+    bridge = as_text(found.get("bridge"))
     if not bridge.startswith(_PREFIX):
         return ()
     name = quote(bridge)

@@ -1,10 +1,8 @@
 """Secrets as files in a robot's memory: below MEMORY_ROOT, mounted read-only into the containers that list them.
 
-Wanted parameters: `name` (the secret's), `mode` (octal text), and `value`, the `Secret` itself, which `with_value` adds
-after rendering: neither a playbook nor a plan file ever holds it. The resource's name is the
-absolute path. What differs is found
-by comparing hashes in memory; no text says more than that it does. A new value goes into the same inode, so that
-containers see it and none is restarted.
+The resource's name is the absolute path. `with_value` adds the value after rendering: neither a playbook nor a plan
+file ever holds it. What differs is found by comparing hashes in memory; no text says more than that it does. A new
+value goes into the same inode, so that containers see it and none is restarted.
 
 After a reboot the memory is empty, and the files are `not there`.
 """
@@ -13,12 +11,15 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 from srprov.modules.file import remove_path
-from srprov.modules.module import MEMORY_ROOT
+from srprov.modules.module import MEMORY_ROOT, Module
+from srprov.modules.params import NOT_WRITTEN, Mode
 from srprov.resource import Action, Change, Observed, Resource, State
-from srprov.secret import Hidden, Vault
+from srprov.secret import Hidden, Secret, Vault
 from srprov.wire import AnyQuery, Command, Put, Query, Reply
 
 _FIND = "find . -mindepth 3 -maxdepth 3 -path './*/secrets/*' -type f -exec"
@@ -36,16 +37,33 @@ def secret_path(instance: str, name: str, mode: str) -> str:
 
 
 def with_value(want: Resource, vault: Vault) -> Resource:
-    """Return a wanted secret its value; any other resource as it is."""
-    if want.module != "secret":
+    """Return a wanted secret with its value; any other resource as it is."""
+    if not isinstance(want.params, SecretParams):
         return want
-    return dataclasses.replace(want, params={**want.params, "value": vault[want.params["name"]]})
+    return dataclasses.replace(want, params=dataclasses.replace(want.params, value=vault[want.params.name]))
 
 
-class SecretModule:
+def names_of(wants: Iterable[Resource]) -> set[str]:
+    """Return the names of the secrets among wanted resources."""
+    return {want.params.name for want in wants if isinstance(want.params, SecretParams)}
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SecretParams:
+    """What a playbook says of a secret."""
+
+    name: str
+    mode: Mode
+    value: Secret | None = field(default=None, metadata=NOT_WRITTEN)
+    """Added by `with_value`."""
+
+
+class SecretModule(Module[SecretParams]):
     """The module of kind `secret`."""
 
     kind = "secret"
+    params = SecretParams
+    root = MEMORY_ROOT
 
     def queries(self) -> tuple[AnyQuery, ...]:
         """Return permissions and hash of every secret, of all instances."""
@@ -69,23 +87,26 @@ class SecretModule:
             found.append(Observed(module="secret", name=name, instance=parts[0], state=state))
         return tuple(found)
 
-    def check(self, want: Resource, found: State | None) -> Change | None:
-        """Compare hashes, and say no more than that they differ."""
+    def check(self, name: str, want: SecretParams, found: State | None) -> Change | None:
+        """Compare hashes, and say no more than that they differ; the command holds a placeholder for the value."""
+        write = (Put(path=name, secret=want.name, mode=want.mode, in_place=found is not None),)
         if found is None:
-            return Change(action=Action.CREATE, cause="not there")
-        if found["digest"] != want.params["value"].digest():
-            return Change(action=Action.UPDATE, cause="secret differs", before=found)
-        if found["mode"] != want.params["mode"]:
-            cause = f"mode is {found['mode'] or 'unknown'}, not {want.params['mode']}"
-            return Change(action=Action.UPDATE, cause=cause, before=found)
+            return Change(action=Action.CREATE, cause="not there", commands=write)
+        if want.value is None or found["digest"] != want.value.digest():
+            return Change(action=Action.UPDATE, cause="secret differs", before=found, commands=write)
+        if found["mode"] != (mode := f"{want.mode:04o}"):
+            cause = f"mode is {found['mode'] or 'unknown'}, not {mode}"
+            return Change(action=Action.UPDATE, cause=cause, before=found, commands=write)
         return None
-
-    def commands(self, want: Resource, change: Change) -> tuple[Command, ...]:
-        """Write it; the value is a placeholder."""
-        mode = int(want.params["mode"], 8)
-        in_place = change.action is Action.UPDATE
-        return (Put(path=want.name, secret=want.params["name"], mode=mode, in_place=in_place),)
 
     def removal(self, found: Observed) -> tuple[Command, ...]:
         """Remove it, and the folders above it that are empty then."""
         return (remove_path(found.name, MEMORY_ROOT, with_root=True),)
+
+    def misplaced(self, name: str, want: SecretParams, context: Mapping[str, Any]) -> tuple[str, str] | None:
+        """Say so of one that no service on the robot uses: nobody reads its value."""
+        if wrong := super().misplaced(name, want, context):
+            return wrong
+        if want.name not in {one["name"] for one in context["secrets"]}:
+            return f"no service on this robot uses a secret '{want.name}'", "list it under a service's 'secrets'"
+        return None

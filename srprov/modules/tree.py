@@ -1,25 +1,36 @@
 """Files and folders of the experiment that are shipped to a robot, by content, read-only.
 
-The name is `STATE_ROOT/<instance>/trees/<hash>`; `blob` is a tar whose single top entry is the file or folder. The
+The name is `STATE_ROOT/<instance>/trees/<hash>`. The
 path holds the content's hash and appears by one rename, so that being there means being right.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from srprov.modules.file import remove_path
-from srprov.modules.module import STATE_ROOT
-from srprov.resource import Action, Change, Observed, Resource, State
+from srprov.modules.module import STATE_ROOT, Module
+from srprov.resource import Action, Change, Observed, State
 from srprov.wire import AnyQuery, Command, Put, Query, Reply, Run, quote
 
 _PARTS = 3
 
 
-class TreeModule:
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TreeParams:
+    """What a playbook says of a tree."""
+
+    blob: bytes
+    """A tar whose single top entry is the file or folder."""
+
+
+class TreeModule(Module[TreeParams]):
     """The module of kind `tree`."""
 
     kind = "tree"
+    params = TreeParams
+    root = STATE_ROOT
 
     def queries(self) -> tuple[AnyQuery, ...]:
         """List the shipped trees of every instance."""
@@ -34,22 +45,17 @@ class TreeModule:
                 found.append(Observed(module="tree", name=line, instance=parts[0], state={}))
         return tuple(found)
 
-    def check(self, want: Resource, found: State | None) -> Change | None:
-        """Ask only whether it is there."""
-        size = len(want.params["blob"])
-        return Change(action=Action.CREATE, cause=f"not shipped yet ({size} bytes)") if found is None else None
-
-    def commands(self, want: Resource, change: Change) -> tuple[Command, ...]:
-        """Send the tar, unpack beside the final place, rename."""
-        tar, part, final = f"{want.name}.tar", f"{want.name}.part", want.name
+    def check(self, name: str, want: TreeParams, found: State | None) -> Change | None:
+        """Ask only whether it is there; if not, send the tar, unpack it beside the final place, rename."""
+        if found is not None:
+            return None
+        tar, part, final = f"{name}.tar", f"{name}.part", name
         unpack = (
             f"rm -rf {quote(part)} && mkdir -p {quote(part)} && tar -xf {quote(tar)} -C {quote(part)} && "
             f"rm -f {quote(tar)} && chmod 0755 {quote(part)} && mv {quote(part)} {quote(final)}"
         )
-        return (
-            Put(path=tar, content=want.params["blob"], mode=0o600, timeout_s=600),
-            Run(script=unpack, timeout_s=600),
-        )
+        commands = (Put(path=tar, content=want.blob, mode=0o600, timeout_s=600), Run(script=unpack, timeout_s=600))
+        return Change(action=Action.CREATE, cause=f"not shipped yet ({len(want.blob)} bytes)", commands=commands)
 
     def removal(self, found: Observed) -> tuple[Command, ...]:
         """Remove it and what is empty above it."""

@@ -1,21 +1,32 @@
 """Named volumes of an instance. They hold data: made when a service needs one, removed only when the user says so.
 
-Wanted parameters: `instance`, `source`. Source: Docker Engine API 1.41, "Create a volume".
+Source: Docker Engine API 1.41, "Create a volume".
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
-from srprov.modules.module import INSTANCE, LABEL_FILTER, SOURCE, as_labels, as_list, as_text, canonical
-from srprov.resource import Action, Change, Observed, Resource, State
+from srprov.modules.module import INSTANCE, LABEL_FILTER, SOURCE, Module, as_labels, as_list, as_text, canonical
+from srprov.resource import Action, Change, Observed, State
 from srprov.wire import AnyQuery, Command, EngineCall, EngineQuery, Reply
 
 
-class VolumeModule:
+@dataclass(frozen=True, kw_only=True, slots=True)
+class VolumeParams:
+    """What a playbook says of a volume."""
+
+    instance: str
+    source: str
+
+
+class VolumeModule(Module[VolumeParams]):
     """The module of kind `volume`."""
 
     kind = "volume"
+    params = VolumeParams
+    holds_data = True
 
     def queries(self) -> tuple[AnyQuery, ...]:
         """List labelled volumes."""
@@ -33,15 +44,13 @@ class VolumeModule:
                 found.append(Observed(module="volume", name=name, instance=labels[INSTANCE], state=state))
         return tuple(found)
 
-    def check(self, want: Resource, found: State | None) -> Change | None:
-        """Ask only whether it is there."""
-        return Change(action=Action.CREATE, cause="not there") if found is None else None
-
-    def commands(self, want: Resource, change: Change) -> tuple[Command, ...]:
-        """Create it, labelled."""
-        labels = {INSTANCE: want.params["instance"], SOURCE: want.params["source"]}
-        body = canonical({"Name": want.name, "Labels": labels})
-        return (EngineCall(method="POST", path="/volumes/create", body=body, accept=(201,)),)
+    def check(self, name: str, want: VolumeParams, found: State | None) -> Change | None:
+        """Ask only whether it is there; it is made with labels."""
+        if found is not None:
+            return None
+        body = canonical({"Name": name, "Labels": {INSTANCE: want.instance, SOURCE: want.source}})
+        create = EngineCall(method="POST", path="/volumes/create", body=body, accept=(201,))
+        return Change(action=Action.CREATE, cause="not there", commands=(create,))
 
     def removal(self, found: Observed) -> tuple[Command, ...]:
         """Remove it with its data."""

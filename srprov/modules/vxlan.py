@@ -1,7 +1,6 @@
 """VXLAN links: the port of a robot's bridge to all other robots of the instance.
 
-Wanted parameters: `instance`, `vni`, `local` (the VTEP address), `port`, `bridge`, `mtu`, `fdb` (pairs of MAC and
-VTEP; the all-zero MAC stands for head-end replication of broadcast and multicast). Learning is off: the controller
+Learning is off: the controller
 knows every entry. The link's alias carries the instance, and the bridge's multicast snooping is off, since no
 querier is there that would keep groups alive.
 
@@ -12,10 +11,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
-from srprov.modules.module import as_list, as_text
-from srprov.resource import Action, Change, Observed, Resource, State
+from srprov.modules.module import Module, as_list, as_text
+from srprov.resource import Action, Change, Observed, State
 from srprov.wire import AnyQuery, Command, Query, Reply, Run, quote, sh
 
 FLOOD = "00:00:00:00:00:00"
@@ -25,10 +25,27 @@ _END = "_END_OF_CALLS_"
 _PLAIN = re.compile(r"[\w.:@%+-]+", re.ASCII)
 
 
-class VxlanModule:
+@dataclass(frozen=True, kw_only=True, slots=True)
+class VxlanParams:
+    """What a playbook says of a VXLAN link."""
+
+    instance: str
+    vni: int
+    local: str
+    """The VTEP's address."""
+    port: int
+    bridge: str
+    mtu: int
+    fdb: tuple[tuple[str, str], ...]
+    """Pairs of MAC and VTEP; the all-zero MAC stands for head-end replication of broadcast and multicast."""
+
+
+class VxlanModule(Module[VxlanParams]):
     """The module of kind `vxlan`."""
 
     kind = "vxlan"
+    params = VxlanParams
+    shares_round_trip = True
 
     def queries(self) -> tuple[AnyQuery, ...]:
         """List VXLAN links, bridges and the forwarding database, as JSON."""
@@ -53,44 +70,49 @@ class VxlanModule:
             found.append(Observed(module="vxlan", name=name, instance=instance, state={**state, "instance": instance}))
         return tuple(found)
 
-    def check(self, want: Resource, found: State | None) -> Change | None:
+    def check(self, name: str, want: VxlanParams, found: State | None) -> Change | None:
         """Compare; what the kernel cannot change in place makes it a replacement."""
         if found is None:
-            return Change(action=Action.CREATE, cause="not there")
+            return Change(action=Action.CREATE, cause="not there", commands=_script(name, want, new=True))
         fixed = [
-            f"{key} is {found[key] or 'not set'}, not {want.params[key]}"
+            f"{key} is {found[key] or 'not set'}, not {getattr(want, key)}"
             for key in ("vni", "local", "port", "instance")
-            if found[key] != want.params[key]
+            if found[key] != getattr(want, key)
         ]
         if found["learning"]:
             fixed.append("learning is on")
         if fixed:
-            return Change(action=Action.REPLACE, cause="; ".join(fixed), before=found)
-        loose = _loose_differences(want.params, found)
-        return Change(action=Action.UPDATE, cause="; ".join(loose), before=found) if loose else None
-
-    def commands(self, want: Resource, change: Change) -> tuple[Command, ...]:
-        """Make the link, or mend what differs; one script either way."""
-        params, name = want.params, want.name
-        links: list[list[str]] = []
-        known: list[tuple[str, str]] = []
-        if change.action is Action.REPLACE:
-            links.append(["link", "del", "dev", name])
-        if change.action is not Action.UPDATE:
-            kind = ["type", "vxlan", "id", str(int(params["vni"])), "local", params["local"]]
-            links.append(["link", "add", name, *kind, "dstport", str(int(params["port"])), "nolearning"])
-            links.append(["link", "set", "dev", name, "alias", _ALIAS + params["instance"]])
-        elif change.before is not None:
-            known = [(mac, vtep) for mac, vtep in change.before["fdb"]]
-        links.append(["link", "set", "dev", name, "mtu", str(int(params["mtu"])), "master", params["bridge"], "up"])
-        links.append(["link", "set", "dev", params["bridge"], "type", "bridge", "mcast_snooping", "0"])
-        entries = _fdb_calls(name, known, [(mac, vtep) for mac, vtep in params["fdb"]])
-        return (Run(script="\n".join([*_calls("ip", links), *_calls("bridge", entries)])),)
+            remove = ["link", "del", "dev", name]
+            commands = _script(name, want, remove, new=True)
+            return Change(action=Action.REPLACE, cause="; ".join(fixed), before=found, commands=commands)
+        if loose := _loose_differences(want, found):
+            commands = _script(name, want, new=False, known=[(mac, vtep) for mac, vtep in found["fdb"]])
+            return Change(action=Action.UPDATE, cause="; ".join(loose), before=found, commands=commands)
+        return None
 
     def removal(self, found: Observed) -> tuple[Command, ...]:
         """Delete the link; its entries go with it."""
         name = quote(found.name)
         return (Run(script=f"ip link show dev {name} >/dev/null 2>&1 || exit 0; ip link del dev {name}"),)
+
+    def removed_before(self, other: str) -> bool:
+        """Go before the bridge that it is a port of."""
+        return other == "network"
+
+
+def _script(
+    name: str, want: VxlanParams, *first: list[str], new: bool, known: Sequence[tuple[str, str]] = ()
+) -> tuple[Command, ...]:
+    """Return the one script that makes the link, or mends what differs; `known` are the entries that are there."""
+    links = [*first]
+    if new:
+        kind = ["type", "vxlan", "id", str(want.vni), "local", want.local]
+        links.append(["link", "add", name, *kind, "dstport", str(want.port), "nolearning"])
+        links.append(["link", "set", "dev", name, "alias", _ALIAS + want.instance])
+    links.append(["link", "set", "dev", name, "mtu", str(want.mtu), "master", want.bridge, "up"])
+    links.append(["link", "set", "dev", want.bridge, "type", "bridge", "mcast_snooping", "0"])
+    entries = _fdb_calls(name, known, want.fdb)
+    return (Run(script="\n".join([*_calls("ip", links), *_calls("bridge", entries)])),)
 
 
 def _calls(program: str, calls: Sequence[Sequence[str]]) -> list[str]:
@@ -139,16 +161,16 @@ def _link_state(item: Mapping[str, Any], entries: Sequence[Mapping[str, Any]]) -
     }
 
 
-def _loose_differences(params: Mapping[str, Any], found: State) -> list[str]:
+def _loose_differences(want: VxlanParams, found: State) -> list[str]:
     causes = []
     if not found["up"]:
         causes.append("link is down")
     for key, word in (("bridge", "bridge"), ("mtu", "MTU")):
-        if found[key] != params[key]:
-            causes.append(f"{word} is {found[key] or 'not set'}, not {params[key]}")
+        if found[key] != getattr(want, key):
+            causes.append(f"{word} is {found[key] or 'not set'}, not {getattr(want, key)}")
     if found["snooping"]:
         causes.append("multicast snooping is on")
-    wanted, there = {tuple(e) for e in params["fdb"]}, {tuple(e) for e in found["fdb"]}
+    wanted, there = set(want.fdb), {tuple(e) for e in found["fdb"]}
     if wanted != there:
         causes.append(f"FDB: {len(wanted - there)} to add, {len(there - wanted)} to remove")
     return causes

@@ -12,15 +12,15 @@ from __future__ import annotations
 
 import dataclasses
 import heapq
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from srprov.errors import PlanError
-from srprov.modules import PROBING
-from srprov.planning.draft import Draft, checked, draft_of, removal_of
+from srprov.modules import MODULES, PROBING
 from srprov.planning.plan import Step
-from srprov.planning.rebuild import rebuild_on_lost_networks, rebuild_on_replaced_networks
-from srprov.resource import Action, Change, Condition, Need, Observed, Resource, resource_id
+from srprov.planning.rebuild import rebuild_stranded, rebuild_users
+from srprov.planning.steps import Key, There, due_step, new_step, order_key, removal_step
+from srprov.resource import Action, Condition, Need, Observed, Resource, resource_id
 
 Snapshot = Mapping[str, Sequence[Observed]]
 """Robot -> everything of ours there, of every instance."""
@@ -28,7 +28,7 @@ Snapshot = Mapping[str, Sequence[Observed]]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Removal:
-    """What a removal may take: volumes only when the user says so."""
+    """What a removal may take: data only when the user says so."""
 
     volumes: bool = False
 
@@ -40,54 +40,50 @@ def diff(desired: Iterable[Resource], snapshot: Snapshot, instance: str) -> tupl
         PlanError: Two resources with one id, or needs that form a circle.
     """
     wanted = _by_id(desired)
-    drafts: list[Draft] = []
-    unchanged = 0
     there = {(host, item.module, item.name): item for host, items in snapshot.items() for item in items}
-    for resource in wanted.values():
-        item = there.get((resource.host, resource.module, resource.name))
-        change = checked(resource, item)
-        if change is None:
-            unchanged += 1
-        else:
-            drafts.append(draft_of(resource, change))
+    due = [due_step(one, there.get((one.host, one.module, one.name))) for one in wanted.values()]
+    steps = [step for step in due if step is not None]
     orphans = _orphans(wanted, snapshot, instance)
-    drafts, taken = rebuild_on_replaced_networks(drafts, orphans, wanted, there)
-    unchanged -= taken
-    drafts = rebuild_on_lost_networks(drafts, there) + orphans
-    drafts += (again := _asked_again(drafts, wanted, there))
-    return _in_order(drafts, wanted), unchanged - len(again)
+    rebuilt, taken = rebuild_users(steps, orphans, wanted, there)
+    changing = [*rebuild_stranded(rebuilt, there), *orphans]
+    again = _asked_again(changing, wanted, there)
+    return _in_order([*changing, *again], wanted), len(wanted) - len(steps) - taken - len(again)
 
 
-def _asked_again(
-    drafts: Sequence[Draft], wanted: Mapping[str, Resource], there: Mapping[tuple[str, str, str], Observed]
-) -> list[Draft]:
+def _asked_again(steps: Sequence[Step], wanted: Mapping[str, Resource], there: There) -> list[Step]:
     """Return steps for commands whose check holds now, but which need something that this plan changes.
 
     The check is asked again right before the command; without the step, the next plan would find it to be due.
     """
-    changing = {draft.id: draft for draft in drafts}
+    changing = {step.id: step for step in steps}
     again = []
     solid = {key: dataclasses.replace(one, needs=_without_order(one.needs)) for key, one in wanted.items()}
     for resource in wanted.values():
         if resource.module not in PROBING or resource.id in changing:
             continue
         if reached := sorted(_reached(solid[resource.id].needs, solid, changing)):
-            item = there.get((resource.host, resource.module, resource.name))
             cause = f"asked again after {', '.join(reached)}, which it needs"
-            change = Change(action=Action.RUN, cause=cause, before=item.state if item else None)
-            again.append(draft_of(resource, change))
+            again.append(new_step(resource, cause, there.get((resource.host, resource.module, resource.name))))
     return again
 
 
 def removal_plan(snapshot: Snapshot, instance: str, removal: Removal) -> tuple[Step, ...]:
-    """Return the steps that remove all of an instance; volumes only when `removal` says so."""
-    drafts = [
-        removal_of(host, item, "destroy", destructive=item.module == "volume")
-        for host, items in snapshot.items()
-        for item in items
-        if item.instance == instance and (item.module != "volume" or removal.volumes)
+    """Return the steps that remove all of an instance; what holds data only when `removal` says so."""
+    mine = [(host, item, MODULES[item.module]) for host, item in _owned(snapshot, instance)]
+    steps = [
+        removal_step(host, item, "destroy", destructive=module.holds_data)
+        for host, item, module in mine
+        if removal.volumes or not module.holds_data
     ]
-    return _in_order(drafts, {})
+    return _in_order(steps, {})
+
+
+def _owned(snapshot: Snapshot, instance: str) -> Iterator[tuple[str, Observed]]:
+    """Return what is an instance's own, robot by robot."""
+    for host, items in snapshot.items():
+        for item in items:
+            if item.instance == instance and not MODULES[item.module].shared:
+                yield host, item
 
 
 def _without_order(needs: Iterable[Need]) -> tuple[Need, ...]:
@@ -103,33 +99,29 @@ def _by_id(desired: Iterable[Resource]) -> dict[str, Resource]:
     return wanted
 
 
-def _orphans(wanted: Mapping[str, Resource], snapshot: Snapshot, instance: str) -> list[Draft]:
-    homes = {r.params["service"]: r.host for r in wanted.values() if r.module == "container"}
-    busy = {r.host for r in wanted.values() if r.module == "container"}
-    drafts = []
-    for host, items in snapshot.items():
-        for item in items:
-            ours = item.instance == instance and item.module not in ("volume", "image")
-            if ours and resource_id(host, item.module, item.name) not in wanted:
-                drafts.append(removal_of(host, item, _orphan_cause(item, homes, host in busy)))
-    return drafts
+def _orphans(wanted: Mapping[str, Resource], snapshot: Snapshot, instance: str) -> list[Step]:
+    homes = {one.service: one.host for one in wanted.values() if one.service}
+    return [
+        removal_step(host, item, _orphan_cause(item, homes, host in homes.values()))
+        for host, item in _owned(snapshot, instance)
+        if not MODULES[item.module].holds_data and resource_id(host, item.module, item.name) not in wanted
+    ]
 
 
 def _orphan_cause(item: Observed, homes: Mapping[str, str], busy: bool) -> str:
-    if item.module == "container":
-        home = homes.get(str(item.state.get("service")))
-        return f"moved to {home}" if home else "no longer in the experiment"
+    if item.service:
+        return f"moved to {homes[item.service]}" if item.service in homes else "no longer in the experiment"
     return "no longer needed" if busy else "no service of the experiment here any more"
 
 
-def _in_order(drafts: Sequence[Draft], wanted: Mapping[str, Resource]) -> tuple[Step, ...]:
-    by_key = {draft.key: draft for draft in drafts}
-    if len(by_key) != len(drafts):
+def _in_order(steps: Sequence[Step], wanted: Mapping[str, Resource]) -> tuple[Step, ...]:
+    by_key = {order_key(step): step for step in steps}
+    if len(by_key) != len(steps):
         raise PlanError("two steps for one resource")
-    needs = {key: _needs(draft, by_key, wanted) for key, draft in by_key.items()}
-    numbers: dict[tuple[str, int, int, str], int] = {}
+    needs = {key: _needs(key, by_key, wanted) for key in by_key}
+    numbers: dict[Key, int] = {}
     missing = {key: len(before) for key, before in needs.items()}
-    followers: dict[tuple[str, int, int, str], list[tuple[str, int, int, str]]] = {key: [] for key in by_key}
+    followers: dict[Key, list[Key]] = {key: [] for key in by_key}
     for key, before in needs.items():
         for one in before:
             followers[one].append(key)
@@ -147,61 +139,43 @@ def _in_order(drafts: Sequence[Draft], wanted: Mapping[str, Resource]) -> tuple[
         raise PlanError(
             f"these need each other in a circle: {circle}", hint="break the circle in depends_on or the playbook"
         )
-    return tuple(_step(by_key[key], numbers, needs[key], wanted) for key in numbers)
-
-
-def _step(
-    draft: Draft,
-    numbers: Mapping[tuple[str, int, int, str], int],
-    needs: Iterable[tuple[str, int, int, str]],
-    wanted: Mapping[str, Resource],
-) -> Step:
-    key = draft.key
-    waits = tuple(sorted(n for n in draft.want.needs if _waited_for(n, wanted))) if draft.want else ()
-    return Step(
-        number=numbers[key],
-        host=draft.host,
-        module=draft.module,
-        name=draft.name,
-        change=draft.change,
-        commands=draft.commands,
-        needs=tuple(sorted(numbers[one] for one in needs)),
-        waits=waits,
-        want=draft.want,
-        found=draft.found,
+    return tuple(
+        dataclasses.replace(
+            by_key[key],
+            number=number,
+            needs=tuple(sorted(numbers[one] for one in needs[key])),
+            waits=_waits(by_key[key].want, wanted),
+        )
+        for key, number in numbers.items()
     )
 
 
-def _waited_for(need: Need, wanted: Mapping[str, Resource]) -> bool:
-    """Return whether a need takes time; or a look, since what is on a robot out of reach is not among the wanted."""
-    away = need.condition == Condition.STARTED.value and need.id not in wanted
-    return away or need.condition in (Condition.HEALTHY.value, Condition.COMPLETED.value)
+def _waits(want: Resource | None, wanted: Mapping[str, Resource]) -> tuple[Need, ...]:
+    """Return the needs that take time; or a look, since what is on a robot out of reach is not among the wanted."""
+    slow = (Condition.HEALTHY.value, Condition.COMPLETED.value)
+    return tuple(
+        sorted(
+            need
+            for need in (want.needs if want else ())
+            if need.condition in slow or (need.condition == Condition.STARTED.value and need.id not in wanted)
+        )
+    )
 
 
-def _needs(
-    draft: Draft, by_key: Mapping[tuple[str, int, int, str], Draft], wanted: Mapping[str, Resource]
-) -> set[tuple[str, int, int, str]]:
-    removals = [d for d in by_key.values() if d.change.action is Action.DELETE and d.key != draft.key]
-    if draft.want is None:
-        return {d.key for d in removals if d.host == draft.host and _goes_before(d.module, draft.module)}
-    changed = {d.id: d.key for d in by_key.values() if d.want is not None}
-    needs = {changed[one] for one in _reached(draft.want.needs, wanted, changed)}
-    needs |= {d.key for d in removals if d.id == draft.id}
-    if draft.module == "container":
-        # ports, devices and names must be free first; and a service never runs twice
-        service = draft.want.params["service"]
-        containers = (d for d in removals if d.module == "container" and d.found is not None)
-        needs |= {
-            d.key for d in containers if d.host == draft.host or (d.found and d.found.state.get("service") == service)
-        }
-    if draft.module == "network":
-        needs |= {d.key for d in removals if d.host == draft.host and d.module in ("container", "vxlan")}
-    return needs
-
-
-def _goes_before(first: str, second: str) -> bool:
-    """Tell which kind is removed first: containers before all, the link before the bridge that it is a port of."""
-    return (first == "container" and second != "container") or (first == "vxlan" and second == "network")
+def _needs(key: Key, by_key: Mapping[Key, Step], wanted: Mapping[str, Resource]) -> set[Key]:
+    """Return the steps that must have succeeded before one."""
+    step = by_key[key]
+    removals = {k: one for k, one in by_key.items() if one.change.action is Action.DELETE and k != key}
+    here = {k: MODULES[one.module] for k, one in removals.items() if one.host == step.host}
+    if step.want is None:
+        return {k for k, module in here.items() if module.removed_before(step.module)}
+    changed = {one.id: k for k, one in by_key.items() if one.want is not None}
+    needs = {changed[one] for one in _reached(step.want.needs, wanted, changed)}
+    needs |= {k for k, module in here.items() if MODULES[step.module].made_after_removal_of(module.kind)}
+    # nothing stands twice, and no service runs twice
+    return needs | {
+        k for k, one in removals.items() if one.id == step.id or (step.service and one.service == step.service)
+    }
 
 
 def _reached(

@@ -26,7 +26,6 @@ class Step:
     module: str
     name: str
     change: Change
-    commands: tuple[Command, ...]
     needs: tuple[int, ...] = ()
     """Steps that must have succeeded first."""
     waits: tuple[Need, ...] = ()
@@ -43,11 +42,14 @@ class Step:
 
     @property
     def service(self) -> str:
-        """The service that a container step is about, or empty."""
-        if self.module != "container":
-            return ""
-        source = self.want.params if self.want else (self.found.state if self.found else {})
-        return str(source.get("service", ""))
+        """The service that the step is about, or empty."""
+        one = self.want or self.found
+        return one.service if one else ""
+
+    @property
+    def commands(self) -> tuple[Command, ...]:
+        """What is done, in order."""
+        return self.change.commands
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

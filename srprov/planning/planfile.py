@@ -18,11 +18,12 @@ from typing import Any
 
 from srprov.definitions.secretmodel import SecretSource
 from srprov.errors import Location, UsageError
+from srprov.modules import MODULES
+from srprov.modules.params import read_params
 from srprov.planning.fingerprint import lasting
 from srprov.planning.plan import Plan, PlaybookUse, Step, command_json, plan_json, secret_json, step_json
 from srprov.planning.policy import Permission
 from srprov.resource import Action, Change, Need, Observed, Resource
-from srprov.secret import Hidden
 from srprov.untrusted import parse_json
 from srprov.wire import Command, CopyImage, EngineCall, Put, Run
 
@@ -149,17 +150,14 @@ def _step_out(step: Step, blobs: dict[str, bytes]) -> dict[str, Any]:
 def _want_out(want: Resource | None, blobs: dict[str, bytes]) -> dict[str, Any] | None:
     if want is None:
         return None
-    params = {key: value for key, value in want.params.items() if not isinstance(value, Hidden)}
-    if "blob" in params:
-        params["blob"] = _keep(params["blob"], blobs)
+    if blob := getattr(want.params, "blob", None):
+        _keep(blob, blobs)
     needs = [{"id": need.id, "condition": need.condition} for need in want.needs]
-    return {"params": params, "needs": needs, "source": want.source}
+    return {"params": want.written, "needs": needs, "source": want.source}
 
 
-def _keep(data: bytes, blobs: dict[str, bytes]) -> str:
-    sha = hashlib.sha256(data).hexdigest()
-    blobs[sha] = data
-    return sha
+def _keep(data: bytes, blobs: dict[str, bytes]) -> None:
+    blobs[hashlib.sha256(data).hexdigest()] = data
 
 
 def _command_out(command: Command, blobs: dict[str, bytes]) -> dict[str, Any]:
@@ -182,6 +180,7 @@ def _step_in(value: Mapping[str, Any], blobs: Mapping[str, bytes]) -> Step:
         cause=value["cause"],
         destructive=value["destructive"],
         before=value["before"],
+        commands=tuple(_command_in(command, blobs) for command in value["commands"]),
     )
     return Step(
         number=value["number"],
@@ -189,7 +188,6 @@ def _step_in(value: Mapping[str, Any], blobs: Mapping[str, bytes]) -> Step:
         module=module,
         name=name,
         change=change,
-        commands=tuple(_command_in(command, blobs) for command in value["commands"]),
         needs=tuple(value["needs"]),
         waits=tuple(Need(**need) for need in value["waits"]),
         want=_want_in(want, blobs, host, module, name) if want else None,
@@ -198,11 +196,15 @@ def _step_in(value: Mapping[str, Any], blobs: Mapping[str, bytes]) -> Step:
 
 
 def _want_in(value: Mapping[str, Any], blobs: Mapping[str, bytes], host: str, module: str, name: str) -> Resource:
-    params = dict(value["params"])
-    if "blob" in params:
-        params["blob"] = blobs[params["blob"]]
-    needs = tuple(Need(**need) for need in value["needs"])
-    return Resource(host=host, module=module, name=name, params=params, needs=needs, source=value["source"])
+    return Resource(
+        host=host,
+        module=module,
+        name=name,
+        params=read_params(MODULES[module].params, value["params"], blobs),
+        written=value["params"],
+        needs=tuple(Need(**need) for need in value["needs"]),
+        source=value["source"],
+    )
 
 
 def _command_in(value: Mapping[str, Any], blobs: Mapping[str, bytes]) -> Command:

@@ -1,79 +1,65 @@
-"""What else must be made anew: containers and links on networks that are replaced or gone. Pure."""
+"""What else must be made anew: what stands on something that is replaced or gone. Pure."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
-from srprov.planning.draft import Draft, draft_of, removal_of
-from srprov.resource import Action, Change, Condition, Observed, Resource
+from srprov.modules import MODULES
+from srprov.planning.plan import Step
+from srprov.planning.steps import There, new_step, removal_step
+from srprov.resource import Action, Condition, Observed, Resource
 
 
-def rebuild_on_replaced_networks(
-    drafts: list[Draft],
-    orphans: Sequence[Draft],
-    wanted: Mapping[str, Resource],
-    there: Mapping[tuple[str, str, str], Observed],
-) -> tuple[list[Draft], int]:
-    """Docker cannot change or remove a network that is in use: what stands on it goes before, and comes back after.
+def rebuild_users(
+    steps: Sequence[Step], orphans: Sequence[Step], wanted: Mapping[str, Resource], there: There
+) -> tuple[list[Step], int]:
+    """Replace the steps of what uses something that cannot be replaced while it is in use: removed before, made after.
 
-    Returns the drafts, and how many resources that counted as unchanged are now rebuilt.
+    Returns the steps, and how many resources that counted as unchanged are now rebuilt.
     """
-    replaced = {d.id: d.name for d in drafts if d.module == "network" and d.change.action is Action.REPLACE}
-    leaving = {(d.host, d.name) for d in (*drafts, *orphans) if d.module == "network" and d.change.before is not None}
-    causes = {draft.id: draft.change.cause for draft in drafts}
-    taken = 0
+    bases = [step for step in (*steps, *orphans) if MODULES[step.module].rebuilds_users]
+    replaced = {
+        step.id: f"{step.module} {step.name} is replaced" for step in bases if step.change.action is Action.REPLACE
+    }
+    leaving = {(step.host, step.module, step.name): step.module for step in bases if step.change.before is not None}
+    by_id = {step.id: step for step in steps}
+    rebuilt: dict[str, list[Step]] = {}
     for resource in wanted.values():
-        needs = (need for need in resource.needs if need.condition != Condition.AFTER.value)
-        base = next((replaced[need.id] for need in needs if need.id in replaced), None)
         item = there.get((resource.host, resource.module, resource.name))
         if item is None:
             continue
-        if base is not None:
-            cause = f"network {base} is replaced"
-        elif _stands_on(item, resource.host, leaving):
-            # it wants another network from now on, and still holds the old one
-            cause = causes.get(resource.id, "its network goes")
+        needs = (need.id for need in resource.needs if need.condition != Condition.AFTER.value)
+        cause = next((replaced[one] for one in needs if one in replaced), None)
+        stands = MODULES[item.module].stands_on(item.state)
+        base = next((leaving[host_key] for key in stands if (host_key := (resource.host, *key)) in leaving), None)
+        if cause is None and base is not None:
+            # it wants another one from now on, and still holds the old one
+            own = by_id.get(resource.id)
+            cause = own.change.cause if own else f"its {base} goes"
+        if cause is not None:
+            rebuilt[resource.id] = _anew(resource, item, cause)
+    kept = [step for step in steps if step.id not in rebuilt]
+    taken = len(rebuilt) - (len(steps) - len(kept))
+    return [*kept, *(step for pair in rebuilt.values() for step in pair)], taken
+
+
+def rebuild_stranded(steps: Iterable[Step], there: There) -> list[Step]:
+    """Replace the steps that would start something on what is gone: it must be made anew."""
+    rebuilt: list[Step] = []
+    for step in steps:
+        item = there.get((step.host, step.module, step.name))
+        lost = _lost(step.want, item, there) if step.want and item and step.change.action is Action.UPDATE else ""
+        if lost and step.want and item:
+            rebuilt += _anew(step.want, item, f"{step.change.cause}; {lost}")
         else:
-            continue
-        before = len(drafts)
-        drafts = [d for d in drafts if d.id != resource.id]
-        taken += before == len(drafts)
-        drafts += [
-            removal_of(resource.host, item, cause),
-            draft_of(resource, Change(action=Action.CREATE, cause=cause)),
-        ]
-    return drafts, taken
-
-
-def _stands_on(item: Observed, host: str, networks: Collection[tuple[str, str]]) -> bool:
-    """Return whether a container that was found is attached to one of some robots' networks."""
-    attached = item.state["addresses"] if item.module == "container" else ()
-    return any((host, name) in networks for name in attached)
-
-
-def rebuild_on_lost_networks(drafts: Iterable[Draft], there: Mapping[tuple[str, str, str], Observed]) -> list[Draft]:
-    """Docker starts a stopped container on the very network that it was made on; without that it never starts again."""
-    rebuilt: list[Draft] = []
-    for draft in drafts:
-        item = there.get((draft.host, draft.module, draft.name))
-        starts = draft.module == "container" and draft.change.action is Action.UPDATE
-        if draft.want is None or item is None or not starts or not _lost(draft.want, item, there):
-            rebuilt.append(draft)
-            continue
-        cause = f"{draft.change.cause}; its network was removed"
-        rebuilt += [
-            removal_of(draft.host, item, cause),
-            draft_of(draft.want, Change(action=Action.CREATE, cause=cause)),
-        ]
+            rebuilt.append(step)
     return rebuilt
 
 
-def _lost(want: Resource, item: Observed, there: Mapping[tuple[str, str, str], Observed]) -> bool:
-    """Return if a container's end is on another network than the one that has its network's name now, or on none."""
-    if want.params["network"]["mode"] != "overlay":
-        return False
-    name = want.params["network"]["name"]
-    network = there.get((want.host, "network", name))
-    holds = item.state["network_ids"].get(name)
-    # one that was never started has no id yet: Docker looks its network up by name
-    return holds is None or (holds != "" and (network is None or holds != network.state["id"]))
+def _lost(want: Resource, item: Observed, there: There) -> str:
+    others = {(kind, name): one.state for (host, kind, name), one in there.items() if host == want.host}
+    return MODULES[want.module].stranded(want.params, item.state, others)
+
+
+def _anew(want: Resource, item: Observed, cause: str) -> list[Step]:
+    return [removal_step(want.host, item, cause), new_step(want, cause)]

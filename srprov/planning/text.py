@@ -89,8 +89,6 @@ def _step(step: Step, commands: bool) -> Iterator[str]:
     needs = f"  [after {', '.join(after)}]" if after else ""
     danger = "  DATA IS LOST" if step.change.destructive else ""
     yield f"  {symbol} #{step.number} {step.module} {step.name}: {step.change.cause}{danger}{needs}"
-    for detail in step.change.details:
-        yield f"      {detail}"
     if commands:
         for command in step.commands:
             first, *rest = command.text().splitlines() or [""]

@@ -168,15 +168,11 @@ def rendered(desired: Sequence[Resource], host: str) -> list[dict[str, Any]]:
     return [
         {
             one.module: one.name,
-            **_params(one.params),
+            **one.written,
             "needs": [{"id": n.id, "condition": n.condition} for n in one.needs],
         }
         for one in mine
     ]
-
-
-def _params(params: Mapping[str, Any]) -> dict[str, Any]:
-    return {key: plain(value) for key, value in params.items() if not isinstance(value, Hidden)}
 
 
 def event_json(event: Event) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from typing import Any
 
 from srprov.definitions.playbookmodel import ADDED, AFTER, BEFORE, REPLACES, Playbook
 from srprov.errors import DefinitionError, Diagnostic, Location, did_you_mean
+from srprov.modules.module import Module, Running
 from srprov.rendering.render import render
 from srprov.rendering.user import render_user
 from srprov.resource import Condition, Need, Resource
@@ -34,7 +35,7 @@ def render_all(
     theirs: Iterable[Playbook],
     contexts: Mapping[str, Mapping[str, Any]],
     *,
-    modules: Collection[str],
+    modules: Mapping[str, Module[Any]],
     blobs: Mapping[str, bytes],
 ) -> list[Resource]:
     """Render all playbooks for all robots; what a user added only for robots that run a service.
@@ -59,13 +60,14 @@ def render_all(
                 chain.add(render({name: ours[name]}, host, context, modules=modules, blobs=blobs))
             elif playbook.place == REPLACES or context["services"]:
                 try:
-                    chain.add(render_user(playbook, context, blobs), playbook)
+                    chain.add(render_user(playbook, context, modules=modules, blobs=blobs), playbook)
                 except DefinitionError as error:
                     problems.update(dict.fromkeys(error.problems))
+    running = {kind for kind, module in modules.items() if isinstance(module, Running)}
     stated = {host: chain.resources.keys() for host, chain in chains.items()}
     # what a playbook that did not render would have stated is no mistake of others
     for chain in chains.values() if not problems else ():
-        problems.update(dict.fromkeys(chain.finish(stated)))
+        problems.update(dict.fromkeys(chain.finish(stated, running)))
     if problems:
         raise DefinitionError(list(problems))
     return [resource for chain in chains.values() for resource in chain.resources.values()]
@@ -105,10 +107,11 @@ class _Chain:
             if playbook is not None:
                 self._users[resource.id] = playbook
 
-    def finish(self, stated: Mapping[str, Collection[str]]) -> list[Diagnostic]:
+    def finish(self, stated: Mapping[str, Collection[str]], running: Collection[str]) -> list[Diagnostic]:
         """Return what is wrong with the needs of users' resources, and resources that stand twice.
 
-        What is needed of a robot that is out of reach cannot be judged; `stated` has the ids of all others.
+        What is needed of a robot that is out of reach cannot be judged; `stated` has the ids of all others. `running`
+        are the kinds that can be waited for.
         """
         for identity, playbook in self._users.items():
             resource = self.resources[identity]
@@ -122,8 +125,9 @@ class _Chain:
                 elif host == self.host and need.id not in self._earlier.get(identity, self.resources):
                     hint = "a playbook is done from top to bottom; put this one behind it"
                     self._tell(resource, playbook, f"needs {need.id}, which comes later", hint)
-                elif need.condition != Condition.PRESENT.value and not name.startswith("container:"):
-                    self._tell(resource, playbook, f"needs {need.id} {need.condition}, which only a container can be")
+                elif need.condition != Condition.PRESENT.value and name.partition(":")[0] not in running:
+                    only = " or ".join(f"a {kind}" for kind in sorted(running))
+                    self._tell(resource, playbook, f"needs {need.id} {need.condition}, which only {only} can be")
         return self.problems
 
     def _clash(self, resource: Resource, playbook: Playbook | None) -> None:

@@ -2,8 +2,8 @@
 
 Takes the texts by name (in name order), a context of plain values, and blobs by digest; gives `Resource`s. An item
 of a playbook is a mapping whose first key names a module, with the resource's name as its value; `needs` lists
-`module:name` on the same robot or `robot/module:name`, each a text or `{id, condition}`. A parameter `blob` names
-its bytes by digest.
+`module:name` on the same robot or `robot/module:name`, each a text or `{id, condition}`. Parameters are read once, by
+the types that their module declares; bytes are named by their digest.
 
 Touches nothing. Facts and definition files are values here and are never rendered again as templates.
 """
@@ -11,17 +11,17 @@ Touches nothing. Facts and definition files are values here and are never render
 from __future__ import annotations
 
 import functools
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import yaml
 from jinja2 import Template, TemplateError
 
 from srprov.errors import RenderError
+from srprov.modules.module import Module
+from srprov.modules.params import ParameterError, check_text, read_params
 from srprov.rendering.environment import check_whole_values, environment, load
 from srprov.resource import Condition, Need, Resource
-
-_CONDITIONS = {condition.value for condition in Condition}
 
 
 def render(
@@ -29,7 +29,7 @@ def render(
     host: str,
     context: Mapping[str, Any],
     *,
-    modules: Collection[str],
+    modules: Mapping[str, Module[Any]],
     blobs: Mapping[str, bytes],
 ) -> tuple[Resource, ...]:
     """Render all playbooks for one robot.
@@ -38,11 +38,12 @@ def render(
         playbooks: file name -> text.
         host: the robot's name.
         context: values that the playbooks read.
-        modules: kinds that exist.
-        blobs: sha256 -> bytes, for parameters named `blob`.
+        modules: kind -> module.
+        blobs: sha256 -> bytes, for parameters that are bytes.
 
     Raises:
-        RenderError: An undefined value, a broken YAML, an unknown module, or two resources with one id.
+        RenderError: An undefined value, a broken YAML, an unknown module, parameters that its module cannot take, or
+            two resources with one id.
     """
     resources: dict[str, Resource] = {}
     for name in sorted(playbooks):
@@ -64,7 +65,7 @@ def _template(name: str, text: str) -> Template:
         return env.from_string(text)
     except TemplateError as error:
         line = getattr(error, "lineno", None) or 1
-        raise RenderError(f"{name}:{line}: {error.message}", hint="mend the template") from error
+        raise RenderError(f"{name}:{line}: {error.message}", hint="correct the template") from error
 
 
 def _items(template: Template, name: str, host: str, context: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
@@ -82,35 +83,66 @@ def _items(template: Template, name: str, host: str, context: Mapping[str, Any])
 
 
 def _resource(
-    item: Mapping[str, Any], host: str, modules: Collection[str], blobs: Mapping[str, bytes], source: str
+    item: Mapping[str, Any], host: str, modules: Mapping[str, Module[Any]], blobs: Mapping[str, bytes], source: str
 ) -> Resource:
     kind = str(next(iter(item), ""))
     if kind not in modules:
         known = ", ".join(sorted(modules))
         message = f"{source}: the first key of an item names its module, '{kind}' is none"
         raise RenderError(message, hint=f"known: {known}")
-    params = {key: value for key, value in item.items() if key not in (kind, "needs")}
-    if "blob" in params:
-        if not isinstance(params["blob"], str) or params["blob"] not in blobs:
-            message = f"{source}: there is no blob {params['blob']!r}"
-            raise RenderError(message, hint="name one that the context gives, such as {{ tree.blob }}")
-        params["blob"] = blobs[params["blob"]]
-    if not isinstance(item[kind], str) or not item[kind]:
-        raise RenderError(f"{source}: {item[kind]!r} is no name of a {kind}", hint="write the resource's name as text")
-    wishes = item.get("needs") or []
-    if not isinstance(wishes, list):
+    written = {key: value for key, value in item.items() if key not in (kind, "needs")}
+    name, needs = item[kind], item.get("needs") or []
+    if not isinstance(name, str) or not name:
+        raise RenderError(f"{source}: {name!r} is no name of a {kind}", hint="write the resource's name as text")
+    if not isinstance(needs, list):
         raise RenderError(f"{source}: needs is a list", hint="write needs: [module:name]")
-    needs = tuple(_need(need, host, source) for need in wishes)
-    return Resource(host=host, module=kind, name=item[kind], params=params, needs=needs, source=source)
+    for need in needs:
+        _check_need(need, source)
+    try:
+        return build(kind, name, written, needs, host=host, modules=modules, blobs=blobs, source=source)
+    except ParameterError as error:
+        hint = "`srprov schema playbook` explains the parameters of every module"
+        raise RenderError(f"{source}: {kind} {name!r}: {error}", hint=hint) from error
 
 
-def _need(value: object, host: str, source: str) -> Need:
-    identity: object = value
-    condition: object = Condition.PRESENT.value
+def _check_need(value: object, source: str) -> None:
+    identity, condition = value, Condition.PRESENT.value
     if isinstance(value, Mapping):
         identity, condition = value.get("id"), value.get("condition", condition)
-    if not isinstance(identity, str) or not isinstance(condition, str) or condition not in _CONDITIONS:
+    if not isinstance(identity, str) or condition not in [one.value for one in Condition]:
         raise RenderError(f"{source}: {value!r} is no need", hint="write module:name or {id: …, condition: healthy}")
+
+
+def build(
+    kind: str,
+    name: str,
+    written: Mapping[str, Any],
+    needs: Sequence[Any],
+    *,
+    host: str,
+    modules: Mapping[str, Module[Any]],
+    blobs: Mapping[str, bytes],
+    source: str,
+) -> Resource:
+    """Return the resource of an item whose name and needs have been checked.
+
+    Raises:
+        ParameterError: Its module cannot take a parameter, or a robot its name.
+    """
+    return Resource(
+        host=host,
+        module=kind,
+        name=check_text(name, "its name"),
+        params=read_params(modules[kind].params, written, blobs),
+        written=written,
+        needs=tuple(_need(need, host) for need in needs),
+        source=source,
+    )
+
+
+def _need(value: Any, host: str) -> Need:  # noqa: ANN401 - text or a map
+    stated = value if isinstance(value, Mapping) else {"id": value}
+    identity = stated["id"]
     # a robot's name never holds a colon, a resource's name may hold a slash
     full = identity if "/" in identity.split(":", 1)[0] else f"{host}/{identity}"
-    return Need(full, condition)
+    return Need(full, stated.get("condition", Condition.PRESENT.value))

@@ -20,12 +20,14 @@ from srprov.definitions.playbook import check_item
 from srprov.definitions.playbookmodel import Playbook
 from srprov.definitions.template import unmarked
 from srprov.errors import DefinitionError, Diagnostic, Location, did_you_mean
+from srprov.modules.module import Module
+from srprov.modules.params import ParameterError
 from srprov.rendering.environment import TAG, environment
-from srprov.resource import Condition, Need, Resource
+from srprov.rendering.render import build
+from srprov.resource import Resource
 from srprov.yamldoc import loader, nodes
 from srprov.yamldoc.nodes import Findings, Map, Node, Scalar, Seq, Source
 
-_FILE_FOLDER_MODULES = ("file", "tree", "secret")
 _FAILURES = (
     TemplateError, TypeError, ValueError, ArithmeticError, LookupError, AttributeError, RecursionError, SyntaxError,
 )  # fmt: skip
@@ -33,8 +35,10 @@ _FAILURES = (
 _UNDEFINED = re.compile(r"'(\w+)' is undefined")
 
 
-def render_user(playbook: Playbook, context: Mapping[str, Any], blobs: Mapping[str, bytes]) -> list[Resource]:
-    """Render one playbook for the robot of a context.
+def render_user(
+    playbook: Playbook, context: Mapping[str, Any], *, modules: Mapping[str, Module[Any]], blobs: Mapping[str, bytes]
+) -> list[Resource]:
+    """Render one playbook for the robot of a context; `modules` and `blobs` as for `render`.
 
     Raises:
         DefinitionError: With all that is wrong, each at its place.
@@ -44,7 +48,7 @@ def render_user(playbook: Playbook, context: Mapping[str, Any], blobs: Mapping[s
     findings = Findings()
     if root is not None and not isinstance(root, Seq):
         raise DefinitionError([_problem(playbook, 1, f"a playbook is a list of resources, not {nodes.kind(root)}")])
-    found = [_resource(item, playbook, context, blobs, findings) for item in items]
+    found = [_resource(item, playbook, context, modules, blobs, findings) for item in items]
     if findings.problems:
         raise DefinitionError(findings.problems)
     return [resource for resource in found if resource is not None]
@@ -87,7 +91,12 @@ def _problem(playbook: Playbook, line: int, message: str, hint: str = "") -> Dia
 
 
 def _resource(
-    item: Node, playbook: Playbook, context: Mapping[str, Any], blobs: Mapping[str, bytes], findings: Findings
+    item: Node,
+    playbook: Playbook,
+    context: Mapping[str, Any],
+    modules: Mapping[str, Module[Any]],
+    blobs: Mapping[str, bytes],
+    findings: Findings,
 ) -> Resource | None:
     """Return the resource of an item, or add what is wrong with it."""
     if not isinstance(item, Map):
@@ -100,19 +109,20 @@ def _resource(
         return None
     kind = next(iter(plain.entries))
     rules = shipped_schema("playbook")["$defs"][kind]["properties"]
-    written = {unmarked(key)[0]: value for key, value in item.entries.items()}
-    params = {key: _value(value, rules[key]) for key, value in written.items() if not key.startswith("x-")}
-    name, needs = params.pop(kind), params.pop("needs", [])
+    nodes_of = {unmarked(key)[0]: value for key, value in item.entries.items()}
+    written = {key: _value(value, rules[key]) for key, value in nodes_of.items() if not key.startswith("x-")}
+    name, needs = written.pop(kind), written.pop("needs", [])
     place = plain.keys[kind]
-    if wrong := _not_ours(kind, name, params, context):
-        findings.add(place, *wrong)
-    if "blob" in params:
-        if params["blob"] not in blobs:
-            findings.add(plain.keys["blob"], "there is no such blob", (), "name one that the variables give")
-        params["blob"] = blobs.get(params["blob"], b"")
-    wanted = tuple(_need(one, context["host"]) for one in needs)
     source = f"{playbook.source.file}:{place.line}:{place.column}"
-    return Resource(host=context["host"], module=kind, name=name, params=params, needs=wanted, source=source)
+    try:
+        made = build(kind, name, written, needs, host=context["host"], modules=modules, blobs=blobs, source=source)
+    except ParameterError as error:
+        findings.add(plain.keys.get(error.key, place), str(error))
+        return None
+    if wrong := modules[kind].misplaced(name, made.params, context):
+        message, hint = wrong
+        findings.add(place, message, (), hint)
+    return made
 
 
 def _placed(item: Map, source: Source) -> Map:
@@ -158,29 +168,3 @@ def _value(node: Node, rule: Mapping[str, Any]) -> Any:  # noqa: ANN401 - a JSON
     if nodes.is_null(node):
         return None
     return node.text if number is None else number if whole is None else whole
-
-
-def _not_ours(
-    kind: str, name: str, params: Mapping[str, Any], context: Mapping[str, Any]
-) -> tuple[str, tuple[()], str] | None:
-    """Say why a resource would be another instance's, or nobody's: it would never be found again, nor removed."""
-    instance, folder = context["instance"], context["folder"]
-    if params.get("instance", instance) != instance:
-        return f"the {kind} '{name}' would belong to another instance", (), "write instance: {{ instance }}"
-    home = folder if kind != "secret" else folder.replace("/var/lib/", "/run/", 1)
-    if kind in _FILE_FOLDER_MODULES and not name.startswith(home + "/"):
-        hint = 'write {{ folder ~ "/name" }}; a command can copy it elsewhere'
-        return f"the {kind} '{name}' is not in the instance's folder {home}", (), hint
-    if kind == "secret" and params["name"] not in {one["name"] for one in context["secrets"]}:
-        return f"no service on this robot uses a secret '{params['name']}'", (), "list it under a service's 'secrets'"
-    rest = name[len(home) + 1 :]
-    if kind == "file" and ("/" in rest or rest in ("", ".", "..") or "\n" in rest or "\\" in rest):
-        return f"the file '{name}' is not directly in {home}", (), "files of an instance lie side by side"
-    return None
-
-
-def _need(value: Any, host: str) -> Need:  # noqa: ANN401 - text or a map, as the schema says
-    identity = value["id"] if isinstance(value, Mapping) else value
-    condition = value.get("condition") if isinstance(value, Mapping) else None
-    full = identity if "/" in identity.split(":", 1)[0] else f"{host}/{identity}"
-    return Need(full, condition or Condition.PRESENT.value)

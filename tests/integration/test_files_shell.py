@@ -21,6 +21,7 @@ from srprov.modules.file import remove_path
 from srprov.modules.module import STATE_ROOT
 from srprov.resource import Change, Resource
 from srprov.wire import Put, Query, Reply, Run, quote
+from tests.resources import resource
 
 pytestmark = pytest.mark.skipif(
     os.geteuid() != 0 or not shutil.which("unshare"), reason="a private mount namespace needs root"
@@ -59,13 +60,13 @@ class Robot:
         replies = [self.sh(query.command) for query in module.queries() if isinstance(query, Query)]
         assert all(reply.ok for reply in replies), replies
         found = {one.name: one for one in module.parse(replies)}
-        return module.check(want, found[want.name].state if want.name in found else None)
+        return module.check(want.name, want.params, found[want.name].state if want.name in found else None)
 
     def make(self, want: Resource) -> None:
         """Do what is due, and check that nothing is due then."""
         change = self.check(want)
         assert change is not None
-        for command in MODULES[want.module].commands(want, change):
+        for command in change.commands:
             assert isinstance(command, Put | Run)
             reply = self.sh(command.script() if isinstance(command, Put) else command.script)
             assert reply.ok, reply.err
@@ -87,7 +88,12 @@ def robot(request: pytest.FixtureRequest, tmp_path: Path) -> Robot:
 def file(name: str, content: str, **params: object) -> Resource:
     """Return a wanted file."""
     full = f"{STATE_ROOT}/{name}"
-    return Resource(host="r1", module="file", name=full, params={"content": content, "mode": "0644", **params})
+    return resource("file", full, {"content": content, "mode": "0644", **params})
+
+
+def tree(blob: bytes) -> Resource:
+    """Return the wanted tree of a tar."""
+    return resource("tree", f"{STATE_ROOT}/hello/trees/0123", {"blob": "sha"}, blobs={"sha": blob})
 
 
 def tar(**files: bytes) -> bytes:
@@ -166,12 +172,7 @@ def test_a_fresh_robot_has_nothing(robot: Robot, kind: str) -> None:
 
 def test_a_tree_is_unpacked_readable(robot: Robot) -> None:
     """A tree appears under its name with contents and modes, readable for a container's user, without its tar."""
-    want = Resource(
-        host="r1",
-        module="tree",
-        name=f"{STATE_ROOT}/hello/trees/0123",
-        params={"blob": tar(**{"index.html": ANY_BYTES, "run.sh": b"#!/bin/sh\n", "a b/$(x)": b"1"})},
-    )
+    want = tree(tar(**{"index.html": ANY_BYTES, "run.sh": b"#!/bin/sh\n", "a b/$(x)": b"1"}))
     robot.make(want)
     top = robot.path(want.name)
     assert (top / "www/index.html").read_bytes() == ANY_BYTES
@@ -184,7 +185,7 @@ def test_a_tree_is_unpacked_readable(robot: Robot) -> None:
 
 def test_a_tree_survives_a_cut_connection(robot: Robot) -> None:
     """What an earlier run left half sent and half unpacked does not end up in the tree."""
-    want = Resource(host="r1", module="tree", name=f"{STATE_ROOT}/hello/trees/0123", params={"blob": tar(a=b"new")})
+    want = tree(tar(a=b"new"))
     left = robot.path(want.name + ".part") / "www"
     left.mkdir(parents=True)
     (left / "stale").write_text("old")
@@ -195,12 +196,10 @@ def test_a_tree_survives_a_cut_connection(robot: Robot) -> None:
 
 def test_a_broken_tar_makes_no_tree(robot: Robot) -> None:
     """A tar that cannot be unpacked fails, and nothing stands under the tree's name."""
-    want = Resource(
-        host="r1", module="tree", name=f"{STATE_ROOT}/hello/trees/0123", params={"blob": b"no tar at all" * 99}
-    )
+    want = tree(b"no tar at all" * 99)
     change = robot.check(want)
     assert change is not None
-    put, unpack = MODULES["tree"].commands(want, change)
+    put, unpack = change.commands
     assert isinstance(put, Put) and isinstance(unpack, Run)
     assert robot.sh(put.script()).ok
     assert not robot.sh(unpack.script).ok

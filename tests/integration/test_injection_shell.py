@@ -26,13 +26,14 @@ from srprov.modules.module import MEMORY_ROOT, STATE_ROOT
 from srprov.modules.secret import secret_path
 from srprov.network.record import read_record
 from srprov.planning.plan import Plan, Step
-from srprov.resource import Action, Change, Observed, Resource
+from srprov.resource import Observed
 from srprov.transport.frames import Frames, batch
 from srprov.transport.secretfile import secret_script
 from srprov.transport.shell import excerpt
 from srprov.wire import EngineCall, Put, Run, quote, sh
 from tests.fakes import World
 from tests.hostile import CANARY, WORDS, names, texts
+from tests.resources import resource
 from tests.worlds import Mount, experiment, plan_for, service
 
 SHELLS = [shell for shell in ("dash", "busybox sh") if shutil.which(shell.split()[0])]
@@ -135,12 +136,12 @@ def meant(step: Step) -> Iterator[list[str]]:
         yield from (["rm", "-rf", part], ["mkdir", "-p", part], ["tar", "-xf", tar, "-C", part], ["rm", "-f", tar])
         yield from (["chmod", "0755", part], ["mv", part, name])
     if step.module == "vxlan":
-        new = f"type vxlan id {params['vni']} local {params['local']} dstport {params['port']} nolearning"
+        new = f"type vxlan id {params.vni} local {params.local} dstport {params.port} nolearning"
         yield ["ip", "link", "add", name, *new.split()]
-        yield ["ip", "link", "set", "dev", name, "alias", f"srprov:{params['instance']}"]
-        yield ["ip", "link", "set", "dev", name, "mtu", str(params["mtu"]), "master", params["bridge"], "up"]
-        yield ["ip", "link", "set", "dev", params["bridge"], "type", "bridge", "mcast_snooping", "0"]
-        for mac, vtep in sorted(params["fdb"]):
+        yield ["ip", "link", "set", "dev", name, "alias", f"srprov:{params.instance}"]
+        yield ["ip", "link", "set", "dev", name, "mtu", str(params.mtu), "master", params.bridge, "up"]
+        yield ["ip", "link", "set", "dev", params.bridge, "type", "bridge", "mcast_snooping", "0"]
+        for mac, vtep in sorted(params.fdb):
             verb = "append" if mac == "00:00:00:00:00:00" else "replace"
             yield ["bridge", *f"fdb {verb} {mac} dev {name} dst {vtep} self permanent".split()]
 
@@ -214,13 +215,12 @@ def test_the_engine_gets_every_value_as_it_is(value: str, key: str, data: st.Dat
 @given(instance=names, name=names)
 def test_secrets_and_removals_do_what_they_mean(shell: str, instance: str, name: str) -> None:
     """A secret's file, and everything that a robot says is there: links, files, trees and secrets of any name."""
-    want = Resource(
-        host="r1", module="secret", name=secret_path(instance, name, "0400"), params={"name": name, "mode": "0400"}
-    )
-    puts = MODULES["secret"].commands(want, Change(action=Action.CREATE, cause="x"))
-    again = MODULES["secret"].commands(want, Change(action=Action.UPDATE, cause="x", before={}))
-    scripts = [script_of(c) for c in (*puts, *again) if isinstance(c, Put)]
-    same(told(shell, scripts), [call for c in (*puts, *again) if isinstance(c, Put) for call in put_meant(c)])
+    path = secret_path(instance, name, "0400")
+    params = resource("secret", path, {"name": name, "mode": "0400"}).params
+    changes = [MODULES["secret"].check(path, params, found) for found in (None, {"digest": None, "mode": ""})]
+    puts = [c for change in changes if change for c in change.commands if isinstance(c, Put)]
+    assert [put.in_place for put in puts] == [False, True]
+    same(told(shell, [script_of(put) for put in puts]), [call for put in puts for call in put_meant(put)])
 
     there = {
         "file": f"{STATE_ROOT}/{instance}/{name}", "tree": f"{STATE_ROOT}/{instance}/trees/{name}",

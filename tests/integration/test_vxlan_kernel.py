@@ -17,6 +17,7 @@ import pytest
 from srprov.modules import MODULES
 from srprov.resource import Action, Change, Resource
 from srprov.wire import Query, Reply, Run
+from tests.resources import resource
 
 pytestmark = [
     pytest.mark.skipif(os.geteuid() != 0, reason="network namespaces need root"),
@@ -56,13 +57,13 @@ class Robot:
     def check(self, want: Resource) -> Change | None:
         """Ask the module what is due."""
         found = self.see().get(want.name)
-        return MODULE.check(want, found.state if found else None)
+        return MODULE.check(want.name, want.params, found.state if found else None)
 
     def make(self, want: Resource) -> Change:
         """Do what is due, and check that nothing is due then."""
         change = self.check(want)
         assert change is not None
-        for command in MODULE.commands(want, change):
+        for command in change.commands:
             assert isinstance(command, Run)
             reply = self.sh(command.script)
             assert reply.ok, reply.err
@@ -95,7 +96,7 @@ def robot(request: pytest.FixtureRequest) -> Iterator[Robot]:
 
 def link(name: str = "srpv00000001", **params: Any) -> Resource:
     """Return the wanted link."""
-    return Resource(host="r1", module="vxlan", name=name, params={**PARAMS, **params})
+    return resource("vxlan", name, {**PARAMS, **params})
 
 
 def test_a_link_is_made(robot: Robot) -> None:
@@ -197,7 +198,7 @@ def test_a_failure_in_the_middle_is_a_failure(robot: Robot) -> None:
     for want in (link(bridge="srpbmissing"), link(fdb=[["no mac", "192.0.2.2"]]), link(fdb=[[FLOOD, "no-address"]])):
         change = robot.check(want)
         assert change is not None
-        (command,) = MODULE.commands(want, change)
+        (command,) = change.commands
         assert isinstance(command, Run)
         assert not robot.sh(command.script).ok
 

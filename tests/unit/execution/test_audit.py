@@ -42,7 +42,7 @@ def results(*outcomes: tuple[str, Outcome, float]) -> list[StepResult]:
     """Return results of steps: robot, outcome, seconds."""
     change = Change(action=Action.RUN, cause="")
     return [
-        StepResult(step=Step(number=n, host=host, module="file", name="x", change=change, commands=()), outcome=outcome,
+        StepResult(step=Step(number=n, host=host, module="file", name="x", change=change), outcome=outcome,
                    duration_s=took)
         for n, (host, outcome, took) in enumerate(outcomes, start=1)
     ]  # fmt: skip

@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from srprov.execution.batches import segments
+from srprov.execution.batches import cut
 from srprov.planning.plan import Step
 from srprov.resource import Action, Change, Need
 
@@ -27,7 +27,6 @@ def steps(text: str) -> list[Step]:
                 module="volume",
                 name=number,
                 change=CREATE,
-                commands=(),
                 needs=tuple(int(one) for one in needs.split(",") if one),
                 waits=waits,
             )
@@ -40,7 +39,7 @@ def shown(text: str) -> list[str]:
     return [
         f"{part.host}: {' '.join(str(s.number) for s in part.steps)}"
         + (f" < {' '.join(map(str, sorted(part.needs)))}" if part.needs else "")
-        for part in segments(steps(text))
+        for part in cut(steps(text))
     ]
 
 
@@ -76,7 +75,7 @@ def test_any_plan_can_be_walked() -> None:
             + ",".join(str(m) for m in range(1, n) if dice.random() < 0.2)
             for n in range(1, count + 1)
         )
-        made, parts = steps(text), segments(steps(text))
+        made, parts = steps(text), cut(steps(text))
         home = {step.number: part.index for part in parts for step in part.steps}
         assert sorted(home) == list(range(1, count + 1))
         for part in parts:

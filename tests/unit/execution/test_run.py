@@ -105,7 +105,7 @@ def test_a_bridge_that_a_crashed_engine_left_goes_with_its_network() -> None:
     assert run(w, removal_for(w)).exit_code == 0
     assert robot.kernel.links == {}
     plan = plan_for(w, what)
-    bridge = next(step.want.params["bridge"] for step in plan.steps if step.module == "network" and step.want)
+    bridge = next(step.want.params.bridge for step in plan.steps if step.module == "network" and step.want)
     robot.kernel.add_bridge(bridge, 1500)
     assert run(w, plan).exit_code == 0
     assert run(w, removal_for(w)).exit_code == 0
@@ -541,9 +541,7 @@ def test_an_image_is_copied_between_robots() -> None:
 
 # -- the exit code -----------------------------------------------------------------------------------------------------
 
-STEP = Step(
-    number=1, host="r1", module="volume", name="v", change=Change(action=Action.CREATE, cause="not there"), commands=()
-)
+STEP = Step(number=1, host="r1", module="volume", name="v", change=Change(action=Action.CREATE, cause="not there"))
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 
 from srprov.execution import Outcome
-from srprov.execution.robot import together
+from srprov.execution.robot import round_trip_size
 from srprov.planning.plan import Step
 from srprov.resource import Action, Change, Need
 from srprov.wire import Command, EngineCall, Put, Run
@@ -25,8 +25,7 @@ def step(number: int, module: str, *commands: Command, needs: tuple[int, ...] = 
         host="r1",
         module=module,
         name=str(number),
-        change=Change(action=Action.CREATE, cause="missing"),
-        commands=commands,
+        change=Change(action=Action.CREATE, cause="missing", commands=commands),
         needs=needs,
     )
 
@@ -52,8 +51,8 @@ def step(number: int, module: str, *commands: Command, needs: tuple[int, ...] = 
         ([step(1, "file", FILE), step(2, "file", Put(path="/x", content=b"x" * (1 << 20), mode=0o644))], 1),
     ],
 )
-def test_which_steps_are_done_together(steps: list[Step], count: int) -> None:
-    assert together(steps) == count
+def test_which_steps_are_done_round_trip_size(steps: list[Step], count: int) -> None:
+    assert round_trip_size(steps) == count
 
 
 def test_one_that_fails_leaves_the_others_and_stops_what_needs_it() -> None:
@@ -61,7 +60,7 @@ def test_one_that_fails_leaves_the_others_and_stops_what_needs_it() -> None:
     what = experiment(service("a", robot="r1"), service("b", robot="r2"))
     plan = plan_for(world, what)
     short = [one for one in plan.steps if one.host == "r1" and one.module in ("vxlan", "file")]
-    assert together(short) == len(short) == 3
+    assert round_trip_size(short) == len(short) == 3
     before = [one for one in plan.steps if one.host == "r1" and one.number < short[0].number]
     world.robots["r1"].fault = Fault(at=sum(len(one.commands) for one in before) + 1)
     result = run(world, plan)

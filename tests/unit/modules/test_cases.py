@@ -24,8 +24,8 @@ import pytest
 import yaml
 
 from srprov.modules import MODULES
-from srprov.resource import Resource
 from srprov.wire import Reply
+from tests.resources import resource
 
 CASES = Path(__file__).parents[2] / "cases"
 KINDS = ("container", "file", "image", "network", "tree", "volume", "vxlan")
@@ -54,6 +54,11 @@ def reply(raw: Any, known: dict[str, Any]) -> Reply:
     return Reply(status=200, out=raw if isinstance(raw, str) else json.dumps(raw))
 
 
+def blobs_of(written: dict[str, Any]) -> dict[str, bytes]:
+    """Return the blobs that a case names: each by its own text."""
+    return {written["blob"]: written["blob"].encode()} if "blob" in written else {}
+
+
 @pytest.mark.parametrize("path", FILES, ids=[f"{path.parent.name}/{path.stem}" for path in FILES])
 def test_case(path: Path) -> None:
     """What is wanted and what a robot said give the change and the commands of the case."""
@@ -62,21 +67,20 @@ def test_case(path: Path) -> None:
     assert set(case) <= KEYS and {"says", "replies"} <= set(case) and len(case) > 2
     module = MODULES[path.parent.name]
     want = merged(defaults["want"], case.get("want", {}))
-    if "blob" in want["params"]:
-        want["params"]["blob"] = want["params"]["blob"].encode()
-    resource = Resource(host="r1", module=module.kind, name=want["name"], params=want["params"])
+    written, name = want["params"], want["name"]
+    wanted = resource(module.kind, name, written, blobs=blobs_of(written))
     replies = [reply(raw, defaults.get("replies", {})) for raw in case["replies"]]
     assert len(replies) == len(module.queries())
     found = module.parse(replies)
-    mine = next((one for one in found if one.name == resource.name), None)
+    mine = next((one for one in found if one.name == name), None)
     if "found" in case:
         assert [f"{one.instance} {one.name}".strip() for one in found] == case["found"]
     if "change" in case or "commands" in case:
-        change = module.check(resource, mine.state if mine else None)
+        change = module.check(name, wanted.params, mine.state if mine else None)
         shown = {"action": change.action.name.lower(), "cause": change.cause} if change else None
         assert shown == case["change"]
         if change is not None:
-            assert [command.text() for command in module.commands(resource, change)] == case["commands"]
+            assert [command.text() for command in change.commands] == case["commands"]
     if "removal" in case:
         assert mine is not None
         assert [command.text() for command in module.removal(mine)] == case["removal"]

@@ -51,17 +51,16 @@ def wanted(**fields: Any) -> Resource:
     return next(step.want for step in plan.steps if step.want is not None and step.module == "container")
 
 
-WANT = wanted().params
+WANT = wanted()
 
 
 def labels(resource: Resource) -> dict[str, str]:
     """Return the labels that its container would carry."""
     import json
 
-    module = MODULES["container"]
-    change = module.check(resource, None)
+    change = MODULES["container"].check(resource.name, resource.params, None)
     assert change is not None
-    body = json.loads(module.commands(resource, change)[0].body)  # type: ignore[union-attr]
+    body = json.loads(change.commands[0].body)  # type: ignore[union-attr]
     return dict(body["Labels"])
 
 
@@ -93,14 +92,15 @@ def test_the_order_of_maps_says_nothing(environment: dict[str, str], random: Any
 
     items = list(environment.items())
     random.shuffle(items)
-    one, two = ({**WANT, "run": {**WANT["run"], "environment": dict(e)}} for e in (environment.items(), items))
-    assert parts_of(one) == parts_of(two)
+    run = WANT.params.run
+    one, two = (dataclasses.replace(run, environment=dict(each)) for each in (environment.items(), items))
+    assert parts_of(dataclasses.replace(WANT.params, run=one)) == parts_of(dataclasses.replace(WANT.params, run=two))
 
 
 def test_another_instance_or_source_is_a_label_and_no_restart() -> None:
     """Taking an instance over from another source changes no container."""
     here = wanted()
-    moved = dataclasses.replace(here, params={**here.params, "source": "elsewhere"})
+    moved = dataclasses.replace(here, params=dataclasses.replace(here.params, source="elsewhere"))
     assert labels(here)["srprov.config-hash"] == labels(moved)["srprov.config-hash"]
     assert labels(moved)["srprov.source"] == "elsewhere"
 
@@ -112,6 +112,6 @@ def test_the_stop_waits_for_the_containers_own_grace() -> None:
     state = {"stop_grace": 300}
     stop, _ = MODULES["container"].removal(Observed(module="container", name="x", instance="i", state=state))
     assert stop.timeout_s == 360
-    change = MODULES["container"].check(wanted(), {**state, "hash": "0", "parts": {}, "state": "running"})
+    change = MODULES["container"].check("x", WANT.params, {**state, "hash": "0", "parts": {}, "state": "running"})
     assert change is not None and change.action is Action.REPLACE
-    assert MODULES["container"].commands(wanted(), change)[0].timeout_s == 360
+    assert change.commands[0].timeout_s == 360

@@ -12,9 +12,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from srprov.modules import MODULES
-from srprov.resource import Change, Resource
+from srprov.resource import Change
 from srprov.wire import Reply
-from tests.unit.modules.test_cases import CASES, KINDS
+from tests.resources import resource
+from tests.unit.modules.test_cases import CASES, KINDS, blobs_of
 
 DIGITS = "9" * 5000
 SHA = "0" * 64
@@ -69,11 +70,11 @@ def replaced(value: Any, path: tuple[Any, ...], junk: Any) -> Any:
 def survives(kind: str, replies: list[Reply]) -> None:
     """Parse, check every found thing against the wanted one, and take it away; nothing may raise."""
     want, _ = real(kind)
-    params = {**want["params"], **({"blob": b"x"} if "blob" in want["params"] else {})}
+    params = resource(kind, "x", want["params"], blobs=blobs_of(want["params"])).params
     module = MODULES[kind]
     for found in module.parse(replies):
         assert isinstance(found.name, str) and isinstance(found.instance, str)
-        change = module.check(Resource(host="r1", module=kind, name=found.name, params=params), found.state)
+        change = module.check(found.name, params, found.state)
         assert change is None or isinstance(change, Change)
         json.dumps(found.state)
 

@@ -14,6 +14,7 @@ from srprov.modules.secret import secret_path, with_value
 from srprov.resource import Action, Change, Resource
 from srprov.secret import Hidden, Secret, Vault, forget
 from srprov.wire import Put, Reply, Run
+from tests.resources import resource
 
 VALUE = "hunter2-module"
 SHA = hashlib.sha256(VALUE.encode()).hexdigest()
@@ -31,16 +32,13 @@ def _none_left() -> Iterator[None]:
 
 def want(mode: str = "0400") -> Resource:
     """Return the wanted secret."""
-    return with_value(
-        Resource(host="r", module="secret", name=PATH, params={"name": "token", "mode": mode}),
-        Vault({"token": Secret(VALUE)}),
-    )
+    return with_value(resource("secret", PATH, {"name": "token", "mode": mode}), Vault({"token": Secret(VALUE)}))
 
 
 def check(listing: str, mode: str = "0400") -> Change | None:
     """Compare with what a robot listed."""
     found = [one for one in MODULE.parse([Reply(status=0, out=listing)]) if one.name == PATH]
-    return MODULE.check(want(mode), found[0].state if found else None)
+    return MODULE.check(PATH, want(mode).params, found[0].state if found else None)
 
 
 @pytest.mark.parametrize(
@@ -62,8 +60,11 @@ def test_what_differs_is_told_in_words_without_value_or_hash(listing: str, mode:
 
 def test_the_command_is_a_placeholder() -> None:
     """A new file is renamed into place, an old one is rewritten in place; neither command holds the value."""
-    for action, in_place in ((Action.CREATE, False), (Action.UPDATE, True)):
-        (command,) = MODULE.commands(want(), Change(action=action, cause=""))
+    other = f"400 ./hello/secrets/token\n{'0' * 64}  ./hello/secrets/token\n"
+    for listing, action, in_place in (("", Action.CREATE, False), (other, Action.UPDATE, True)):
+        change = check(listing)
+        assert change is not None and change.action is action
+        (command,) = change.commands
         assert command == Put(path=PATH, secret="token", mode=0o400, in_place=in_place)
         assert VALUE not in repr(command) and SHA[:8] not in repr(command) + command.text()
         assert "<secret token>" in command.text()

@@ -7,15 +7,17 @@ import shlex
 import pytest
 
 from srprov.modules.vxlan import VxlanModule
-from srprov.resource import Action, Change, Resource
 from srprov.wire import Run
+from tests.resources import resource
 
 PARAMS = {"vni": 7, "local": "192.0.2.1", "port": 4789, "bridge": "srpb1", "mtu": 1450, "fdb": []}
 
 
 def script(instance: str) -> str:
-    want = Resource(host="r1", module="vxlan", name="srpv1", params={**PARAMS, "instance": instance})
-    (command,) = VxlanModule().commands(want, Change(action=Action.CREATE, cause="not there"))
+    want = resource("vxlan", "srpv1", {**PARAMS, "instance": instance})
+    change = VxlanModule().check(want.name, want.params, None)
+    assert change is not None
+    (command,) = change.commands
     assert isinstance(command, Run)
     return command.script
 

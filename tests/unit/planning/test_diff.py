@@ -17,13 +17,14 @@ from srprov.planning.plan import Plan, Step, plan_json
 from srprov.planning.text import plan_text, summary
 from srprov.resource import Action, Need, Observed, Resource
 from tests.fakes import World
+from tests.resources import resource
 from tests.worlds import CHECK, NetworkSettings, Service, apply, experiment, plan_for, removal_for, service
 
 
 def volume(name: str, *needs: str, host: str = "r1") -> Resource:
     """Return a wanted volume: the simplest resource there is."""
-    params = {"instance": "hello", "source": "s"}
-    return Resource(host=host, module="volume", name=name, params=params, needs=tuple(map(Need, needs)), source="p, 1")
+    written = {"instance": "hello", "source": "s"}
+    return resource("volume", name, written, host=host, needs=tuple(map(Need, needs)), source="p, 1")
 
 
 def there(module: str, name: str, instance: str = "hello", **state: Any) -> Observed:

@@ -16,7 +16,7 @@ from tests.hostile import texts, unprintable
 def step(number: int, name: str, cause: str, *, destructive: bool = False) -> Step:
     """Return a step without commands."""
     change = Change(action=Action.DELETE if destructive else Action.CREATE, cause=cause, destructive=destructive)
-    return Step(number=number, host="r1", module="volume", name=name, change=change, commands=())
+    return Step(number=number, host="r1", module="volume", name=name, change=change)
 
 
 def test_every_step_permission_and_note_is_there() -> None:

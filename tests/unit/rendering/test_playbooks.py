@@ -16,9 +16,11 @@ from srprov.controller.playbooks import playbooks
 from srprov.data import schema
 from srprov.definitions import playbook as reading
 from srprov.definitions.playbookmodel import ADDED, AFTER, BEFORE, REPLACES, Playbook
-from srprov.errors import DefinitionError, PlanError, RefusedError
+from srprov.errors import DefinitionError, RefusedError
 from srprov.execution import Outcome
 from srprov.modules import MODULES
+from srprov.modules.file import FileParams
+from srprov.modules.params import NOT_WRITTEN, AnyText, Mode
 from srprov.planning.plan import Plan
 from srprov.resource import Action
 from srprov.wire import Query
@@ -86,6 +88,37 @@ def test_the_schemas_modules_and_variables_are_those_that_there_are(
     monkeypatch.setattr(plan, "contexts", spy)
     plan_for(World().add("r1"), experiment(service("a")))
     assert tuple(sorted(seen[0])) == reading.VARIABLES
+
+
+TYPES = {
+    "str": {"string"}, "AnyText": {"string"}, "Mode": {"string"}, "bytes": {"string"}, "bool": {"boolean"},
+    "int": {"integer"}, "float": {"number"}, "tuple": {"array"}, "Mapping": {"object"},
+}  # fmt: skip
+"""The type of a field as its module writes it -> what the schema calls it."""
+
+
+def json_types(written: str) -> set[str]:
+    """Return the types of JSON that a field of a module takes."""
+    if written.startswith("Literal"):
+        return set()  # an enum, which has no type
+    options = {one.partition("[")[0] for one in re.split(r" \| (?![^[]*\])", written)} - {"None"}
+    return set().union(*(TYPES.get(one, {"object"}) for one in options))
+
+
+@pytest.mark.parametrize("kind", MODULES)
+def test_the_schema_says_what_the_module_takes(kind: str) -> None:
+    """The same parameters, required or not, of the same types: what validates can be read, and the other way round."""
+    stated = schema("playbook")["$defs"][kind]
+    fields = {field.name.rstrip("_"): field for field in dataclasses.fields(MODULES[kind].params)}
+    fields = {name: field for name, field in fields.items() if field.metadata != NOT_WRITTEN}
+    assert set(stated["properties"]) == {kind, *fields, "needs"}
+    assert set(stated["required"]) == {kind, *(n for n, one in fields.items() if one.default is dataclasses.MISSING)}
+    for name, field in fields.items():
+        rule = stated["properties"][name]
+        types = {one["type"] for one in rule.get("anyOf", [rule]) if "type" in one}
+        assert types == json_types(str(field.type)), name
+        if "enum" in rule:
+            assert str(field.type) == f"Literal[{', '.join(map(repr, rule['enum']))}]", name
 
 
 def test_our_own_playbooks_hold_to_the_schema() -> None:
@@ -282,7 +315,7 @@ WRONG = [  # `@` begins a command up to what its check is
         "1:3 needs r1/container:srprov.hello.a, which comes later (a playbook is done from top",
     ),
     ("@b\n@b\n", "4:3 command:x stands in p.yml:1"),
-    ("- tree: {{ folder ~ '/trees/x' }}\n  blob: 'y'\n", "2:3 there is no such blob"),
+    ("- tree: {{ folder ~ '/trees/x' }}\n  blob: 'y'\n", "2:3 there is no blob 'y'"),
 ]  # fmt: skip
 
 
@@ -343,8 +376,8 @@ def test_values_that_no_schema_can_judge_are_an_error_of_the_playbook(write: Any
         "- container: c\n  instance: {{ instance }}\n  source: {{ source }}\n  service: c\n  image: busybox\n"
         "  hostname: c\n  job: no\n  run: {}\n  mounts: []\n  network: {}\n  api: {{ api }}\n"
     )
-    with pytest.raises(PlanError, match=r"p\.yml:1:3: no container can be made of these values"):
-        plan_for(World().add("r1"), with_playbooks(write(text)), allowed=ALLOW)
+    (problem,) = told(World().add("r1"), with_playbooks(write(text)))
+    assert problem.startswith("10:3 the parameter 'network.mode' is missing")
 
 
 def test_a_field_decides_the_type_of_what_is_written(write: Any) -> None:
@@ -352,7 +385,7 @@ def test_a_field_decides_the_type_of_what_is_written(write: Any) -> None:
     text = '- file: {{ folder ~ "/x" }}\n  content: on\n  mode: 0600\n  in_place: yes\n'
     plan = plan_for(World().add("r1"), with_playbooks(write(text)), allowed=ALLOW)
     params = next(step.want.params for step in plan.steps if step.want and step.name.endswith("/x"))
-    assert params == {"content": "on", "mode": "0600", "in_place": True}
+    assert params == FileParams(content=AnyText("on"), mode=Mode(0o600), in_place=True)
 
 
 def test_the_manuals_playbooks_work(write: Any) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -65,9 +67,33 @@ JSON = st.recursive(
 )
 
 
+@dataclass(frozen=True, kw_only=True)
+class FreeParams:
+    """Parameters of any type."""
+
+    content: Any = None
+    also: Any = None
+    a: Any = None
+    mode: Any = None
+    run: Any = None
+    blob: bytes = b""
+
+
+VXLAN = "- vxlan: v\n  instance: i\n  vni: 1\n  local: 192.0.2.1\n  port: 4789\n  bridge: b\n  mtu: 1450\n"
+CONTAINER = (
+    "- container: c\n  instance: i\n  source: s\n  service: c\n  image: busybox\n  hostname: c\n  job: false\n"
+    "  run: {}\n  mounts: []\n  api: '1.41'\n"
+)
+
+HOST = CONTAINER + "  network: {mode: host}\n"
+
+FREE: Any = dict.fromkeys(MODULES, SimpleNamespace(params=FreeParams))
+"""Every kind, with parameters that may be anything: what a value becomes is no question of its module."""
+
+
 def rendered(text: str, blobs: dict[str, bytes] | None = None, **context: Any) -> tuple[Resource, ...]:
     """Render one playbook for robot r1."""
-    return render({"10-test.yml": text}, "r1", context, modules=MODULES, blobs=blobs or {})
+    return render({"10-test.yml": text}, "r1", context, modules=FREE, blobs=blobs or {})
 
 
 def refused(text: str, **context: Any) -> RenderError:
@@ -82,15 +108,15 @@ def refused(text: str, **context: Any) -> RenderError:
 def test_values_arrive_as_they_were(value: object) -> None:
     """Any JSON value, whatever its text looks like to YAML or Jinja2, is the same behind a playbook."""
     (resource,) = rendered("- file: x\n  content: {{ value }}\n  also: [{{ value }}, {a: {{ value }}}]\n", value=value)
-    assert resource.params["content"] == value
-    assert type(resource.params["content"]) is type(value)
-    assert resource.params["also"] == [value, {"a": value}]
+    assert resource.params.content == value
+    assert type(resource.params.content) is type(value)
+    assert resource.params.also == [value, {"a": value}]
 
 
 @settings(max_examples=100, derandomize=True, deadline=None)
-@given(TEXT.filter(bool) | HOSTILE)
+@given((TEXT.filter(bool) | HOSTILE).filter(lambda text: "\0" not in text))
 def test_names_and_needs_arrive_as_they_were(name: str) -> None:
-    """A resource's name may be any text, too."""
+    """A resource's name may be any text, too, that can be a word of a shell."""
     (resource,) = rendered("- file: {{ name }}\n", name=name)
     assert resource.name == name
 
@@ -98,7 +124,7 @@ def test_names_and_needs_arrive_as_they_were(name: str) -> None:
 def test_long_keys_arrive() -> None:
     """A key beyond YAML's limit of 1024 characters is a key all the same."""
     (resource,) = rendered("- file: x\n  run: {{ run }}\n", run={"K" * 5000: "v"})
-    assert resource.params["run"] == {"K" * 5000: "v"}
+    assert resource.params.run == {"K" * 5000: "v"}
 
 
 def test_an_undefined_name_is_an_error() -> None:
@@ -210,7 +236,7 @@ def test_the_line_of_a_partial_value_is_named() -> None:
         ("- file: [a]\n", "is no name of a file"),
         ("- file: x\n- file: x\n", "r1/file:x stands twice"),
         ("- tree: x\n  blob: nope\n", "no blob 'nope'"),
-        ("- tree: x\n  blob: [a]\n", "no blob"),
+        ("- tree: x\n  blob: [a]\n", 'blob: expected the sha256 of a blob, not ["a"]'),
         ("- file: x\n  needs: network:y\n", "needs is a list"),
         ("- file: x\n  needs: {id: network:y}\n", "needs is a list"),
         ("- file: x\n  needs: [5]\n", "5 is no need"),
@@ -230,7 +256,7 @@ def test_mistakes_are_render_errors(text: str, says: str) -> None:
 def test_one_id_in_two_playbooks_is_an_error() -> None:
     """Two playbooks may not both give one resource."""
     with pytest.raises(RenderError, match=r"20\.yml, item 1: r1/file:x stands twice"):
-        render({"10.yml": "- file: x\n", "20.yml": "- file: x\n"}, "r1", {}, modules=MODULES, blobs={})
+        render({"10.yml": "- file: x\n", "20.yml": "- file: x\n"}, "r1", {}, modules=FREE, blobs={})
 
 
 def test_needs_are_of_this_robot_or_of_a_named_one() -> None:
@@ -245,20 +271,21 @@ def test_needs_are_of_this_robot_or_of_a_named_one() -> None:
         Need("r2/container:db", "healthy"),
         Need("r1/image:a/b:c", "present"),
     )
-    assert "needs" not in resource.params
+    assert "needs" not in resource.written
     assert resource.source == "10-test.yml, item 1"
 
 
 def test_a_blob_is_named_by_its_digest() -> None:
     """The parameter `blob` becomes the bytes that the context's caller gave for it."""
     (resource,) = rendered("- tree: /x\n  blob: {{ sha }}\n", blobs={"abc": b"\0tar"}, sha="abc")
-    assert resource.params == {"blob": b"\0tar"}
+    assert resource.params.blob == b"\0tar"
+    assert resource.written == {"blob": "abc"}
 
 
 def test_playbooks_are_read_in_name_order() -> None:
     """The order of files in the mapping says nothing."""
     texts = {"20.yml": "- file: b\n", "10.yml": "- file: a\n", "30.yml": ""}
-    names = [r.name for r in render(texts, "r1", {}, modules=MODULES, blobs={})]
+    names = [r.name for r in render(texts, "r1", {}, modules=FREE, blobs={})]
     assert names == ["a", "b"]
 
 
@@ -269,5 +296,51 @@ def test_the_shipped_playbooks_render() -> None:
     assert [step.module for step in plan.steps] == ["image", "network", "vxlan", "file", "file", "container"]
     wanted = next(step.want for step in plan.steps if step.module == "container")
     assert wanted is not None
-    assert wanted.params["run"]["command"] == ["{{ 1 }}", "yes", "0x10"]
-    assert wanted.params["run"]["healthcheck"]["interval_s"] == 1.0
+    assert wanted.params.run.command == ("{{ 1 }}", "yes", "0x10")
+    assert wanted.params.run.healthcheck.interval_s == 1.0
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("- file: x\n", "the parameter 'content' is missing"),
+        ("- file: x\n  content: y\n  mod: '0644'\n", "there is no parameter 'mod', only content, mode, in_place"),
+        ("- file: x\n  content: 5\n", "content: expected text, not 5"),
+        ("- file: x\n  content: y\n  in_place: 1\n", "in_place: expected true or false, not 1"),
+        ("- file: x\n  content: y\n  mode: rw\n", 'mode: expected octal digits such as 0644, not "rw"'),
+        ("- file: x\n  content: {{ half }}\n", "content holds half a character"),
+        ("- file: {{ nul }}\n  content: y\n", "its name holds a NUL"),
+        ("- volume: v\n  instance: {{ nul }}\n  source: s\n", "instance holds a NUL"),
+        ("- image: i\n  source: steal\n", "source: expected one of pull, build, copy, not 'steal'"),
+        ("- image: i\n  source: build\n", "an image that is built needs a 'blob'"),
+        ("- image: i\n  source: copy\n", "an image that is copied needs a 'from'"),
+        ("- command: c\n  argv: [a]\n", "a command needs 'unless' or 'creates'"),
+        ("- command: c\n  creates: /x\n", "a command needs either 'argv' or 'shell'"),
+        ("- command: c\n  argv: [a, 5]\n  creates: /x\n", "argv.1: expected text, not 5"),
+        ("- command: c\n  argv: [a]\n  creates: /x\n  timeout: true\n", "timeout: expected a whole number, not true"),
+        ("- command: c\n  argv: [a]\n  unless: {}\n", "unless: expected text or a list, not {}"),
+        (VXLAN + "  fdb: [[a, b, c]]\n", "fdb.0: expected 2 values, not 3"),
+        (VXLAN + "  fdb: [a]\n", 'fdb.0: expected a list, not "a"'),
+        (CONTAINER + "  network: {}\n", "the parameter 'network.mode' is missing"),
+        (CONTAINER + "  network: {mode: overlay}\n", "network: an overlay needs 'name', 'ip' and 'mac'"),
+        (HOST.replace("{}", "{gpus: some}"), "run.gpus: expected 'all' or a number"),
+        (HOST.replace("{}", "{restart: 'a:b'}"), "run.restart: expected a policy"),
+        (
+            CONTAINER.replace("{}", "{mounts: [{kind: a, source: b, target: c}]}") + "  network: {mode: host}\n",
+            "beside",
+        ),
+        (
+            CONTAINER.replace("{}", "{ports: [['', 1, 2]]}") + "  network: {mode: host}\n",
+            "run.ports.0: expected 4 values",
+        ),
+        (HOST.replace("[]", "[{}]"), "mounts: each needs 'Type' and 'Target'"),
+    ],
+)
+def test_a_module_refuses_what_it_cannot_take(text: str, says: str) -> None:
+    """Parameters that are unknown, missing or of another type are told with the playbook and the item."""
+    context = {"half": "\ud800", "nul": "a\0b"}
+    with pytest.raises(RenderError) as caught:
+        render({"10-test.yml": text}, "r1", context, modules=MODULES, blobs={})
+    assert caught.value.message.startswith("10-test.yml, item 1: ")
+    assert says in caught.value.message
+    assert "srprov schema playbook" in caught.value.hint

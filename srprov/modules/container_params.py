@@ -1,0 +1,59 @@
+"""What a playbook says of a container: Compose's words, merged from CDF and EDF, and its place in the network."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from srprov.definitions.containermodel import Runtime
+from srprov.modules.params import ParameterError
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class NetworkPlace:
+    """Where the container is in the network; all but the mode are for `overlay` only."""
+
+    mode: Literal["overlay", "host", "none"]
+    name: str | None = None
+    ip: str | None = None
+    mac: str | None = None
+    hash: str | None = None
+    """Of what it depends on in the network."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class ContainerParams:
+    """What a playbook says of a container."""
+
+    instance: str
+    source: str
+    service: str
+    image: str
+    hostname: str
+    job: bool
+    """It ends by itself."""
+    run: Runtime
+    """Without mounts."""
+    mounts: tuple[Mapping[str, Any], ...]
+    """In the engine's form."""
+    network: NetworkPlace
+    api: str
+    """The version of the engine's API."""
+
+    def __post_init__(self) -> None:
+        """Refuse what the engine's form cannot be made of."""
+        if self.network.mode == "overlay" and None in (self.network.name, self.network.ip, self.network.mac):
+            raise ParameterError("network", "network: an overlay needs 'name', 'ip' and 'mac'")
+        if self.run.mounts:
+            raise ParameterError("run", "run: mounts stand beside it, in the engine's form")
+        if not re.fullmatch(r"(all|-?[0-9]{1,9})?", self.run.gpus):
+            raise ParameterError("run", f"run.gpus: expected 'all' or a number, not {self.run.gpus!r}")
+        if not re.fullmatch(r"[a-z-]*(:[0-9]{1,9})?", self.run.restart):
+            raise ParameterError(
+                "run", f"run.restart: expected a policy such as on-failure:3, not {self.run.restart!r}"
+            )
+        for mount in self.mounts:
+            if not (isinstance(mount.get("Type"), str) and isinstance(mount.get("Target"), str)):
+                raise ParameterError("mounts", "mounts: each needs 'Type' and 'Target'")
