@@ -14,12 +14,13 @@ from dataclasses import replace
 from typing import Any
 
 from srprov.definitions.model import Host
-from srprov.facts.answers import Counters, Files, Filesystem, OsIdentity, parse_traffic
+from srprov.facts.answers import Counters, Files, OsIdentity, parse_traffic
+from srprov.facts.engine import engine_disk, read_engine
 from srprov.facts.hardware import detect_tags
 from srprov.facts.links import Underlay, find_underlay
-from srprov.facts.model import Docker, HostFacts
+from srprov.facts.model import HostFacts, Link
 from srprov.facts.probes import ENGINE, PING, PROBES, counters
-from srprov.untrusted import decimal, folder, integer, mapping, text
+from srprov.untrusted import decimal, integer, text
 from srprov.wire import EngineQuery, Measures, Query, Reply
 
 _MOST_BYTES = 2**60
@@ -72,45 +73,31 @@ def docker_arch(machine: str) -> str:
 
 
 def parse_host(
-    host: Host,
-    replies: Sequence[Reply],
-    measures: Measures | None,
-    *,
-    slots_default: int = 1,
-    now: float | None = None,
+    host: Host, replies: Sequence[Reply], measures: Measures | None, *, now: float | None = None,
     later: Reply | None = None,
-) -> HostFacts:
-    """Read the replies to `host_queries`, in its order.
+) -> HostFacts:  # fmt: skip
+    """Read the replies to `host_queries`, in its order; what a robot did not say properly keeps the model's default.
 
-    Args:
-        host: The robot as the inventory has it; its tags, devices, slots, underlay and bandwidth win or come on top.
-        replies: Missing ones count as empty.
-        measures: What psutil says, for the controller itself; wins over /proc.
-        slots_default: Slots of a robot whose inventory names none.
-        now: The controller's clock when the queries were sent, seconds since the epoch; None leaves the offset 0.
-        later: The reply to `later_query`, some time after the others: with it the traffic is known.
-
-    Nothing raises: what a robot did not say properly keeps the default of HostFacts.
+    What the inventory says of `host` wins or comes on top, and what psutil says of the controller itself (`measures`)
+    wins over /proc. `now` is the controller's clock when the queries were sent, in seconds since the epoch. With
+    `later`, the reply to `later_query` some time after the others, the traffic is known.
     """
     said = _read(replies)
     identity: OsIdentity = said["identity"]
     files: Files = said["files"]
-    docker, problem = _docker(replies)
+    docker, problem = read_engine(replies)
     arch = _arch(identity)
-    speeds = {**_speeds(files), **{k: v for k, v in said["wireless"].items() if v > 0}}
-    speeds |= {k: v for k, v in (measures.link_speed_mbit if measures else {}).items() if v > 0}
-    links = tuple(replace(link, speed_mbit=speeds.get(link.name, 0.0)) for link in said["links"])
+    links = _with_speeds(said["links"], files, said["wireless"], measures)
     underlay = find_underlay(host, links, said["routes"], identity.reached_at)
-    detected = detect_tags(said["devices"], files, links, tuple(said["wireless"]), arch)
     devices = said["devices"]
-    disk = _docker_disk(said["disk"].mounts, (docker.root if docker else "") or said["disk"].root)
+    disk = engine_disk(said["disk"].mounts, (docker.root if docker else "") or said["disk"].root)
     facts = HostFacts(
         name=host.name,
         hostname=_first_line(files, "/proc/sys/kernel/hostname"),
         arch=arch,
         kernel=_first_line(files, "/proc/sys/kernel/osrelease"),
         os=_os_name(files),
-        tags=tuple(detected),
+        tags=tuple(detect_tags(devices, files, links, tuple(said["wireless"]), arch)),
         devices=(*devices.known, *devices.aliases),
         docker=docker,
         docker_problem=problem,
@@ -121,9 +108,9 @@ def parse_host(
         underlay_link=underlay.link,
         underlay_address=underlay.address,
         underlay_mtu=underlay.mtu,
-        speed_mbit=speeds.get(underlay.link, 0.0),
+        speed_mbit=next((link.speed_mbit for link in links if link.name == underlay.link), 0.0),
         traffic_mbit=_traffic_mbit(_traffic(files, later), underlay, underlay.link in said["wireless"]),
-        slots=host.slots if host.slots is not None else slots_default,
+        slots=host.slots if host.slots is not None else 1,
         clock_offset_s=round(identity.clock_s - now, 3) if now is not None and identity.clock_s is not None else 0.0,
         user=identity.user or host.user or "",
         privileged=identity.uid == 0,
@@ -215,6 +202,15 @@ def _online(files: Files) -> int:
     return total
 
 
+def _with_speeds(
+    links: Sequence[Link], files: Files, wireless: Mapping[str, float], measures: Measures | None
+) -> tuple[Link, ...]:
+    """Return the links with their speeds: psutil's, else that of the radio, else what the kernel says."""
+    measured = measures.link_speed_mbit if measures else {}
+    speeds = {**_speeds(files), **{k: v for k, v in (*wireless.items(), *measured.items()) if v > 0}}
+    return tuple(replace(link, speed_mbit=speeds.get(link.name, 0.0)) for link in links)
+
+
 def _speeds(files: Files) -> dict[str, float]:
     """Return Mbit/s by interface; -1 means unknown, and so does 4294967295, the same in old drivers."""
     found = {}
@@ -244,45 +240,3 @@ def _traffic_mbit(counters: Mapping[str, Counters], underlay: Underlay, shared_a
         return 0.0
     both = (seen.received_bps, seen.sent_bps)
     return round(min((sum(both) if shared_air else max(both)) * 8 / 1e6, 1e6), 3)
-
-
-def _docker(replies: Sequence[Reply]) -> tuple[Docker | None, str]:
-    """Return the engine, or why there is none."""
-    asked = replies[len(PROBES) : len(PROBES) + len(ENGINE)]
-    if not asked:
-        return None, "was not asked"
-    said = [mapping(reply.json()) if reply.ok and reply.status == 200 else {} for reply in asked]
-    ping, info = said[0], said[1] if len(said) > 1 else None
-    name, api = _version(ping, info), text(ping.get("api-version"), length=16)
-    if (info is not None and not name) or not re.fullmatch(r"[0-9]{1,3}\.[0-9]{1,4}", api):
-        why = next((text(reply.err) for reply in asked if not reply.ok), "")
-        return None, why or (
-            f"the engine answered {asked[0].status}" if asked[0].status else "no Docker Engine answers"
-        )
-    if info is None:
-        return Docker(version=name, api_version=api), ""
-    options = info.get("SecurityOptions")
-    docker = Docker(
-        version=name,
-        api_version=api,
-        root=folder(info.get("DockerRootDir")),
-        storage_driver=text(info.get("Driver"), length=32),
-        rootless=isinstance(options, list)
-        and any("rootless" in option for option in options if isinstance(option, str)),
-    )
-    return docker, ""
-
-
-def _version(ping: Mapping[str, Any], info: Mapping[str, Any] | None) -> str:
-    """Return the engine's version, which `Server: Docker/20.10.24 (linux)` says too."""
-    if info is not None:
-        return text(info.get("ServerVersion"), length=64)
-    named = re.fullmatch(r"[A-Za-z]{1,20}/(\S{1,64})( .*)?", text(ping.get("server")))
-    return named[1] if named else ""
-
-
-def _docker_disk(mounts: Sequence[Filesystem], root: str) -> Filesystem:
-    """Return the filesystem that holds Docker's root: of those asked about, the one mounted deepest above it."""
-    inside = (root or "/var/lib/docker").rstrip("/") + "/"
-    above = [mount for mount in mounts if inside.startswith(mount.mount.rstrip("/") + "/")]
-    return max(above, key=lambda m: len(m.mount), default=Filesystem(mount="", total=0, free=0))

@@ -178,11 +178,11 @@ def test_the_inventory_wins_and_adds() -> None:
     host = dataclasses.replace(
         HOST, tags=("lidar", "amd64"), slots=3, devices=("/dev/ttyS3",), bandwidth_mbit=54.0, user="robot"
     )
-    facts = parse_host(host, replies(COMPUTER), None, slots_default=2)
+    facts = parse_host(host, replies(COMPUTER), None)
     assert facts.tags == ("amd64", "camera", "lidar")
     assert "/dev/ttyS3" in facts.devices
     assert (facts.slots, facts.speed_mbit) == (3, 54.0)
-    assert parse_host(HOST, replies(COMPUTER), None, slots_default=2).slots == 2
+    assert parse_host(HOST, replies(COMPUTER), None).slots == 1
 
 
 def test_the_controller_itself_is_measured_by_psutil() -> None:
