@@ -9,15 +9,14 @@ import time
 from collections.abc import Collection, Mapping
 from contextlib import ExitStack, closing
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 import click
 
-from srprov.cli import options
+from srprov.cli import options, output_options
 from srprov.cli.config import user_folder
 from srprov.cli.execute import Task, carry_out, confirm
 from srprov.cli.history import HISTORY, read_history
-from srprov.cli.output import err
 from srprov.cli.plan import show_plan
 from srprov.cli.stdout_guard import answers_only
 from srprov.cli.waiting import wait_for_other_runs
@@ -40,7 +39,7 @@ if TYPE_CHECKING:
 @options.EXCLUDE
 @options.locking
 @options.RUNS
-@options.PROFILE
+@output_options.TIMINGS
 @HISTORY
 @options.UNREACHABLE
 @options.MAX_FAIL
@@ -52,15 +51,14 @@ if TYPE_CHECKING:
               help="Seconds for a service to become healthy or to complete.")  # fmt: skip
 @click.option("--settle", type=click.FloatRange(min=0), default=2.0, show_default=True, metavar="S",
               help="A service must still run so many seconds after its start.")  # fmt: skip
-@click.option(
-    "--events", type=click.Path(dir_okay=False), help="Write events to a file as they happen, one JSON per line."
-)
+@output_options.EVENTS
+@output_options.QUIET
 @click.option("-v", "--verbose", is_flag=True, help="Show the exact commands of each step.")
 @click.option("--no-color", is_flag=True, help="Plain text; so does NO_COLOR.")
 def apply(
     file: str, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, instance: str, limit: str,
     exclude: str, yes: bool, allow: tuple[str, ...], reassign: bool, adopt: bool, wait_timeout: float, settle: float,
-    events: str | None, verbose: bool, no_color: bool, lock_wait: float, pulse: Pulse,
+    events: TextIO | None, verbose: bool, no_color: bool, lock_wait: float, pulse: Pulse,
     runs: Path | None, history: Path | None, unreachable: str, max_fail: str,
 ) -> int:  # fmt: skip
     """Make the experiment true: FILE is an EDF, or a plan that `srprov plan -o` wrote.
@@ -87,7 +85,7 @@ def apply(
     with options.open_lab(inventory, timeout, forks, locks=True, vault=vault) as lab, ExitStack() as ending:
         from srprov.facts.gather import begin
 
-        err(f"asking {len(inventory.hosts)} robots for facts")
+        output_options.note(f"asking {len(inventory.hosts)} robots for facts")
         lock_wait = wait_for_other_runs(lab, name, lock_wait, forks)
         looking = None
         if definitions:
@@ -106,7 +104,7 @@ def apply(
         )  # fmt: skip
         task = plan_task(saved, definitions, lab, wishes, phases, vault, chosen)
         made = task.plan
-        if not as_json:
+        if not as_json and not (yes and output_options.is_quiet()):
             show_plan(made, None, verbose=verbose)
         require(made.permissions, allow)
         confirm(made, yes)

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TextIO
 
 import click
 
-from srprov.cli import options
+from srprov.cli import options, output_options
 from srprov.cli.apply import Phases, refuse_without_terminal
 from srprov.cli.execute import Task, carry_out, confirm
 from srprov.cli.output import err
@@ -18,26 +19,25 @@ from srprov.wire import Pulse
 
 
 @click.command()
-@click.argument("file", metavar="FILE", required=False)
+@click.argument("file", required=False)
 @options.robots
 @options.INSTANCE
 @options.LIMIT
 @options.EXCLUDE
 @options.locking
 @options.RUNS
-@options.PROFILE
+@output_options.TIMINGS
 @click.option("-y", "--yes", is_flag=True, help="Do not ask.")
 @click.option("--volumes", is_flag=True, help="Remove data volumes too; their data is lost.")
 @click.option("--adopt", is_flag=True, help="Also when another file made the instance.")
-@click.option(
-    "--events", type=click.Path(dir_okay=False), help="Write events to a file as they happen, one JSON per line."
-)
+@output_options.EVENTS
+@output_options.QUIET
 @click.option("-v", "--verbose", is_flag=True, help="Show the exact commands of each step.")
 @click.option("--no-color", is_flag=True, help="Plain text; so does NO_COLOR.")
 def destroy(
     file: str | None, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, instance: str,
-    limit: str, exclude: str, yes: bool, volumes: bool, adopt: bool, events: str | None, verbose: bool, no_color: bool,
-    lock_wait: float, pulse: Pulse, runs: Path | None,
+    limit: str, exclude: str, yes: bool, volumes: bool, adopt: bool, events: TextIO | None, verbose: bool,
+    no_color: bool, lock_wait: float, pulse: Pulse, runs: Path | None,
 ) -> int:  # fmt: skip
     """Remove everything that an instance owns.
 
@@ -59,7 +59,7 @@ def destroy(
             name, inventory, lab.sessions.get, volumes=volumes, forks=forks, source=source, adopt=adopt
         )
         made = limited(made, chosen)
-        if not as_json:
+        if not as_json and not (yes and output_options.is_quiet()):
             show_plan(made, None, verbose=verbose)
         others = other_names(found, name, source)
         if others:

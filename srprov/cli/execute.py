@@ -8,15 +8,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 
 from srprov.cli.interrupt import soft_interrupt
-from srprov.cli.options import Lab, profiling
-from srprov.cli.output import err, out_json
-from srprov.cli.profile import profile_text
+from srprov.cli.options import Lab
+from srprov.cli.output import Answer, err, expect, out_json
+from srprov.cli.output_options import is_quiet, wants_timings
 from srprov.cli.progress import progress
+from srprov.cli.timings import timings_text
 from srprov.errors import RefusedError
 
 if TYPE_CHECKING:
@@ -60,13 +61,15 @@ def carry_out(
     phases: Phases,
     *,
     as_json: bool,
-    events: str | None,
+    events: TextIO | None,
     color: bool,
     runs: Path | None = None,
 ) -> int:
     """Run the plan, show what happens, record it, report, and give the exit code."""
     from srprov import controller
 
+    if not as_json:
+        expect(Answer.ASIDE)
     made = task.plan
     lab.sessions.prepare(sorted({step.host for step in made.steps}))
     if as_json:  # the plan was not shown, and it is what says these
@@ -75,7 +78,7 @@ def carry_out(
     stop = threading.Event()
     with recording(task, lab, run_options.verb, runs) as record:
         run_options = dataclasses.replace(run_options, run=record.name)
-        with progress(made, record, events=events, color=color) as listener, soft_interrupt(stop):
+        with progress(made, record, events=events, color=color, quiet=is_quiet()) as listener, soft_interrupt(stop):
             result = controller.apply(made, lab.connected(), listener, run_options, stop)
         report = run_json(made, result, lab, phases)
         record.put_json("result.json", lambda: {**report, "run": str(record.path)})
@@ -87,8 +90,8 @@ def carry_out(
     if record.problem:
         err(f"warning: the record of this run is not complete: {record.problem}")
     err(summary_line(report, result))
-    if profiling():
-        err(profile_text(report["phases"], report["robots"]))
+    if wants_timings():
+        err(timings_text(report["phases"], report["robots"]))
     return result.exit_code
 
 

@@ -19,7 +19,7 @@ UNREACHABLE = 4
 
 
 @click.command()
-@click.argument("file", metavar="FILE", required=False)
+@click.argument("file", required=False)
 @options.robots
 @options.INSTANCE
 def status(

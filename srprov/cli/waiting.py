@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 
 from srprov.cli.options import Lab
-from srprov.cli.output import err
+from srprov.cli.output_options import note
 from srprov.errors import LockHeld, visible
 
 _LOOK_S = 1.0
@@ -43,6 +43,6 @@ def wait_for_other_runs(lab: Lab, instance: str, seconds: float, forks: int) -> 
             raise LockHeld(message, hint="see who holds what with `srprov locks`")
         if now - told >= _TELL_S:
             told = now
-            err(f"waiting up to {left:.0f} s for {visible(robot)}: held by {visible(str(one))}")
+            note(f"waiting up to {left:.0f} s for {visible(robot)}: held by {visible(str(one))}")
         time.sleep(min(_LOOK_S, left))
     return seconds

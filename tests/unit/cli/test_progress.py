@@ -1,0 +1,72 @@
+"""Live progress on a terminal: whatever is drawn meanwhile, every finished line stays, whole and once."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections import Counter
+from collections.abc import Sequence
+
+import pytest
+
+from tests.unit.cli import player
+from tests.unit.cli.terminal import Terminal
+
+PLAYER = (sys.executable, "-m", "tests.unit.cli.player")
+INTERRUPTED = "interrupted: running steps end, no new one begins; once more to leave at once"
+
+
+def told(robots: int) -> list[str]:
+    """Return what is said of each finished step, without its count: in which order they end is open."""
+    return [
+        f"{robot}: + container {player.step(robots, robot, number).name}: changed"
+        for robot in (f"robot{n:02}" for n in range(robots))
+        for number in range(player.STEPS)
+    ]
+
+
+def check(terminal: Terminal, runs: Sequence[int], columns: int) -> None:
+    """Hold the screen to what these runs say."""
+    seen = terminal.rows()
+    beginnings = Counter(row.partition(" ")[0] for row in seen.rows)
+    for robots in runs:
+        total = robots * player.STEPS
+        for line in told(robots):
+            times = sum(seen.count(f"[{n}/{total}] {line}", columns) for n in range(1, total + 1))
+            assert times == 1, f"{line} stands there {times} times:\n" + "\n".join(seen.rows)
+        for number in range(1, total + 1):
+            assert beginnings[f"[{number}/{total}]"] == 1
+        assert seen.count(f"run of {robots} done", columns) == 1
+
+
+@pytest.mark.parametrize("columns", [40, 80, 120])
+def test_every_finished_line_stays_whole_and_once(columns: int) -> None:
+    """With 1 to 30 robots; nothing of the status line is left."""
+    terminal = Terminal(*PLAYER, *map(str, range(1, 31)), columns=columns)
+    terminal.read_until()
+    assert terminal.close() == 0
+    check(terminal, range(1, 31), columns)
+    rest = [row for row in terminal.rows().rows if re.search(r"Step 3/9|stay up|starting", row)]
+    assert rest == []
+
+
+@pytest.mark.parametrize(("before", "after"), [(120, 40), (40, 120), (80, 79)])
+def test_lines_stay_when_the_terminal_gets_another_size(before: int, after: int) -> None:
+    terminal = Terminal(*PLAYER, "12", "pause", "13", columns=before)
+    terminal.read_until("paused")
+    check(terminal, [12], before)
+    terminal.resize(after)
+    terminal.type("\n")
+    terminal.read_until()
+    assert terminal.close() == 0
+    check(terminal, [13], after)
+
+
+@pytest.mark.parametrize("columns", [40, 80, 120])
+def test_the_word_of_an_interrupt_in_the_middle_stays_too(columns: int) -> None:
+    """A signal's handler writes past rich, wherever the cursor is."""
+    terminal = Terminal(*PLAYER, "interrupt", "12", columns=columns)
+    terminal.read_until()
+    assert terminal.close() == 0
+    check(terminal, [12], columns)
+    assert terminal.rows().count(INTERRUPTED, columns) == 1
