@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import queue
+import sys
 import threading
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import click
@@ -10,6 +13,7 @@ import click
 from srprov.cli import options
 from srprov.cli.destroy import named_instance
 from srprov.cli.output import err, out
+from srprov.cli.streams import lost
 from srprov.errors import TransportError, UsageError, visible
 from srprov.wire import Session
 
@@ -41,16 +45,7 @@ def logs(
             err(f"unreachable: {host}: {reason}")
         chosen = _containers(found, name, services)
         show = _Lines(max((len(visible(service)) for service, _, _ in chosen), default=0))
-        threads = [
-            threading.Thread(
-                target=show.stream, args=(lab.sessions.get(host), service, container, tail, follow), daemon=True
-            )
-            for service, host, container in chosen
-        ]
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join()
+        show.all([(lab.sessions.get(host), service, container) for service, host, container in chosen], tail, follow)
     return UNREACHABLE if found.unreachable or show.lost else 0
 
 
@@ -82,6 +77,16 @@ class _Lines:
         self.width = width
         self.lock = threading.Lock()
         self.lost: list[str] = []
+        self.ended: queue.SimpleQueue[str] = queue.SimpleQueue()
+
+    def all(self, logs: Sequence[tuple[Session, str, str]], tail: int, follow: bool) -> None:
+        """Print logs, each a session, a service and its container, until all have ended or nobody reads any more."""
+        for log in logs:
+            threading.Thread(target=self.stream, args=(*log, tail, follow), daemon=True).start()
+        for _ in logs:
+            self.ended.get()
+            if lost(sys.stdout):
+                return
 
     def stream(self, session: Session, service: str, container: str, tail: int, follow: bool) -> None:
         """Print one container's log."""
@@ -89,6 +94,11 @@ class _Lines:
             for line in session.container_log(container, tail=tail, follow=follow):
                 with self.lock:
                     out(f"{visible(service):<{self.width}} | {line}")
+                if lost(sys.stdout):
+                    break
         except TransportError as error:
-            self.lost.append(service)
-            err(f"{visible(service)}: {error.message}")
+            if not lost(sys.stdout):  # or it was closed because nobody reads
+                self.lost.append(service)
+                err(f"{visible(service)}: {error.message}")
+        finally:
+            self.ended.put(service)

@@ -17,7 +17,7 @@ from srprov.cli import output
 from srprov.cli.config import default_map
 from srprov.cli.interrupt import as_interrupt
 from srprov.cli.output import Answer, catch_stray, err
-from srprov.cli.streams import lost, survive
+from srprov.cli.streams import lost, protect_standard_streams
 from srprov.errors import DefinitionError, NoAssignment, SrprovError
 
 _VERBS = {
@@ -124,7 +124,7 @@ def entry() -> None:
     """Run the `srprov` command and exit with its code."""
     # a run is short and keeps nearly all that it makes: looking for cycles every 700 objects costs 5 % of a small one
     gc.set_threshold(100_000, 50, 100)
-    survive()
+    protect_standard_streams()
     as_interrupt()
     catch_stray()
     code = code_of_output(run())

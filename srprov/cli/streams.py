@@ -35,21 +35,27 @@ class _Surviving(io.FileIO):
         return memoryview(data).nbytes
 
 
-def survive() -> None:
+def protect_standard_streams() -> None:
     """Let standard output and standard error survive, and open what is closed: no connection may get its number."""
     for descriptor in _STANDARD:
         try:
             os.fstat(descriptor)
         except OSError:
             os.set_inheritable(os.open(os.devnull, os.O_RDWR), True)  # gets the lowest number that is free
-    sys.stdin = sys.stdin or io.TextIOWrapper(io.FileIO(0, closefd=False))
-    sys.stdout, sys.stderr = _surviving(sys.stdout, 1), _surviving(sys.stderr, 2)
+    sys.stdin = sys.stdin or io.TextIOWrapper(io.BufferedReader(io.FileIO(0, closefd=False)))
+    sys.stdout, sys.stderr = surviving(1, sys.stdout), surviving(2, sys.stderr)
 
 
-def _surviving(stream: TextIO | None, descriptor: int) -> TextIO:
+def surviving(descriptor: int, stream: TextIO | None) -> TextIO:
+    """Return a stream like another one that writes to a file descriptor and never raises for it.
+
+    Args:
+        descriptor: Where to write; stays open.
+        stream: Its encoding and buffering are taken over. None stands for a stream that was closed: it is lost.
+    """
     raw = _Surviving(descriptor, "w", closefd=False)
     buffer = io.BufferedWriter(raw)
-    if not isinstance(stream, io.TextIOWrapper):  # None: it was closed
+    if not isinstance(stream, io.TextIOWrapper):
         raw.lost = OSError(errno.EBADF, os.strerror(errno.EBADF))
         return io.TextIOWrapper(buffer, encoding="utf-8", errors="backslashreplace")
     return io.TextIOWrapper(

@@ -114,7 +114,7 @@ def test_the_status_line_takes_any_word_of_a_robot(monkeypatch: pytest.MonkeyPat
     plan: Any = SimpleNamespace(steps=[1])
     with progress.progress(plan, record, events=None, color=False) as listen:
         listen(Event(kind="progress", host="r1", text=f"{word} seen"))
-    words = " ".join(f"r1: {clean(word)} seen".split())
+    words = " ".join(clean(" ".join(f"r1: {word} seen".split())).split())
     assert f"0/1 {words}" in re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", screen.getvalue())
 
 

@@ -6,6 +6,7 @@ import re
 import sys
 from collections import Counter
 from collections.abc import Sequence
+from pathlib import Path
 
 import pytest
 
@@ -48,6 +49,29 @@ def test_every_finished_line_stays_whole_and_once(columns: int) -> None:
     check(terminal, range(1, 31), columns)
     rest = [row for row in terminal.rows().rows if re.search(r"Step 3/9|stay up|starting", row)]
     assert rest == []
+
+
+@pytest.mark.parametrize("quiet", [False, True])
+def test_a_whole_apply_on_a_terminal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, quiet: bool) -> None:
+    """With a question: the plan is shown even when little else is wanted."""
+    (tmp_path / "e.edf").write_text("edf: 1\nname: hello\nservices:\n  a: {image: busybox}\n")
+    (tmp_path / "inv.yml").write_text("all: {hosts: {r1: {ansible_host: 10.0.0.1}}}\n")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[3]))
+    words = ["apply", "e.edf", "-i", "inv.yml", "--settle", "0", *(["--quiet"] if quiet else [])]
+    terminal = Terminal(sys.executable, "-m", "tests.unit.cli.faked", *words, columns=80)
+    terminal.read_until("Do this?")
+    terminal.type("y\n")
+    terminal.read_until()
+    assert terminal.close() == 0
+    rows = terminal.rows().rows
+    at = rows.index("Do this? [y/N]: y")
+    total = sum(row.startswith("  + #") for row in rows[:at])
+    finished = [] if quiet else [f"[{n}/{total}]" for n in range(1, total + 1)]
+    assert total >= 5 and [row.partition(" ")[0] for row in rows[at + 1 : at + 1 + len(finished)]] == finished
+    last = rows[at + 1 + len(finished) :]
+    assert last[0].startswith("hello: done in ") and not any(last[1:])
 
 
 @pytest.mark.parametrize(("before", "after"), [(120, 40), (40, 120), (80, 79)])
