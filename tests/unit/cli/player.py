@@ -1,7 +1,7 @@
 """Plays runs to the live progress, as a program of its own on a terminal: `python -m tests.unit.cli.player N [N…]`.
 
-One run for each number of robots, all of them at once in threads. `pause` instead of a number waits for a line on
-standard input; `interrupt` sends Ctrl-C's signal in the middle of the next run.
+One run for each number of robots, all of them at once in threads. Behind `hold` a run waits in its middle for a line
+on standard input; behind `interrupt` it gets Ctrl-C's signal.
 """
 
 from __future__ import annotations
@@ -21,6 +21,9 @@ from srprov.execution import Event, Outcome
 from srprov.resource import Action
 
 STEPS = 2
+SLOW = (2, 12, 30)
+"""With so many robots, steps take long enough for the status line to be drawn by itself."""
+HELD = "half of it is done"
 LONG = "srprov/listener:f90d6563028b2b06 "
 
 
@@ -33,11 +36,11 @@ def step(run: int, robot: str, number: int) -> Any:
     )
 
 
-def play(robots: int, *, interrupt: bool) -> None:
+def play(robots: int, how: str) -> None:
     """Play one run."""
     record: Any = SimpleNamespace(event=lambda _value: None)
     plan: Any = SimpleNamespace(steps=range(robots * STEPS))
-    stop = threading.Event()
+    stop, go_on, half = threading.Event(), threading.Event(), threading.Barrier(robots + 1)
     with progress(plan, record, events=None, color=True) as listen, soft_interrupt(stop):
 
         def one(robot: str) -> None:
@@ -45,34 +48,37 @@ def play(robots: int, *, interrupt: bool) -> None:
                 what = step(robots, robot, number)
                 listen(Event(kind="start", host=robot, step=what))
                 listen(Event(kind="progress", host=robot, step=what, text=f"Step 3/9 : RUN [/b] {LONG * 6}"))
-                time.sleep(0.002)
+                if number and how == "hold":
+                    half.wait()
+                    go_on.wait()
+                time.sleep(0.15 if robots in SLOW else 0.002)
                 listen(Event(kind="waiting", host=robot, step=what, text=f"checking that services stay up {LONG * 3}"))
                 listen(Event(kind="end", host=robot, step=what, outcome=Outcome.CHANGED))
 
         threads = [threading.Thread(target=one, args=(f"robot{n:02}",)) for n in range(robots)]
         for thread in threads:
             thread.start()
-        if interrupt:
+        if how == "interrupt":
             os.kill(os.getpid(), signal.SIGINT)
+        elif how == "hold":
+            half.wait()
+            err(HELD)
+            sys.stdin.readline()
+            go_on.set()
         for thread in threads:
             thread.join()
-        if robots % 10 in (0, 2):
-            time.sleep(0.15)  # the status line is drawn by itself too
     err(f"run of {robots} done")
 
 
 def main(words: list[str]) -> None:
     """Play what the words say."""
-    interrupt = False
+    how = ""
     for word in words:
-        if word == "pause":
-            err("paused")
-            sys.stdin.readline()
-        elif word == "interrupt":
-            interrupt = True
+        if word in ("hold", "interrupt"):
+            how = word
         else:
-            play(int(word), interrupt=interrupt)
-            interrupt = False
+            play(int(word), how)
+            how = ""
 
 
 if __name__ == "__main__":

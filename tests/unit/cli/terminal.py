@@ -54,17 +54,28 @@ class Terminal:
         """
         end = time.monotonic() + _LIMIT_S
         while not text or not any(text in line for line in self.screen.display):
-            ready, _, _ = select.select([self.master], [], [], max(0.0, end - time.monotonic()))
-            if not ready:
+            if time.monotonic() > end:
                 self.process.kill()
                 raise TimeoutError(f"'{text}' did not come within {_LIMIT_S:g} s")
+            if not self._read(1.0):
+                break
+
+    def read_for(self, seconds: float) -> None:
+        """Show what the program prints in the next seconds."""
+        end = time.monotonic() + seconds
+        while time.monotonic() < end and self._read(0.05):
+            pass
+
+    def _read(self, wait_s: float) -> bool:
+        """Show what there is; False when the program has closed the terminal."""
+        ready, _, _ = select.select([self.master], [], [], wait_s)
+        if ready:
             try:
                 data = os.read(self.master, 65536)
-            except OSError:  # the program has closed it
-                break
-            if not data:
-                break
+            except OSError:
+                return False
             self.stream.feed(data)
+        return True
 
     def close(self) -> int:
         """Wait for the program's end and return its exit code."""

@@ -14,6 +14,7 @@ from tests.unit.cli import player
 from tests.unit.cli.terminal import Terminal
 
 PLAYER = (sys.executable, "-m", "tests.unit.cli.player")
+RUNS = (1, 2, 3, 5, 8, 12, 19, 30)
 INTERRUPTED = "interrupted: running steps end, no new one begins; once more to leave at once"
 
 
@@ -43,10 +44,10 @@ def check(terminal: Terminal, runs: Sequence[int], columns: int) -> None:
 @pytest.mark.parametrize("columns", [40, 80, 120])
 def test_every_finished_line_stays_whole_and_once(columns: int) -> None:
     """With 1 to 30 robots; nothing of the status line is left."""
-    terminal = Terminal(*PLAYER, *map(str, range(1, 31)), columns=columns)
+    terminal = Terminal(*PLAYER, *map(str, RUNS), columns=columns)
     terminal.read_until()
     assert terminal.close() == 0
-    check(terminal, range(1, 31), columns)
+    check(terminal, RUNS, columns)
     rest = [row for row in terminal.rows().rows if re.search(r"Step 3/9|stay up|starting", row)]
     assert rest == []
 
@@ -76,14 +77,24 @@ def test_a_whole_apply_on_a_terminal(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 @pytest.mark.parametrize(("before", "after"), [(120, 40), (40, 120), (80, 79)])
 def test_lines_stay_when_the_terminal_gets_another_size(before: int, after: int) -> None:
-    terminal = Terminal(*PLAYER, "12", "pause", "13", columns=before)
-    terminal.read_until("paused")
-    check(terminal, [12], before)
+    """In the middle of a run, under a status line of the old width."""
+    terminal = Terminal(*PLAYER, "hold", "12", columns=before)
+    terminal.read_until(player.HELD)
+    terminal.read_for(0.4)
+    held = terminal.rows()
+    below = [row for row in held.rows[held.places[player.HELD][0] + 1 :] if row]
+    assert len(below) == 1 and " 12/24 robot00: " in below[0], "the status line takes one row"
     terminal.resize(after)
+    terminal.read_for(0.4)
     terminal.type("\n")
     terminal.read_until()
     assert terminal.close() == 0
-    check(terminal, [13], after)
+    seen, total = terminal.rows(), 12 * player.STEPS
+    for at, line in enumerate(told(12)):
+        rows, columns = (seen, after) if at % player.STEPS else (held, before)
+        assert sum(rows.count(f"[{n}/{total}] {line}", columns) for n in range(1, total + 1)) == 1
+    beginnings = Counter(row.partition(" ")[0] for row in seen.rows)
+    assert all(beginnings[f"[{number}/{total}]"] == 1 for number in range(1, total + 1))
 
 
 @pytest.mark.parametrize("columns", [40, 80, 120])
