@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from types import MappingProxyType
+from types import MappingProxyType, SimpleNamespace
 from typing import Any
 from unittest import mock
 
-from srprov import controller
+from srprov.controller import plan
+from srprov.controller.fleet import Fleet
+from srprov.controller.remove import make_removal
+from srprov.controller.request import PlanRequest
+from srprov.controller.watcher import Watcher
 from srprov.definitions.model import (
     Definitions,
     Experiment,
@@ -20,10 +24,13 @@ from srprov.definitions.model import (
     Runtime,
     Service,
 )
-from srprov.execution import Event, RunOptions, RunResult
+from srprov.execution import Event, RunOptions, RunResult, run_plan
+from srprov.facts.gather import Gathering
 from srprov.planning.plan import Plan
+from srprov.secret import Vault
 from tests.fakes import World
 
+AS_IT_IS = PlanRequest()
 EDF = "/e/hello.edf"
 CHECK = HealthCheck(test=("CMD", "true"), interval_s=1.0, timeout_s=1.0, retries=3)
 QUICK = RunOptions(settle_s=0.0, wait_timeout_s=5.0)
@@ -55,18 +62,35 @@ def inventory(world: World) -> Inventory:
 def plan_for(world: World, what: Experiment, **wishes: Any) -> Plan:
     """Make the plan of an experiment on a world."""
     definitions = Definitions(experiment=what, containers={})
-    with mock.patch.object(controller, "source_of", return_value=f"lab@desk:{what.file}"):
-        return controller.make_plan(definitions, inventory(world), world.reader, controller.PlanRequest(**wishes)).plan
+    watcher = wishes.pop("watcher", None)
+    request = PlanRequest(**wishes)
+    with mock.patch.object(plan, "source_of", return_value=f"lab@desk:{what.file}"):
+        return made(world, definitions, request, watcher=watcher).plan
+
+
+def made(
+    world: World, definitions: Definitions, request: PlanRequest = AS_IT_IS, vault: Vault | None = None,
+    watcher: Watcher | None = None,
+) -> plan.Planned:  # fmt: skip
+    """Make a plan with all that led to it."""
+    engine = request.exact or any(one.requires.disk for one in definitions.experiment.services.values())
+    with Gathering(inventory(world), world.reader, engine=engine) as look:
+        return plan.make_plan(definitions, look, request, vault or Vault(), watcher)
+
+
+def fleet(world: World) -> Fleet:
+    """Return the robots of a world, connected."""
+    return Fleet(inventory(world), SimpleNamespace(get=world.reader, connected=world.sessions), forks=8)  # type: ignore[arg-type]
 
 
 def removal_for(world: World, instance: str = "hello", *, volumes: bool = False) -> Plan:
     """Make the plan that removes an instance."""
-    return controller.make_removal(instance, inventory(world), world.reader, volumes=volumes)[0]
+    return make_removal(fleet(world), instance, volumes=volumes).plan
 
 
 def run(world: World, plan: Plan, options: RunOptions = QUICK) -> RunResult:
     """Do a plan."""
-    return controller.apply(plan, world.sessions(), lambda _event: None, options)
+    return run_plan(plan, world.sessions(), lambda _event: None, options)
 
 
 def apply(world: World, what: Experiment, options: RunOptions = QUICK) -> RunResult:
@@ -77,7 +101,7 @@ def apply(world: World, what: Experiment, options: RunOptions = QUICK) -> RunRes
 def events(world: World, plan: Plan, options: RunOptions = QUICK) -> tuple[RunResult, list[Event]]:
     """Do a plan and give what a listener was told."""
     heard: list[Event] = []
-    return controller.apply(plan, world.sessions(), heard.append, options), heard
+    return run_plan(plan, world.sessions(), heard.append, options), heard
 
 
 __all__ = [

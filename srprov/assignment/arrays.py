@@ -18,7 +18,7 @@ import numpy as np
 
 from srprov.assignment.bundles import Item, items
 from srprov.assignment.cost import terms
-from srprov.assignment.model import SCALE, Node, Problem
+from srprov.assignment.model import SCALE, Problem, ServiceGroup
 from srprov.assignment.table import Array, ProblemTable
 
 
@@ -27,7 +27,7 @@ class Arrays:
     """K items on P places (slots of reachable robots); the first N items are the problem's nodes."""
 
     items: tuple[Item, ...]
-    names: tuple[Node, ...]
+    names: tuple[ServiceGroup, ...]
     """K times the services of the item, in name order."""
     places: tuple[tuple[str, int], ...]
     """P times (robot, slot)."""
@@ -41,7 +41,7 @@ class Arrays:
     """int64 [K, P]: services of the item that run on another robot now."""
     robots: Array
     """int64 [P]: position of the robot in name order."""
-    apart: tuple[tuple[int, ...], ...]
+    anti_affinity: tuple[tuple[int, ...], ...]
     """Sets of nodes."""
 
     @property
@@ -57,7 +57,7 @@ class Arrays:
             cost=cost,
             allowed=self.allowed if allowed is None else allowed,
             robots=self.robots,
-            apart=self.apart,
+            anti_affinity=self.anti_affinity,
         )
 
     def free(self, wanted: Array) -> Array:
@@ -84,9 +84,9 @@ def arrays(problem: Problem) -> Arrays:
         UsageError: Too many ways to combine pools with same_robot.
     """
     node_of = {service: index for index, node in enumerate(problem.nodes) for service in node}
-    groups = [tuple(sorted({node_of[name] for name in group if name in node_of})) for group in problem.apart]
-    apart = tuple(group for group in groups if len(group) > 1)
-    found = tuple(items(problem.nodes, problem.pools, problem.alphas, apart))
+    groups = [tuple(sorted({node_of[name] for name in group if name in node_of})) for group in problem.anti_affinity]
+    anti_affinity = tuple(group for group in groups if len(group) > 1)
+    found = tuple(items(problem.nodes, problem.pools, problem.alphas, anti_affinity))
     names = tuple(tuple(sorted(name for node in item.nodes for name in problem.nodes[node])) for item in found)
     places = tuple((robot, slot) for robot in problem.slots for slot in range(problem.slots[robot]))
     at = {robot: index for index, robot in enumerate(problem.loads)}
@@ -103,11 +103,11 @@ def arrays(problem: Problem) -> Arrays:
         wanted=np.rint(_wanted(problem, names, price, robots) * SCALE).astype(np.int64),
         moves=_moves(problem, names, at, robots),
         robots=robots,
-        apart=apart,
+        anti_affinity=anti_affinity,
     )
 
 
-def _allowed(problem: Problem, names: tuple[Node, ...], robots: Array) -> Array:
+def _allowed(problem: Problem, names: tuple[ServiceGroup, ...], robots: Array) -> Array:
     """Return bool [K, P]: the robot lacks nothing for any service of the item."""
     width = (len(problem.loads) + 7) // 8
     rows = b"".join(problem.able(item).to_bytes(width, "little") for item in names)
@@ -117,7 +117,7 @@ def _allowed(problem: Problem, names: tuple[Node, ...], robots: Array) -> Array:
     return allowed
 
 
-def _moves(problem: Problem, names: tuple[Node, ...], at: dict[str, int], robots: Array) -> Array:
+def _moves(problem: Problem, names: tuple[ServiceGroup, ...], at: dict[str, int], robots: Array) -> Array:
     """Return int64 [K, P]: services of the item that run on another robot now."""
     moves: Array = np.zeros((len(names), len(problem.loads)), dtype=np.int64)
     for index, item in enumerate(names) if problem.previous else ():
@@ -130,7 +130,7 @@ def _moves(problem: Problem, names: tuple[Node, ...], at: dict[str, int], robots
     return spread
 
 
-def _wanted(problem: Problem, names: tuple[Node, ...], price: Array, robots: Array) -> Array:
+def _wanted(problem: Problem, names: tuple[ServiceGroup, ...], price: Array, robots: Array) -> Array:
     """Return float [K, P]: the costs, for items not placed yet mixed with what they add to the sum of squares.
 
     With d what a robot has carried beyond the one that carried least, c the cost, and m what a robot has carried on

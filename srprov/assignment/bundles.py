@@ -35,7 +35,7 @@ def items(
     nodes: Sequence[Sequence[str]],
     pools: Sequence[Pool],
     alphas: Mapping[str, float],
-    apart: Sequence[Sequence[int]] = (),
+    anti_affinity: Sequence[Sequence[int]] = (),
 ) -> list[Item]:
     """Return every node alone, in order, then the bundles in the order of their nodes.
 
@@ -43,7 +43,7 @@ def items(
         nodes: Services that share a robot; every service in one node at most.
         pools: Those with a service in no node are left out: it is not decided here.
         alphas: Pre-defined cost per service.
-        apart: Sets of nodes that no robot may run two of.
+        anti_affinity: Sets of nodes that no robot may run two of.
 
     Raises:
         UsageError: Too many ways to combine pools with same_robot.
@@ -53,7 +53,7 @@ def items(
     best: dict[tuple[int, ...], tuple[float, tuple[Pool, ...]]] = {(index,): (0.0, ()) for index in range(len(nodes))}
     for chosen in _together(usable, node_of):
         union = tuple(sorted({node_of[service] for pool in chosen for service in pool.services}))
-        if any(len(set(union) & set(group)) > 1 for group in apart):
+        if any(len(set(union) & set(group)) > 1 for group in anti_affinity):
             continue
         saved = sum(saving(pool, alphas) for pool in chosen)
         if union not in best or saved > best[union][0]:

@@ -16,13 +16,13 @@ from dataclasses import replace
 import numpy as np
 
 from srprov.assignment.arrays import arrays
-from srprov.assignment.model import Node, Problem
+from srprov.assignment.model import Problem, ServiceGroup
 from srprov.assignment.solve_flow import assign
 from srprov.assignment.solve_pools import solve_table
 from srprov.assignment.table import Array
 
 
-def smallest_conflict(problem: Problem) -> tuple[Node, ...]:
+def smallest_conflict(problem: Problem) -> tuple[ServiceGroup, ...]:
     """Return nodes, cut down to services of which none can be left out; empty when all can be placed.
 
     Several conflicts may exist. Services with the fewest robots are looked at first. (The smallest of all would be the
@@ -61,7 +61,7 @@ def feasible(problem: Problem) -> bool:
     if (~laid.allowed[:nodes].any(axis=1)).any() and len(laid.items) == nodes:
         return False
     free = np.zeros(laid.cost.shape, dtype=np.int64)
-    if not laid.apart and assign(free[:nodes], laid.allowed[:nodes]) is not None:
+    if not laid.anti_affinity and assign(free[:nodes], laid.allowed[:nodes]) is not None:
         return True
     table = laid.table(free)
     return not table.plain and solve_table(table) is not None
@@ -72,7 +72,7 @@ def places_needed(problem: Problem) -> int:
     laid = arrays(problem)
     somewhere: Array = np.ones((len(laid.items), laid.nodes), dtype=bool)
     table = laid.table(np.ones(somewhere.shape, dtype=np.int64), somewhere)
-    found = solve_table(replace(table, robots=np.arange(laid.nodes), apart=()))
+    found = solve_table(replace(table, robots=np.arange(laid.nodes), anti_affinity=()))
     assert found is not None, "there is a place for every node"
     return len(found.items)
 
@@ -101,13 +101,13 @@ def _none_in_vain(problem: Problem, names: list[str]) -> list[str]:
     return names
 
 
-def _hall(problem: Problem) -> tuple[Node, ...]:
+def _hall(problem: Problem) -> tuple[ServiceGroup, ...]:
     """Return a conflict of nodes in the plain model, the smallest that inserting one after another shows; or none."""
-    if problem.pools or problem.apart:
+    if problem.pools or problem.anti_affinity:
         return ()
     eligible = {node: problem.eligible(node) for node in problem.nodes}
-    holds: dict[str, list[Node]] = {robot: [] for robot in problem.slots}
-    conflicts: list[tuple[Node, ...]] = []
+    holds: dict[str, list[ServiceGroup]] = {robot: [] for robot in problem.slots}
+    conflicts: list[tuple[ServiceGroup, ...]] = []
     for node in sorted(problem.nodes, key=lambda node: (len(eligible[node]), node)):
         conflict = _insert(node, eligible, holds, problem.slots)
         if conflict:
@@ -116,10 +116,13 @@ def _hall(problem: Problem) -> tuple[Node, ...]:
 
 
 def _insert(
-    node: Node, eligible: Mapping[Node, Sequence[str]], holds: dict[str, list[Node]], slots: Mapping[str, int]
-) -> list[Node]:
+    node: ServiceGroup,
+    eligible: Mapping[ServiceGroup, Sequence[str]],
+    holds: dict[str, list[ServiceGroup]],
+    slots: Mapping[str, int],
+) -> list[ServiceGroup]:
     """Place one more node, moving others as needed; else give the conflict: what alternating paths reach."""
-    came_from: dict[str, Node] = {}
+    came_from: dict[str, ServiceGroup] = {}
     queue = [node]  # every node is held by one robot and every robot visited once, so nothing comes twice
     for at in queue:
         for robot in eligible[at]:
@@ -133,7 +136,9 @@ def _insert(
     return queue
 
 
-def _shift(robot: str, start: Node, came_from: Mapping[str, Node], holds: dict[str, list[Node]]) -> None:
+def _shift(
+    robot: str, start: ServiceGroup, came_from: Mapping[str, ServiceGroup], holds: dict[str, list[ServiceGroup]]
+) -> None:
     """Follow an alternating path back from a robot with a free slot, moving each node on it one robot further."""
     while True:
         node = came_from[robot]

@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
-from srprov.definitions.model import Placement, Service, Weights
+from srprov.definitions.model import Weights
 from srprov.facts.model import HostFacts
 
 
@@ -71,7 +71,7 @@ def load(facts: HostFacts, reference_mbit: float) -> Load:
 
 
 def at_slot(idle: Load, slot: int, slots: int) -> Load:
-    """Return load that a service meets in a slot (from 0) of `slots`: the CPU beta raised by slot / slots, at most 1.
+    """Return the load a service meets in a slot (from 0) of `slots`: the CPU beta raised by slot / slots, at most 1.
 
     So slot 0 is the paper's cost, and several services on one robot stay an assignment problem: the cost of a slot does
     not depend on who has the others.
@@ -87,19 +87,6 @@ def terms(alpha: float, beta: Load, weights: Weights) -> CostTerms:
         swap=alpha * beta.swap * weights.swap,
         bandwidth=alpha * (1.0 - beta.bandwidth) ** 4 * weights.bandwidth,
     )
-
-
-def cost_terms(
-    service: Service,
-    facts: HostFacts,
-    weights: Weights,
-    placement: Placement,
-    slot: int = 0,
-    slots: int | None = None,
-) -> CostTerms:
-    """Return what `service` costs in a slot of a robot with `slots`, else the experiment's number."""
-    idle = load(facts, placement.bandwidth_reference_mbit)
-    return terms(service.cost, at_slot(idle, slot, slots or placement.slots_per_robot), weights)
 
 
 def jain(costs: Iterable[float]) -> float:

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from srprov.assignment import remedies
 from srprov.assignment.conflict import cut, feasible, places_needed, smallest_conflict
-from srprov.assignment.model import Assignment, Node, Problem
+from srprov.assignment.model import Assignment, Problem, ServiceGroup
 from srprov.assignment.remedies import listed, quoted
 from srprov.assignment.report import reasons as _reasons
 from srprov.errors import NoAssignment
@@ -65,7 +65,7 @@ def _fixed(problem: Problem, name: str) -> NoAssignment:
     return NoAssignment(message, misses={name: _reasons(problem, name)}, hint="; ".join(helps))
 
 
-def _message(problem: Problem, conflict: Sequence[Node]) -> str:
+def _message(problem: Problem, conflict: Sequence[ServiceGroup]) -> str:
     robots = sorted({robot for node in conflict for robot in problem.eligible(node)})
     who = quoted([name for node in conflict for name in node])
     slots = sum(problem.slots[robot] for robot in robots)
@@ -85,7 +85,7 @@ def _message(problem: Problem, conflict: Sequence[Node]) -> str:
 
 def _apart_too(problem: Problem) -> str:
     """Name the relations that would stand in the way however many slots the robots had."""
-    one_each = replace(problem, slots=dict.fromkeys(problem.slots, 1), apart=(), pools=())
+    one_each = replace(problem, slots=dict.fromkeys(problem.slots, 1), anti_affinity=(), pools=())
     parts = [_apart(group) for group in _groups(problem) if not feasible(cut(one_each, group))]
     return f"; and {'; '.join(parts)}" if parts else ""
 
@@ -93,7 +93,7 @@ def _apart_too(problem: Problem) -> str:
 def _groups(problem: Problem) -> list[list[str]]:
     """Return the parts of groups in `different_robot` that are to be decided."""
     names = {name for node in problem.nodes for name in node}
-    return [both for group in problem.apart if len(both := sorted(names & set(group))) > 1]
+    return [both for group in problem.anti_affinity if len(both := sorted(names & set(group))) > 1]
 
 
 def _apart(group: Sequence[str]) -> str:

@@ -19,9 +19,9 @@ from srprov.assignment.requirements import UnmetRequirement
 from srprov.definitions.model import Pool, Service, Weights
 from srprov.facts.model import HostFacts
 
-Node = tuple[str, ...]
+ServiceGroup = tuple[str, ...]
 """Services that must share a robot, in name order; most often just one."""
-Choice = tuple[Node, str, int]
+Choice = tuple[ServiceGroup, str, int]
 """What takes one slot (services in name order: a node, or nodes whose pool runs together), its robot, the slot."""
 
 SCALE = 1_000_000
@@ -72,7 +72,7 @@ class Problem:
 
     services: Mapping[str, Service]
     """All of them, in name order."""
-    nodes: tuple[Node, ...]
+    nodes: tuple[ServiceGroup, ...]
     """What must be decided: every service once, except those that are fixed or frozen."""
     robots: tuple[str, ...]
     """All robots by name, also those that cannot be reached."""
@@ -85,7 +85,7 @@ class Problem:
     misses: Mapping[str, Mapping[str, tuple[UnmetRequirement, ...]]]
     """Service -> robot -> what it lacks; a robot that lacks nothing is not listed."""
     pools: tuple[Pool, ...] = ()
-    apart: tuple[tuple[str, ...], ...] = ()
+    anti_affinity: tuple[tuple[str, ...], ...] = ()
     """Groups of services of which a robot runs one at most."""
     weights: Weights = field(default_factory=Weights)
     previous: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
@@ -108,11 +108,7 @@ class Problem:
         """Return the terms of one service in one slot of a reachable robot."""
         return terms(self.services[service].cost * discount, self.loads[robot][slot], self.weights)
 
-    def node_cost(self, node: Node, robot: str, slot: int = 0) -> float:
-        """Return what all services of a node cost together, without any pool's discount."""
-        return sum(self.cost(service, robot, slot).total for service in node)
-
-    def eligible(self, node: Node) -> tuple[str, ...]:
+    def eligible(self, node: ServiceGroup) -> tuple[str, ...]:
         """Return the reachable robots that lack nothing for any service of the node, in name order."""
         able = self.able(node)
         return tuple(robot for bit, robot in enumerate(self.loads) if able >> bit & 1)
@@ -121,7 +117,7 @@ class Problem:
         """Return row of services that share a robot: bit i is set where the i-th of `loads` lacks nothing for any."""
         return reduce(and_, (self.capable[name] for name in services), (1 << len(self.loads)) - 1)
 
-    def moved(self, node: Node, robot: str) -> int:
+    def moved(self, node: ServiceGroup, robot: str) -> int:
         """Count the services of a node that run on some other robot now."""
         return sum(self.previous.get(service, robot) != robot for service in node)
 
@@ -181,7 +177,7 @@ class Assignment:
     frozen: tuple[str, ...] = ()
     """Services that stay on a robot that cannot be reached, and those that wait for it with them."""
     pools: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
-    """Pool -> `together` or `apart`."""
+    """Pool -> `together` or `anti_affinity`."""
     matrix: Mapping[str, Mapping[str, float | None]]
     """Service -> robot -> cost in the robot's first slot, alone, None where it cannot run."""
     why_not: Mapping[str, Mapping[str, str]]

@@ -14,7 +14,7 @@ from dataclasses import replace
 
 from srprov.assignment import capability
 from srprov.assignment.cost import Load, at_slot, load
-from srprov.assignment.model import Fairness, LazyMapping, Node, Problem
+from srprov.assignment.model import Fairness, LazyMapping, Problem, ServiceGroup
 from srprov.assignment.requirements import UnmetRequirement, missing, pinned_elsewhere
 from srprov.definitions.model import ContainerDefinition, Experiment
 from srprov.errors import UsageError
@@ -51,7 +51,7 @@ def build(
     before = {name: previous[name] for name in services if name in previous}
     fixed = {name: service.robot for name, service in services.items() if service.per_robot is not None}
     groups = tuple(_contract((name for name in services if name not in fixed), experiment.same_robot))
-    _check_apart(groups, experiment.different_robot)
+    _check_anti_affinity(groups, experiment.different_robot)
     frozen = {} if reassign_unreachable else _freeze(groups, before, snapshot.unreachable)
     frozen |= {name: robot for name, robot in fixed.items() if robot in snapshot.unreachable}
     total = {robot: (slots or {}).get(robot, experiment.placement.slots_per_robot) for robot in sorted(snapshot.facts)}
@@ -68,7 +68,7 @@ def build(
         capable=capability.matrix(services, platforms, facts),
         misses={},
         pools=experiment.pools,
-        apart=experiment.different_robot,
+        anti_affinity=experiment.different_robot,
         weights=experiment.weights,
         previous=before,
         frozen=frozen,
@@ -83,7 +83,7 @@ def build(
     return replace(made, misses=misses)
 
 
-def _contract(services: Iterable[str], same_robot: Sequence[Sequence[str]]) -> Iterator[Node]:
+def _contract(services: Iterable[str], same_robot: Sequence[Sequence[str]]) -> Iterator[ServiceGroup]:
     """Return each service in exactly one node; groups that share a service are one node."""
     node_of = {name: frozenset({name}) for name in services}
     for group in same_robot:
@@ -92,15 +92,17 @@ def _contract(services: Iterable[str], same_robot: Sequence[Sequence[str]]) -> I
     return iter(sorted({tuple(sorted(node)) for node in node_of.values()}))
 
 
-def _check_apart(groups: Sequence[Node], apart: Sequence[Sequence[str]]) -> None:
+def _check_anti_affinity(groups: Sequence[ServiceGroup], anti_affinity: Sequence[Sequence[str]]) -> None:
     for group in groups:
-        for names in apart:
+        for names in anti_affinity:
             if len(both := sorted(set(group) & set(names))) > 1:
                 message = f"'{both[0]}' and '{both[1]}' must share a robot, and must not"
                 raise UsageError(message, hint="look at same_robot and different_robot under 'relations'")
 
 
-def _freeze(groups: Sequence[Node], before: Mapping[str, str], unreachable: Mapping[str, str]) -> dict[str, str]:
+def _freeze(
+    groups: Sequence[ServiceGroup], before: Mapping[str, str], unreachable: Mapping[str, str]
+) -> dict[str, str]:
     """Return the services that stay where they are because a robot of their group cannot be reached.
 
     Nothing of such a group moves, since it may still run there; what does not run yet joins the robot out of reach.
@@ -153,7 +155,7 @@ def _out_of_reach(robot: str, reason: str) -> UnmetRequirement:
 
 
 def _with_group(
-    own: Mapping[str, Mapping[str, tuple[UnmetRequirement, ...]]], name: str, group: Node
+    own: Mapping[str, Mapping[str, tuple[UnmetRequirement, ...]]], name: str, group: ServiceGroup
 ) -> dict[str, tuple[UnmetRequirement, ...]]:
     """Add to a service what robots lack for those that must share its robot; a robot serves all or none."""
     lacks = dict(own[name])

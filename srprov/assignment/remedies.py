@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 
 from srprov.assignment.conflict import feasible
-from srprov.assignment.model import Node, Problem
+from srprov.assignment.model import Problem, ServiceGroup
 from srprov.assignment.requirements import UnmetRequirement
 from srprov.definitions.model import Pool
 
@@ -78,7 +78,7 @@ def _one_more_slot(problem: Problem, robot: str) -> Problem:
 def _robots(problem: Problem) -> Iterator[str]:
     """Say that one more robot would do, where services must run on different ones."""
     names = {name for node in problem.nodes for name in node}
-    if not problem.loads or not any(len(names & set(group)) > 1 for group in problem.apart):
+    if not problem.loads or not any(len(names & set(group)) > 1 for group in problem.anti_affinity):
         return
     new, some = "", next(iter(problem.loads.values()))
     bit = 1 << len(problem.loads)
@@ -110,12 +110,12 @@ def _abilities(problem: Problem) -> Iterator[str]:
             return
 
 
-def _lacks(problem: Problem, node: Node, robot: str) -> tuple[UnmetRequirement, ...]:
+def _lacks(problem: Problem, node: ServiceGroup, robot: str) -> tuple[UnmetRequirement, ...]:
     """Return all that a robot lacks for a node, each remedy once (members repeat what their group lacks)."""
     return tuple({miss.remedy: miss for name in node for miss in problem.misses[name].get(robot, ())}.values())
 
 
-def _able(problem: Problem, node: Node, robot: str) -> Problem:
+def _able(problem: Problem, node: ServiceGroup, robot: str) -> Problem:
     bit = 1 << list(problem.loads).index(robot)
     return replace(problem, capable={**problem.capable, **{name: problem.capable[name] | bit for name in node}})
 
@@ -123,9 +123,9 @@ def _able(problem: Problem, node: Node, robot: str) -> Problem:
 def _relations(problem: Problem) -> Iterator[str]:
     """Name groups that stand in the way."""
     names = {name for node in problem.nodes for name in node}
-    for group in problem.apart:
-        rest = tuple(other for other in problem.apart if other != group)
-        if len(names & set(group)) > 1 and feasible(replace(problem, apart=rest)):
+    for group in problem.anti_affinity:
+        rest = tuple(other for other in problem.anti_affinity if other != group)
+        if len(names & set(group)) > 1 and feasible(replace(problem, anti_affinity=rest)):
             yield f"take {quoted(in_edf(problem, sorted(names & set(group))))} out of relations.different_robot"
     for node in problem.nodes:
         parts = tuple(sorted((*(other for other in problem.nodes if other != node), *((name,) for name in node))))

@@ -11,7 +11,7 @@ from srprov.assignment.table import Array, Members, ProblemTable
 
 
 class ConstraintRows:
-    """The rows of the model: one per node, per place, per set of `apart` and robot with several places, per cut."""
+    """The rows of the model: one per node, per place, per anti-affinity set and robot with several places, per cut."""
 
     def __init__(self, table: ProblemTable) -> None:
         """Lay them out."""
@@ -20,12 +20,12 @@ class ConstraintRows:
         crowded = {int(robot): index for index, robot in enumerate(shared[counts > 1])}
         self._robot: Array = np.array([crowded.get(int(robot), -1) for robot in table.robots], dtype=np.int64)
         self._width = len(crowded)
-        groups = [set(group) for group in table.apart] if crowded else []
+        groups = [set(group) for group in table.anti_affinity] if crowded else []
         self._inside: list[Array] = [
             np.array([not group.isdisjoint(item) for item in table.items], dtype=bool) for group in groups
         ]
-        self.apart = len(groups) * self._width
-        free = np.full(self.places + self.apart, -np.inf)
+        self.anti_affinity = len(groups) * self._width
+        free = np.full(self.places + self.anti_affinity, -np.inf)
         self.low: Array = np.concatenate([np.ones(self.nodes), free])
         self.high: Array = np.ones(len(self.low))
         self.plain = len(self.low)
@@ -43,7 +43,7 @@ class ConstraintRows:
 
     def touched(self, row: int, item: Array) -> Array:
         """Return bool: which pairs, by their items, are in a cut."""
-        touched: Array = self._cuts[row - self.nodes - self.places - self.apart][item]
+        touched: Array = self._cuts[row - self.nodes - self.places - self.anti_affinity][item]
         return touched
 
     def matrix(self, members: Members, item: Array, place: Array) -> tuple[Array, Array]:
@@ -58,7 +58,7 @@ class ConstraintRows:
             columns.append(somewhere[touched])
         for index, inside in enumerate(self._cuts):
             touched = np.nonzero(inside[item])[0]
-            rows.append(np.full(len(touched), self.nodes + self.places + self.apart + index))
+            rows.append(np.full(len(touched), self.nodes + self.places + self.anti_affinity + index))
             columns.append(touched)
         return np.concatenate(rows), np.concatenate(columns)
 
@@ -68,21 +68,21 @@ class ConstraintRows:
         return dual[: ends[0]], dual[ends[0] : ends[1]], dual[ends[1] :]
 
     def subtract(self, reduced: Array, w: Array) -> None:
-        """Take the prices of `apart` and cuts off reduced costs [K, P + 1], in place; `w` may be of fewer cuts."""
+        """Take anti-affinity prices and cuts off reduced costs [K, P + 1], in place; `w` may be of fewer cuts."""
         crowded = np.nonzero(self._robot >= 0)[0]
         for index, inside in enumerate(self._inside):
             prices = w[index * self._width : (index + 1) * self._width]
             if prices.any():
                 reduced[np.ix_(inside, crowded)] -= prices[self._robot[crowded]]
-        for inside, price in zip(self._cuts, w[self.apart :].tolist(), strict=False):
+        for inside, price in zip(self._cuts, w[self.anti_affinity :].tolist(), strict=False):
             reduced[inside] -= price
 
     def worth(self, w: Array) -> int:
-        """Return what prices of `apart` and cuts add to the bound."""
+        """Return what prices of `anti_affinity` and cuts add to the bound."""
         return int((w * self.high[self.nodes + self.places :][: len(w)].astype(np.int64)).sum())
 
     def kept(self, item: Array, place: Array) -> bool:
-        """Return whether a choice keeps `apart`."""
+        """Return whether a choice keeps `anti_affinity`."""
         robot: Array = np.append(self._robot, -1)[place]
         for inside in self._inside:
             used = robot[inside[item] & (robot >= 0)]

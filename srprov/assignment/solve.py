@@ -7,12 +7,12 @@ order. `solve_small` decides what is small and plain, `solve_arrays` everything 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 from srprov.assignment import report, solve_small
 from srprov.assignment.cost import CostTerms, jain
 from srprov.assignment.model import SCALE, Assignment, Decision, Move, Problem
-from srprov.errors import NoAssignment, SrprovError
+from srprov.errors import NoAssignment
 
 
 def solve(problem: Problem, seconds: float | None = None) -> Assignment:
@@ -34,15 +34,8 @@ def solve(problem: Problem, seconds: float | None = None) -> Assignment:
     return _assignment(problem, decision)
 
 
-def guess(choice: Callable[[], Problem]) -> dict[str, str]:
-    """Return service -> robot where that is cheap: pinned services, and all of a small feasible problem.
-
-    What is wrong with a problem is said when it is solved.
-    """
-    try:
-        problem = choice()
-    except SrprovError:
-        return {}
+def guess(problem: Problem) -> dict[str, str]:
+    """Return service -> robot where that is cheap: pinned services, and all of a small feasible problem."""
     decision = solve_small.decide(problem) if solve_small.small(problem) else None
     chosen = {name: robot for names, robot, _ in decision.chosen for name in names} if decision else {}
     return {**problem.fixed, **chosen}

@@ -9,7 +9,7 @@ What makes it fast is that hardly any of the (item, place) pairs matter:
 2. The linear relaxation is solved on a few pairs each; all others are priced by arrays, those with negative reduced
    cost join (column generation), until none is left.
 3. Prices give a bound that is checked in whole numbers, whatever the solver's rounding: with u per node, v <= 0 per
-   place and w <= 0 per row of `apart` such that no pair's reduced cost is negative, `sum u + sum v + sum w` is below
+   place and w <= 0 per anti-affinity row such that no pair's reduced cost is negative, `sum u + sum v + sum w` is below
    every choice's cost.
 4. Where bundles are chosen by halves, inequalities that every choice keeps are added (`cuts`), and 2 goes on.
 5. A choice that beats the best known one holds only pairs whose reduced cost is at most the gap. So HiGHS gets these
@@ -59,7 +59,7 @@ def solve_table(table: ProblemTable, seconds: float | None = None) -> Selection 
 
 @dataclass(kw_only=True)
 class _Prices:
-    """Dual values in fine units, whole numbers: u [N], v [P] <= 0, w [rows of `apart`] <= 0; and their bound."""
+    """Dual values in fine units, whole numbers: u [N], v [P] <= 0, w [anti-affinity rows] <= 0; and their bound."""
 
     u: Array
     v: Array
@@ -114,8 +114,8 @@ class _Search:
             self._offer(chosen * width + places)
             u = self._split(chosen, per_item, v)
         self._offer(np.arange(nodes) * width + found)
-        self.prices = self._prove(u, np.zeros(self.rows.apart))
-        reduced = self._reduced(u, v, np.zeros(self.rows.apart, dtype=np.int64))
+        self.prices = self._prove(u, np.zeros(self.rows.anti_affinity))
+        reduced = self._reduced(u, v, np.zeros(self.rows.anti_affinity, dtype=np.int64))
         first = [smallest(reduced, _PER_ITEM, 1), smallest(reduced, _PER_PLACE, 0), self._nowhere_pairs()]
         first += [self.best[1]] if self.best is not None else [np.arange(nodes) * width + found]
         pairs = np.unique(np.concatenate(first))
@@ -188,7 +188,7 @@ class _Search:
         return outcome(self.table, item, place, -(-self.bound // self.fine))
 
     def _flow(self, chosen: Array) -> tuple[Array, Array, Array]:
-        """Place items that cover every node, without `apart`: the place of each, and their prices u and v [P]."""
+        """Place items that cover every node, without anti-affinity: the place of each, and their prices u and v [P]."""
         places = self.cost.shape[1] - 1
         own: Array = np.full((len(chosen), len(chosen)), NEVER, dtype=np.int64)
         np.fill_diagonal(own, self.nowhere * self.members.sizes[chosen])
@@ -219,7 +219,7 @@ class _Search:
         return u
 
     def _prove(self, u: Array, w: Array) -> _Prices:
-        """Return the best bound that prices per node and per row of `apart` allow, with the prices that prove it."""
+        """Return the best bound that prices per node and per anti-affinity row allow, with the prices that prove it."""
         u = np.minimum(u, self.nowhere)
         w = np.minimum(w, 0).astype(np.int64)
         v = np.minimum(0, self._reduced(u, np.zeros(self.cost.shape[1] - 1, dtype=np.int64), w)[:, :-1].min(axis=0))

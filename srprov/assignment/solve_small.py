@@ -36,7 +36,7 @@ def small(problem: Problem) -> bool:
     node_of = {name: index for index, node in enumerate(problem.nodes) for name in node}
     if any(len(pool.services) > 1 and node_of.keys() >= set(pool.services) for pool in problem.pools):
         return False
-    if any(len({node_of[name] for name in group if name in node_of}) > 1 for group in problem.apart):
+    if any(len({node_of[name] for name in group if name in node_of}) > 1 for group in problem.anti_affinity):
         return False
     if problem.fairness.weight > 0 and any(problem.previous.keys().isdisjoint(node) for node in problem.nodes):
         return False

@@ -2,7 +2,7 @@
 
 Takes nothing of the world: integers only. Items are what can be placed: first every node alone (a service, or services
 that must share a robot), then bundles (nodes whose pool runs together). A place is a slot of a robot. Wanted is a set
-of (item, place) that covers every node once, uses a place at most once, keeps `apart`, and costs least. Pure.
+of (item, place) that covers every node once, uses a place at most once, keeps `anti_affinity`, and costs least. Pure.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ class ProblemTable:
     """bool [K, P]"""
     robots: Array
     """int64 [P]: the robot that each place belongs to."""
-    apart: tuple[tuple[int, ...], ...] = ()
+    anti_affinity: tuple[tuple[int, ...], ...] = ()
     """Sets of nodes of which a robot takes one at most; no item holds two of a set."""
 
     @property
     def plain(self) -> bool:
         """True when it is the paper's model: nodes, places, costs and nothing else, so a min-cost flow."""
-        return len(self.items) == self.nodes and not self.apart
+        return len(self.items) == self.nodes and not self.anti_affinity
 
     def priced(self) -> Array:
         """Return int64 [K, P]: the costs, NEVER where not allowed."""

@@ -8,17 +8,16 @@ from typing import TYPE_CHECKING
 
 import click
 
-from srprov.cli import options
-from srprov.cli.history import HISTORY, read_history
+from srprov.cli import inputs, options
 from srprov.cli.output import err, out, out_json
 from srprov.cli.stdout_guard import answers_only
-from srprov.errors import DefinitionError, NoAssignment, UsageError
+from srprov.controller.request import PlanRequest
+from srprov.errors import NoAssignment, UsageError
 
 if TYPE_CHECKING:
     from srprov.assignment.fairness import Point
     from srprov.assignment.model import Assignment, Problem
-    from srprov.controller import PlanRequest
-    from srprov.definitions.model import Definitions, Inventory
+    from srprov.definitions.model import Inventory
     from srprov.facts.model import Snapshot
 
 UNREACHABLE = 4
@@ -27,8 +26,7 @@ UNREACHABLE = 4
 @click.command()
 @click.argument("file", metavar="FILE")
 @options.robots
-@options.INSTANCE
-@HISTORY
+@options.deciding
 @click.option(
     "--facts",
     "stored",
@@ -36,60 +34,63 @@ UNREACHABLE = 4
     metavar="FILE",
     help="Decide from what `facts --json` wrote; no robot is asked.",
 )
-@click.option("--reassign", is_flag=True, help="Let running services move when that is cheaper.")
 @click.option("--explain", is_flag=True, help="Say the cost by term, the next best robot, and why not elsewhere.")
 @click.option("--pareto", is_flag=True, help="Show what each step of fairness costs.")
-@click.option(
-    "--time-limit",
-    type=click.FloatRange(min=0, min_open=True),
-    metavar="S",
-    help="Stop each search after so long, with the best found; an answer takes up to three, --pareto more.",
-)
 @click.option("--svg", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", help="Draw the cost matrix.")
 @click.option("--png", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", help="Draw the cost matrix.")
 def assign(
-    file: str, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, instance: str,
-    history: Path | None, stored: Path | None, reassign: bool, explain: bool, pareto: bool, time_limit: float | None,
-    svg: Path | None, png: Path | None,
+    file: str, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, request: PlanRequest,
+    stored: Path | None, explain: bool, pareto: bool, svg: Path | None, png: Path | None,
 ) -> int:  # fmt: skip
     """Show who would run what, and why; changes nothing.
 
     Exits with 8 when there is no placement, and says which services are in each other's way; with 4 when a robot
     cannot be reached.
     """
-    from srprov.assignment import fairness, solve
-    from srprov.assignment.document import assign_json, refusal_json
-    from srprov.controller import PlanRequest
-    from srprov.definitions.expand import nowhere
-
-    definitions, inventory = options.load_experiment(file), options.load_inventory(inventories)
-    wishes = PlanRequest(instance=instance, reassign=reassign, history=read_history(history), forks=forks)
+    definitions, inventory = inputs.load_experiment(file), inputs.load_inventory(inventories)
     if stored:
-        found = _stored(stored, inventory)
-        task = _problem(definitions, inventory, found, wishes)
+        snapshot = _stored(stored, inventory)
     else:
-        with options.open_lab(inventory, timeout, forks) as lab:
-            found, task = _asked(definitions, inventory, lab, wishes)
-    try:
-        with answers_only():
-            answer = solve.solve(task, time_limit)
-            front = fairness.pareto(task, lambda one: solve.solve(one, time_limit)) if pareto else ()
-    except NoAssignment as error:
-        if as_json:
-            out_json(refusal_json(error))
-        raise
+        with inputs.connect(inventory, timeout, forks) as fleet:
+            from srprov.facts.gather import Detail
+
+            snapshot = fleet.gather(Detail.TRAFFIC)
+    from srprov.controller.choice import checked_choice, idle_notes
+
+    choice = checked_choice(definitions, inventory, snapshot, request)
+    answer, front = _solved(choice.problem, request.search_limit_s, pareto=pareto, as_json=as_json)
     if as_json:
+        from srprov.assignment.document import assign_json
+
         out_json(assign_json(answer, front))
     else:
         _show(answer, explain=explain, front=front)
-    for note in nowhere(definitions.experiment, task.services.values(), away=bool(found.unreachable)):
+    for note in idle_notes(definitions, choice.experiment, snapshot):
         (err if as_json else out)(note)
     for target in (svg, png):
         if target:
             _draw(answer, front, target, "svg" if target is svg else "png")
-    for host, reason in sorted(found.unreachable.items()):
+    for host, reason in sorted(snapshot.unreachable.items()):
         err(f"unreachable: {host}: {reason}")
-    return UNREACHABLE if found.unreachable else 0
+    return UNREACHABLE if snapshot.unreachable else 0
+
+
+def _solved(
+    problem: Problem, seconds: float | None, *, pareto: bool, as_json: bool
+) -> tuple[Assignment, tuple[Point, ...]]:
+    """Return the best assignment, and with `pareto` what each step of fairness costs."""
+    from srprov.assignment import fairness, solve
+    from srprov.assignment.document import refusal_json
+
+    try:
+        with answers_only():
+            answer = solve.solve(problem, seconds)
+            front = fairness.pareto(problem, lambda one: solve.solve(one, seconds)) if pareto else ()
+    except NoAssignment as error:
+        if as_json:
+            out_json(refusal_json(error))
+        raise
+    return answer, front
 
 
 def _stored(path: Path, inventory: Inventory) -> Snapshot:
@@ -110,27 +111,6 @@ def _stored(path: Path, inventory: Inventory) -> Snapshot:
         name: found.unreachable.get(name, "not in the stored facts") for name in inventory.hosts if name not in facts
     }
     return dataclasses.replace(found, facts=facts, observed={name: () for name in facts}, unreachable=away)
-
-
-def _asked(
-    definitions: Definitions, inventory: Inventory, lab: options.Lab, request: PlanRequest
-) -> tuple[Snapshot, Problem]:
-    from srprov.facts.gather import Detail, gather
-
-    found = gather(inventory, lab.sessions.get, closer=Detail.TRAFFIC, forks=request.forks)
-    return found, _problem(definitions, inventory, found, request)
-
-
-def _problem(definitions: Definitions, inventory: Inventory, snapshot: Snapshot, request: PlanRequest) -> Problem:
-    from srprov.controller import choice_of, with_instances
-    from srprov.definitions.pins import unknown_pins
-    from srprov.instance import previous_robots
-
-    if unknown := unknown_pins(definitions.experiment, inventory):
-        raise DefinitionError(unknown)
-    previous = previous_robots(snapshot, request.instance or definitions.experiment.name)
-    experiment = with_instances(definitions.experiment, snapshot, previous)
-    return choice_of(experiment, definitions, inventory, snapshot, previous, request)
 
 
 def _show(answer: Assignment, *, explain: bool, front: tuple[Point, ...]) -> None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from srprov.cli import options
+from srprov.cli import inputs, options
 from srprov.cli.output import err, out, out_json
 from srprov.errors import TransportError
 
@@ -29,22 +29,22 @@ def doctor(inventories: tuple[str, ...], as_json: bool, forks: int, timeout: flo
     """
     import dataclasses
 
-    from srprov.facts.gather import Detail, gather
+    from srprov.facts.gather import Detail
     from srprov.facts.preconditions import Verdict, judge, precondition_queries
 
-    whole = options.load_inventory(inventories)
-    chosen = options.selected(whole, limit, exclude)
+    whole = inputs.load_inventory(inventories)
+    chosen = inputs.selected(whole, limit, exclude)
     inventory = dataclasses.replace(whole, hosts={name: host for name, host in whole.hosts.items() if name in chosen})
-    with options.open_lab(inventory, timeout, forks) as lab:
-        found = gather(inventory, lab.sessions.get, closer=Detail.ENGINE, forks=forks, only_look=True)
-        unreachable = dict(found.unreachable)
+    with inputs.connect(inventory, timeout, forks) as fleet:
+        snapshot = fleet.gather(Detail.ENGINE, keep_mute=True)
+        unreachable = dict(snapshot.unreachable)
 
         def one(name: str) -> tuple[Check, ...]:
-            return judge(found.facts[name], lab.sessions.get(name).ask(precondition_queries()))
+            return judge(snapshot.facts[name], fleet.sessions.get(name).ask(precondition_queries()))
 
         checks: dict[str, tuple[Check, ...]] = {}
-        with concurrent.futures.ThreadPoolExecutor(max(1, len(found.facts))) as pool:
-            for name, future in {name: pool.submit(one, name) for name in found.facts}.items():
+        with concurrent.futures.ThreadPoolExecutor(max(1, len(snapshot.facts))) as pool:
+            for name, future in {name: pool.submit(one, name) for name in snapshot.facts}.items():
                 try:
                     checks[name] = future.result()
                 except TransportError as error:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import click
 
-from srprov.cli import options
+from srprov.cli import inputs, options
 from srprov.cli.output import err, out, out_json
 
 UNREACHABLE = 4
@@ -20,17 +20,17 @@ def facts(inventories: tuple[str, ...], as_json: bool, forks: int, timeout: floa
 
     from srprov.cli.facts_table import facts_table
     from srprov.facts.document import facts_document
-    from srprov.facts.gather import Detail, gather
+    from srprov.facts.gather import Detail
 
-    whole = options.load_inventory(inventories)
-    chosen = options.selected(whole, limit, exclude)
+    whole = inputs.load_inventory(inventories)
+    chosen = inputs.selected(whole, limit, exclude)
     inventory = dataclasses.replace(whole, hosts={name: host for name, host in whole.hosts.items() if name in chosen})
-    with options.open_lab(inventory, timeout, forks) as lab:
-        found = gather(inventory, lab.sessions.get, closer=Detail.TRAFFIC, forks=forks, only_look=True)
+    with inputs.connect(inventory, timeout, forks) as fleet:
+        snapshot = fleet.gather(Detail.TRAFFIC, keep_mute=True)
     if as_json:
-        out_json(facts_document(found.facts, found.unreachable))
+        out_json(facts_document(snapshot.facts, snapshot.unreachable))
     else:
-        out(facts_table(found.facts, found.unreachable))
-    for host, reason in sorted(found.unreachable.items()):
+        out(facts_table(snapshot.facts, snapshot.unreachable))
+    for host, reason in sorted(snapshot.unreachable.items()):
         err(f"unreachable: {host}: {reason}")
-    return UNREACHABLE if found.unreachable else 0
+    return UNREACHABLE if snapshot.unreachable else 0

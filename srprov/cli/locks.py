@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from srprov.cli import options
+from srprov.cli import inputs, options
 from srprov.cli.output import err, out, out_json
 from srprov.cli.status import table
 
@@ -24,9 +24,9 @@ def locks(inventories: tuple[str, ...], as_json: bool, forks: int, timeout: floa
     """Show who holds which robot, and since when; takes no lock."""
     from srprov.execution.locks import holders
 
-    inventory = options.load_inventory(inventories)
-    with options.open_lab(inventory, timeout, forks) as lab:
-        held, unreachable = holders(inventory.hosts, lab.sessions.get, forks=forks)
+    inventory = inputs.load_inventory(inventories)
+    with inputs.connect(inventory, timeout, forks) as fleet:
+        held, unreachable = holders(inventory.hosts, fleet.sessions.get, forks=forks)
     if as_json:
         out_json(document(held, unreachable))
     elif any(held.values()):

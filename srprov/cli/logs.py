@@ -6,19 +6,14 @@ import queue
 import sys
 import threading
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import click
 
-from srprov.cli import options
-from srprov.cli.destroy import named_instance
+from srprov.cli import inputs, options
 from srprov.cli.output import err, out
 from srprov.cli.streams import lost
-from srprov.errors import TransportError, UsageError, visible
+from srprov.errors import TransportError, visible
 from srprov.wire import Session
-
-if TYPE_CHECKING:
-    from srprov.facts.model import Snapshot
 
 UNREACHABLE = 4
 
@@ -35,39 +30,19 @@ def logs(
     tail: int, follow: bool,
 ) -> int:  # fmt: skip
     """Show what services print (all, or those named)."""
-    from srprov.facts.gather import Detail, gather
+    from srprov.controller.status import containers_of
+    from srprov.facts.gather import Detail
 
-    inventory = options.load_inventory(inventories)
-    name = named_instance(file, instance)[0]
-    with options.open_lab(inventory, timeout, forks) as lab:
-        found = gather(inventory, lab.sessions.get, closer=Detail.NO, forks=forks)
-        for host, reason in sorted(found.unreachable.items()):
+    inventory = inputs.load_inventory(inventories)
+    name = inputs.named_instance(file, instance)[0]
+    with inputs.connect(inventory, timeout, forks) as fleet:
+        snapshot = fleet.gather(Detail.NO)
+        for host, reason in sorted(snapshot.unreachable.items()):
             err(f"unreachable: {host}: {reason}")
-        chosen = _containers(found, name, services)
+        chosen = containers_of(snapshot, name, services)
         show = _Lines(max((len(visible(service)) for service, _, _ in chosen), default=0))
-        show.all([(lab.sessions.get(host), service, container) for service, host, container in chosen], tail, follow)
-    return UNREACHABLE if found.unreachable or show.lost else 0
-
-
-def _containers(snapshot: Snapshot, instance: str, services: tuple[str, ...]) -> list[tuple[str, str, str]]:
-    """Return (service, robot, container) of what is wanted."""
-    there = sorted(
-        (item.state["service"], host, item.name)
-        for host, items in snapshot.observed.items()
-        for item in items
-        if item.module == "container" and item.instance == instance
-    )
-    known = [service for service, _, _ in there]
-    unknown = sorted(set(services) - set(known))
-    if snapshot.unreachable and (unknown or not there):
-        return [one for one in there if one[0] in services]  # what is missing may be on a robot that is away
-    if unknown:
-        raise UsageError(
-            f"no container of {', '.join(unknown)} on these robots", hint=f"there are: {', '.join(known) or 'none'}"
-        )
-    if not there:
-        raise UsageError(f"nothing of {instance} on these robots", hint="srprov apply starts it")
-    return [one for one in there if not services or one[0] in services]
+        show.all([(fleet.sessions.get(host), service, container) for service, host, container in chosen], tail, follow)
+    return UNREACHABLE if snapshot.unreachable or show.lost else 0
 
 
 class _Lines:

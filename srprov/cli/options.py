@@ -1,26 +1,18 @@
-"""Options that several verbs share, and what they stand for: definitions, the inventory, open sessions."""
+"""Options that several verbs share, and the requests that they make."""
 
 from __future__ import annotations
 
 import dataclasses
-import sys
-import threading
-from collections.abc import Callable, Collection, Iterator, Mapping
-from contextlib import contextmanager
-from dataclasses import dataclass
+import functools
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import click
 
-from srprov.cli.output import catch_logs
-from srprov.errors import RefusedError, UsageError
-from srprov.secret import Secret, Vault
-from srprov.wire import Pulse, Session
-
-if TYPE_CHECKING:
-    from srprov.definitions.model import Definitions, Inventory
-    from srprov.transport.pool import Sessions
+from srprov.controller.request import SEARCH_LIMIT_S, PlanRequest
+from srprov.errors import UsageError
+from srprov.wire import Pulse
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 
@@ -80,13 +72,19 @@ ASK_BECOME = click.option(
 )  # fmt: skip
 
 
+def asked_for_become() -> bool:
+    """Return whether the user wants to be asked for sudo's password."""
+    context = click.get_current_context(silent=True)
+    return bool(context and context.meta.get(_ASK_BECOME))
+
+
 RUNS = click.option(
     "--runs", type=click.Path(file_okay=False, path_type=Path), envvar="SRPROV_RUNS", default=None, metavar="DIR",
     help="Where runs are recorded (default: ~/.local/state/srprov/runs).",
 )  # fmt: skip
 
 
-UNREACHABLE = click.option(
+_UNREACHABLE = click.option(
     "--unreachable",
     type=click.Choice(["fail", "skip", "reassign"]),
     default="fail",
@@ -94,12 +92,58 @@ UNREACHABLE = click.option(
     help="When robots cannot be reached: do the others and exit with 4, or with 0 (skip), "
     "or place their services elsewhere (reassign).",
 )
-ALLOW = click.option(
+_ALLOW = click.option(
     "--allow",
     multiple=True,
     metavar="KIND",
     help="Allow what the plan lists as asked for, e.g. host-network or playbook; or all.",
 )
+_HISTORY = click.option(
+    "--history", type=click.Path(exists=True, file_okay=False, path_type=Path), default=None, metavar="DIR",
+    help="Earlier runs (DIR/*/assignment.json): fairness evens out what robots carried in them.",
+)  # fmt: skip
+_REASSIGN = click.option("--reassign", is_flag=True, help="Let running services move when that is cheaper.")
+_ADOPT = click.option("--adopt", is_flag=True, help="Take over an instance that another file made.")
+_SEARCH_LIMIT = click.option(
+    "--time-limit", type=click.FloatRange(min=0, min_open=True), default=SEARCH_LIMIT_S, show_default=True, metavar="S",
+    help="Stop each search after so long, with the best found, and say so; an answer takes up to three.",
+)  # fmt: skip
+
+
+def deciding(function: _F) -> _F:
+    """Add the options that say how robots are chosen; the verb gets `request`."""
+
+    @functools.wraps(function)
+    def with_request(*, instance: str, reassign: bool, history: Path | None, time_limit: float, **more: Any) -> Any:  # noqa: ANN401 - what the verb returns
+        runs: tuple[Mapping[str, float], ...] = ()
+        if history:
+            from srprov.controller.history import read_history
+
+            runs = read_history(history)
+        request = PlanRequest(instance=instance, reassign=reassign, history=runs, search_limit_s=time_limit)
+        return function(request=request, **more)
+
+    return cast("_F", INSTANCE(_HISTORY(_REASSIGN(_SEARCH_LIMIT(with_request)))))
+
+
+def planning(function: _F) -> _F:
+    """Add the options that say how a plan is made; the verb gets `request`, and `unreachable` as the user wrote it."""
+
+    @functools.wraps(function)
+    def with_request(
+        *, request: PlanRequest, adopt: bool, unreachable: str, allow: tuple[str, ...], **more: object
+    ) -> object:
+        from srprov.controller.permissions import check_kinds
+
+        check_kinds(allow)
+        request = dataclasses.replace(
+            request, adopt=adopt, reassign_unreachable=unreachable == "reassign", allowed=frozenset(allow)
+        )
+        return function(request=request, unreachable=unreachable, **more)
+
+    return cast("_F", deciding(_ADOPT(_UNREACHABLE(_ALLOW(with_request)))))
+
+
 MAX_FAIL = click.option(
     "--max-fail",
     default="",
@@ -137,113 +181,3 @@ def robots(function: _F) -> _F:
     for option in (ASK_BECOME, TIMEOUT, FORKS, JSON, INVENTORY):
         function = option(function)
     return function
-
-
-@dataclass(frozen=True, slots=True)
-class Lab:
-    """The inventory with open sessions."""
-
-    inventory: Inventory
-    sessions: Sessions
-
-    def connected(self) -> Mapping[str, Session]:
-        """Return the sessions of robots that could be reached."""
-        return self.sessions.connected()
-
-
-def load_inventory(paths: tuple[str, ...]) -> Inventory:
-    """Read the inventory; an empty one is an error. Asks for sudo's password when the user said so."""
-    from srprov import definitions
-
-    lab = definitions.load_inventory(list(paths))
-    if not lab.hosts:
-        raise UsageError(f"no robots in {', '.join(paths)}", hint="add hosts to the inventory")
-    context = click.get_current_context(silent=True)
-    return _with_become_password(lab) if context and context.meta.get(_ASK_BECOME) else lab
-
-
-def _with_become_password(inventory: Inventory) -> Inventory:
-    """Ask once, and give the answer to every robot that has no password of its own."""
-    if not sys.stdin.isatty():
-        hint = "set ansible_become_password in the inventory, e.g. in host_vars/ that only you can read"
-        raise RefusedError("there is no terminal to ask for sudo's password on", hint=hint)
-    try:
-        password = Secret(click.prompt("sudo password", hide_input=True, err=True, default="", show_default=False))
-    except ValueError as error:
-        raise UsageError(str(error)) from None
-    hosts = {
-        name: host if host.become_password else dataclasses.replace(host, become_password=password)
-        for name, host in inventory.hosts.items()
-    }
-    return dataclasses.replace(inventory, hosts=hosts)
-
-
-def load_experiment(path: str) -> Definitions:
-    """Read an EDF and its CDFs."""
-    from srprov import definitions
-
-    return definitions.load_experiment(path)
-
-
-@contextmanager
-def open_lab(
-    inventory: Inventory, timeout: float, forks: int, *, locks: bool = False, vault: Vault | None = None
-) -> Iterator[Lab]:
-    """Begin to connect to all robots; connections end with the block.
-
-    `locks` prepares to take their locks; `vault` has the secrets that are written there.
-    """
-    from srprov.transport import ConnectOptions, load_ssh
-    from srprov.transport.pool import Sessions
-
-    catch_logs()
-    connecting = ConnectOptions(connect_timeout_s=timeout, vault=vault or Vault())
-    with Sessions(inventory.hosts, options=connecting, forks=forks) as sessions:
-        if any(host.connection != "local" for host in inventory.hosts.values()):
-            load_ssh()  # before anything else is imported: from then on the robots have something to do too
-        if locks:
-            threading.Thread(target=_prepare_record, name="import record", daemon=True).start()
-        yield Lab(inventory, sessions)
-
-
-def _prepare_record() -> None:
-    """Import what records a run, while connections come up."""
-    from srprov.record.documents import controller
-
-    controller()
-
-
-def failed_robots(instance: str, runs: Path | None) -> Callable[[], frozenset[str]]:
-    """Return what `@failed` stands for: the robots that the last recorded run of an instance did not finish."""
-
-    def look() -> frozenset[str]:
-        from srprov.record import default_root, last_run
-
-        root = runs or default_root()
-        last = last_run(root, instance)
-        if last is None:
-            hint = "--runs or SRPROV_RUNS names where runs are recorded, --instance the experiment's instance"
-            raise UsageError(f"'@failed': no run of {instance} is recorded in {root}", hint=hint)
-        if not last.failed:
-            raise UsageError(
-                f"'@failed' matches no robot: nothing failed in the last run of {instance} ({last.path.name})",
-                hint="leave it out to change all robots",
-            )
-        return last.failed
-
-    return look
-
-
-def selected(
-    inventory: Inventory, limit: str, exclude: str, failed: Callable[[], Collection[str]] | None = None
-) -> frozenset[str]:
-    """Return the robots that may be changed; `failed` is what `@failed` stands for, for verbs with an experiment."""
-    from srprov.definitions.patterns import select
-
-    known = {"failed": failed} if failed else {}
-    chosen = set(select(inventory, limit, **known)) if limit else set(inventory.hosts)
-    if exclude:
-        chosen -= set(select(inventory, exclude, **known))
-    if not chosen:
-        raise UsageError("--limit and --exclude leave no robot", hint=f"known: {', '.join(inventory.hosts)}")
-    return frozenset(chosen)

@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 
-from srprov.cli import options
-from srprov.cli.history import HISTORY, read_history
+from srprov.cli import inputs, options
 from srprov.cli.output import err, out, out_json
 from srprov.cli.output_options import writable
 from srprov.cli.stdout_guard import answers_only
+from srprov.controller.request import PlanRequest
 from srprov.errors import RefusedError, UsageError
 from srprov.secret import Vault, redact
 
@@ -29,31 +28,21 @@ UNREACHABLE = 4
 @click.command()
 @click.argument("file", metavar="FILE")
 @options.robots
-@options.INSTANCE
 @options.LIMIT
 @options.EXCLUDE
 @options.RUNS
-@HISTORY
-@click.option("--reassign", is_flag=True, help="Let running services move when that is cheaper.")
-@click.option("--adopt", is_flag=True, help="Take over an instance that another file made.")
-@options.UNREACHABLE
-@options.ALLOW
+@options.planning
 @click.option("--detailed-exitcode", is_flag=True, help="Exit with 2 when something would change.")
 @click.option("--format", "form", type=click.Choice(["text", "json", "markdown"]), default="text", show_default=True)
 @click.option(
-    "-o",
-    "--out",
-    "target",
-    type=click.Path(dir_okay=False),
-    callback=writable,
-    metavar="FILE",
+    "-o", "--out", "target", type=click.Path(dir_okay=False), callback=writable, metavar="FILE",
     help="Also write the plan to a file that `apply` takes.",
-)
+)  # fmt: skip
 @click.option("-v", "--verbose", is_flag=True, help="Show the exact commands of each step.")
 def plan(
-    file: str, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, instance: str, limit: str,
-    exclude: str, reassign: bool, adopt: bool, detailed_exitcode: bool, form: str, target: str | None, verbose: bool,
-    history: Path | None, unreachable: str, allow: tuple[str, ...], runs: Path | None,
+    file: str, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, limit: str, exclude: str,
+    runs: Path | None, request: PlanRequest, unreachable: str, detailed_exitcode: bool, form: str, target: str | None,
+    verbose: bool,
 ) -> int:  # fmt: skip
     """Show what would change; changes nothing.
 
@@ -62,34 +51,29 @@ def plan(
     Exits with 0; with 2 when --detailed-exitcode is given and something would change; with 4 when a robot cannot be
     reached, unless --unreachable says otherwise.
     """
-    from srprov.cli.apply import check_kinds, own_playbooks, read_secrets
+    from srprov.controller.secrets import read_secrets
 
-    definitions = options.load_experiment(file)
-    check_kinds(allow)
-    vault = read_secrets(None, definitions, allow)
-    inventory = options.load_inventory(inventories)
-    last = options.failed_robots(instance or definitions.experiment.name, runs)
-    chosen = options.selected(inventory, limit, exclude, last)
-    before, own = read_history(history), own_playbooks()
-    with options.open_lab(inventory, timeout, forks) as lab, answers_only():
-        from srprov.facts.gather import begin
+    definitions = inputs.load_experiment(file)
+    vault = read_secrets(definitions, request.allowed)
+    inventory = inputs.load_inventory(inventories)
+    last = inputs.failed_robots(request.instance or definitions.experiment.name, runs)
+    chosen = inputs.selected(inventory, limit, exclude, last)
+    request = inputs.with_own_playbooks(dataclasses.replace(request, exact=True))
+    with (
+        inputs.connect(inventory, timeout, forks) as fleet,
+        answers_only(),
+        fleet.look(definitions.experiment, exact=request.exact) as look,
+    ):
+        from srprov.controller.plan import make_plan  # a tenth of a second of imports, while the robots are asked
 
-        with closing(begin(inventory, lab.sessions.get, definitions.experiment, exact=True, forks=forks)) as looking:
-            # a tenth of a second of imports, while the robots are asked
-            from srprov.controller import PlanRequest, make_plan
-            from srprov.planning.limit import limited
-            from srprov.planning.markdown import plan_markdown
-            from srprov.planning.plan import plan_json
-            from srprov.saved import to_file
+        planned = make_plan(definitions, look, request, vault).limited(chosen)
+    from srprov.controller.saved import plan_file
+    from srprov.planning.markdown import plan_markdown
+    from srprov.planning.plan import plan_json
 
-            wishes = PlanRequest(
-                instance=instance, reassign=reassign, adopt=adopt, forks=forks, history=before, looking=looking,
-                reassign_unreachable=unreachable == "reassign", allow=frozenset(allow), playbooks=own, exact=True,
-            )  # fmt: skip
-            planned = make_plan(definitions, inventory, lab.sessions.get, wishes, vault=vault)
-    made = limited(planned.plan, chosen)
+    made = planned.plan
     if target:
-        write_plan(target, to_file(planned, made, definitions), vault)
+        write_plan(target, plan_file(planned), vault)
     if form == "markdown" and not as_json:
         out(plan_markdown(made).rstrip())
     else:

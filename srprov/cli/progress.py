@@ -18,19 +18,16 @@ from srprov.cli.output import err, is_terminal, line_of, wants_color
 if TYPE_CHECKING:
     from srprov.execution import Event, Listener
     from srprov.planning.plan import Plan
-    from srprov.record import RunFolder
 
 _SYMBOL_COLORS = {"changed": "green", "unchanged": "blue", "failed": "red", "skipped": "yellow"}
 _PROGRESS_EVERY_S = 5.0
 
 
 @contextmanager
-def progress(
-    plan: Plan, record: RunFolder, *, events: TextIO | None, color: bool, quiet: bool = False
-) -> Iterator[Listener]:
-    """Return a listener for one run, which is recorded too; the status line goes away at the end."""
+def progress(plan: Plan, *, events: TextIO | None, color: bool, quiet: bool = False) -> Iterator[Listener]:
+    """Return a listener for one run; the status line goes away at the end."""
     live = bool(plan.steps) and not quiet and is_terminal(sys.stderr)
-    shown = _Shown(len(plan.steps), record, events, live=live, color=color and wants_color(sys.stderr), quiet=quiet)
+    shown = _Shown(len(plan.steps), events, live=live, color=color and wants_color(sys.stderr), quiet=quiet)
     if not live:
         yield shown.listen
         return
@@ -43,10 +40,8 @@ def progress(
 class _Shown:
     """What was shown so far; called from several threads."""
 
-    def __init__(
-        self, total: int, record: RunFolder, stream: TextIO | None, *, live: bool, color: bool, quiet: bool
-    ) -> None:
-        self.total, self.record, self.stream = total, record, stream
+    def __init__(self, total: int, stream: TextIO | None, *, live: bool, color: bool, quiet: bool) -> None:
+        self.total, self.stream = total, stream
         self.live, self.color, self.quiet = live, color, quiet
         self.done = 0
         self.status = "starting"
@@ -59,10 +54,8 @@ class _Shown:
         from srprov.record import event_json
 
         with self.lock:
-            value = event_json(event)
-            self.record.event(value)
             if self.stream:
-                self._write(self.stream, line_of(value))
+                self._write(self.stream, line_of(event_json(event)))
             getattr(self, f"_{event.kind}")(event)
             self.status = f"{self.done}/{self.total} " + "; ".join(text for _, text in sorted(self.running.items()))
 

@@ -3,75 +3,42 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
-from srprov.cli import options
-from srprov.cli.destroy import named_instance
+from srprov.cli import inputs, options
 from srprov.cli.output import err, out, out_json
 from srprov.errors import visible
-
-if TYPE_CHECKING:
-    from srprov.facts.model import Snapshot
 
 UNREACHABLE = 4
 
 
 @click.command()
-@click.argument("file", required=False)
+@click.argument("file", metavar="[FILE]", required=False)
 @options.robots
 @options.INSTANCE
 def status(
     file: str | None, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, instance: str
 ) -> int:
     """Show the running experiment; without FILE and --instance, every instance on the robots."""
-    from srprov.facts.gather import Detail, gather
+    from srprov.controller.status import status_rows
+    from srprov.facts.gather import Detail
 
-    inventory = options.load_inventory(inventories)
-    name = named_instance(file, instance)[0] if file or instance else ""
-    with options.open_lab(inventory, timeout, forks) as lab:
-        found = gather(inventory, lab.sessions.get, closer=Detail.NO, forks=forks)
-    rows = status_rows(found, name)
+    inventory = inputs.load_inventory(inventories)
+    name = inputs.named_instance(file, instance)[0] if file or instance else ""
+    with inputs.connect(inventory, timeout, forks) as fleet:
+        snapshot = fleet.gather(Detail.NO)
+    rows = status_rows(snapshot, name)
     if as_json:
-        out_json({"services": rows, "unreachable": dict(found.unreachable)})
+        out_json({"services": rows, "unreachable": dict(snapshot.unreachable)})
     elif rows:
         out(table(rows, ("instance", "service", "robot", "state", "health", "address", "image")))
     else:
         out(f"nothing of {name or 'srprov'} on these robots")
-    for host, reason in sorted(found.unreachable.items()):
+    for host, reason in sorted(snapshot.unreachable.items()):
         err(f"unreachable: {host}: {reason}")
-    return UNREACHABLE if found.unreachable else 0
-
-
-def status_rows(snapshot: Snapshot, name: str) -> list[dict[str, Any]]:
-    """Return one row per container, and one per service that is known to be on a robot that cannot be reached."""
-    rows = []
-    for host, items in snapshot.observed.items():
-        for item in items:
-            if item.module == "container" and name in ("", item.instance):
-                rows.append(_row(item.instance, item.state["service"], host, item.state))
-    for instance, record in snapshot.placements.items():
-        services = record.get("services")
-        if name in ("", instance) and isinstance(services, Mapping):
-            for service, entry in services.items():
-                robot = entry.get("robot") if isinstance(entry, Mapping) else None
-                if robot in snapshot.unreachable:
-                    rows.append(_row(instance, str(service), str(robot), {"status": "unreachable", "addresses": {}}))
-    return sorted(rows, key=lambda row: (row["instance"], row["service"], row["robot"]))
-
-
-def _row(instance: str, service: str, host: str, state: Mapping[str, Any]) -> dict[str, Any]:
-    return {
-        "instance": instance,
-        "service": service,
-        "robot": host,
-        "state": state.get("status", ""),
-        "health": state.get("health", ""),
-        "address": next((address for address in state["addresses"].values() if address), ""),
-        "image": state.get("image", ""),
-        "container": state.get("id", ""),
-    }
+    return UNREACHABLE if snapshot.unreachable else 0
 
 
 def table(rows: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> str:

@@ -17,7 +17,7 @@ field means is in `schemas/` and in docs/definitions.md.
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -61,6 +61,17 @@ def load_inventory(paths: Sequence[str | Path]) -> Inventory:
     from srprov.definitions import inventory
 
     return inventory.load([str(path) for path in paths])
+
+
+def select(inventory: Inventory, pattern: str, failed: Callable[[], Collection[str]] | None = None) -> tuple[str, ...]:
+    """Return the names of the hosts that an Ansible pattern picks; `failed` says what `@failed` stands for.
+
+    Raises:
+        UsageError: A term matches nothing, or nothing is left.
+    """
+    from srprov.definitions import patterns
+
+    return patterns.select(inventory, pattern, **({"failed": failed} if failed else {}))
 
 
 def check_files(paths: Sequence[str | Path]) -> list[Diagnostic]:

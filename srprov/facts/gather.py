@@ -1,6 +1,6 @@
 """All robots at once: their facts, everything of ours on them, and the newest placement record of each instance.
 
-Takes an inventory and a way to get a Reader per robot; gives `Snapshot`. A robot that fails is an entry of
+Takes an inventory and a way to get a Reader per robot; gives a `Snapshot`. A robot that fails is an entry of
 `unreachable`. One round trip of the shell per robot; engine queries travel beside it.
 """
 
@@ -16,7 +16,7 @@ from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Any
 
-from srprov.definitions.model import Experiment, Host, Inventory
+from srprov.definitions.model import Host, Inventory
 from srprov.errors import TransportError
 from srprov.facts.host import host_queries, later_query, parse_host
 from srprov.facts.model import HostFacts, Snapshot
@@ -46,70 +46,82 @@ class Detail(enum.Enum):
 
 
 class Gathering:
-    """A look at all robots that has begun; made by `begin`."""
+    """Questions to all robots of an inventory, asked from the moment it is made; a context manager.
 
-    def __init__(self, inventory: Inventory, readers: Readers, *, info: bool, forks: int) -> None:
-        """Ask every robot, in threads."""
-        self._readers, self._info = readers, info
-        self._pool = concurrent.futures.ThreadPoolExecutor(max(1, min(forks, len(inventory.hosts))))
-        self._futures = {name: self._pool.submit(_one, host, readers, info) for name, host in inventory.hosts.items()}
+    `first` waits for the first answers, `closer` asks for more, `at` asks for what only shows to who knows the wish.
+    """
 
-    def end(self, closer: Detail | Callable[[Snapshot], Detail], *, only_look: bool = False) -> Snapshot:
-        """Wait for the answers, and look closer where that is wanted; a function decides that after the first look.
+    def __init__(self, inventory: Inventory, readers: Readers, *, engine: bool = False, forks: int = 64) -> None:
+        """Ask every robot in threads, as soon as it is connected.
 
-        With `only_look`, as of `gather`, nothing will be decided from it.
+        Args:
+            inventory: The robots.
+            readers: Gives each one's reader.
+            engine: Ask the engines of themselves at once.
+            forks: Robots asked at the same time.
         """
-        try:
-            found, looks = _found(self._futures, only_look)
-            wanted = closer if isinstance(closer, Detail) else closer(found)
-            traffic, engine = wanted is Detail.TRAFFIC, wanted is not Detail.NO and not self._info
-            if traffic or engine:
-                again = {
-                    name: self._pool.submit(look.closer, self._readers, engine, traffic) for name, look in looks.items()
-                }
-                found = _closer(found, again, only_look)
-            return found
-        finally:
-            self.close()
+        self.inventory, self._readers, self._engine = inventory, readers, engine
+        self._pool = concurrent.futures.ThreadPoolExecutor(max(1, min(forks, len(inventory.hosts))))
+        hosts = inventory.hosts.items()
+        self._futures = {name: self._pool.submit(_ask, host, readers, engine) for name, host in hosts}
 
-    def close(self) -> None:
-        """Ask nobody else, and wait for nobody: Ctrl-C does not wait for the slowest robot. Safe to call twice."""
+    def first(self, *, keep_mute: bool = False) -> Snapshot:
+        """Wait for the first answers.
+
+        A robot whose engine does not answer although services were placed there counts as unreachable: its containers
+        may well run, and what cannot be seen must not pass for gone. With `keep_mute` its facts are given all the same,
+        to who decides nothing from them.
+        """
+        concurrent.futures.wait(self._futures.values())
+        snapshot = _put_together(self._futures)
+        return snapshot if keep_mute else _without_mute(snapshot)
+
+    def closer(self, detail: Detail, *, keep_mute: bool = False) -> Snapshot:
+        """Ask every robot that answered for more, and return all that is known then."""
+        snapshot = self.first(keep_mute=keep_mute)
+        traffic, engine = detail is Detail.TRAFFIC, detail is not Detail.NO and not self._engine
+        if not (traffic or engine):
+            return snapshot
+        again = {
+            name: self._pool.submit(self._futures[name].result().closer, self._readers, engine, traffic)
+            for name in snapshot.facts
+        }
+        snapshot = _with_facts(snapshot, again)
+        return snapshot if keep_mute else _without_mute(snapshot)
+
+    def at(self, snapshot: Snapshot, wants: Iterable[Resource]) -> Snapshot:
+        """Return the snapshot with what only shows when a wanted resource is asked for; one round trip per robot.
+
+        A robot that fails meanwhile is noted as unreachable; what it said before stays.
+        """
+        asked: dict[str, list[Resource]] = {}
+        for want in wants:
+            if want.module in PROBING and want.host in snapshot.facts:
+                asked.setdefault(want.host, []).append(want)
+        futures = {host: self._pool.submit(_probe, self._readers, host, mine) for host, mine in asked.items()}
+        observed, unreachable = dict(snapshot.observed), dict(snapshot.unreachable)
+        for host, future in sorted(futures.items()):
+            try:
+                observed[host] = (*observed[host], *future.result())
+            except TransportError as error:
+                unreachable[host] = _said(error)
+        return dataclasses.replace(snapshot, observed=observed, unreachable=unreachable) if asked else snapshot
+
+    def __enter__(self) -> Gathering:
+        """Return itself."""
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        """Ask nobody else, and wait for nobody: Ctrl-C does not wait for the slowest robot."""
         self._pool.shutdown(wait=False, cancel_futures=True)
 
 
-def begin(
-    inventory: Inventory, readers: Readers, experiment: Experiment, *, exact: bool = False, forks: int = 64
-) -> Gathering:
-    """Begin to ask every robot of the inventory, as soon as it is connected; for an experiment that may run there.
-
-    The engines are asked of themselves at once with `exact`, and when a service requires a disk of some size: which one
-    is Docker's, only the engine knows for sure.
-    """
-    info = exact or any(service.requires.disk for service in experiment.services.values())
-    return Gathering(inventory, readers, info=info, forks=forks)
-
-
 def gather(
-    inventory: Inventory,
-    readers: Readers,
-    *,
-    closer: Detail,
-    forks: int = 64,
-    only_look: bool = False,
+    inventory: Inventory, readers: Readers, *, detail: Detail, forks: int = 64, keep_mute: bool = False
 ) -> Snapshot:
-    """Ask every robot of the inventory.
-
-    A robot whose engine does not answer although services were placed there counts as unreachable: its containers may
-    well run, and what cannot be seen must not pass for gone.
-
-    Args:
-        inventory: the robots.
-        readers: gives each one's reader.
-        closer: how closely to look.
-        forks: robots asked at the same time.
-        only_look: nothing will be decided from it, so give the facts of such a robot all the same.
-    """
-    return Gathering(inventory, readers, info=closer is not Detail.NO, forks=forks).end(closer, only_look=only_look)
+    """Ask every robot of the inventory, as `Gathering` does, and return what was found."""
+    with Gathering(inventory, readers, engine=detail is not Detail.NO, forks=forks) as look:
+        return look.closer(detail, keep_mute=keep_mute)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -137,17 +149,15 @@ class _Look:
         return seen
 
 
-def _found(futures: Mapping[str, Future[_Look]], only_look: bool) -> tuple[Snapshot, dict[str, _Look]]:
-    """Wait for all, and put together what they said."""
+def _put_together(futures: Mapping[str, Future[_Look]]) -> Snapshot:
+    """Return what the robots said, each of which was waited for."""
     facts: dict[str, HostFacts] = {}
     observed: dict[str, tuple[Observed, ...]] = {}
     unreachable: dict[str, str] = {}
     records: dict[str, Mapping[str, Any]] = {}
-    looks: dict[str, _Look] = {}
-    concurrent.futures.wait(futures.values())
     for name, future in sorted(futures.items()):
         try:
-            look = looks[name] = future.result()
+            look = future.result()
         except TransportError as error:
             unreachable[name] = _said(error)
             continue
@@ -156,10 +166,7 @@ def _found(futures: Mapping[str, Future[_Look]], only_look: bool) -> tuple[Snaps
             best = records.get(record["instance"])
             if best is None or record["serial"] > best["serial"]:
                 records[record["instance"]] = record
-    found = Snapshot(facts=facts, observed=observed, placements=records, unreachable=unreachable)
-    if not only_look:
-        found = _without_mute(found)
-    return found, {name: look for name, look in looks.items() if name in found.facts}
+    return Snapshot(facts=facts, observed=observed, placements=records, unreachable=unreachable)
 
 
 def _without_mute(snapshot: Snapshot) -> Snapshot:
@@ -184,8 +191,8 @@ def _without_mute(snapshot: Snapshot) -> Snapshot:
     )
 
 
-def _closer(snapshot: Snapshot, again: Mapping[str, Future[HostFacts]], only_look: bool) -> Snapshot:
-    """Put in what the second look saw; a robot that went away meanwhile cannot be reached."""
+def _with_facts(snapshot: Snapshot, again: Mapping[str, Future[HostFacts]]) -> Snapshot:
+    """Return the snapshot with what the second look saw; a robot that went away meanwhile cannot be reached."""
     facts, observed, unreachable = dict(snapshot.facts), dict(snapshot.observed), dict(snapshot.unreachable)
     for name, future in sorted(again.items()):
         try:
@@ -193,37 +200,15 @@ def _closer(snapshot: Snapshot, again: Mapping[str, Future[HostFacts]], only_loo
         except TransportError as error:
             unreachable[name] = _said(error)
             del facts[name], observed[name]
-    snapshot = dataclasses.replace(snapshot, facts=facts, observed=observed, unreachable=unreachable)
-    return snapshot if only_look else _without_mute(snapshot)
+    return dataclasses.replace(snapshot, facts=facts, observed=observed, unreachable=unreachable)
 
 
 def _said(error: TransportError) -> str:
     return error.message + (f"\n  {error.hint}" if error.hint else "")
 
 
-def probe(snapshot: Snapshot, wants: Iterable[Resource], readers: Readers, *, forks: int = 64) -> Snapshot:
-    """Return the snapshot with what only shows when a wanted resource is asked for; one round trip per robot.
-
-    A robot that fails meanwhile is noted as unreachable; what it said before stays.
-    """
-    asked: dict[str, list[Resource]] = {}
-    for want in wants:
-        if want.module in PROBING and want.host in snapshot.facts:
-            asked.setdefault(want.host, []).append(want)
-    if not asked:
-        return snapshot
-    observed, unreachable = dict(snapshot.observed), dict(snapshot.unreachable)
-    with concurrent.futures.ThreadPoolExecutor(max(1, min(forks, len(asked)))) as pool:
-        futures = {
-            host: pool.submit(lambda host=host, mine=mine: readers(host).ask(probe_queries(mine)))  # type: ignore[misc]
-            for host, mine in asked.items()
-        }
-    for host, future in sorted(futures.items()):
-        try:
-            observed[host] = (*observed[host], *parse_probed(future.result(), asked[host]))
-        except TransportError as error:
-            unreachable[host] = _said(error)
-    return dataclasses.replace(snapshot, observed=observed, unreachable=unreachable)
+def _probe(readers: Readers, host: str, wants: Sequence[Resource]) -> tuple[Observed, ...]:
+    return parse_probed(readers(host).ask(probe_queries(wants)), wants)
 
 
 def _holds_services(robot: str, records: Mapping[str, Mapping[str, Any]]) -> bool:
@@ -232,9 +217,9 @@ def _holds_services(robot: str, records: Mapping[str, Mapping[str, Any]]) -> boo
     return any(isinstance(entry, Mapping) and entry.get("robot") == robot for entry in entries)
 
 
-def _one(host: Host, readers: Readers, info: bool) -> _Look:
+def _ask(host: Host, readers: Readers, engine: bool) -> _Look:
     reader = readers(host.name)
-    mine = host_queries(info=info)
+    mine = host_queries(info=engine)
     ours = observe_queries()
     asked_at = time.time()  # the robot's clock is read first of all
     replies = reader.ask([*mine, *ours, _PLACEMENTS])

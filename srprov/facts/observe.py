@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 from srprov.modules import MODULES, PROBING
 from srprov.resource import Observed, Resource
-from srprov.wire import AnyQuery, Reader, Reply
+from srprov.wire import AnyQuery, Reply
 
 
 def observe_queries(kinds: Iterable[str] = tuple(MODULES)) -> tuple[AnyQuery, ...]:
@@ -23,16 +23,6 @@ def parse_observed(replies: Sequence[Reply], kinds: Iterable[str] = tuple(MODULE
         found += MODULES[kind].parse(replies[start : start + count])
         start += count
     return tuple(found)
-
-
-def observe(reader: Reader, kinds: Iterable[str] = tuple(MODULES)) -> tuple[Observed, ...]:
-    """Ask one robot for everything of ours, of these kinds.
-
-    Raises:
-        TransportError: The robot cannot be talked to.
-    """
-    wanted = tuple(kinds)
-    return parse_observed(reader.ask(observe_queries(wanted)), wanted)
 
 
 def probe_queries(wants: Iterable[Resource]) -> tuple[AnyQuery, ...]:

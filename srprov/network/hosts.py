@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from ipaddress import ip_address
 
-from srprov.network.layout import Overlay
+from srprov.network.model import Overlay
 
 _LOCAL = """\
 127.0.0.1\tlocalhost

@@ -1,6 +1,6 @@
 """The identity of an instance's overlay: VNI, UDP port, link names, Docker network and subnet.
 
-Takes the instance id, the EDF's wishes and all robots as they are; gives an Identity that stays the same for the
+Takes the instance id, the EDF's settings and all robots as they are; gives an Identity that stays the same for the
 instance's life. Pure: the controller alone decides, robots agree on nothing at run time.
 
 Source: VXLAN, RFC 7348 (a VNI has 24 bits). Who decides, first hit wins: the EDF; what the instance uses already; a
@@ -20,7 +20,7 @@ from typing import TypeGuard, TypeVar
 from srprov.definitions.model import NetworkSettings
 from srprov.errors import UsageError
 from srprov.facts.model import Snapshot
-from srprov.network.claims import LARGEST, ForeignUse, foreign_uses, overlap, to_network
+from srprov.network.foreign import LARGEST, ForeignUse, foreign_uses, overlap, to_network
 from srprov.network.record import PlacementRecord
 
 POOL = IPv4Network("10.128.0.0/9")
@@ -65,13 +65,13 @@ def link_names(instance: str) -> tuple[str, str]:
 
 
 def identify(
-    instance: str, wishes: NetworkSettings, snapshot: Snapshot, record: PlacementRecord | None = None
+    instance: str, settings: NetworkSettings, snapshot: Snapshot, record: PlacementRecord | None = None
 ) -> InstanceIdentity:
     """Return the identity of an instance's overlay.
 
     Args:
         instance: The instance id.
-        wishes: What the EDF asks for.
+        settings: What the EDF asks for.
         snapshot: All robots as they are; what others use is avoided, also where this instance runs nothing (yet).
         record: The last placement of this instance, if any robot holds one.
 
@@ -81,28 +81,28 @@ def identify(
     bridge, link = link_names(instance)
     _check_names(instance, (bridge, link), snapshot)
     ours, vni = _in_use(instance, snapshot, record or PlacementRecord())
-    claims = tuple(foreign_uses(instance, (bridge, link), snapshot, ours))
+    foreign = tuple(foreign_uses(instance, (bridge, link), snapshot, ours))
     return InstanceIdentity(
         instance=instance,
-        vni=_vni(instance, wishes, vni, claims),
-        port=wishes.port,
+        vni=_vni(instance, settings, vni, foreign),
+        port=settings.port,
         bridge=bridge,
         link=link,
         network=f"srprov.{instance}",
-        subnet=_subnet(instance, wishes, ours, claims),
+        subnet=_subnet(instance, settings, ours, foreign),
     )
 
 
-def _vni(instance: str, wishes: NetworkSettings, used: int, claims: Iterable[ForeignUse]) -> int:
+def _vni(instance: str, settings: NetworkSettings, used: int, foreign: Iterable[ForeignUse]) -> int:
     """Return the VNI; two VXLANs of one robot may share it only on different ports."""
-    taken = {claim.vni: claim.where for claim in claims if claim.vni and claim.port in (0, wishes.port)}
-    if wishes.vni is not None:
+    taken = {use.vni: use.where for use in foreign if use.vni and use.port in (0, settings.port)}
+    if settings.vni is not None:
         hint = "leave it out to have one chosen"
-        if not _is_vni(wishes.vni):
-            raise UsageError(f"network.vni {wishes.vni} is not in 1..{VNI_LAST}", hint=hint)
-        if wishes.vni in taken:
-            raise UsageError(f"network.vni {wishes.vni} is used by {taken[wishes.vni]}", hint=hint)
-        return wishes.vni
+        if not _is_vni(settings.vni):
+            raise UsageError(f"network.vni {settings.vni} is not in 1..{VNI_LAST}", hint=hint)
+        if settings.vni in taken:
+            raise UsageError(f"network.vni {settings.vni} is used by {taken[settings.vni]}", hint=hint)
+        return settings.vni
     if used:
         return used
     count = VNI_LAST - VNI_FIRST + 1
@@ -111,17 +111,18 @@ def _vni(instance: str, wishes: NetworkSettings, used: int, claims: Iterable[For
 
 
 def _subnet(
-    instance: str, wishes: NetworkSettings, used: IPv4Network | None, claims: tuple[ForeignUse, ...]
+    instance: str, settings: NetworkSettings, used: IPv4Network | None, foreign: tuple[ForeignUse, ...]
 ) -> IPv4Network:
     """Return the subnet; nothing on any robot that is not ours may overlap it."""
-    if wishes.subnet is not None:
-        wanted = to_network(wishes.subnet)
+    if settings.subnet is not None:
+        wanted = to_network(settings.subnet)
         if not _fits(wanted):
             hint = "write it as 10.200.0.0/20, or leave it out to have one chosen"
             raise UsageError(
-                f"network.subnet '{wishes.subnet}' is not an IPv4 network of size /{LARGEST} to /{SMALLEST}", hint=hint
+                f"network.subnet '{settings.subnet}' is not an IPv4 network of size /{LARGEST} to /{SMALLEST}",
+                hint=hint,
             )
-        conflict = overlap(wanted, claims) if wanted != used else None
+        conflict = overlap(wanted, foreign) if wanted != used else None
         if conflict:
             hint = "choose another, or leave it out to have one chosen"
             raise UsageError(f"network.subnet {wanted} overlaps {conflict.where}", hint=hint)
@@ -133,7 +134,7 @@ def _subnet(
     for i in range(count):
         base = int(POOL.network_address) + ((start + i) % count << (32 - PREFIX))
         candidate = IPv4Network((base, PREFIX))
-        if not overlap(candidate, claims):
+        if not overlap(candidate, foreign):
             return candidate
     raise UsageError(f"no /{PREFIX} of {POOL} is free on all robots", hint="name one as network.subnet in the EDF")
 

@@ -10,15 +10,14 @@ carries broadcast and multicast, and one entry per remote service. What VXLAN ad
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from ipaddress import ip_address
-from types import MappingProxyType
 
 from srprov.definitions.model import Experiment
 from srprov.errors import UsageError
 from srprov.facts.model import Snapshot
 from srprov.network.addresses import allocate
 from srprov.network.identity import identify
+from srprov.network.model import Overlay
 from srprov.network.record import PlacementRecord, read_record
 
 OVERHEAD = {4: 50, 6: 70}
@@ -29,50 +28,11 @@ ON_OVERLAY = ("overlay", "both")
 """Network modes of services that have an address there."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Overlay:
-    """One instance's network. With no service on the overlay, only the first three fields say anything."""
-
-    instance: str
-    names: Mapping[str, str]
-    """Service -> the address its name resolves to, on every robot; not in it: services without network."""
-    aliases: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
-    """Name in the EDF of what runs several times -> the addresses of all its instances, in their order."""
-    underlays: Mapping[str, str]
-    """Robot that runs anything -> its underlay address, as far as known."""
-    vni: int = 0
-    port: int = 0
-    bridge: str = ""
-    link: str = ""
-    network: str = ""
-    """The Docker network's name."""
-    subnet: str = ""
-    mtu: int = 0
-    """bytes, of the bridge, the VXLAN link and what is inside containers"""
-    addresses: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
-    """Service on the overlay -> its address there."""
-    macs: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
-    """Service with an interface of its own -> its MAC; `both` has none, its address is on the robot's bridge."""
-    gateways: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
-    """Member robot -> its bridge's address."""
-    vteps: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
-    """Member robot -> its underlay address."""
-    flood: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
-    """Member robot -> the VTEPs of all other members: its all-zero forwarding entries."""
-    fdb: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=lambda: MappingProxyType({}))
-    """Member robot -> (MAC, VTEP) of every service on another member."""
-
-    @property
-    def active(self) -> bool:
-        """True when some service is on the overlay, so that there is a network to make."""
-        return bool(self.vteps)
-
-
 def layout(experiment: Experiment, placed: Mapping[str, str], snapshot: Snapshot, *, instance: str = "") -> Overlay:
     """Return the overlay for a placement.
 
     Args:
-        experiment: Whose services, wishes and name.
+        experiment: Whose services, network settings and name.
         placed: Service -> robot, also robots that cannot be reached and keep their services.
         snapshot: All robots as they are, with the placement records they hold.
         instance: The instance id; the experiment's name when empty.

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 from srprov.definitions.model import Experiment
 
 if TYPE_CHECKING:
-    from srprov.network.layout import Overlay
+    from srprov.network.model import Overlay
 
 _MAC = re.compile(r"[0-9a-f]{2}(:[0-9a-f]{2}){5}")
 

@@ -16,7 +16,7 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import PurePosixPath
 from typing import Any
@@ -46,8 +46,8 @@ class RunInputs:
     version: str
     """srprov's"""
     plan: Plan
-    file: Callable[[], PlanFile]
-    """The plan as `plan -o` writes it, made in the writer's thread."""
+    file: PlanFile
+    """The plan as `plan -o` writes it."""
     inventory: Inventory
     snapshot: Snapshot | None = None
     assignment: object = None
@@ -66,13 +66,13 @@ def write_inputs(folder: RunFolder, run: RunInputs) -> None:
     begun = dt.datetime.now(dt.timezone.utc)
     folder.put_json("environment.json", lambda: environment(run, begun))
     folder.put("plan.txt", lambda: plan_text(run.plan, commands=True))
-    folder.put_json("plan.json", lambda: document(run.file(), with_blobs=False))
+    folder.put_json("plan.json", lambda: document(run.file, with_blobs=False))
     folder.put_json("assignment.json", lambda: decision(run.plan, run.assignment))
     if run.snapshot is not None:
         found = run.snapshot
         folder.put_json("facts.json", lambda: facts_document(found.facts, found.unreachable))
     folder.put_json("inputs/inventory.yml", lambda: inventory_document(run.inventory))
-    for name, text in inputs(run.file().inputs):
+    for name, text in inputs(run.file.inputs):
         folder.put(f"inputs/{name}", lambda text=text: text)  # type: ignore[misc]
     for host in sorted({resource.host for resource in run.desired}):
         folder.put_json(f"rendered/{host.replace('/', '_')}.yml", lambda host=host: rendered(run.desired, host))  # type: ignore[misc]

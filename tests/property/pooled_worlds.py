@@ -70,7 +70,9 @@ def world(seed: int, most: int = 6) -> World:
         for name in robots
     ]
     same = _groups(random, names, 0.35, 1)
-    apart = [group for group in _groups(random, names, 0.4, 2) if not any(len(set(group) & set(s)) > 1 for s in same)]
+    anti_affinity = [
+        group for group in _groups(random, names, 0.4, 2) if not any(len(set(group) & set(s)) > 1 for s in same)
+    ]
     pools = tuple(
         Pool(name=f"p{i}", services=group, discount=random.choice((0.5, 0.8, 0.9, 1.0)))
         for i, group in enumerate(_groups(random, names, 0.7, 3))
@@ -78,7 +80,7 @@ def world(seed: int, most: int = 6) -> World:
     what = experiment(
         *services,
         same_robot=tuple(same),
-        different_robot=tuple(apart),
+        different_robot=tuple(anti_affinity),
         pools=pools,
         weights=random.choice((Weights(), Weights(cpu=0.7, memory=0.1, swap=0.1, bandwidth=0.1))),
         placement=Placement(sticky=random.random() < 0.5),

@@ -17,7 +17,8 @@ from srprov.facts.model import Link, Snapshot
 from srprov.network.addresses import Addresses, allocate
 from srprov.network.hosts import hosts_file
 from srprov.network.identity import POOL, identify
-from srprov.network.layout import Overlay, layout
+from srprov.network.layout import layout
+from srprov.network.model import Overlay
 from srprov.network.record import PlacementRecord, read_record, record
 from srprov.resource import Observed
 from tests.unit.assignment.worlds import experiment, found, robot, service

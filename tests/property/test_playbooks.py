@@ -65,7 +65,7 @@ def of(written: dict[str, list[str]]) -> tuple[Experiment, tuple[Playbook, ...]]
 def planned(world: World, written: dict[str, list[str]]) -> Plan:
     """Plan with permission."""
     what, own = of(written)
-    return plan_for(world, what, allow=frozenset({"playbook"}), playbooks=own)
+    return plan_for(world, what, allowed=frozenset({"playbook"}), playbooks=own)
 
 
 def world_with(marks: set[str]) -> World:

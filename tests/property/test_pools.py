@@ -150,10 +150,10 @@ def random_table(seed: int, robots: int, services: int, pools: int, slots: int =
         tuple(sorted(random.choice(services, random.integers(2, 5), replace=False).tolist())) for _ in range(pools)
     ]
     groups = sorted(set(groups))
-    apart = tuple(
+    anti_affinity = tuple(
         tuple(sorted(random.choice(services, 3, replace=False).tolist())) for _ in range(pools // 4 * (slots > 1))
     )
-    groups = [group for group in groups if not any(len(set(group) & set(other)) > 1 for other in apart)]
+    groups = [group for group in groups if not any(len(set(group) & set(other)) > 1 for other in anti_affinity)]
     return ProblemTable(
         items=(*((node,) for node in range(services)), *groups),
         nodes=services,
@@ -162,7 +162,7 @@ def random_table(seed: int, robots: int, services: int, pools: int, slots: int =
         ),
         allowed=np.vstack([able, *(able[list(group)].all(axis=0)[None] for group in groups)]),
         robots=np.repeat(np.arange(robots), slots),
-        apart=apart,
+        anti_affinity=anti_affinity,
     )
 
 
@@ -179,7 +179,7 @@ def by_highs(table: ProblemTable) -> int | None:
         inside = [v for (_, place), v in x.items() if place == where]
         if inside:
             model.add_linear_constraint(sum(inside) <= 1)
-    for group in table.apart:
+    for group in table.anti_affinity:
         for robot_ in set(table.robots.tolist()):
             inside = [
                 v for (i, p), v in x.items() if table.robots[p] == robot_ and not set(group).isdisjoint(table.items[i])

@@ -2,9 +2,9 @@
 
 import pytest
 
-from srprov.assignment.cost import at_slot, cost_terms, jain, load, terms
+from srprov.assignment.cost import at_slot, jain, load, terms
 from srprov.definitions.model import Placement, Weights
-from tests.unit.assignment.worlds import GIB, robot, service
+from tests.unit.assignment.worlds import GIB, cost_terms, robot, service
 
 CPU = Weights(cpu=1.0, memory=0.0, swap=0.0, bandwidth=0.0)
 MEMORY = Weights(cpu=0.0, memory=1.0, swap=0.0, bandwidth=0.0)

@@ -188,8 +188,8 @@ def test_hints_name_what_the_edf_names() -> None:
     )
     pinned = expand(experiment(service("a", replicas=2, robot="r9")), {})
     assert refusal(pinned, found(robot("r1"))).hint == "remove 'robot: r9' from service 'a', so that r1 can run 'a'"
-    apart = expand(experiment(service("a", replicas=2), different_robot=(("a",),)), {})
-    hint = refusal(apart, found(robot("r1")), slots={"r1": 2}).hint
+    anti_affinity = expand(experiment(service("a", replicas=2), different_robot=(("a",),)), {})
+    hint = refusal(anti_affinity, found(robot("r1")), slots={"r1": 2}).hint
     assert hint == "take 'a' out of relations.different_robot; or add one more robot that can run 'a'"
     stuck = experiment(service("a", replicas=2, robot="r1"), different_robot=(("a",),))
     assert refusal(expand(stuck, {}), found(robot("r1"))).hint == "lower 'replicas' of 'a'"

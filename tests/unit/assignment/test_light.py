@@ -34,8 +34,8 @@ LOADED = "import sys\nprint(*sorted({'numpy', 'ortools'} & sys.modules.keys()))"
 @pytest.mark.parametrize(
     ("code", "loaded"),
     [
-        ("import srprov.controller", ""),
-        ("import srprov.controller, srprov.record, srprov.cli.main", ""),
+        ("import srprov.controller.plan", ""),
+        ("import srprov.controller.plan, srprov.controller.run, srprov.record, srprov.cli.main", ""),
         (ANSWER, ""),
         (PLAN, ""),
         (LARGE, "numpy ortools"),

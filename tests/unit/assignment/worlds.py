@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from srprov.assignment import problem, solve
+from srprov.assignment.cost import CostTerms, at_slot, load, terms
 from srprov.assignment.model import Assignment
-from srprov.definitions.model import Experiment, Requirements, Service
+from srprov.definitions.model import Experiment, Placement, Requirements, Service, Weights
 from srprov.facts.model import Docker, HostFacts, Snapshot
 from srprov.resource import Observed
 
@@ -54,3 +55,16 @@ def assign(
 ) -> Assignment:
     """Build and solve in one go."""
     return solve.solve(problem.build(what, {}, where, previous or {}, **options))
+
+
+def cost_terms(
+    service: Service,
+    facts: HostFacts,
+    weights: Weights,
+    placement: Placement,
+    slot: int = 0,
+    slots: int | None = None,
+) -> CostTerms:
+    """Return what `service` costs in a slot of a robot with `slots`, else the experiment's number."""
+    idle = load(facts, placement.bandwidth_reference_mbit)
+    return terms(service.cost, at_slot(idle, slot, slots or placement.slots_per_robot), weights)

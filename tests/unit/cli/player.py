@@ -38,10 +38,9 @@ def step(run: int, robot: str, number: int) -> Any:
 
 def play(robots: int, how: str) -> None:
     """Play one run."""
-    record: Any = SimpleNamespace(event=lambda _value: None)
     plan: Any = SimpleNamespace(steps=range(robots * STEPS))
     stop, go_on, half = threading.Event(), threading.Event(), threading.Barrier(robots + 1)
-    with progress(plan, record, events=None, color=True) as listen, soft_interrupt(stop):
+    with progress(plan, events=None, color=True) as listen, soft_interrupt(stop):
 
         def one(robot: str) -> None:
             for number in range(STEPS):

@@ -10,8 +10,8 @@ import pytest
 
 from srprov import data
 from srprov.cli.assign import _stored
+from srprov.cli.inputs import load_inventory
 from srprov.cli.main import run
-from srprov.cli.options import load_inventory
 from srprov.facts.document import facts_document
 from srprov.facts.model import Docker, HostFacts, Link
 from srprov.facts.stored import read_document

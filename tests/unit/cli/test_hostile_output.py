@@ -110,9 +110,8 @@ def test_the_status_line_takes_any_word_of_a_robot(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("sys.stderr", screen)
     monkeypatch.setenv("COLUMNS", "2000")
     monkeypatch.setenv("TERM", "xterm")
-    record: Any = SimpleNamespace(event=lambda _value: None)
     plan: Any = SimpleNamespace(steps=[1])
-    with progress.progress(plan, record, events=None, color=False) as listen:
+    with progress.progress(plan, events=None, color=False) as listen:
         listen(Event(kind="progress", host="r1", text=f"{word} seen"))
     words = " ".join(clean(" ".join(f"r1: {word} seen".split())).split())
     assert f"0/1 {words}" in re.sub(r"\x1b\[[0-9;?]*[A-Za-z]", "", screen.getvalue())

@@ -11,9 +11,8 @@ from typing import Any
 
 import pytest
 
-from srprov import controller
 from srprov.errors import LockHeld
-from srprov.execution import Outcome, RunOptions, taking
+from srprov.execution import Outcome, RunOptions, run_plan, taking
 from srprov.execution.locks import Claim, Holder, age, parse_holder
 from srprov.execution.taking import Locks, Patience, take
 from srprov.wire import Pulse
@@ -231,7 +230,7 @@ def test_an_interrupt_while_waiting_changes_nothing() -> None:
     with taken(world, ["r2"]):
         threading.Timer(0.3, stop.set).start()
         begun = time.monotonic()
-        result = controller.apply(plan, world.sessions(), lambda _event: None, RunOptions(lock_wait_s=60), stop)
+        result = run_plan(plan, world.sessions(), lambda _event: None, RunOptions(lock_wait_s=60), stop)
         assert time.monotonic() - begun < 3
         assert held(world) == {"r2": "anna@desk"}
     assert result.exit_code == 130
@@ -245,7 +244,7 @@ def test_a_robot_that_is_gone_is_no_reason_to_stop_the_others() -> None:
     plan = plan_for(world, experiment(service("a", robot="r1"), service("b", robot="r2")))
     sessions = world.sessions()
     world.robots["r1"].gone = True
-    result = controller.apply(plan, sessions, lambda _event: None, QUICK)
+    result = run_plan(plan, sessions, lambda _event: None, QUICK)
     assert result.exit_code == 4
     assert list(result.unreachable) == ["r1"] and "connection was lost" in result.unreachable["r1"]
     assert {one.step.host for one in result.results if one.outcome is Outcome.CHANGED} == {"r2"}

@@ -8,8 +8,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from srprov import controller
-from srprov.execution import Outcome, RunOptions, RunResult, StepResult, conditions
+from srprov.execution import Outcome, RunOptions, RunResult, StepResult, conditions, run_plan
 from srprov.planning.plan import Plan, Step
 from srprov.resource import Action, Change
 from srprov.wire import Command, EngineCall, EngineQuery
@@ -290,7 +289,7 @@ def test_a_robot_lost_while_settling_is_unreachable() -> None:
     def heard(event: object) -> None:
         robot.gone = robot.gone or "stay up" in getattr(event, "text", "")
 
-    result = controller.apply(plan, w.sessions(), heard, SETTLE)
+    result = run_plan(plan, w.sessions(), heard, SETTLE)
     assert of(result, "hello.a").outcome is Outcome.UNREACHABLE
     assert result.exit_code == 4
 
@@ -363,7 +362,7 @@ def test_a_dependency_on_a_lost_robot_skips() -> None:
     w.robots["r1"].gone = True
     assert "but r1 is unreachable" in of(run(w, plan), "hello.b").message
     sessions = w.robots
-    result = controller.apply(plan, sessions, lambda _event: None, QUICK)
+    result = run_plan(plan, sessions, lambda _event: None, QUICK)
     assert "healthy: the connection was lost" in of(result, "hello.b").message
 
 
@@ -422,7 +421,7 @@ def test_a_stop_lets_the_running_step_end() -> None:
     stop = threading.Event()
     plan = plan_for(w, experiment(service("a")))
     w.robots["r1"].before_command = lambda _command: stop.set()
-    result = controller.apply(plan, w.sessions(), lambda _event: None, QUICK, stop)
+    result = run_plan(plan, w.sessions(), lambda _event: None, QUICK, stop)
     assert [one.outcome for one in result.results] == [Outcome.CHANGED] + [Outcome.NOT_REACHED] * 5
     assert (result.exit_code, result.interrupted) == (130, True)
     assert result.results[1].message == "interrupted"
@@ -435,7 +434,7 @@ def test_a_stop_before_the_start_does_nothing() -> None:
     stop = threading.Event()
     stop.set()
     w.log.clear()
-    result = controller.apply(plan, w.sessions(), lambda _event: None, QUICK, stop)
+    result = run_plan(plan, w.sessions(), lambda _event: None, QUICK, stop)
     assert {one.outcome for one in result.results} == {Outcome.NOT_REACHED}
     assert w.log == []
 
@@ -450,7 +449,7 @@ def test_a_stop_ends_a_wait() -> None:
     timer.start()
     began = time.monotonic()
     options = RunOptions(settle_s=0, wait_timeout_s=60)
-    result = controller.apply(plan, w.sessions(), lambda _event: None, options, stop)
+    result = run_plan(plan, w.sessions(), lambda _event: None, options, stop)
     assert time.monotonic() - began < 10
     assert outcomes(result) == {"a": Outcome.CHANGED, "b": Outcome.NOT_REACHED}
     assert result.exit_code == 130

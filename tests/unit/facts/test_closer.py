@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 import pytest
 
+from srprov.controller.watcher import Watcher
 from srprov.definitions.model import Placement, Requirements
 from srprov.errors import NoAssignment
 from srprov.facts.probes import INFO
@@ -75,16 +76,21 @@ def test_a_size_of_disk_asks_the_engines_which_disk_is_theirs_at_once(world: Wor
 
 def test_whoever_prepares_changes_is_told_the_likely_robots_once_and_only_when_something_is_new(world: World) -> None:
     told: list[frozenset[str]] = []
-    plan_for(world, PINNED, expect=told.append)
+
+    class Told(Watcher):
+        def likely(self, robots: Collection[str]) -> None:
+            told.append(frozenset(robots))
+
+    plan_for(world, PINNED, watcher=Told())
     assert told == [frozenset({"a", "b"})]
     apply(world, PINNED)
-    plan_for(world, PINNED, expect=told.append)
+    plan_for(world, PINNED, watcher=Told())
     assert len(told) == 1
     third = experiment(service("talker", robot="a"), service("third"))
-    placed = plan_for(world, third, expect=told.append).assignment
+    placed = plan_for(world, third, watcher=Told()).assignment
     assert told[1:] == [frozenset({placed["third"]})]
     with pytest.raises(NoAssignment):
-        plan_for(world, experiment(service("huge", requires=Requirements(cpus=99))), expect=told.append)
+        plan_for(world, experiment(service("huge", requires=Requirements(cpus=99))), watcher=Told())
     assert told[2:] == [frozenset()]
 
 

@@ -10,7 +10,8 @@ from srprov.definitions.model import Experiment, NetworkSettings
 from srprov.errors import UsageError
 from srprov.facts.model import Snapshot
 from srprov.network.hosts import hosts_file
-from srprov.network.layout import Overlay, layout
+from srprov.network.layout import layout
+from srprov.network.model import Overlay
 from srprov.network.record import read_record, record
 from tests.unit.assignment.worlds import experiment, found, robot, service
 

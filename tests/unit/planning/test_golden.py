@@ -122,7 +122,7 @@ def playbooks() -> Plan:
             file.write_text(text)
             made[place] = dataclasses.replace(read(str(file), file.name, file.name, place), file=f"/p/{file.name}")
     what = experiment(WEB, playbooks=(made[BEFORE], made[AFTER]))
-    return plan_for(World().add("r1"), what, allow=frozenset({"playbook"}), playbooks=(made[ADDED],))
+    return plan_for(World().add("r1"), what, allowed=frozenset({"playbook"}), playbooks=(made[ADDED],))
 
 
 def unreachable() -> Plan:

@@ -10,18 +10,21 @@ from collections.abc import Iterator
 
 import pytest
 
-from srprov import controller
 from srprov.cli.plan import write_plan
+from srprov.controller.plan import Planned
+from srprov.controller.request import PlanRequest
+from srprov.controller.saved import check_plan, plan_file
+from srprov.controller.secrets import read_secrets, secret_sources
 from srprov.definitions.model import Definitions
 from srprov.definitions.secretmodel import SecretSource, SecretUse
 from srprov.errors import DefinitionError, Location, RefusedError
 from srprov.planning.plan import plan_json
 from srprov.planning.planfile import PlanFile, dump, load
 from srprov.planning.text import plan_text
-from srprov.saved import check_file, needed, removal_file
 from srprov.secret import Secret, Vault, forget
 from tests.fakes import World
-from tests.worlds import experiment, inventory, removal_for, run, service
+from tests.worlds import experiment, fleet, removal_for, run, service
+from tests.worlds import made as plan_with
 
 VALUE = "hunter2-plan"
 TOKEN = SecretSource(name="token", env="TOKEN", location=Location("e.edf", 7, 3))
@@ -45,19 +48,18 @@ def wanted(**more: object) -> Definitions:
     return Definitions(experiment=dataclasses.replace(what, services=services, secrets={"token": TOKEN}), containers={})
 
 
-def planned(world: World, value: str = VALUE, **more: object) -> controller.Planned:
+def planned(world: World, value: str = VALUE, **more: object) -> Planned:
     """Plan with this value."""
     world.vault = Vault({"token": Secret(value)})
-    wishes = controller.PlanRequest()
-    return controller.make_plan(wanted(**more), inventory(world), world.reader, wishes, vault=world.vault)
+    return plan_with(world, wanted(**more), PlanRequest(allowed=frozenset({"secret"})), world.vault)
 
 
-def file_of(made: controller.Planned) -> PlanFile:
+def file_of(made: Planned) -> PlanFile:
     """Return the plan as a file, without inputs."""
-    return removal_file(made.plan, made.snapshot)
+    return plan_file(dataclasses.replace(made, definitions=None))
 
 
-def steps(made: controller.Planned) -> dict[str, str]:
+def steps(made: Planned) -> dict[str, str]:
     """Return name -> cause of every step that is not about images and networks."""
     return {step.name: step.change.cause for step in made.plan.steps if step.module in ("secret", "container")}
 
@@ -141,9 +143,9 @@ def test_a_plan_file_takes_the_value_of_the_day() -> None:
     world = World().add("r1")
     saved = load(dump(file_of(planned(world))), "plan.json")
     assert dump(saved) == dump(file_of(planned(world)))
-    assert needed(saved) == (TOKEN,)
+    assert secret_sources(saved) == (TOKEN,)
     world.vault = Vault({"token": Secret("value-of-the-day")})
-    plan = check_file(saved, inventory(world), world.reader, vault=world.vault)
+    plan = check_plan(saved, fleet(world), world.vault).plan
     assert run(world, plan).exit_code == 0
     assert world.robots["r1"].disk.files[PATH] == b"value-of-the-day"
 
@@ -152,14 +154,14 @@ def test_a_plan_file_without_a_secret_to_write_needs_no_value() -> None:
     """What is there already is not read again."""
     world = World().add("r1")
     run(world, planned(world).plan)
-    assert needed(load(dump(file_of(planned(world, command=("new",)))), "plan.json")) == ()
+    assert secret_sources(load(dump(file_of(planned(world, command=("new",)))), "plan.json")) == ()
 
 
 def test_a_missing_value_is_told_before_any_robot_is_changed() -> None:
-    """Without a vault the plan reads the values itself, and says at which line of the EDF one is missing."""
+    """It is said at which line of the EDF."""
     world = World().add("r1")
     with pytest.raises(DefinitionError) as caught:
-        controller.make_plan(wanted(), inventory(world), world.reader, controller.PlanRequest())
+        read_secrets(wanted(), ("secret",))
     assert str(caught.value.problems[0].location) == "e.edf:7:3"
     assert world.done() == []
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from srprov.cli.options import failed_robots, selected
+from srprov.cli.inputs import failed_robots, selected
 from srprov.definitions.model import Host, Inventory
 from srprov.errors import UsageError
 from srprov.record import last_run

@@ -17,11 +17,10 @@ import pytest
 
 from srprov.definitions.model import Host, Inventory
 from srprov.execution import Event
-from srprov.planning.planfile import document
+from srprov.planning.planfile import PlanFile, document
 from srprov.record import RunFolder, RunInputs, default_root, event_json, run_id, write_inputs
 from srprov.record.documents import inputs, inventory_document, plain
 from srprov.resource import Action
-from srprov.saved import removal_file
 from srprov.secret import Hidden, Secret, forget
 from tests.fakes import World
 from tests.worlds import experiment, inventory, removal_for, service
@@ -51,11 +50,9 @@ def test_everything_is_there_and_for_its_owner_only(tmp_path: Path) -> None:
     what = experiment(service("a", robot="r1"), service("b", robot="r2"))
     plan = plan_of(world, what)
     desired = [step.want for step in plan.steps if step.want]
-    file = removal_file(plan, type("Found", (), {"facts": {}, "observed": {}})())  # type: ignore[arg-type]
+    file = PlanFile(plan=plan, fingerprints={})
     lab = inventory(world)
-    run = RunInputs(
-        verb="apply", owner="a@b", version="1", plan=plan, file=lambda: file, inventory=lab, desired=desired
-    )
+    run = RunInputs(verb="apply", owner="a@b", version="1", plan=plan, file=file, inventory=lab, desired=desired)
     os.umask(0)
     try:
         with RunFolder(tmp_path / "runs" / "deep", run_id(plan, NOW)) as folder:

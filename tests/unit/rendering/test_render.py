@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from srprov.controller import playbooks
+from srprov.controller.playbooks import playbooks
 from srprov.errors import RenderError
 from srprov.modules import MODULES
 from srprov.rendering import render

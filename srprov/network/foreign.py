@@ -1,6 +1,7 @@
 """What others have on the robots: everything that an instance's VNI and subnet must not meet.
 
-Takes all robots as they are, gives claims in words. Pure. What robots say is untrusted: anything odd counts as nothing.
+Takes all robots as they are, gives what others use, in words. Pure. What robots say is untrusted: what is not of the
+right shape counts as nothing.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from ipaddress import IPv4Network, IPv6Network, ip_network
 from srprov.facts.model import HostFacts, Snapshot
 
 LARGEST = 8
-"""Shortest prefix that counts as somebody's: a default route, or the two halves that a VPN puts in its place, claim
+"""Shortest prefix that counts as somebody's: a default route, or the two halves that a VPN puts in its place, use
 nothing."""
 
 
@@ -33,7 +34,7 @@ def foreign_uses(
     """Return what others have; the clearest name of a thing that shows twice comes first.
 
     Args:
-        instance: Whose own things are no claims.
+        instance: Whose own things are not foreign.
         names: Of its bridge and its VXLAN link.
         snapshot: All robots as they are.
         ours: The subnet that the instance has now.
@@ -51,9 +52,9 @@ def foreign_uses(
         yield from _on_robot(robot, facts, names, ours)
 
 
-def overlap(wanted: IPv4Network, claims: Iterable[ForeignUse]) -> ForeignUse | None:
-    """Return the first claim that a network would meet."""
-    return next((claim for claim in claims if claim.subnet is not None and claim.subnet.overlaps(wanted)), None)
+def overlap(wanted: IPv4Network, uses: Iterable[ForeignUse]) -> ForeignUse | None:
+    """Return the first use that a network would overlap."""
+    return next((use for use in uses if use.subnet is not None and use.subnet.overlaps(wanted)), None)
 
 
 def to_network(text: object) -> IPv4Network | None:
@@ -68,7 +69,7 @@ def to_network(text: object) -> IPv4Network | None:
 
 
 def _on_robot(robot: str, facts: HostFacts, names: tuple[str, str], ours: IPv4Network | None) -> Iterator[ForeignUse]:
-    """Return the claims of a robot's links, routes and own address; its routes over our own bridge are none."""
+    """Return what a robot's links, routes and own address use; its routes over our own bridge do not count."""
     own = {to_network(address) for link in facts.links if link.name in names for address in link.addresses} | {ours}
     for link in facts.links:
         if link.name not in names:

@@ -1,18 +1,13 @@
-"""`--history`: earlier runs from a folder, for fairness."""
+"""Earlier runs from a folder, for fairness. Reads files."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
 
-import click
-
+from srprov.assignment.fairness import read_record
 from srprov.errors import UsageError
-
-HISTORY = click.option(
-    "--history", type=click.Path(exists=True, file_okay=False, path_type=Path), default=None, metavar="DIR",
-    help="Earlier runs (DIR/*/assignment.json): fairness evens out what robots carried in them.",
-)  # fmt: skip
+from srprov.facts.stored import parse
 
 
 def read_history(folder: Path | None) -> tuple[Mapping[str, float], ...]:
@@ -23,9 +18,6 @@ def read_history(folder: Path | None) -> tuple[Mapping[str, float], ...]:
     """
     if folder is None:
         return ()
-    from srprov.assignment.fairness import read_record
-    from srprov.facts.stored import parse
-
     runs = []
     for path in sorted(folder.glob("*/assignment.json")):
         try:

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from srprov.cli import waiting
+from srprov.controller import waiting
 from srprov.errors import LockHeld, TransportError
 from srprov.wire import Reply
 
@@ -32,7 +32,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
     return one
 
 
-def lab(clock: Clock, held: dict[str, tuple[str, float]], away: tuple[str, ...] = ()) -> Any:
+def robots(clock: Clock, held: dict[str, tuple[str, float]], away: tuple[str, ...] = ()) -> Any:
     """Return robots that are held by somebody with a purpose, until so many seconds have passed."""
 
     def get(robot: str) -> Any:
@@ -44,28 +44,29 @@ def lab(clock: Clock, held: dict[str, tuple[str, float]], away: tuple[str, ...] 
         return SimpleNamespace(ask=lambda _queries: [Reply(status=0, out=out)])
 
     hosts = dict.fromkeys(("r1", "r2", *away))
-    return SimpleNamespace(inventory=SimpleNamespace(hosts=hosts), sessions=SimpleNamespace(get=get))
+    return SimpleNamespace(inventory=SimpleNamespace(hosts=hosts), sessions=SimpleNamespace(get=get), forks=4)
 
 
-def test_it_waits_until_the_other_run_is_over(clock: Clock, capsys: pytest.CaptureFixture[str]) -> None:
-    left = waiting.wait_for_other_runs(lab(clock, {"r2": ("apply hello", 7.0)}, away=("r9",)), "hello", 20.0, 4)
+def test_it_waits_until_the_other_run_is_over(clock: Clock) -> None:
+    said: list[str] = []
+    held = robots(clock, {"r2": ("apply hello", 7.0)}, away=("r9",))
+    left = waiting.wait_for_other_runs(held, "hello", 20.0, said.append)
     assert clock.now == 107.0 and left == 13.0
-    said = capsys.readouterr().err.splitlines()
     assert len(said) == 2 and said[0].startswith("waiting up to 20 s for r2: held by anna@desk, process 7: apply hello")
 
 
 @pytest.mark.parametrize("purpose", ["apply other", "destroy hello-2", "apply"])
 def test_other_instances_are_not_waited_for(clock: Clock, purpose: str) -> None:
-    assert waiting.wait_for_other_runs(lab(clock, {"r1": (purpose, 99.0)}), "hello", 20.0, 4) == 20.0
+    assert waiting.wait_for_other_runs(robots(clock, {"r1": (purpose, 99.0)}), "hello", 20.0, print) == 20.0
     assert clock.now == 100.0
 
 
 def test_it_gives_up_in_time(clock: Clock) -> None:
     with pytest.raises(LockHeld, match=r"r1 is held by anna@desk.*destroy hello.*not free within 3 s") as raised:
-        waiting.wait_for_other_runs(lab(clock, {"r1": ("destroy hello", 99.0)}), "hello", 3.0, 4)
+        waiting.wait_for_other_runs(robots(clock, {"r1": ("destroy hello", 99.0)}), "hello", 3.0, print)
     assert clock.now == 103.0 and raised.value.exit_code == 7
 
 
 def test_without_a_wish_nobody_is_asked(clock: Clock) -> None:
     nobody: Any = None
-    assert waiting.wait_for_other_runs(nobody, "hello", 0.0, 4) == 0.0
+    assert waiting.wait_for_other_runs(nobody, "hello", 0.0, print) == 0.0

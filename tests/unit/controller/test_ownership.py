@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from srprov.controller.ownership import owned
 from srprov.facts.model import Snapshot
-from srprov.instance import owned
 from srprov.network.identity import link_names
 from srprov.resource import Observed
 from tests.fakes import World

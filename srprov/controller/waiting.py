@@ -7,31 +7,29 @@ stale before it begins: what it finds missing is being made.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
-from srprov.cli.options import Lab
-from srprov.cli.output_options import note
+from srprov.controller.fleet import Fleet
 from srprov.errors import LockHeld, visible
+from srprov.execution.locks import holders
 
 _LOOK_S = 1.0
 _TELL_S = 5.0
 
 
-def wait_for_other_runs(lab: Lab, instance: str, seconds: float, forks: int) -> float:
-    """Wait at most so many seconds while somebody applies or destroys the instance; give the seconds that are left.
+def wait_for_other_runs(fleet: Fleet, instance: str, seconds: float, tell: Callable[[str], None]) -> float:
+    """Wait at most so many seconds while somebody applies or destroys the instance; return the seconds that are left.
 
-    Robots that cannot be asked are not waited for; whether they can be left out is decided later.
+    Robots that cannot be asked are not waited for; whether they can be left out is decided later. `tell` is given a
+    line every few seconds.
 
     Raises:
         LockHeld: It went on for longer.
     """
-    if seconds <= 0:
-        return seconds
-    from srprov.execution.locks import holders
-
     begun = time.monotonic()
     told = begun - _TELL_S
     while seconds > 0:
-        held, _ = holders(lab.inventory.hosts, lab.sessions.get, forks=forks)
+        held, _ = holders(fleet.inventory.hosts, fleet.sessions.get, forks=fleet.forks)
         busy = {robot: one for robot, one in held.items() if one and one.purpose.partition(" ")[2] == instance}
         now = time.monotonic()
         left = max(0.0, begun + seconds - now)
@@ -43,6 +41,6 @@ def wait_for_other_runs(lab: Lab, instance: str, seconds: float, forks: int) -> 
             raise LockHeld(message, hint="see who holds what with `srprov locks`")
         if now - told >= _TELL_S:
             told = now
-            note(f"waiting up to {left:.0f} s for {visible(robot)}: held by {visible(str(one))}")
+            tell(f"waiting up to {left:.0f} s for {visible(robot)}: held by {visible(str(one))}")
         time.sleep(min(_LOOK_S, left))
     return seconds

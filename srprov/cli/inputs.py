@@ -1,0 +1,140 @@
+"""What verbs start from: definitions, the inventory, the chosen robots, and open sessions with all of them."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import sys
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from srprov.cli.config import user_folder
+from srprov.cli.options import asked_for_become
+from srprov.cli.output import catch_logs
+from srprov.cli.output_options import note
+from srprov.controller.request import PlanRequest
+from srprov.errors import RefusedError, UsageError
+from srprov.secret import Secret, Vault
+
+if TYPE_CHECKING:
+    from srprov.controller.fleet import Fleet
+    from srprov.definitions.model import Definitions, Inventory
+
+
+def load_inventory(paths: tuple[str, ...]) -> Inventory:
+    """Read the inventory; an empty one is an error. Asks for sudo's password when the user said so."""
+    from srprov.definitions import load_inventory as load
+
+    inventory = load(list(paths))
+    if not inventory.hosts:
+        raise UsageError(f"no robots in {', '.join(paths)}", hint="add hosts to the inventory")
+    return _with_become_password(inventory) if asked_for_become() else inventory
+
+
+def _with_become_password(inventory: Inventory) -> Inventory:
+    """Ask once, and give the answer to every robot that has no password of its own."""
+    if not sys.stdin.isatty():
+        hint = "set ansible_become_password in the inventory, e.g. in host_vars/ that only you can read"
+        raise RefusedError("there is no terminal to ask for sudo's password on", hint=hint)
+    try:
+        password = Secret(click.prompt("sudo password", hide_input=True, err=True, default="", show_default=False))
+    except ValueError as error:
+        raise UsageError(str(error)) from None
+    hosts = {
+        name: host if host.become_password else dataclasses.replace(host, become_password=password)
+        for name, host in inventory.hosts.items()
+    }
+    return dataclasses.replace(inventory, hosts=hosts)
+
+
+def load_experiment(path: str) -> Definitions:
+    """Read an EDF and its CDFs."""
+    from srprov.definitions import load_experiment as load
+
+    return load(path)
+
+
+def named_instance(file: str | None, instance: str) -> tuple[str, str]:
+    """Return the instance's id and, when an EDF is named, its source; the EDF need not be valid any more for that.
+
+    Raises:
+        UsageError: Neither an EDF nor --instance is given.
+    """
+    if file is None:
+        if not instance:
+            raise UsageError("which experiment?", hint="name its EDF, or --instance ID")
+        return instance, ""
+    from srprov.controller.source import named_instance as named
+
+    name, source = named(file)
+    return instance or name, source
+
+
+def with_own_playbooks(request: PlanRequest) -> PlanRequest:
+    """Return the request with the playbooks of the user's own folder."""
+    folder = user_folder(os.environ) / "playbooks"
+    if not folder.is_dir():
+        return request
+    from srprov.controller.playbooks import own_playbooks
+
+    return dataclasses.replace(request, playbooks=own_playbooks(folder))
+
+
+@contextmanager
+def connect(
+    inventory: Inventory, timeout: float, forks: int, *, changing: bool = False, vault: Vault | None = None
+) -> Iterator[Fleet]:
+    """Begin to connect to all robots; connections end with the block. See `srprov.controller.fleet.connect`."""
+    from srprov.controller import fleet
+
+    catch_logs()
+    with fleet.connect(inventory, timeout_s=timeout, forks=forks, changing=changing, vault=vault) as connected:
+        yield connected
+
+
+def waited(fleet: Fleet, instance: str, seconds: float) -> float:
+    """Wait for other runs of the instance as long as the user said; return the seconds that are left."""
+    if seconds <= 0:
+        return seconds
+    from srprov.controller.waiting import wait_for_other_runs
+
+    return wait_for_other_runs(fleet, instance, seconds, note)
+
+
+def failed_robots(instance: str, runs: Path | None) -> Callable[[], frozenset[str]]:
+    """Return what `@failed` stands for: the robots that the last recorded run of an instance did not finish."""
+
+    def look() -> frozenset[str]:
+        from srprov.record import default_root, last_run
+
+        root = runs or default_root()
+        last = last_run(root, instance)
+        if last is None:
+            hint = "--runs or SRPROV_RUNS names where runs are recorded, --instance the experiment's instance"
+            raise UsageError(f"'@failed': no run of {instance} is recorded in {root}", hint=hint)
+        if not last.failed:
+            raise UsageError(
+                f"'@failed' matches no robot: nothing failed in the last run of {instance} ({last.path.name})",
+                hint="leave it out to change all robots",
+            )
+        return last.failed
+
+    return look
+
+
+def selected(
+    inventory: Inventory, limit: str, exclude: str, failed: Callable[[], Collection[str]] | None = None
+) -> frozenset[str]:
+    """Return the robots that may be changed; `failed` is what `@failed` stands for, for verbs with an experiment."""
+    from srprov.definitions import select
+
+    chosen = set(select(inventory, limit, failed)) if limit else set(inventory.hosts)
+    if exclude:
+        chosen -= set(select(inventory, exclude, failed))
+    if not chosen:
+        raise UsageError("--limit and --exclude leave no robot", hint=f"known: {', '.join(inventory.hosts)}")
+    return frozenset(chosen)

@@ -1,0 +1,115 @@
+"""What is left to decide after the first look at the robots: perhaps nothing.
+
+Takes definitions and a snapshot; gives a `Choice`. Pure. Only what is not there yet makes a difference to how an engine
+is, and only a real choice needs the traffic of this moment; so what is to be decided says how closely to look.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from srprov.assignment import problem, solve
+from srprov.assignment.model import Assignment, Problem
+from srprov.controller.ownership import absent, previous_robots
+from srprov.controller.request import PlanRequest
+from srprov.definitions.expand import expand, nowhere
+from srprov.definitions.model import Definitions, Experiment, Inventory
+from srprov.definitions.pins import unknown_pins
+from srprov.errors import DefinitionError, SrprovError
+from srprov.facts.gather import Detail
+from srprov.facts.model import Snapshot
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Choice:
+    """An experiment with every instance, and what of it is to be placed."""
+
+    experiment: Experiment
+    """With replicas and `per_robot` as services of their own, for the robots that were found."""
+    previous: Mapping[str, str]
+    """Service -> the robot it runs on now."""
+    problem: Problem
+    free: bool
+    """Running services may move."""
+    new: frozenset[str]
+    """Services that are new, whose container is gone, or that cannot stay."""
+
+    @property
+    def detail(self) -> Detail:
+        """How closely robots must be looked at to decide it well."""
+        pinned = [name for name in self.new if self.experiment.services[name].robot]
+        if self.free or len(pinned) < len(self.new):
+            return Detail.TRAFFIC
+        return Detail.ENGINE if self.new else Detail.NO
+
+    @property
+    def likely(self) -> frozenset[str]:
+        """The robots that something new will likely be on, as far as that is cheap to know."""
+        pinned = {name: robot for name in self.new if (robot := self.experiment.services[name].robot)}
+        guessed = {**solve.guess(self.problem), **pinned}
+        due = [robot for name, robot in guessed.items() if name in self.new or robot != self.previous.get(name)]
+        return frozenset(robot for robot in due if robot in self.problem.facts)
+
+
+def choice_of(
+    definitions: Definitions, inventory: Inventory, snapshot: Snapshot, instance: str, request: PlanRequest
+) -> Choice:
+    """Return what is to be decided, as far as this snapshot tells.
+
+    Raises:
+        UsageError: Two instances would have one name, or relations contradict each other.
+    """
+    previous = previous_robots(snapshot, instance)
+    experiment = _with_instances(definitions.experiment, snapshot, previous)
+    return Choice(
+        experiment=experiment,
+        previous=previous,
+        problem=problem.build(
+            experiment,
+            definitions.containers,
+            snapshot,
+            previous,
+            slots={name: host.slots for name, host in inventory.hosts.items() if host.slots is not None},
+            reassign=request.reassign,
+            reassign_unreachable=request.reassign_unreachable,
+            history=request.history,
+        ),
+        free=request.reassign or request.reassign_unreachable or not experiment.placement.sticky,
+        new=frozenset(absent(snapshot, instance, previous, experiment.services)),
+    )
+
+
+def checked_choice(definitions: Definitions, inventory: Inventory, snapshot: Snapshot, request: PlanRequest) -> Choice:
+    """Return the choice for who wants to know the assignment alone.
+
+    Raises:
+        DefinitionError: The files ask for robots that are not in the inventory.
+        UsageError: As `choice_of`.
+    """
+    if unknown := unknown_pins(definitions.experiment, inventory):
+        raise DefinitionError(unknown)
+    instance = request.instance or definitions.experiment.name
+    return choice_of(definitions, inventory, snapshot, instance, request)
+
+
+def idle_notes(definitions: Definitions, experiment: Experiment, snapshot: Snapshot) -> tuple[str, ...]:
+    """Return a note for each service that no robot matched; `experiment` has every instance."""
+    return nowhere(definitions.experiment, experiment.services.values(), away=bool(snapshot.unreachable))
+
+
+def settled(choice: Choice, seconds: float | None) -> tuple[Assignment | None, Choice]:
+    """Return the assignment that leaves everything where it is, or None and the choice with what cannot stay."""
+    if choice.free or choice.new:
+        return None, choice
+    try:
+        placed = solve.solve(choice.problem, seconds)
+    except SrprovError:  # to be seen again, with all that there is to know; then it is raised
+        return None, replace(choice, new=frozenset(choice.experiment.services))
+    moved = frozenset(name for name, robot in choice.previous.items() if placed.placed.get(name, robot) != robot)
+    return (None, replace(choice, new=moved)) if moved else (placed, choice)
+
+
+def _with_instances(experiment: Experiment, snapshot: Snapshot, previous: Mapping[str, str]) -> Experiment:
+    away = {service: robot for service, robot in previous.items() if robot in snapshot.unreachable}
+    return expand(experiment, {robot: facts.tags for robot, facts in snapshot.facts.items()}, away)

@@ -1,0 +1,135 @@
+"""What the playbooks are rendered with: one plain-value context per robot.
+
+Takes the experiment, its CDFs, where services run, the overlay, the image plans and all robots as they are; gives
+for every robot that has a part in it a context and the blobs that it names. Reads the files that services mount,
+and nothing else.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from srprov.controller.inputs import RenderInputs
+from srprov.controller.robot_images import robot_images
+from srprov.controller.services import service_context, tree_path, volume_name
+from srprov.definitions.model import Mount, Service
+from srprov.facts.model import HostFacts
+from srprov.modules.module import STATE_ROOT, canonical
+from srprov.modules.secret import secret_path
+from srprov.network.hosts import hosts_file
+from srprov.network.model import Overlay
+
+if TYPE_CHECKING:
+    pass
+
+_WITNESSES = 2
+"""Robots without a service that keep the placement record."""
+_FLOOD = "00:00:00:00:00:00"
+
+
+def contexts(parts: RenderInputs) -> tuple[dict[str, dict[str, Any]], dict[str, bytes]]:
+    """Return robot -> context, for reachable robots with a part in the experiment, and all blobs by sha256."""
+    blobs: dict[str, bytes] = {}
+    trees = {mount.source: _tree(mount.source, blobs) for mount in _mounts(parts, "tree")}
+    images = robot_images(parts, blobs)
+    members = {robot for robot in parts.placed.values() if robot in parts.snapshot.facts}
+    hosts = members | set(images) | set(_witnesses(parts, members))
+    return {host: _one(parts, host, images.get(host, []), trees) for host in sorted(hosts)}, blobs
+
+
+def _witnesses(parts: RenderInputs, members: Collection[str]) -> list[str]:
+    """Return robots beyond the members that keep the placement record too.
+
+    When all members are out of reach, they are who knows that services may still run there. Those that keep it already
+    go on doing so; then names decide.
+    """
+    path = _record_path(parts.instance)
+    keepers = {host for host, items in parts.snapshot.observed.items() if any(item.name == path for item in items)}
+    others = [host for host, facts in parts.snapshot.facts.items() if host not in members and facts.docker is not None]
+    return sorted(others, key=lambda host: (host not in keepers, host))[:_WITNESSES]
+
+
+def _record_path(instance: str) -> str:
+    return f"{STATE_ROOT}/{instance}/placement.json"
+
+
+def _tree(path: str, blobs: dict[str, bytes]) -> dict[str, str]:
+    from srprov.disk import tree_tar
+
+    blob = tree_tar(path)
+    digest = hashlib.sha256(blob).hexdigest()
+    blobs[digest] = blob
+    return {"blob": digest, "top": Path(path).name}
+
+
+def _one(
+    parts: RenderInputs, host: str, images: Sequence[Mapping[str, Any]], trees: Mapping[str, Mapping[str, str]]
+) -> dict[str, Any]:
+    services = [parts.experiment.services[name] for name, robot in sorted(parts.placed.items()) if robot == host]
+    overlay = _overlay(parts.overlay, host)
+    facts = parts.snapshot.facts[host]
+    used = {mount.source for service in services for mount in service.runtime.mounts if mount.kind == "tree"}
+    volumes = {m.source for service in services for m in service.runtime.mounts if m.kind == "volume"}
+    return {
+        "host": host,
+        "folder": f"{STATE_ROOT}/{parts.instance}",
+        "robot": _robot(facts),
+        "instance": parts.instance,
+        "source": parts.source,
+        "api": facts.docker.api_version if facts.docker else "1.41",
+        "overlay": overlay,
+        "images": list(images),
+        "files": _files(parts, member=bool(services)),
+        "trees": [
+            {"path": tree_path(parts.instance, trees[source]), "blob": trees[source]["blob"]} for source in sorted(used)
+        ],
+        "volumes": [volume_name(parts.instance, name) for name in sorted(volumes)],
+        "secrets": _secrets(parts.instance, services),
+        "services": [service_context(parts, service, overlay, trees) for service in services],
+    }
+
+
+def _robot(facts: HostFacts) -> dict[str, Any]:
+    """Return what users' playbooks may decide by: facts that do not change by themselves."""
+    lasting = {"arch": facts.arch, "cpus": facts.cpus, "memory": facts.memory_total, "kernel": facts.kernel}
+    return {**lasting, "os": facts.os, "tags": list(facts.tags), "devices": list(facts.devices)}
+
+
+def _files(parts: RenderInputs, *, member: bool) -> list[dict[str, Any]]:
+    """Return the record of the whole placement, and for a robot that runs something the hosts file."""
+    path, content = _record_path(parts.instance), canonical(parts.record) + "\n"
+    record = {"path": path, "content": content, "mode": "0644", "in_place": False}
+    hosts = f"{STATE_ROOT}/{parts.instance}/hosts"
+    names = {"path": hosts, "content": hosts_file(parts.overlay), "mode": "0644", "in_place": True}
+    return [names, record] if member else [record]
+
+
+def _secrets(instance: str, services: Sequence[Service]) -> list[dict[str, str]]:
+    """Return the secrets of a robot's services: names and places, never values."""
+    wanted = {(use.source, use.mode) for service in services for use in service.secrets}
+    return [{"path": secret_path(instance, name, mode), "name": name, "mode": mode} for name, mode in sorted(wanted)]
+
+
+def _overlay(overlay: Overlay, host: str) -> dict[str, Any] | None:
+    if host not in overlay.vteps:
+        return None
+    fdb = [[_FLOOD, vtep] for vtep in overlay.flood[host]] + [list(entry) for entry in overlay.fdb[host]]
+    return {
+        "network": overlay.network,
+        "bridge": overlay.bridge,
+        "link": overlay.link,
+        "subnet": str(overlay.subnet),
+        "gateway": str(overlay.gateways[host]),
+        "mtu": overlay.mtu,
+        "vni": overlay.vni,
+        "port": overlay.port,
+        "vtep": overlay.vteps[host],
+        "fdb": sorted(fdb),
+    }
+
+
+def _mounts(parts: RenderInputs, kind: str) -> list[Mount]:
+    return [m for service in parts.experiment.services.values() for m in service.runtime.mounts if m.kind == kind]

@@ -1,0 +1,94 @@
+"""The robots of an inventory and the sessions with them.
+
+Takes an Inventory; gives a `Fleet`, which connects in the background and is asked through `Gathering`. Connections end
+with the block.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from srprov.secret import Vault
+
+if TYPE_CHECKING:
+    from srprov.definitions.model import Experiment, Inventory
+    from srprov.facts.gather import Detail, Gathering
+    from srprov.facts.model import Snapshot
+    from srprov.transport.pool import Sessions
+    from srprov.wire import Session
+
+
+@dataclass(frozen=True, slots=True)
+class Fleet:
+    """An inventory with open sessions."""
+
+    inventory: Inventory
+    sessions: Sessions
+    forks: int
+
+    def connected(self) -> Mapping[str, Session]:
+        """Return the sessions of robots that could be reached."""
+        return self.sessions.connected()
+
+    def look(self, experiment: Experiment, *, exact: bool = False) -> Gathering:
+        """Begin to ask every robot, as soon as it is connected, for an experiment that may run there.
+
+        The engines are asked of themselves at once with `exact`, and when a service requires a disk of some size: which
+        one is Docker's, only the engine knows for sure.
+        """
+        from srprov.facts.gather import Gathering
+
+        engine = exact or any(service.requires.disk for service in experiment.services.values())
+        return Gathering(self.inventory, self.sessions.get, engine=engine, forks=self.forks)
+
+    def gather(self, detail: Detail, *, keep_mute: bool = False) -> Snapshot:
+        """Ask every robot once and return what was found; see `srprov.facts.gather.gather`."""
+        from srprov.facts.gather import gather
+
+        return gather(self.inventory, self.sessions.get, detail=detail, forks=self.forks, keep_mute=keep_mute)
+
+    def get_ready(self, robots: Collection[str]) -> None:
+        """Begin to import what changes robots, and to start on these what only a change needs."""
+        from srprov.transport import prefetch
+
+        prefetch()
+        self.sessions.prepare(sorted(robots))
+        import srprov.execution.executor
+
+        del srprov
+
+
+@contextmanager
+def connect(
+    inventory: Inventory, *, timeout_s: float, forks: int, changing: bool = False, vault: Vault | None = None
+) -> Iterator[Fleet]:
+    """Begin to connect to all robots; connections end with the block.
+
+    Args:
+        inventory: The robots.
+        timeout_s: To connect to one of them.
+        forks: Robots at the same time.
+        changing: A run will follow, so begin to import what records it.
+        vault: The secrets that are written there.
+    """
+    from srprov.transport import ConnectOptions, load_ssh
+    from srprov.transport.pool import Sessions
+
+    options = ConnectOptions(connect_timeout_s=timeout_s, vault=vault or Vault())
+    with Sessions(inventory.hosts, options=options, forks=forks) as sessions:
+        if any(host.connection != "local" for host in inventory.hosts.values()):
+            load_ssh()  # before anything else is imported: from then on the robots have something to do too
+        if changing:
+            threading.Thread(target=_import_record, name="import record", daemon=True).start()
+        yield Fleet(inventory, sessions, forks)
+
+
+def _import_record() -> None:
+    """Import what records a run, while connections come up."""
+    from srprov.record.documents import controller
+
+    controller()

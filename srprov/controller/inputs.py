@@ -1,0 +1,32 @@
+"""What the contexts of playbooks are made of: the values of every room side by side. Values only."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from srprov.definitions.model import Experiment
+from srprov.facts.model import Snapshot
+from srprov.network.model import Overlay
+
+if TYPE_CHECKING:
+    from srprov.images.plan import ImagePlan
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RenderInputs:
+    """Everything that contexts are made of."""
+
+    instance: str
+    source: str
+    experiment: Experiment
+    placed: Mapping[str, str]
+    overlay: Overlay
+    images: Mapping[str, ImagePlan]
+    """CDF key -> what is built for it; only for CDFs that need a build."""
+    references: Mapping[str, str]
+    """CDF key -> ready image, for CDFs that name one."""
+    record: Mapping[str, Any]
+    """The placement record that every robot gets."""
+    snapshot: Snapshot

@@ -1,0 +1,46 @@
+"""What the user must allow, checked in one place: before a plan is made, and before it is done.
+
+Everything that an experiment asks for beyond its own containers is a `Permission` of `planning.policy`; here it is held
+against what the user allowed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import TYPE_CHECKING
+
+from srprov.definitions.model import Experiment
+from srprov.errors import UsageError
+from srprov.planning.policy import ASKED_FIRST, KINDS, permissions, require
+
+if TYPE_CHECKING:
+    from srprov.planning.plan import Plan
+
+
+def check_kinds(allowed: Collection[str]) -> None:
+    """Refuse a kind that does not exist: a typing mistake must not look like a permission.
+
+    Raises:
+        UsageError: Names it, and the kinds that there are.
+    """
+    unknown = sorted(set(allowed) - {*KINDS, "all"})
+    if unknown:
+        raise UsageError(f"--allow knows no kind {', '.join(unknown)}", hint=f"known: {', '.join(KINDS)}, all")
+
+
+def permit_planning(experiment: Experiment, allowed: Collection[str]) -> None:
+    """Refuse what even a plan must not do without permission: read secrets, render a stranger's playbook.
+
+    Raises:
+        RefusedError: Names all of it, and the flags that would allow it.
+    """
+    require([one for one in permissions(experiment) if one.kind in ASKED_FIRST], allowed)
+
+
+def permit_run(plan: Plan, allowed: Collection[str]) -> None:
+    """Refuse to do a plan that asks for what the user did not allow.
+
+    Raises:
+        RefusedError: Names all of it, and the flags that would allow it.
+    """
+    require(plan.permissions, allowed)

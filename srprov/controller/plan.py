@@ -1,0 +1,195 @@
+"""The plan: read, decide, lay out, render, compare. Nothing is changed here.
+
+`make_plan` is the program in one list. What it calls is pure, but for the look at the robots and the files that the
+definitions name.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from srprov import rendering
+from srprov.assignment import solve
+from srprov.assignment.model import Assignment
+from srprov.controller.choice import choice_of, idle_notes, settled
+from srprov.controller.context import contexts
+from srprov.controller.inputs import RenderInputs
+from srprov.controller.ownership import check_source, owned
+from srprov.controller.permissions import permit_planning
+from srprov.controller.playbooks import playbooks
+from srprov.controller.request import PlanRequest
+from srprov.controller.watcher import Watcher
+from srprov.definitions.model import ContainerDefinition, Definitions, Experiment, Inventory
+from srprov.definitions.pins import unknown_pins
+from srprov.definitions.playbookmodel import Playbook
+from srprov.definitions.secretvalues import used
+from srprov.definitions.source import source_of
+from srprov.errors import DefinitionError
+from srprov.facts.gather import Gathering
+from srprov.facts.model import Snapshot
+from srprov.modules import MODULES
+from srprov.modules.secret import with_value
+from srprov.network.layout import layout
+from srprov.network.model import Overlay
+from srprov.network.record import record
+from srprov.planning.diff import diff
+from srprov.planning.limit import limited
+from srprov.planning.plan import Plan, PlaybookUse, Step
+from srprov.planning.policy import permissions
+from srprov.resource import Resource
+from srprov.secret import Vault
+
+if TYPE_CHECKING:
+    from srprov.images.plan import ImagePlan
+    from srprov.planning.planfile import PlanFile
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Planned:
+    """A plan with what led to it; how much that is depends on whether it was made, read from a file, or removes."""
+
+    plan: Plan
+    snapshot: Snapshot | None = None
+    """The robots as they were; None for a plan from a file."""
+    definitions: Definitions | None = None
+    assignment: Assignment | None = None
+    desired: tuple[Resource, ...] = ()
+    """What should be true on all robots."""
+    images: Mapping[str, ImagePlan] = field(default_factory=lambda: MappingProxyType({}))
+    """Tag -> what is built under it; a failed build can name the line of the CDF."""
+    playbooks: tuple[Playbook, ...] = ()
+    """Those that users wrote, the experiment's and the user's own."""
+    saved: PlanFile | None = None
+    """The file that the plan was read from."""
+
+    def limited(self, robots: Collection[str]) -> Planned:
+        """Return it without the steps of other robots, and without those that need one of them."""
+        return dataclasses.replace(self, plan=limited(self.plan, robots))
+
+
+def make_plan(
+    definitions: Definitions, look: Gathering, request: PlanRequest, vault: Vault, watcher: Watcher | None = None
+) -> Planned:
+    """Read the robots and say what would make the experiment true.
+
+    Args:
+        definitions: The experiment and its CDFs.
+        look: The questions to the robots, which were asked meanwhile.
+        request: What the user asks for beside the files.
+        vault: The values of its secrets.
+        watcher: Told what happens.
+
+    Raises:
+        DefinitionError: The files ask for what is not built yet, or for robots that are not in the inventory.
+        RefusedError: The instance belongs to another source; or the experiment has playbooks that were not allowed.
+        NoAssignment: There is no feasible placement.
+        UsageError, RenderError, PlanError: as their rooms say.
+    """
+    instance, source = _named(definitions, look.inventory, request)
+    watcher = watcher or Watcher()
+    watcher.begin("facts")
+    snapshot = look.first()
+    check_source(snapshot, instance, source, adopt=request.adopt)
+    choice = choice_of(definitions, look.inventory, snapshot, instance, request)
+    placed, choice = settled(choice, request.search_limit_s)
+    if placed is None:
+        watcher.likely(choice.likely)
+        snapshot = look.closer(choice.detail)
+        choice = choice_of(definitions, look.inventory, snapshot, instance, request)
+        watcher.begin("assignment")
+        placed = solve.solve(choice.problem, request.search_limit_s)
+    watcher.begin("plan")
+    overlay = layout(choice.experiment, placed.placed, snapshot, instance=instance)
+    inputs = _inputs(definitions, choice.experiment, placed, overlay, snapshot, source)
+    theirs = (*choice.experiment.playbooks, *request.playbooks)
+    desired = _desired(inputs, theirs, vault)
+    snapshot = look.at(snapshot, desired)
+    steps, unchanged = diff(desired, owned(snapshot, instance), instance)
+    return Planned(
+        plan=_plan(definitions, dataclasses.replace(inputs, snapshot=snapshot), placed, theirs, steps, unchanged),
+        snapshot=snapshot,
+        definitions=definitions,
+        assignment=placed,
+        desired=desired,
+        images={image.tag: image for image in inputs.images.values()},
+        playbooks=theirs,
+    )
+
+
+def _named(definitions: Definitions, inventory: Inventory, request: PlanRequest) -> tuple[str, str]:
+    """Return the instance and its source; or refuse what cannot or must not be planned, before a robot is shown it."""
+    if definitions.unsupported:
+        raise DefinitionError(definitions.unsupported)
+    if unknown := unknown_pins(definitions.experiment, inventory):
+        raise DefinitionError(unknown)
+    permit_planning(definitions.experiment, request.allowed)
+    return request.instance or definitions.experiment.name, source_of(definitions.experiment.file)
+
+
+def _inputs(
+    definitions: Definitions, experiment: Experiment, placed: Assignment, overlay: Overlay, snapshot: Snapshot,
+    source: str,
+) -> RenderInputs:  # fmt: skip
+    images, references = _images(definitions.containers)
+    return RenderInputs(
+        instance=overlay.instance,
+        source=source,
+        experiment=experiment,
+        placed=placed.placed,
+        overlay=overlay,
+        images=images,
+        references=references,
+        record=record(overlay, experiment, placed.placed, source, snapshot.placements.get(overlay.instance)),
+        snapshot=snapshot,
+    )
+
+
+def _images(containers: Mapping[str, ContainerDefinition]) -> tuple[dict[str, ImagePlan], dict[str, str]]:
+    """Return CDF key -> what is built for it, and CDF key -> the ready image that it names."""
+    references = {key: one.image for key, one in containers.items() if one.image}
+    if len(references) == len(containers):
+        return {}, references
+    from srprov import disk
+    from srprov.images.tag import plan_image  # not needed where nothing is built
+
+    built = {key: plan_image(one, disk.listing, disk.read) for key, one in containers.items() if not one.image}
+    return built, references
+
+
+def _desired(inputs: RenderInputs, theirs: Sequence[Playbook], vault: Vault) -> tuple[Resource, ...]:
+    """Return what should be true on all robots; only after rendering a secret gets its value."""
+    per_robot, blobs = contexts(inputs)
+    rendered = rendering.render_all(playbooks(), theirs, per_robot, modules=MODULES, blobs=blobs)
+    return tuple(with_value(resource, vault) for resource in rendered)
+
+
+def _plan(
+    definitions: Definitions, inputs: RenderInputs, placed: Assignment, theirs: Sequence[Playbook],
+    steps: tuple[Step, ...], unchanged: int,
+) -> Plan:  # fmt: skip
+    experiment = inputs.experiment
+    return Plan(
+        instance=inputs.instance,
+        source=inputs.source,
+        steps=steps,
+        unchanged=unchanged,
+        assignment=placed.placed,
+        cost=placed.cost,
+        costs={service: terms.total for service, terms in placed.terms.items()},
+        permissions=permissions(experiment),
+        secrets=used(experiment),
+        notes=(*_notes(placed), *idle_notes(definitions, experiment, inputs.snapshot)),
+        unreachable=inputs.snapshot.unreachable,
+        playbooks=tuple(PlaybookUse(name=one.name, file=one.file, place=one.place) for one in theirs),
+    )
+
+
+def _notes(placed: Assignment) -> tuple[str, ...]:
+    stay = [f"{service} stays on {placed.placed[service]}, which cannot be reached" for service in placed.frozen]
+    if placed.gap:
+        stay.append(f"the search for the best placement was stopped; {placed.gap:.3f} less may be possible")
+    return tuple(stay)

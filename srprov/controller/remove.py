@@ -1,0 +1,60 @@
+"""The plan that takes everything of an instance away; it needs no EDF, only labels."""
+
+from __future__ import annotations
+
+from srprov.controller.fleet import Fleet
+from srprov.controller.ownership import check_source, owned
+from srprov.controller.plan import Planned
+from srprov.facts.gather import Detail
+from srprov.facts.model import Snapshot
+from srprov.network.record import read_record
+from srprov.planning.diff import Removal, removal_plan
+from srprov.planning.plan import Plan
+
+
+def make_removal(fleet: Fleet, instance: str, *, volumes: bool, source: str = "", adopt: bool = False) -> Planned:
+    """Say what would take everything of an instance away.
+
+    Args:
+        fleet: The robots.
+        instance: The instance's id.
+        volumes: Data volumes too.
+        source: Where the experiment comes from; empty: whoever made the instance.
+        adopt: Also when another source made it.
+
+    Raises:
+        RefusedError: `source` is given and another source made the instance.
+    """
+    snapshot = fleet.gather(Detail.NO)
+    if source:
+        check_source(snapshot, instance, source, adopt=adopt)
+    steps = removal_plan(owned(snapshot, instance), instance, Removal(volumes=volumes))
+    known = read_record(snapshot.placements.get(instance))
+    away = sorted({robot for robot in (known.robots.values() if known else ()) if robot in snapshot.unreachable})
+    notes = [
+        f"{robot} holds services of this instance and cannot be reached; destroy again when it is back"
+        for robot in away
+    ]
+    kept = _volumes(snapshot, instance)
+    if kept and not volumes:
+        notes.append(f"{len(kept)} data volume(s) stay: {', '.join(sorted(set(kept)))}; --volumes removes them")
+    plan = Plan(
+        instance=instance,
+        source=known.source if known else source,
+        steps=steps,
+        notes=tuple(notes),
+        unreachable=snapshot.unreachable,
+    )
+    return Planned(plan=plan, snapshot=snapshot)
+
+
+def other_instances(snapshot: Snapshot, instance: str, source: str) -> list[str]:
+    """Return instances on the robots that came from the same source under another name."""
+    every = (item for items in snapshot.observed.values() for item in items)
+    owners = {item.instance for item in every if source and item.state.get("source") == source}
+    return sorted(owners - {instance, ""})
+
+
+def _volumes(snapshot: Snapshot, instance: str) -> list[str]:
+    every = (item for items in snapshot.observed.values() for item in items)
+    return [item.name for item in every if item.module == "volume" and item.instance == instance]

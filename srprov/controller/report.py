@@ -1,0 +1,78 @@
+"""A run as JSON and as lines. Pure, but for the clock of `Phases`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from srprov.controller.watcher import Phases
+from srprov.execution import Outcome, RunResult
+from srprov.planning.plan import Plan
+from srprov.wire import Session
+
+if TYPE_CHECKING:
+    from srprov.images.plan import ImagePlan
+
+
+def run_json(plan: Plan, result: RunResult, sessions: Mapping[str, Session], phases: Phases) -> dict[str, Any]:
+    """Return the documented JSON of a run, without the folder of its record."""
+    return {
+        "instance": plan.instance,
+        "changed": result.count(Outcome.CHANGED),
+        "unchanged": result.unchanged + result.count(Outcome.UNCHANGED),
+        "failed": result.count(Outcome.FAILED),
+        "skipped": result.count(Outcome.SKIPPED),
+        "not_reached": result.count(Outcome.NOT_REACHED) + result.count(Outcome.UNREACHABLE),
+        "unreachable": sorted(result.unreachable),
+        "assignment": dict(sorted(plan.assignment.items())),
+        "cost": round(plan.cost, 6),
+        "robots": {host: _robot_json(result, host, session) for host, session in sorted(sessions.items())},
+        "phases": phases.end(),
+        "duration_s": round(phases.total, 3),
+        "run": None,
+        "steps": [
+            {"number": r.step.number, "id": r.step.id, "outcome": r.outcome.value, "message": r.message}
+            for r in result.results
+        ],
+    }
+
+
+def _robot_json(result: RunResult, host: str, session: Session) -> dict[str, Any]:
+    traffic = session.traffic
+    return {
+        "changed": result.of_host(host, Outcome.CHANGED),
+        "failed": result.of_host(host, Outcome.FAILED),
+        "connections": traffic.connections,
+        "round_trips": traffic.round_trips,
+        "bytes_sent": traffic.bytes_sent,
+        "bytes_received": traffic.bytes_received,
+        "connect_s": round(traffic.connect_s, 3),
+        "asked_s": round(traffic.asked_s, 3),
+        "acted_s": round(traffic.acted_s, 3),
+        "duration_s": round(sum(r.duration_s for r in result.results if r.step.host == host), 3),
+    }
+
+
+def failures(result: RunResult, images: Mapping[str, ImagePlan]) -> list[str]:
+    """Return a line or more for every step that did not end well, and for every robot that could not be reached."""
+    lines = []
+    for one in result.results:
+        if one.outcome not in (Outcome.CHANGED, Outcome.UNCHANGED):
+            lines.append(f"{one.outcome.value}: #{one.step.number} {one.step.id}: {one.message}")
+            image = images.get(one.step.name) if one.step.module == "image" else None
+            if image and one.outcome is Outcome.FAILED:
+                from srprov.images.tag import locate_failure  # only a failed build needs it
+
+                place = locate_failure(image, one.message)
+                lines += [f"  it comes from {place}"] if place else []
+    lines += [f"unreachable: {host}: {reason}" for host, reason in sorted(result.unreachable.items())]
+    lines += [f"warning: {host} has no audit line: {reason}" for host, reason in sorted(result.unaudited.items())]
+    return lines
+
+
+def summary(document: Mapping[str, Any], result: RunResult) -> str:
+    """Return the last line of a run."""
+    counts = ", ".join(f"{document[key]} {key}" for key in ("changed", "unchanged", "failed", "skipped"))
+    gone = f", {len(result.unreachable)} unreachable" if result.unreachable else ""
+    state = "interrupted" if result.interrupted else "done"
+    return f"{document['instance']}: {state} in {document['duration_s']:.1f} s: {counts}{gone}"

@@ -1,0 +1,37 @@
+"""What the user asks for beside the files. Values only."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from srprov.definitions.playbookmodel import Playbook
+
+SEARCH_LIMIT_S = 30.0
+"""How long a search for the best placement may take before the best one found is used."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class PlanRequest:
+    """What the user asks for beside the files."""
+
+    instance: str = ""
+    """Empty: the experiment's name."""
+    reassign: bool = False
+    """Let running services move when that is cheaper."""
+    reassign_unreachable: bool = False
+    """Place services of robots that cannot be reached elsewhere."""
+    history: tuple[Mapping[str, float], ...] = ()
+    """Earlier runs, each robot -> the cost that was allocated to it; for fairness."""
+    adopt: bool = False
+    """Take over an instance that another file made."""
+    exact: bool = False
+    """Ask the engines of themselves even if nothing is new: a plan file holds robots to what they said."""
+    playbooks: tuple[Playbook, ...] = ()
+    """The user's own, from his folder."""
+    allowed: frozenset[str] = frozenset()
+    """Kinds of permission that the user gave."""
+    search_limit_s: float | None = SEARCH_LIMIT_S
+    """Of each search for a placement; None: no limit."""

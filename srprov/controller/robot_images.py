@@ -1,0 +1,66 @@
+"""Which image a robot needs, and where it comes from: the registry, a build, or another robot. Pure."""
+
+from __future__ import annotations
+
+import hashlib
+from typing import Any
+
+from srprov.controller.inputs import RenderInputs
+from srprov.definitions.model import Service
+from srprov.facts.model import HostFacts, Snapshot
+from srprov.images.reference import Reference, parse_reference
+from srprov.resource import resource_id
+
+
+def normalise(text: str) -> str:
+    """Return an image's name as Docker lists it: `busybox` is `busybox:latest`; beside a digest a tag says nothing."""
+    reference = parse_reference(text)
+    tag = "" if reference.digest else reference.tag
+    return Reference(reference.domain, reference.path, tag, reference.digest).familiar
+
+
+def image_of(parts: RenderInputs, service: Service) -> str:
+    """Return image that a service runs: the one it names, the one its CDF names, or the content tag of its build."""
+    if service.image:
+        return normalise(service.image)
+    if service.cdf in parts.images:
+        return parts.images[service.cdf].tag
+    return normalise(parts.references[service.cdf])
+
+
+def robot_images(parts: RenderInputs, blobs: dict[str, bytes]) -> dict[str, list[dict[str, Any]]]:
+    """Return robot -> its images; one to build comes from a robot that has it, else the first of its architecture."""
+    wanted: dict[str, dict[str, dict[str, Any]]] = {}
+    present = {(h, e.name) for h, items in parts.snapshot.observed.items() for e in items if e.module == "image"}
+    plans = {plan.tag: plan for plan in parts.images.values()}
+    for name, host in sorted(parts.placed.items()):
+        facts = parts.snapshot.facts.get(host)
+        if facts is None:
+            continue
+        image = image_of(parts, parts.experiment.services[name])
+        if image not in plans:
+            wanted.setdefault(host, {})[image] = {"name": image, "source": "pull", "needs": []}
+            continue
+        if (host, image) in present:
+            wanted.setdefault(host, {}).setdefault(image, _copied(image, host))
+            continue
+        holder = next((h for h in _alike(parts.snapshot, facts) if (h, image) in present), None)
+        builder = holder or _alike(parts.snapshot, facts)[0]
+        if holder is None:
+            plan = plans[image]
+            digest = hashlib.sha256(plan.context).hexdigest()
+            blobs[digest] = plan.context
+            build = {"name": image, "source": "build", "blob": digest, "unpinned": not plan.pinned, "needs": []}
+            wanted.setdefault(builder, {})[image] = build
+        if builder != host:
+            wanted.setdefault(host, {})[image] = _copied(image, builder)
+    return {host: [images[name] for name in sorted(images)] for host, images in wanted.items()}
+
+
+def _copied(image: str, source: str) -> dict[str, Any]:
+    return {"name": image, "source": "copy", "from": source, "needs": [resource_id(source, "image", image)]}
+
+
+def _alike(snapshot: Snapshot, facts: HostFacts) -> list[str]:
+    """Return the reachable robots of the same architecture with an engine, in name order."""
+    return sorted(h for h, other in snapshot.facts.items() if other.arch == facts.arch and other.docker is not None)

@@ -1,0 +1,91 @@
+"""A run: do what the plan says, and record it.
+
+Takes a `Planned` and the fleet; gives a `RunReport`. What came of each step is a value; nothing is raised for a robot
+that fails.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import threading
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from srprov import __version__
+from srprov.controller.fleet import Fleet
+from srprov.controller.plan import Planned
+from srprov.controller.report import failures, run_json
+from srprov.controller.saved import plan_file
+from srprov.controller.watcher import Phases
+from srprov.execution import Event, Listener, RunOptions, RunResult, run_plan
+from srprov.owner import owner
+from srprov.record import RunFolder, RunInputs, default_root, event_json, run_id, write_inputs
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class RunReport:
+    """What came of a run, to show."""
+
+    document: Mapping[str, Any]
+    """As `schemas/run.schema.json` describes it."""
+    failures: tuple[str, ...]
+    """A line or more for every step that did not end well, and for every robot that could not be reached."""
+    record_problem: str
+    """Why the record is not complete, or empty."""
+    result: RunResult
+
+
+def run(
+    planned: Planned, fleet: Fleet, options: RunOptions, phases: Phases, listener: Listener, stop: threading.Event,
+    *, runs: Path | None = None,
+) -> RunReport:  # fmt: skip
+    """Lock the robots that the plan changes, do every step, and record what was given, decided and done.
+
+    Args:
+        planned: What to do, and what the record keeps of how it was made.
+        fleet: The robots.
+        options: Limits and deadlines.
+        phases: The run's clock.
+        listener: Told what happens, from several threads at once.
+        stop: Set from outside to begin no further step.
+        runs: Where runs are recorded; None: `~/.local/state/srprov/runs`.
+
+    Raises:
+        LockHeld: Somebody else holds one of the robots; nothing was changed.
+    """
+    fleet.sessions.prepare(sorted({step.host for step in planned.plan.steps}))
+    with _recording(planned, fleet, options.verb, runs) as folder:
+
+        def recorded(event: Event) -> None:
+            folder.event(event_json(event))
+            listener(event)
+
+        result = run_plan(planned.plan, fleet.connected(), recorded, replace(options, run=folder.name), stop)
+        document = run_json(planned.plan, result, fleet.connected(), phases)
+        folder.put_json("result.json", lambda: {**document, "run": str(folder.path)})
+    return RunReport(
+        document={**document, "run": str(folder.path) if folder.path.is_dir() else None},
+        failures=tuple(failures(result, planned.images)),
+        record_problem=folder.problem,
+        result=result,
+    )
+
+
+def _recording(planned: Planned, fleet: Fleet, verb: str, runs: Path | None) -> RunFolder:
+    """Begin the run's folder, with everything that is known before the first act; it is written meanwhile."""
+    folder = RunFolder(runs or default_root(), run_id(planned.plan, dt.datetime.now(dt.timezone.utc)))
+    inputs = RunInputs(
+        verb=verb,
+        owner=owner(),
+        version=__version__,
+        plan=planned.plan,
+        file=plan_file(planned),
+        inventory=fleet.inventory,
+        snapshot=planned.snapshot,
+        assignment=planned.assignment,
+        desired=planned.desired,
+    )
+    write_inputs(folder, inputs)
+    return folder

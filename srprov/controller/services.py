@@ -1,0 +1,107 @@
+"""One service as the playbooks see it: a container's parameters as JSON values. Pure."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any
+
+from srprov.controller.inputs import RenderInputs
+from srprov.controller.robot_images import image_of
+from srprov.definitions.model import Mount, Runtime, Service
+from srprov.modules.container import container_name
+from srprov.modules.module import STATE_ROOT
+from srprov.modules.network import network_hash
+from srprov.modules.secret import secret_path
+from srprov.resource import resource_id
+
+
+def service_context(
+    parts: RenderInputs, service: Service, overlay: Mapping[str, Any] | None, trees: Mapping[str, Mapping[str, str]]
+) -> dict[str, Any]:
+    """Return a service as the playbooks see it; `trees` has path -> blob and top name of each shipped folder."""
+    image = image_of(parts, service)
+    mounts = [_mount(parts.instance, mount, trees) for mount in service.runtime.mounts]
+    needs: list[Any] = [f"image:{image}"]
+    for use in service.secrets:
+        place = secret_path(parts.instance, use.source, use.mode)
+        mounts.append({"Type": "bind", "Source": place, "Target": use.target, "ReadOnly": True})
+        needs.append(f"secret:{place}")
+    if service.network != "none":
+        hosts = f"{STATE_ROOT}/{parts.instance}/hosts"
+        mounts.append({"Type": "bind", "Source": hosts, "Target": "/etc/hosts", "ReadOnly": True})
+        needs.append(f"file:{hosts}")
+    if service.network == "overlay" and overlay:
+        needs += [f"network:{overlay['network']}", f"vxlan:{overlay['link']}"]
+    needs += [f"tree:{tree_path(parts.instance, trees[m.source])}" for m in service.runtime.mounts if m.kind == "tree"]
+    needs += [f"volume:{volume_name(parts.instance, m.source)}" for m in service.runtime.mounts if m.kind == "volume"]
+    needs += [_dependency(parts, other, condition) for other, condition in sorted(service.depends_on.items())]
+    return {
+        "name": service.name,
+        "container": container_name(parts.instance, service.name),
+        "image": image,
+        # Docker refuses a hostname beside the host's network
+        "hostname": "" if service.network == "host" else service.name,
+        "job": service.runtime.job,
+        "run": _run(service.runtime),
+        "mounts": mounts,
+        "network": _network(parts, service, overlay),
+        "needs": needs,
+    }
+
+
+def tree_path(instance: str, tree: Mapping[str, str]) -> str:
+    """Return where a shipped folder lies on the robot."""
+    return f"{STATE_ROOT}/{instance}/trees/{tree['blob'][:24]}"
+
+
+def volume_name(instance: str, name: str) -> str:
+    """Return the name of a data volume in Docker."""
+    return f"srprov.{instance}.{name}"
+
+
+def _dependency(parts: RenderInputs, other: str, condition: str) -> dict[str, str]:
+    name = container_name(parts.instance, other)
+    return {"id": resource_id(parts.placed[other], "container", name), "condition": condition}
+
+
+def _network(parts: RenderInputs, service: Service, overlay: Mapping[str, Any] | None) -> dict[str, str]:
+    if service.network != "overlay" or not overlay:
+        return {"mode": service.network}
+    return {
+        "mode": "overlay",
+        "name": overlay["network"],
+        "ip": str(parts.overlay.addresses[service.name]),
+        "mac": parts.overlay.macs[service.name],
+        "hash": network_hash(overlay),
+    }
+
+
+def _run(runtime: Runtime) -> dict[str, Any]:
+    """Return the run-time fields as JSON values; mounts are given apart, in the engine's form."""
+    plain = {
+        field.name: getattr(runtime, field.name)
+        for field in dataclasses.fields(runtime)
+        if field.name not in ("mounts", "healthcheck", "environment", "sysctls")
+    }
+    check = runtime.healthcheck
+    return {
+        **plain,
+        "environment": dict(runtime.environment),
+        "sysctls": dict(runtime.sysctls),
+        "healthcheck": dataclasses.asdict(check) if check else None,
+    }
+
+
+def _mount(instance: str, mount: Mount, trees: Mapping[str, Mapping[str, str]]) -> dict[str, Any]:
+    if mount.kind == "tmpfs":
+        return {"Type": "tmpfs", "Target": mount.target}
+    if mount.kind == "volume":
+        source = {"Type": "volume", "Source": volume_name(instance, mount.source)}
+    elif mount.kind == "tree":
+        tree = trees[mount.source]
+        source = {"Type": "bind", "Source": f"{tree_path(instance, tree)}/{tree['top']}"}
+    else:
+        source = {"Type": "bind", "Source": mount.source}
+    # shipped files are the experiment's own text: a container that wrote to them would make two robots differ
+    return {**source, "Target": mount.target, "ReadOnly": mount.read_only or mount.kind == "tree"}

@@ -1,0 +1,46 @@
+"""One instance's network, as a value."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Overlay:
+    """One instance's network. With no service on the overlay, only the first three fields say anything."""
+
+    instance: str
+    names: Mapping[str, str]
+    """Service -> the address its name resolves to, on every robot; not in it: services without network."""
+    aliases: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    """Name in the EDF of what runs several times -> the addresses of all its instances, in their order."""
+    underlays: Mapping[str, str]
+    """Robot that runs anything -> its underlay address, as far as known."""
+    vni: int = 0
+    port: int = 0
+    bridge: str = ""
+    link: str = ""
+    network: str = ""
+    """The Docker network's name."""
+    subnet: str = ""
+    mtu: int = 0
+    """bytes, of the bridge, the VXLAN link and what is inside containers"""
+    addresses: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    """Service on the overlay -> its address there."""
+    macs: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    """Service with an interface of its own -> its MAC; `both` has none, its address is on the robot's bridge."""
+    gateways: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    """Member robot -> its bridge's address."""
+    vteps: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    """Member robot -> its underlay address."""
+    flood: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    """Member robot -> the VTEPs of all other members: its all-zero forwarding entries."""
+    fdb: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=lambda: MappingProxyType({}))
+    """Member robot -> (MAC, VTEP) of every service on another member."""
+
+    @property
+    def active(self) -> bool:
+        """True when some service is on the overlay, so that there is a network to make."""
+        return bool(self.vteps)
