@@ -22,50 +22,38 @@ from srprov.facts.model import Snapshot
 
 
 def build(
-    experiment: Experiment,
-    containers: Mapping[str, ContainerDefinition],
-    snapshot: Snapshot,
-    previous: Mapping[str, str],
-    *,
-    slots: Mapping[str, int] | None = None,
-    reassign: bool = False,
-    reassign_unreachable: bool = False,
-    history: Sequence[Mapping[str, float]] = (),
-) -> Problem:
+    experiment: Experiment, containers: Mapping[str, ContainerDefinition], snapshot: Snapshot,
+    previous: Mapping[str, str], *, slots: Mapping[str, int] | None = None, reassign: bool = False,
+    reassign_unreachable: bool = False, history: Sequence[Mapping[str, float]] = (),
+) -> Problem:  # fmt: skip
     """Return the assignment problem of an experiment.
 
-    Args:
-        experiment: What must run.
-        containers: CDFs by the key that `Service.cdf` holds.
-        snapshot: All robots of the inventory, reachable or not.
-        previous: Service -> the robot it runs on now: by labels, and by the placement record for robots out of reach.
-        slots: Robots whose inventory says `srprov_slots`; the others have `placement.slots_per_robot`.
-        reassign: Let running services move when that is cheaper (`--reassign`).
-        reassign_unreachable: Place services of robots that cannot be reached elsewhere (`--unreachable=reassign`).
-        history: Earlier runs, each robot -> the cost that was allocated to it.
+    `containers` has CDFs by the key that `Service.cdf` holds; `previous`, where services run now, by labels and for
+    robots out of reach by the placement record; `slots`, robots whose inventory says `srprov_slots`; `history`, what
+    earlier runs allocated to robots. `reassign` lets services move; `reassign_unreachable` those of robots out of reach.
 
     Raises:
         UsageError: A kernel bound that cannot be read, or relations that contradict each other.
     """
     services = {name: experiment.services[name] for name in sorted(experiment.services)}
+    platforms = {name: containers[one.cdf].platforms for name, one in services.items() if one.cdf}
     before = {name: previous[name] for name in services if name in previous}
     fixed = {name: service.robot for name, service in services.items() if service.per_robot is not None}
     groups = tuple(_contract((name for name in services if name not in fixed), experiment.same_robot))
     _check_anti_affinity(groups, experiment.different_robot)
     frozen = {} if reassign_unreachable else _freeze(groups, before, snapshot.unreachable)
+    taken = tuple(frozen.values())  # what is fixed takes no slot
     frozen |= {name: robot for name, robot in fixed.items() if robot in snapshot.unreachable}
     total = {robot: (slots or {}).get(robot, experiment.placement.slots_per_robot) for robot in sorted(snapshot.facts)}
-    taken = [robot for name, robot in frozen.items() if name not in fixed]
     free = _free_slots(total, taken, len(groups))
-    reference, facts = experiment.placement.bandwidth_reference_mbit, [snapshot.facts[robot] for robot in free]
-    platforms = {name: containers[one.cdf].platforms for name, one in services.items() if one.cdf}
+    reference = experiment.placement.bandwidth_reference_mbit
     made = Problem(
         services=services,
         nodes=tuple(group for group in groups if not frozen.keys() & set(group)),
         robots=tuple(sorted({*snapshot.facts, *snapshot.unreachable})),
         slots=free,
         loads={robot: _per_slot(load(snapshot.facts[robot], reference), free[robot], total[robot]) for robot in free},
-        capable=capability.matrix(services, platforms, facts),
+        capable=capability.matrix(services, platforms, [snapshot.facts[robot] for robot in free]),
         misses={},
         pools=experiment.pools,
         anti_affinity=experiment.different_robot,
@@ -77,10 +65,18 @@ def build(
         fairness=_fairness(experiment.placement.fairness, history),
         facts=snapshot.facts,
     )
-    own = LazyMapping(tuple(services), lambda name: _own(made, name, platforms.get(name, ()), snapshot.unreachable))
+    return _with_misses(made, groups, platforms, snapshot.unreachable)
+
+
+def _with_misses(
+    problem: Problem, groups: Sequence[ServiceGroup], platforms: Mapping[str, Sequence[str]],
+    unreachable: Mapping[str, str],
+) -> Problem:  # fmt: skip
+    """Return the problem with what robots lack, worked out when it is asked for: few answers need all of it."""
+    names = tuple(problem.services)
+    own = LazyMapping(names, lambda name: _own(problem, name, platforms.get(name, ()), unreachable))
     mates = {name: group for group in groups for name in group}
-    misses = LazyMapping(tuple(services), lambda name: _with_group(own, name, mates.get(name, (name,))))
-    return replace(made, misses=misses)
+    return replace(problem, misses=LazyMapping(names, lambda name: _with_group(own, name, mates.get(name, (name,)))))
 
 
 def _contract(services: Iterable[str], same_robot: Sequence[Sequence[str]]) -> Iterator[ServiceGroup]:

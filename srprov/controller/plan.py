@@ -76,12 +76,7 @@ def make_plan(
 ) -> Planned:
     """Read the robots and say what would make the experiment true.
 
-    Args:
-        definitions: The experiment and its CDFs.
-        look: The questions to the robots, which were asked meanwhile.
-        request: What the user asks for beside the files.
-        vault: The values of its secrets.
-        watcher: Told what happens.
+    `look` has begun to ask them; `vault` has the values of the experiment's secrets; `watcher` is told what happens.
 
     Raises:
         DefinitionError: The files ask for what is not built yet, or for robots that are not in the inventory.
