@@ -11,10 +11,7 @@ import io
 import os
 import select
 import sys
-from typing import TYPE_CHECKING, TextIO
-
-if TYPE_CHECKING:
-    from _typeshed import ReadableBuffer
+from typing import Any, TextIO
 
 _STANDARD = (0, 1, 2)
 
@@ -24,7 +21,7 @@ class _Surviving(io.FileIO):
 
     lost: OSError | None = None
 
-    def write(self, data: ReadableBuffer, /) -> int:
+    def write(self, data: Any, /) -> int:  # noqa: ANN401 - any buffer, whose type has a name for type checkers only
         try:
             while self.lost is None:
                 if (written := super().write(data)) is not None:
