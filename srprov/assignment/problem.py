@@ -30,7 +30,7 @@ def build(
 
     `containers` has CDFs by the key that `Service.cdf` holds; `previous`, where services run now, by labels and for
     robots out of reach by the placement record; `slots`, robots whose inventory says `srprov_slots`; `history`, what
-    earlier runs allocated to robots. `reassign` lets services move; `reassign_unreachable` those of robots out of reach.
+    earlier runs allocated to robots. `reassign` lets services move; `reassign_unreachable` those out of reach.
 
     Raises:
         UsageError: A kernel bound that cannot be read, or relations that contradict each other.
