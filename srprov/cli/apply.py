@@ -49,7 +49,7 @@ def apply(
     request: PlanRequest, unreachable: str, yes: bool, wait_timeout: float, settle: float, events: TextIO | None,
     verbose: bool, no_color: bool, lock_wait: float, pulse: Pulse, runs: Path | None, max_fail: str,
 ) -> int:  # fmt: skip
-    """Make the experiment true: FILE is an EDF, or a plan that `srprov plan -o` wrote.
+    """Change the robots so that the experiment runs on them. FILE is an EDF, or a plan that `srprov plan -o` wrote.
 
     Shows the plan and asks on a terminal, unless --yes. A second apply changes nothing. A plan from a file is done
     exactly as it stands there, or refused with 6 when a robot changed since.

@@ -16,19 +16,19 @@ from srprov import __version__
 from srprov.cli import output
 from srprov.cli.config import default_map
 from srprov.cli.interrupt import as_interrupt
-from srprov.cli.output import Answer, catch_stray, err
+from srprov.cli.output import Answer, err, print_uncaught
 from srprov.cli.streams import lost, protect_standard_streams
 from srprov.errors import DefinitionError, NoAssignment, SrprovError
 
 _VERBS = {
     "validate": "Check definition files; no robot is asked.",
     "facts": "Show the robots as they are.",
-    "doctor": "Say what is missing on each robot, and how to get it.",
-    "assign": "Show who would run what, and why.",
+    "doctor": "Check that each robot has what srprov needs, and say how to get it.",
+    "assign": "Show which robot would run which service, and why.",
     "plan": "Show what would change; changes nothing.",
-    "apply": "Make the experiment true.",
+    "apply": "Change the robots so that the experiment runs on them.",
     "status": "Show the running experiment.",
-    "logs": "Show what services print.",
+    "logs": "Show the output of services.",
     "locks": "Show who is changing which robot.",
     "destroy": "Remove everything that an instance owns.",
     "lab": "The embedded lab: robots on this machine.",
@@ -52,6 +52,12 @@ class _LazyGroup(click.Group):
         command = getattr(module, cmd_name)
         assert isinstance(command, click.Command)
         return command
+
+    def invoke(self, ctx: click.Context) -> object:
+        try:
+            return super().invoke(ctx)
+        except BrokenPipeError as error:  # click would take it for standard output's, and exit without a word
+            raise ConnectionError("a connection broke") from error
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Verbs"):
@@ -122,11 +128,11 @@ def code_of_output(code: int) -> int:
 
 def entry() -> None:
     """Run the `srprov` command and exit with its code."""
-    # a run is short and keeps nearly all that it makes: looking for cycles every 700 objects costs 5 % of a small one
+    # a run is short and keeps nearly all of its objects: looking for cycles every 700 of them costs 5 % of a small run
     gc.set_threshold(100_000, 50, 100)
     protect_standard_streams()
     as_interrupt()
-    catch_stray()
+    print_uncaught()
     code = code_of_output(run())
     gc.freeze()  # or the interpreter looks through everything for cycles before it ends: 7 % of a small run
     sys.exit(code)

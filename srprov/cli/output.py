@@ -26,10 +26,10 @@ _CONTROL = re.compile(
     r"\x1b\[[0-?]*[ -/]*[@-~]|\x1b[\]PX^_][^\x07\x1b]*(?:\x07|\x1b\\)|[\x00-\x08\x0b-\x1f\x7f-\x9f]"
     r"|[\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff]|[\U000e0000-\U000e007f]"
 )
-"""Whole CSI and OSC sequences first, so that no `[31m` is left; then every C0 but newline and tab, DEL, and C1; then
-what turns the writing around, ends a line by another name, or is a letter that nobody sees."""
+"""Whole CSI and OSC sequences first, so that no `[31m` is left; then C0 except newline and tab, DEL and C1; then what
+changes the direction of the text, other line separators, and characters that are invisible."""
 _NO_CHARACTER = re.compile("[\ud800-\udfff]")
-"""Halves of characters, from JSON or from a path's bytes: no terminal takes them, and Python refuses to print them."""
+"""Lone surrogates, from JSON or from the bytes of a path: Python refuses to encode them."""
 
 
 class Answer(enum.Enum):
@@ -50,7 +50,7 @@ def expect(answer: Answer) -> None:
 
 
 def clean(text: str) -> str:
-    """Return text without secrets, that cannot move the cursor, change colours, retitle the terminal or run backwards.
+    """Return text without secrets that cannot move the cursor, change colors, retitle the terminal or run backwards.
 
     A control character in the middle of a secret hides it from the first look, and one in the secret from the second.
     """
@@ -107,7 +107,7 @@ def is_terminal(stream: TextIO) -> bool:
 
 
 def catch_logs() -> None:
-    """Send warnings that libraries log the same way as everything else; nothing else listens to them."""
+    """Print warnings that libraries log through `err`; nothing else listens to them."""
     import logging
 
     class ToErr(logging.Handler):
@@ -117,8 +117,8 @@ def catch_logs() -> None:
     logging.lastResort = ToErr(logging.WARNING)
 
 
-def catch_stray() -> None:
-    """Send what Python would print by itself (from threads, finalizers, of warnings) the same way as all else."""
+def print_uncaught() -> None:
+    """Print errors of threads and finalizers, warnings, and what nobody caught through `err`, not as Python does."""
 
     def thread(args: threading.ExceptHookArgs) -> None:
         if args.exc_type is not SystemExit:

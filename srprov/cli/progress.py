@@ -1,4 +1,4 @@
-"""Live progress of a run: lines that name robot, step and what is awaited; on a terminal a status line besides.
+"""Live progress of a run: lines that name robot, step and what is awaited; on a terminal also a status line.
 
 Lines go to stderr: one for each finished step, so that a log file reads as well as a terminal. `--events` gets every
 event as JSON.
@@ -60,7 +60,7 @@ class _Shown:
             self.status = f"{self.done}/{self.total} " + "; ".join(text for _, text in sorted(self.running.items()))
 
     def _write(self, stream: TextIO, line: str) -> None:
-        """Write to `--events`. A file that cannot be written any more is told of once, and stops nothing."""
+        """Write to `--events`. A file that cannot be written any more gets one warning, and stops nothing."""
         try:
             stream.write(line)
             stream.flush()
@@ -73,7 +73,7 @@ class _Shown:
             self.running[event.host] = f"{event.host}: {event.step.module} {event.step.name}"
 
     def _progress(self, event: Event) -> None:
-        """A build says much: without a status line, one line every few seconds is enough to see that it lives."""
+        """A build prints a lot: without a status line, a line every few seconds is enough to see that it goes on."""
         words = " ".join(event.text.split())
         text = f"{event.host}: {words}" if event.host else words
         self.running[event.host] = text

@@ -1,6 +1,6 @@
 """Where the time of a run went, as text: phases in their order, then robots, the slowest first.
 
-Takes the documented JSON of a run; gives lines. Pure.
+Takes the documented JSON of a run; returns text. Pure.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
-"""What `-h` says is what a shell takes: nothing of its markup is left, and what may be left out is in brackets."""
+"""The command line as a whole: `-h` says what a shell takes, and whatever goes wrong is told."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 
 import click
@@ -18,6 +19,21 @@ def commands(command: click.Command, name: str) -> Iterator[tuple[str, click.Com
             below = command.get_command(click.Context(command), verb)
             assert below is not None
             yield from commands(below, f"{name} {verb}")
+
+
+def test_a_broken_pipe_of_a_connection_is_told(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """click takes every broken pipe for that of standard output, and would end without a word."""
+
+    def broken(_kind: str) -> None:
+        raise BrokenPipeError(32, "Broken pipe")
+
+    monkeypatch.setattr("srprov.data.schema", broken)
+    monkeypatch.setattr("sys.stdout", sys.stdout)
+    monkeypatch.setattr("sys.stderr", sys.stderr)
+    assert run(["schema", "edf"]) == 1
+    assert "BrokenPipeError" in capsys.readouterr().err
 
 
 EVERY = dict(commands(cli, "srprov"))
