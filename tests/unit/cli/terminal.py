@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import fcntl
 import os
 import pty
@@ -77,13 +76,18 @@ class Terminal:
             self.stream.feed(data)
         return True
 
+    def hang_up(self) -> None:
+        """Close the terminal; the program is not told by a signal, as it does not lead its session."""
+        os.close(self.master)
+        self.master = -1
+
     def close(self) -> int:
         """Wait for the program's end and return its exit code."""
         try:
             return self.process.wait(_LIMIT_S)
         finally:
             self.process.kill()
-            with contextlib.suppress(OSError):
+            if self.master >= 0:
                 os.close(self.master)
 
     def rows(self) -> Rows:

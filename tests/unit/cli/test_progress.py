@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import sys
 from collections import Counter
@@ -52,16 +53,33 @@ def test_every_finished_line_stays_whole_and_once(columns: int) -> None:
     assert rest == []
 
 
-@pytest.mark.parametrize("quiet", [False, True])
-def test_a_whole_apply_on_a_terminal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, quiet: bool) -> None:
-    """With a question: the plan is shown even when little else is wanted."""
+@pytest.fixture
+def experiment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[str, ...]:
+    """Return the words that apply an experiment to robots in memory, in its folder."""
     (tmp_path / "e.edf").write_text("edf: 1\nname: hello\nservices:\n  a: {image: busybox}\n")
     (tmp_path / "inv.yml").write_text("all: {hosts: {r1: {ansible_host: 10.0.0.1}}}\n")
     monkeypatch.setenv("HOME", str(tmp_path))
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[3]))
-    words = ["apply", "e.edf", "-i", "inv.yml", "--settle", "0", *(["--quiet"] if quiet else [])]
-    terminal = Terminal(sys.executable, "-m", "tests.unit.cli.faked", *words, columns=80)
+    monkeypatch.setenv("FAKED_STATE", "running.json")
+    return (sys.executable, "-m", "tests.unit.cli.faked", "apply", "e.edf", "-i", "inv.yml", "--settle", "0")
+
+
+def test_an_apply_goes_on_when_its_terminal_is_closed(experiment: tuple[str, ...]) -> None:
+    """And its user has seen to it that this sends no SIGHUP, e.g. by `disown`."""
+    terminal = Terminal(*experiment, columns=80)
+    terminal.read_until("Do this?")
+    terminal.type("y\n")
+    terminal.read_until("[1/")
+    terminal.hang_up()
+    assert terminal.close() == 0
+    assert json.loads(Path("running.json").read_text()) == [["a", "r1"]]
+
+
+@pytest.mark.parametrize("quiet", [False, True])
+def test_a_whole_apply_on_a_terminal(experiment: tuple[str, ...], quiet: bool) -> None:
+    """With a question: the plan is shown even when little else is wanted."""
+    terminal = Terminal(*experiment, *(["--quiet"] if quiet else []), columns=80)
     terminal.read_until("Do this?")
     terminal.type("y\n")
     terminal.read_until()
