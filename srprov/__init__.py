@@ -5,6 +5,7 @@ rooms stand in that order; `tests/test_rooms.py` holds them to it:
 
     cli/          one small file per verb; the only room that prints, asks or exits
     controller    the flow on one screen; the only file that knows the order of the rooms
+    yamldoc/      YAML text -> values that know file, line and column; the one reader
     definitions/  user files -> Inventory, Experiment (EDF), ContainerDefinition (CDF)
     transport/    SSH, the engine over the same connection, and the controller itself; the only room with sockets
     facts/        robots -> HostFacts and everything of ours that exists there

@@ -23,7 +23,7 @@ indented, so that none of them passes for one of srprov's own.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 _FURTHER = re.compile(r"\n(?=\S)")
@@ -45,6 +45,14 @@ class SrprovError(Exception):
 def visible(text: str) -> str:
     """Return one printable line: what ends a line, moves the cursor or turns the writing around, by its number."""
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """Return `did you mean 'x'?` for the known word that is closest to the given one, or nothing."""
+    import difflib  # only a mistake needs it
+
+    close = difflib.get_close_matches(word[:200], sorted(known), n=1)
+    return f"did you mean '{close[0]}'?" if close else ""
 
 
 class UsageError(SrprovError):

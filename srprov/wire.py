@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import base64
 import hashlib
-import json
 import shlex
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Protocol
+
+from srprov.untrusted import json_or_none
 
 
 def quote(word: str) -> str:
@@ -156,11 +157,8 @@ class Reply:
     ok: bool = True
 
     def json(self) -> Any:  # noqa: ANN401 - JSON is any; each parser checks the shape that it needs
-        """Return the body as JSON; an empty or broken one is None."""
-        try:
-            return json.loads(self.out)
-        except (ValueError, RecursionError):
-            return None
+        """Return the body as JSON; an empty, broken or hostile one is None."""
+        return json_or_none(self.out)
 
 
 @dataclass(slots=True)

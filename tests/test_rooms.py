@@ -41,29 +41,37 @@ ROOMS: Mapping[str, Room] = {
     "__init__": room(),
     "__main__": room("cli"),
     # Options, questions and output; a verb may also import the room that it fronts: see FILES.
-    "cli": room("errors secret wire controller definitions.+ definitions.model record.+", "click rich tomli"),
+    "cli": room("errors secret untrusted wire controller definitions.+ definitions.model record.+", "click rich tomli"),
     "controller": room(
-        "errors wire resource secret data disk owner definitions transport facts assignment network images rendering"
-        " modules planning execution record"
+        "errors wire resource secret data disk owner untrusted image_reference definitions transport facts assignment"
+        " network images rendering modules planning execution record"
     ),
     "disk": room("images.plan"),
     "owner": room(),
-    "definitions": room("errors secret data owner", "yaml jsonschema jinja2"),
-    "transport": room("errors wire secret definitions.model", "paramiko fabric invoke docker requests urllib3 psutil"),
-    "facts": room("errors wire resource modules definitions.model"),
-    "assignment": room("errors definitions.model facts.model"),
-    "network": room("errors definitions.model facts.model"),
-    "images": room("errors wire definitions.model", "jinja2"),
-    "rendering": room("errors resource data definitions", "jinja2 yaml"),
-    "modules": room("errors wire resource secret"),
-    "planning": room("errors resource wire secret modules facts.model definitions.model definitions.secretmodel"),
-    "execution": room("errors resource wire modules planning facts owner"),
+    "image_reference": room(),
+    "untrusted": room(),
+    "yamldoc": room("errors", "yaml"),
+    "definitions": room("errors untrusted secret data owner image_reference yamldoc", "jsonschema jinja2"),
+    "transport": room(
+        "errors wire untrusted secret definitions.model", "paramiko fabric invoke docker requests urllib3 psutil"
+    ),
+    "facts": room("errors wire untrusted resource modules definitions.model"),
+    "assignment": room("errors definitions.containermodel definitions.model facts.model"),
+    "network": room("errors untrusted definitions.model facts.model"),
+    "images": room("errors wire image_reference definitions.containermodel definitions.model", "jinja2"),
+    "rendering": room("errors resource data definitions yamldoc", "jinja2 yaml"),
+    "modules": room("errors wire untrusted resource secret"),
+    "planning": room(
+        "errors untrusted resource wire secret modules facts.model definitions.containermodel definitions.model"
+        " definitions.secretmodel"
+    ),
+    "execution": room("errors untrusted resource wire modules planning facts owner"),
     "record": room("errors resource secret definitions.model facts planning execution"),
-    "lab": room("errors", "yaml"),
+    "lab": room("errors yamldoc", "yaml"),
     "data": room("errors"),
     "errors": room(),
     "secret": room(),
-    "wire": room("errors resource"),
+    "wire": room("errors untrusted resource"),
     "resource": room("errors wire"),
 }
 
@@ -276,7 +284,7 @@ BROKEN = [
     ("assignment/solve_small.py", "import numpy", "the room assignment may not import numpy"),
     ("assignment/solve_lp.py", "import scipy", "assignment/solve_lp.py may not import scipy"),
     ("execution/run.py", "import subprocess", "subprocess: only transport/"),
-    ("definitions/yamlfile.py", "import socket", "socket: only transport/"),
+    ("yamldoc/loader.py", "import socket", "socket: only transport/"),
     ("facts/host.py", "from urllib.request import urlopen", "urllib: only transport/"),
     ("modules/file.py", "import os\nos.system('true')", "os.system: only transport/"),
     ("rendering/render.py", "print('x')", "print: only cli"),
@@ -308,7 +316,7 @@ ORDERLY = [
     ("transport/auth.py", "password.reveal()"),
     ("assignment/solve_flow.py", "def f():\n    from ortools.graph.python import min_cost_flow"),
     ("assignment/solve.py", "from srprov.assignment.problem import Problem"),
-    ("definitions/load.py", "import yaml\nfrom srprov.secret import Secret\nfrom . import model"),
+    ("definitions/load.py", "import jsonschema\nfrom srprov.secret import Secret\nfrom . import model"),
     ("cli/plan.py", "import click, rich, sys\nfrom srprov import controller\nprint('x')\nsys.exit(0)"),
     ("network/layout.py", "from srprov.facts.model import HostFacts\nfrom srprov.facts import model"),
     ("definitions/inventory.py", "import subprocess"),

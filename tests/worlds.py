@@ -12,18 +12,8 @@ from srprov.controller.fleet import Fleet
 from srprov.controller.remove import make_removal
 from srprov.controller.request import PlanRequest
 from srprov.controller.watcher import Watcher
-from srprov.definitions.model import (
-    Definitions,
-    Experiment,
-    HealthCheck,
-    Host,
-    Inventory,
-    Mount,
-    NetworkSettings,
-    Placement,
-    Runtime,
-    Service,
-)
+from srprov.definitions.containermodel import HealthCheck, Mount, Runtime
+from srprov.definitions.model import Definitions, Experiment, Host, Inventory, NetworkSettings, Placement, Service
 from srprov.execution import Event, RunOptions, RunResult, run_plan
 from srprov.facts.gather import Gathering
 from srprov.planning.plan import Plan

@@ -12,7 +12,8 @@ from pathlib import Path
 from random import Random
 
 from srprov.assignment import problem, solve
-from srprov.definitions.model import Experiment, Requirements, Service
+from srprov.definitions.containermodel import Requirements
+from srprov.definitions.model import Experiment, Service
 from srprov.facts.model import Docker, HostFacts, Snapshot
 
 RESULTS = Path(__file__).parent / "results"

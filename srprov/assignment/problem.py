@@ -16,7 +16,8 @@ from srprov.assignment import capability
 from srprov.assignment.cost import Load, at_slot, load
 from srprov.assignment.model import Fairness, LazyMapping, Problem, ServiceGroup
 from srprov.assignment.requirements import UnmetRequirement, missing, pinned_elsewhere
-from srprov.definitions.model import ContainerDefinition, Experiment
+from srprov.definitions.containermodel import ContainerDefinition
+from srprov.definitions.model import Experiment
 from srprov.errors import UsageError
 from srprov.facts.model import Snapshot
 

@@ -12,7 +12,8 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from srprov.definitions.model import Requirements, Service
+from srprov.definitions.containermodel import Requirements
+from srprov.definitions.model import Service
 from srprov.errors import UsageError
 from srprov.facts.model import HostFacts
 

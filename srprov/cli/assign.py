@@ -97,10 +97,11 @@ def _stored(path: Path, inventory: Inventory) -> Snapshot:
     """Read facts from a file; robots of the inventory that it does not have count as out of reach."""
     from srprov.cli.facts_ranges import check_ranges
     from srprov.facts.host import with_inventory
-    from srprov.facts.stored import parse, read_document
+    from srprov.facts.stored import read_document
+    from srprov.untrusted import parse_json
 
     try:
-        document = parse(path.read_text(encoding="utf-8"))
+        document = parse_json(path.read_text(encoding="utf-8"))
         found = read_document(document)
         check_ranges(document["robots"])
     except (OSError, ValueError) as error:

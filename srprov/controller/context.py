@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any
 from srprov.controller.inputs import RenderInputs
 from srprov.controller.robot_images import robot_images
 from srprov.controller.services import service_context, tree_path, volume_name
-from srprov.definitions.model import Mount, Service
+from srprov.definitions.containermodel import Mount
+from srprov.definitions.model import Service
 from srprov.facts.model import HostFacts
 from srprov.modules.module import STATE_ROOT, canonical
 from srprov.modules.secret import secret_path

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from srprov.assignment.fairness import read_record
 from srprov.errors import UsageError
-from srprov.facts.stored import parse
+from srprov.untrusted import parse_json
 
 
 def read_history(folder: Path | None) -> tuple[Mapping[str, float], ...]:
@@ -21,7 +21,7 @@ def read_history(folder: Path | None) -> tuple[Mapping[str, float], ...]:
     runs = []
     for path in sorted(folder.glob("*/assignment.json")):
         try:
-            runs.append(read_record(parse(path.read_text(encoding="utf-8")), str(path)))
+            runs.append(read_record(parse_json(path.read_text(encoding="utf-8")), str(path)))
         except (OSError, ValueError) as error:
             raise UsageError(f"{path}: {error}", hint="remove it, or name another folder with --history") from error
     return tuple(runs)

@@ -23,7 +23,8 @@ from srprov.controller.permissions import permit_planning
 from srprov.controller.playbooks import playbooks
 from srprov.controller.request import PlanRequest
 from srprov.controller.watcher import Watcher
-from srprov.definitions.model import ContainerDefinition, Definitions, Experiment, Inventory
+from srprov.definitions.containermodel import ContainerDefinition
+from srprov.definitions.model import Definitions, Experiment, Inventory
 from srprov.definitions.pins import unknown_pins
 from srprov.definitions.playbookmodel import Playbook
 from srprov.definitions.secretvalues import used

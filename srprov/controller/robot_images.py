@@ -8,7 +8,7 @@ from typing import Any
 from srprov.controller.inputs import RenderInputs
 from srprov.definitions.model import Service
 from srprov.facts.model import HostFacts, Snapshot
-from srprov.images.reference import Reference, parse_reference
+from srprov.image_reference import Reference, parse_reference
 from srprov.resource import resource_id
 
 

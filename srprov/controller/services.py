@@ -8,7 +8,8 @@ from typing import Any
 
 from srprov.controller.inputs import RenderInputs
 from srprov.controller.robot_images import image_of
-from srprov.definitions.model import Mount, Runtime, Service
+from srprov.definitions.containermodel import Mount, Runtime
+from srprov.definitions.model import Service
 from srprov.modules.container import container_name
 from srprov.modules.module import STATE_ROOT
 from srprov.modules.network import network_hash

@@ -4,14 +4,13 @@ Takes paths; gives values, or `DefinitionError` with every problem at once, each
 do. Touches user files for reading, and runs an inventory that is a program, and the commands that give secrets. What a
 field means is in `schemas/` and in docs/definitions.md.
 
-    nodes, yamlfile        a document that knows where each value stands
-    schema                 document and JSON Schema -> problems
+    schema, schema_cache   document (`yamldoc`) and JSON Schema -> problems
     paths, values, mounts  what a text stands for
     merging, runtime       one definition over another -> run-time part
     container, dockerfile  CDF        service, envfile, checks, unsupported, experiment, pins  EDF
     template, playbook, playbookmodel  playbooks that users write
     secrets, secretmodel, secretvalues  where secrets come from, and what they are
-    inventory, inifile, script, hostvars, ranges, patterns  the lab
+    inventory, inifile, script, hostvars, ranges, patterns  the robots
 """
 
 from __future__ import annotations
@@ -24,7 +23,8 @@ from typing import TYPE_CHECKING
 from srprov.errors import DefinitionError, Diagnostic
 
 if TYPE_CHECKING:
-    from srprov.definitions.model import ContainerDefinition, Definitions, Inventory
+    from srprov.definitions.containermodel import ContainerDefinition
+    from srprov.definitions.model import Definitions, Inventory
 
 
 def load_experiment(path: str | Path, environ: Mapping[str, str] | None = None) -> Definitions:
@@ -53,7 +53,7 @@ def load_container(path: str | Path, environ: Mapping[str, str] | None = None) -
 
 
 def load_inventory(paths: Sequence[str | Path]) -> Inventory:
-    """Read the lab from one or more inventories as Ansible has them; later ones win.
+    """Read the robots from one or more inventories as Ansible has them; later ones win.
 
     Raises:
         DefinitionError: With everything that is wrong.
@@ -96,13 +96,14 @@ def _check(path: str) -> None:
 
 
 def file_kind(path: str) -> str:
-    """Tell what a file is: `edf`, `cdf` (a Dockerfile too) or `inventory`.
+    """Return what a file is: `edf`, `cdf` (a Dockerfile too) or `inventory`.
 
     Raises:
         DefinitionError: Its content has to tell, and it cannot be read.
     """
-    from srprov.definitions import dockerfile, yamlfile
-    from srprov.definitions.nodes import Map
+    from srprov.definitions import dockerfile
+    from srprov.yamldoc import loader
+    from srprov.yamldoc.nodes import Map
 
     if path.endswith((".edf", ".cdf")):
         return path[-3:]
@@ -110,7 +111,7 @@ def file_kind(path: str) -> str:
         return "cdf"
     if os.path.isdir(path) or not path.endswith((".yml", ".yaml", ".json")) or os.access(path, os.X_OK):
         return "inventory"
-    root = yamlfile.read(path)
+    root = loader.read(path)
     keys = set(root.entries) if isinstance(root, Map) else set()
     if "edf" in keys or ("services" in keys and "all" not in keys):
         return "edf"

@@ -9,13 +9,14 @@ from __future__ import annotations
 import ipaddress
 from collections.abc import Mapping
 
-from srprov.definitions import nodes, relations
+from srprov.definitions import relations
 from srprov.definitions.container import Container, known_healthcheck
 from srprov.definitions.model import Service
-from srprov.definitions.nodes import Findings, Map, Node, Path, Scalar, Seq
-from srprov.definitions.schema import did_you_mean
 from srprov.definitions.service import depends_on
 from srprov.definitions.values import scalars, text
+from srprov.errors import did_you_mean
+from srprov.yamldoc import nodes
+from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq
 
 _PRIVATE = tuple(ipaddress.IPv4Network(block) for block in ("10.0.0.0/8", "172.16.0.0/12", "192.168.0.0/16"))
 _SMALLEST_PREFIX = 28

@@ -12,11 +12,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from srprov.definitions import dockerfile, merging, nodes, paths, runtime, schema, yamlfile
-from srprov.definitions.model import BuildFile, ContainerDefinition, HealthCheck
-from srprov.definitions.nodes import Findings, Map, Node, Scalar, Seq, Source
+from srprov.definitions import dockerfile, images, merging, paths, runtime, schema
+from srprov.definitions.containermodel import BuildFile, ContainerDefinition, HealthCheck
 from srprov.definitions.values import text, texts
 from srprov.errors import DefinitionError, Diagnostic, Location
+from srprov.yamldoc import loader, nodes
+from srprov.yamldoc.nodes import Findings, Map, Node, Scalar, Seq, Source
 
 _ORIGINS = ("base", "image", "dockerfile")
 _BUILDING = ("packages", "repositories", "files", "run")
@@ -35,7 +36,7 @@ class Container:
     def image_has_healthcheck(self) -> bool:
         """Return whether the Dockerfile sets one; that of an image is not known."""
         path = self.definition.dockerfile
-        return bool(path) and dockerfile.has_healthcheck(yamlfile.read_text(path))
+        return bool(path) and dockerfile.has_healthcheck(loader.read_text(path))
 
 
 def load(path: str, folder: str, environ: Mapping[str, str], shown: str = "") -> Container:
@@ -46,8 +47,8 @@ def load(path: str, folder: str, environ: Mapping[str, str], shown: str = "") ->
     """
     absolute = os.path.abspath(path)
     findings, unsupported = Findings(), Findings()
-    chain = _Chain(dict(environ), findings, unsupported)
-    layer = chain.read(absolute, shown or path, ())
+    reader = _ExtendsReader(dict(environ), findings, unsupported)
+    layer = reader.read(absolute, shown or path, ())
     if findings.problems or layer is None:
         raise DefinitionError(findings.problems)
     _check_origin(layer, findings, bool(unsupported.problems))
@@ -56,12 +57,12 @@ def load(path: str, folder: str, environ: Mapping[str, str], shown: str = "") ->
         raise DefinitionError(findings.problems)
     return Container(
         definition=definition,
-        layer=merging.only(layer, runtime.RUNTIME_FIELDS),
+        layer=merging.select(layer, runtime.RUNTIME_FIELDS),
         unsupported=tuple(unsupported.problems),
     )
 
 
-class _Chain:
+class _ExtendsReader:
     """Reads a CDF and what it extends, each file once; `trail` holds the files on the way here."""
 
     def __init__(self, environ: dict[str, str], findings: Findings, unsupported: Findings) -> None:
@@ -75,7 +76,7 @@ class _Chain:
         try:
             if dockerfile.is_dockerfile(path):
                 return _as_layer(path, shown)
-            root = yamlfile.read(path, shown)
+            root = loader.read(path, shown)
         except DefinitionError as error:
             self.findings.extend(error.problems)
             return None
@@ -128,13 +129,9 @@ def _as_layer(path: str, shown: str) -> Map:
     """Return a Dockerfile as the CDF that it stands for.
 
     Raises:
-        DefinitionError: It cannot be read, or is no Dockerfile.
+        DefinitionError: It cannot be read.
     """
-    content = yamlfile.read_text(path, shown)
-    wrong = dockerfile.check(content, shown)
-    if wrong:
-        raise DefinitionError(wrong)
-    source = Source(shown, tuple(content.splitlines()))
+    source = Source(shown, tuple(loader.read_text(path, shown).splitlines()))
     key = Scalar(source, 1, 1, "dockerfile")
     return Map(source, 1, 1, {"dockerfile": Scalar(source, 1, 1, os.path.basename(path))}, {"dockerfile": key})
 
@@ -144,7 +141,7 @@ def _overlay(parent: Map, child: Map) -> Map:
     inherited = {"name", "cdf", "extends"}
     if any(origin in child.entries for origin in _ORIGINS):
         inherited |= set(_ORIGINS)
-    merged = merging.merge(merging.only(parent, frozenset(parent.entries) - inherited), child)
+    merged = merging.merge(merging.select(parent, frozenset(parent.entries) - inherited), child)
     assert isinstance(merged, Map)
     return merged
 
@@ -163,19 +160,18 @@ def _check_origin(layer: Map, findings: Findings, unknown_parent: bool) -> None:
 
 def _definition(layer: Map, path: str, folder: str, findings: Findings) -> ContainerDefinition:
     get = layer.entries.get
-    packages = layer.entries.get("packages")
+    for key in ("base", "image"):
+        images.check(get(key), findings, (key,))
+    packages = get("packages")
     packed = packages.entries if isinstance(packages, Map) else {}
-    image_file, run_time = get("dockerfile"), runtime.parse(layer, folder, findings, ())
-    built = paths.resolve(image_file, folder, findings, ("dockerfile",)) if isinstance(image_file, Scalar) else ""
-    if built and os.path.isdir(built) and isinstance(image_file, Scalar):
-        findings.add(image_file, f"'{image_file.text}' is a folder, not a Dockerfile", ("dockerfile",))
+    run_time = runtime.parse(layer, folder, findings, ())
     return ContainerDefinition(
         name=text(get("name")) or _stem(path),
         file=path,
         folder=os.path.dirname(path),
         base=text(get("base")),
         image=text(get("image")),
-        dockerfile=built,
+        dockerfile=_dockerfile(get("dockerfile"), folder, findings),
         description=text(get("description")),
         platforms=texts(get("platforms")),
         apt=texts(packed.get("apt")),
@@ -189,6 +185,21 @@ def _definition(layer: Map, path: str, folder: str, findings: Findings) -> Conta
         location=nodes.location(layer),
         lines=MappingProxyType(_lines(layer, layer.source)),
     )
+
+
+def _dockerfile(node: Node | None, folder: str, findings: Findings) -> str:
+    """Return the absolute path of a CDF's Dockerfile, and check what stands in it."""
+    if not isinstance(node, Scalar) or not (path := paths.resolve(node, folder, findings, ("dockerfile",))):
+        return ""
+    if os.path.isdir(path):
+        findings.add(node, f"'{node.text}' is a folder, not a Dockerfile", ("dockerfile",))
+        return path
+    shown = paths.shown_beside(node.source.file, node.text)
+    try:
+        findings.extend(dockerfile.check(loader.read_text(path, shown), shown))
+    except DefinitionError as error:
+        findings.extend(error.problems)
+    return path
 
 
 def _stem(path: str) -> str:
@@ -222,7 +233,7 @@ def _lines(layer: Map, source: Source) -> dict[str, int]:
                 lines[nodes.dotted((*path, index))] = item.line
             note(item, (*path, index))
 
-    note(merging.only(layer, frozenset({*_ORIGINS, *_BUILDING, "environment", "platforms"})), ())
+    note(merging.select(layer, frozenset({*_ORIGINS, *_BUILDING, "environment", "platforms"})), ())
     return lines
 
 

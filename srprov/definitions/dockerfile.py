@@ -8,20 +8,23 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 
+from srprov.definitions import images
 from srprov.errors import Diagnostic, Location
 
 _FROM = re.compile(r"(?:--\S+\s+)*(?P<image>\S+)(?:\s+as\s+(?P<name>\S+))?", re.IGNORECASE)
+_EXPANDED = re.compile(r"[$\"'\\`]")
+"""What the builder takes for variables, quotes or escapes in an image's name."""
 _HEREDOC = re.compile(r"<<-?([\"']?)([A-Za-z_][A-Za-z0-9_]*)\1")
 
 
 def is_dockerfile(path: str) -> bool:
-    """Tell by its name whether a path is a Dockerfile: `…Dockerfile` or `*.dockerfile`."""
+    """Return whether a path is a Dockerfile, by its name: `…Dockerfile` or `*.dockerfile`."""
     name = path.rsplit("/", 1)[-1]
     return name.endswith("Dockerfile") or name.startswith("Dockerfile.") or name.endswith(".dockerfile")
 
 
 def instructions(text: str) -> Iterator[tuple[int, str, str]]:
-    """Return (line, INSTRUCTION, rest) with continued lines joined, comments and here-documents left out."""
+    """Yield (line, INSTRUCTION, rest) with continued lines joined, comments and here-documents left out."""
     start, joined, ends = 0, "", []  # type: int, str, list[str]
     for number, line in enumerate(text.splitlines(), 1):
         bare = line.strip()
@@ -59,18 +62,32 @@ def has_healthcheck(text: str) -> bool:
 def check(text: str, shown: str) -> list[Diagnostic]:
     """Return what is wrong with a Dockerfile as far as srprov can tell."""
     lines = text.splitlines()
+    first = next(((number, word, rest) for number, word, rest in instructions(text) if word != "ARG"), None)
+    if first is None:
+        return [Diagnostic(Location(shown), "holds no instruction", hint="a Dockerfile begins with FROM")]
+    number, word, rest = first
+    excerpt = lines[number - 1]
+    place = Location(shown, number, len(excerpt) - len(excerpt.lstrip()) + 1)
+    if word != "FROM":
+        return [Diagnostic(place, f"a Dockerfile begins with FROM, not {word[:40]}", "", excerpt)]
+    if not rest:
+        return [Diagnostic(place, "FROM needs an image", "", excerpt)]
+    return _wrong_bases(text, shown)
+
+
+def _wrong_bases(text: str, shown: str) -> list[Diagnostic]:
+    """Return every FROM whose image cannot be one; what holds a variable or quotes is left to the builder."""
+    lines = text.splitlines()
+    stages = {"scratch"}
+    found = []
     for number, word, rest in instructions(text):
-        if word in ("ARG",):
+        match = _FROM.fullmatch(rest) if word == "FROM" else None
+        if match is None:
             continue
-        excerpt = lines[number - 1]
-        column = len(excerpt) - len(excerpt.lstrip()) + 1
-        if word != "FROM":
-            return [
-                Diagnostic(
-                    Location(shown, number, column), f"a Dockerfile begins with FROM, not {word[:40]}", "", excerpt
-                )
-            ]
-        if not rest:
-            return [Diagnostic(Location(shown, number, column), "FROM needs an image", "", excerpt)]
-        return []
-    return [Diagnostic(Location(shown), "holds no instruction", hint="a Dockerfile begins with FROM")]
+        image = match["image"]
+        if image.lower() not in stages and not _EXPANDED.search(image) and (wrong := images.fault(image)):
+            at = next((line for line in range(number, len(lines) + 1) if image in lines[line - 1]), number)
+            place = Location(shown, at, lines[at - 1].find(image) + 1)
+            found.append(Diagnostic(place, wrong, "", lines[at - 1], images.hint(image)))
+        stages.add((match["name"] or "").lower())
+    return found

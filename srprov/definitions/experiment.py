@@ -12,25 +12,14 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
-from srprov.definitions import (
-    checks,
-    container,
-    merging,
-    nodes,
-    paths,
-    playbook,
-    relations,
-    schema,
-    secrets,
-    service,
-    yamlfile,
-)
+from srprov.definitions import checks, container, merging, paths, playbook, relations, schema, secrets, service
 from srprov.definitions.container import Container
 from srprov.definitions.model import Definitions, Experiment, NetworkSettings, Placement, Service, Weights
-from srprov.definitions.nodes import Findings, Map, Node, Scalar
 from srprov.definitions.unsupported import note_unsupported
 from srprov.definitions.values import text, texts
 from srprov.errors import DefinitionError, Diagnostic, Location
+from srprov.yamldoc import loader, nodes
+from srprov.yamldoc.nodes import Findings, Map, Node, Scalar
 
 _METADATA = ("license", "doi", "notes")
 
@@ -41,7 +30,7 @@ def load(path: str, environ: Mapping[str, str]) -> Definitions:
     Raises:
         DefinitionError: With everything that is wrong, in every file.
     """
-    root = yamlfile.read(path)
+    root = loader.read(path)
     if not isinstance(root, Map):
         message = "the file is empty" if root is None else f"an EDF is a map, not {nodes.kind(root)}"
         raise DefinitionError([Diagnostic(Location(path), message, hint="begin with edf: 1")])
@@ -57,7 +46,7 @@ def load(path: str, environ: Mapping[str, str]) -> Definitions:
         if not findings.broken(("services", name)):
             place = checks.service_key(root, name)
             built = service.build(place, entries[name], containers.get(key), folder, environ, findings)
-            services[name] = secrets.with_uses(built, entries[name], root, findings)
+            services[name] = secrets.with_secrets(built, entries[name], root, findings)
     sources = secrets.sources(root, folder, findings)
     playbooks = playbook.from_experiment(root, folder, findings)
     checks.check(root, services, {name: containers.get(_cdf_key(entries[name])) for name in services}, findings)

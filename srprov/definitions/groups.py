@@ -1,4 +1,4 @@
-"""The lab while it is being read: hosts, groups and their variables, with Ansible's rules of who inherits what.
+"""The inventory while it is being read: hosts, groups and their variables, with Ansible's rules of who inherits what.
 
 Takes what the inventory files say, one fact at a time; gives each host's variables. Pure. Ansible's order, from weak
 to strong: groups' variables in the inventory from `all` downwards, then `group_vars/all`, then `group_vars/*`
@@ -10,8 +10,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from srprov.definitions import nodes, ranges
-from srprov.definitions.nodes import Findings, Map, Node, Scalar
+from srprov.definitions import ranges
+from srprov.yamldoc import nodes
+from srprov.yamldoc.nodes import Findings, Map, Node, Scalar
 
 Variables = dict[str, tuple[Scalar, Node]]
 """name -> (where its name stands, its value)"""

@@ -12,11 +12,12 @@ import re
 from collections.abc import Callable, Mapping
 from typing import TypeVar
 
-from srprov.definitions import nodes, sshargs
+from srprov.definitions import sshargs
 from srprov.definitions.groups import Variables
 from srprov.definitions.model import Host
-from srprov.definitions.nodes import Findings, Map, Node, Scalar, Seq
 from srprov.secret import Secret
+from srprov.yamldoc import nodes
+from srprov.yamldoc.nodes import Findings, Map, Node, Scalar, Seq
 
 _T = TypeVar("_T")
 _SSH = {"ssh", "smart", "paramiko", "paramiko_ssh", "ansible.builtin.ssh", "ansible.builtin.paramiko_ssh"}
@@ -27,8 +28,8 @@ _ARGUMENTS = ("ansible_ssh_args", "ansible_ssh_common_args", "ansible_ssh_extra_
 
 
 def host(name: str, variables: Variables, groups: tuple[str, ...], place: Node, findings: Findings) -> Host:
-    """Make one host; what is wrong with a variable is added to the findings."""
-    reader = _Reader(name, variables, place.source.folder, findings)
+    """Return one host; what is wrong with a variable is added to the findings."""
+    reader = _VariableReader(name, variables, place.source.folder, findings)
     no_options: list[tuple[str, str]] = []
     options = tuple(option for key in _ARGUMENTS for option in reader.read(key, sshargs.parse, no_options))
     identity = reader.text("ansible_ssh_private_key_file", "ansible_private_key_file")
@@ -53,7 +54,7 @@ def host(name: str, variables: Variables, groups: tuple[str, ...], place: Node, 
     )
 
 
-class _Reader:
+class _VariableReader:
     """Reads single variables of one host."""
 
     def __init__(self, name: str, variables: Variables, folder: str, findings: Findings) -> None:
@@ -109,7 +110,7 @@ class _Reader:
     def secret(self, *keys: str, hidden_is_none: bool = False) -> Secret | None:
         """Return a password, wrapped at once; where a robot may do without one, a vault value is as good as none."""
         if hidden_is_none:
-            keys = tuple(key for key in keys if key in self.variables and not hidden(self.variables[key][1]))
+            keys = tuple(key for key in keys if key in self.variables and not why_unknown(self.variables[key][1]))
         given = self.text(*keys)
         try:
             return None if given is None else Secret(given)
@@ -128,17 +129,17 @@ class _Reader:
         return _NAMES.sub(lambda match: self.names[match[1]], text)
 
     def _hidden(self, key: str, node: Node) -> bool:
-        what = hidden(node)
+        what = why_unknown(node)
         if what:
             hint = "srprov renders no templates: write the value" if "template" in what else "srprov opens no vault"
             self.findings.add(node, f"'{key}' is {what}, but srprov reads it", (key,), hint)
         return bool(what)
 
 
-def hidden(node: Node) -> str:
-    """Tell why a value cannot be known, or give nothing."""
+def why_unknown(node: Node) -> str:
+    """Return why a value cannot be known, or nothing."""
     if isinstance(node, Seq):
-        return next(filter(None, map(hidden, node.items)), "")
+        return next(filter(None, map(why_unknown, node.items)), "")
     if isinstance(node, Map):
         return "a vault value" if "__ansible_vault" in node.entries else ""
     if "vault" in node.tag or node.text.startswith("$ANSIBLE_VAULT;"):

@@ -10,16 +10,16 @@ import ast
 import re
 import shlex
 
-from srprov.definitions import nodes
 from srprov.definitions.groups import HostTree, Variables
-from srprov.definitions.nodes import Node, Scalar, Source
+from srprov.yamldoc import nodes
+from srprov.yamldoc.nodes import Node, Scalar, Source
 
 _SECTION = re.compile(r"\[(?P<name>[^:\]\s]+)(?::(?P<kind>\w+))?\]\s*(?:[#;].*)?")
 _LONGEST_LITERAL = 10_000
 
 
-def read(text: str, file: str, lab: HostTree) -> None:
-    """Add everything that the text says; what is wrong goes to the lab's findings."""
+def read(text: str, file: str, tree: HostTree) -> None:
+    """Add everything that the text says; what is wrong goes to the tree's findings."""
     source = Source(file, tuple(text.splitlines()))
     section, kind = "ungrouped", "hosts"
     for number, line in enumerate(source.lines, 1):
@@ -30,29 +30,29 @@ def read(text: str, file: str, lab: HostTree) -> None:
             continue
         match = _SECTION.fullmatch(bare)
         if match is None and bare.startswith("[") and "]" in bare and "=" not in bare:
-            lab.findings.add(place, f"'{bare[:60]}' is not [group], [group:vars] or [group:children]")
+            tree.findings.add(place, f"'{bare[:60]}' is not [group], [group:vars] or [group:children]")
         elif match is not None:
             section, kind = match["name"], match["kind"] or "hosts"
             if kind not in ("hosts", "vars", "children"):
-                lab.findings.add(
+                tree.findings.add(
                     place, f"unknown section '{bare[:60]}'", (), "known: [group], [group:vars], [group:children]"
                 )
-            lab.group(section)
+            tree.group(section)
         elif kind == "vars":
-            _variable(place, section, lab)
+            _variable(place, section, tree)
         elif kind == "children":
             child = bare.split("#")[0].strip()
-            lab.group(child)
-            lab.group(section).children[child] = place
+            tree.group(child)
+            tree.group(section).children[child] = place
         else:
-            _host(place, section, lab)
+            _host(place, section, tree)
 
 
-def _host(place: Scalar, group: str, lab: HostTree) -> None:
+def _host(place: Scalar, group: str, tree: HostTree) -> None:
     try:
         name, *pairs = shlex.split(place.text, comments=True)
     except ValueError as error:
-        lab.findings.add(place, f"cannot be split into words: {str(error).lower()}")
+        tree.findings.add(place, f"cannot be split into words: {str(error).lower()}")
         return
     variables: Variables = {}
     for pair in pairs:
@@ -60,22 +60,22 @@ def _host(place: Scalar, group: str, lab: HostTree) -> None:
         offset = max(place.text.find(f" {key}{sign}") + 1, 0)
         at = Scalar(place.source, place.line, place.column + offset, key)
         if not sign or not key:
-            lab.findings.add(at, "is not key=value")
+            tree.findings.add(at, "is not key=value")
             continue
         where = Scalar(place.source, place.line, at.column + len(key) + 1, value)
         variables[key] = (at, _value(where))
-    lab.add_hosts(Scalar(place.source, place.line, place.column, name), group, variables)
+    tree.add_hosts(Scalar(place.source, place.line, place.column, name), group, variables)
 
 
-def _variable(place: Scalar, group: str, lab: HostTree) -> None:
+def _variable(place: Scalar, group: str, tree: HostTree) -> None:
     key, sign, value = place.text.partition("=")
     if not sign or not key.strip():
-        lab.findings.add(place, "is not key=value")
+        tree.findings.add(place, "is not key=value")
         return
     offset = len(key) + 1 + len(value) - len(value.lstrip())
     where = Scalar(place.source, place.line, place.column + offset, value.strip())
     at = Scalar(place.source, place.line, place.column, key.strip())
-    lab.group(group).variables[key.strip()] = (at, _value(where))
+    tree.group(group).variables[key.strip()] = (at, _value(where))
 
 
 def _value(place: Scalar) -> Node:

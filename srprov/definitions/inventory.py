@@ -11,11 +11,12 @@ import re
 from collections.abc import Sequence
 from types import MappingProxyType
 
-from srprov.definitions import hostvars, inifile, nodes, schema, script, yamlfile
+from srprov.definitions import hostvars, inifile, schema, script
 from srprov.definitions.groups import Group, HostEntry, HostTree, Variables, variables_of
 from srprov.definitions.model import Inventory
-from srprov.definitions.nodes import Map, Node, Scalar, Source
-from srprov.errors import DefinitionError
+from srprov.errors import DefinitionError, did_you_mean
+from srprov.yamldoc import loader, nodes
+from srprov.yamldoc.nodes import Map, Node, Scalar, Source
 
 _NOT_INVENTORIES = ("~", ".orig", ".bak", ".cfg", ".retry", ".pyc", ".pyo", ".swp", ".md", ".rst", ".txt")
 _LOOKS_LIKE_YAML = re.compile(r"---|[{%]|.*:(\s|$)|-\s")
@@ -28,30 +29,30 @@ def load(paths: Sequence[str]) -> Inventory:
     Raises:
         DefinitionError: With everything that is wrong, in every file.
     """
-    lab = HostTree()
+    tree = HostTree()
     for path in paths:
-        for part in _files(path, lab):
+        for part in _files(path, tree):
             try:
-                _read(part, lab)
+                _read(part, tree)
             except DefinitionError as error:
-                lab.findings.extend(error.problems)
+                tree.findings.extend(error.problems)
     for folder in dict.fromkeys(_folder(path) for path in paths):
-        _read_variables(folder, lab)
-    return _finish(lab, os.path.abspath(paths[0]) if paths else "")
+        _read_variables(folder, tree)
+    return _finish(tree, os.path.abspath(paths[0]) if paths else "")
 
 
-def _finish(lab: HostTree, source: str) -> Inventory:
-    for variables in _scopes(lab):
-        _check_own(variables, lab)
-    depths, members = lab.depths(), lab.members()
+def _finish(tree: HostTree, source: str) -> Inventory:
+    for variables in _scopes(tree):
+        _check_own(variables, tree)
+    depths, members = tree.depths(), tree.members()
     hosts = {}
-    for name in sorted(lab.hosts):
+    for name in sorted(tree.hosts):
         groups = {group for group, inside in members.items() if name in inside}
         shown = tuple(sorted(groups - {"all", "ungrouped"}))
-        effective = lab.effective(lab.hosts[name], groups, depths)
-        hosts[name] = hostvars.host(name, effective, shown, lab.hosts[name].place, lab.findings)
-    if lab.findings.problems:
-        raise DefinitionError([nodes.hushed(one) for one in lab.findings.problems])
+        effective = tree.effective(tree.hosts[name], groups, depths)
+        hosts[name] = hostvars.host(name, effective, shown, tree.hosts[name].place, tree.findings)
+    if tree.findings.problems:
+        raise DefinitionError([nodes.without_secrets(one) for one in tree.findings.problems])
     by_group = {name: tuple(sorted(inside)) for name, inside in sorted(members.items())}
     return Inventory(hosts=MappingProxyType(hosts), groups=MappingProxyType(by_group), source=source)
 
@@ -60,12 +61,12 @@ def _folder(path: str) -> str:
     return path if os.path.isdir(path) else os.path.dirname(path) or "."
 
 
-def _files(path: str, lab: HostTree) -> list[str]:
+def _files(path: str, tree: HostTree) -> list[str]:
     """Return the inventory files that a path stands for, in name order for a folder."""
     if "," in path and not os.path.exists(path):
         names = [name.strip() for name in path.split(",") if name.strip()]
         for name in names:
-            lab.add_hosts(Scalar(Source(path), 1, 1, name), "ungrouped")
+            tree.add_hosts(Scalar(Source(path), 1, 1, name), "ungrouped")
         return []
     if not os.path.isdir(path):
         return [path]
@@ -75,22 +76,22 @@ def _files(path: str, lab: HostTree) -> list[str]:
     return [os.path.join(path, name) for name in names if os.path.isfile(os.path.join(path, name))]
 
 
-def _read(path: str, lab: HostTree) -> None:
+def _read(path: str, tree: HostTree) -> None:
     """Add one inventory file, whatever its kind."""
     if script.is_program(path):
-        script.read(path, lab)
+        script.read(path, tree)
         return
-    text = yamlfile.read_text(path)
+    text = loader.read_text(path)
     significant = (line.strip() for line in text.splitlines())
     first = next((line for line in significant if line and line[0] not in "#;"), "")
     by_name = path.endswith((".yml", ".yaml", ".json"))
     if by_name or (not path.endswith((".ini", ".cfg")) and _LOOKS_LIKE_YAML.match(first)):
-        _read_yaml(yamlfile.parse(text, path), path, lab)
+        _read_yaml(loader.parse(text, path), path, tree)
     else:
-        inifile.read(text, path, lab)
+        inifile.read(text, path, tree)
 
 
-def _read_yaml(root: Node | None, path: str, lab: HostTree) -> None:
+def _read_yaml(root: Node | None, path: str, tree: HostTree) -> None:
     if root is None:
         return
     if not isinstance(root, Map):
@@ -104,58 +105,60 @@ def _read_yaml(root: Node | None, path: str, lab: HostTree) -> None:
         )
     for name, group in root.entries.items():
         if not name.startswith("x-"):
-            _read_group(root.keys[name], group, lab, (name,))
+            _read_group(root.keys[name], group, tree, (name,))
 
 
-def _read_group(key: Scalar, node: Node, lab: HostTree, path: nodes.Path) -> None:
+def _read_group(key: Scalar, node: Node, tree: HostTree, path: nodes.Path) -> None:
     name = key.text
-    lab.group(name)
+    tree.group(name)
     if nodes.is_null(node):
         return
     if not isinstance(node, Map):
-        lab.findings.add(node, f"the group '{name}' is a map of hosts, vars and children, not {nodes.kind(node)}", path)
+        tree.findings.add(
+            node, f"the group '{name}' is a map of hosts, vars and children, not {nodes.kind(node)}", path
+        )
         return
     for part, value in node.entries.items():
         if part in _GROUP_KEYS:
-            _read_part(name, part, value, lab, (*path, part))
+            _read_part(name, part, value, tree, (*path, part))
         elif not part.startswith("x-"):
-            hint = schema.did_you_mean(part, _GROUP_KEYS) or "a group has hosts, vars and children"
-            lab.findings.add(node.keys[part], f"unknown key '{part[:60]}' in the group '{name}'", (*path, part), hint)
+            hint = did_you_mean(part, _GROUP_KEYS) or "a group has hosts, vars and children"
+            tree.findings.add(node.keys[part], f"unknown key '{part[:60]}' in the group '{name}'", (*path, part), hint)
 
 
-def _read_part(group: str, part: str, node: Node, lab: HostTree, path: nodes.Path) -> None:
+def _read_part(group: str, part: str, node: Node, tree: HostTree, path: nodes.Path) -> None:
     if nodes.is_null(node):
         return
     if isinstance(node, Scalar) and part == "hosts":
-        lab.add_hosts(node, group)
+        tree.add_hosts(node, group)
         return
     if not isinstance(node, Map):
         hint = "write each name with a colon behind it" if part != "vars" else ""
-        lab.findings.add(node, f"'{part}' is a map, not {nodes.kind(node)}", path, hint)
+        tree.findings.add(node, f"'{part}' is a map, not {nodes.kind(node)}", path, hint)
         return
     if part == "vars":
-        lab.group(group).variables.update(variables_of(node))
+        tree.group(group).variables.update(variables_of(node))
         return
     for name, value in node.entries.items():
         key = node.keys[name]
         if part == "children":
-            lab.group(group).children[name] = key
-            _read_group(key, value, lab, (*path, name))
+            tree.group(group).children[name] = key
+            _read_group(key, value, tree, (*path, name))
         elif isinstance(value, Map) or nodes.is_null(value):
-            lab.add_hosts(key, group, variables_of(value) if isinstance(value, Map) else None)
+            tree.add_hosts(key, group, variables_of(value) if isinstance(value, Map) else None)
         else:
-            lab.findings.add(value, f"the host '{name}' is a map of variables, not {nodes.kind(value)}", (*path, name))
+            tree.findings.add(value, f"the host '{name}' is a map of variables, not {nodes.kind(value)}", (*path, name))
 
 
-def _read_variables(folder: str, lab: HostTree) -> None:
+def _read_variables(folder: str, tree: HostTree) -> None:
     """Add `group_vars/` and `host_vars/` of one folder."""
-    for kind, holders in (("group_vars", lab.groups), ("host_vars", lab.hosts)):
+    for kind, holders in (("group_vars", tree.groups), ("host_vars", tree.hosts)):
         beside = os.path.normpath(os.path.join(folder, kind))
         for name, holder in holders.items() if os.path.isdir(beside) else ():
-            holder.from_files.update(_variables(beside, name, lab))
+            holder.from_files.update(_variables(beside, name, tree))
 
 
-def _variables(folder: str, name: str, lab: HostTree) -> Variables:
+def _variables(folder: str, name: str, tree: HostTree) -> Variables:
     """Read a host's or group's file, or every file of its folder; one that is wholly a vault says nothing to us."""
     found: Variables = {}
     if "/" in name or name in (".", ".."):
@@ -168,34 +171,36 @@ def _variables(folder: str, name: str, lab: HostTree) -> Variables:
             named = [inner for inner in files if os.path.splitext(inner)[1] in ("", ".yml", ".yaml", ".json")]
             parts += [os.path.join(parent, inner) for inner in sorted(named) if not inner.startswith(".")]
         for part in parts:
-            found.update(_variables_file(part, lab))
+            found.update(_variables_file(part, tree))
     return found
 
 
-def _variables_file(path: str, lab: HostTree) -> Variables:
+def _variables_file(path: str, tree: HostTree) -> Variables:
     try:
-        text = yamlfile.read_text(path)
-        root = None if text.startswith("$ANSIBLE_VAULT;") else yamlfile.parse(text, path)
+        text = loader.read_text(path)
+        root = None if text.startswith("$ANSIBLE_VAULT;") else loader.parse(text, path)
     except DefinitionError as error:
-        lab.findings.extend(error.problems)
+        tree.findings.extend(error.problems)
         return {}
     if root is not None and not isinstance(root, Map):
-        lab.findings.add(root, f"a file of variables is a map, not {nodes.kind(root)}")
+        tree.findings.add(root, f"a file of variables is a map, not {nodes.kind(root)}")
     return variables_of(root) if isinstance(root, Map) else {}
 
 
-def _scopes(lab: HostTree) -> list[Variables]:
-    holders: list[Group | HostEntry] = [*lab.groups.values(), *lab.hosts.values()]
+def _scopes(tree: HostTree) -> list[Variables]:
+    holders: list[Group | HostEntry] = [*tree.groups.values(), *tree.hosts.values()]
     return [scope for holder in holders for scope in (holder.variables, holder.from_files) if scope]
 
 
-def _check_own(variables: Variables, lab: HostTree) -> None:
+def _check_own(variables: Variables, tree: HostTree) -> None:
     """Check the variables that begin with srprov_; a template among them is told where a host reads it."""
     own = {
-        name: pair for name, pair in variables.items() if name.startswith("srprov_") and not hostvars.hidden(pair[1])
+        name: pair
+        for name, pair in variables.items()
+        if name.startswith("srprov_") and not hostvars.why_unknown(pair[1])
     }
     if own:
         key, _ = next(iter(own.values()))
         values = {name: value for name, (_, value) in own.items()}
         root = Map(key.source, key.line, key.column, values, {name: at for name, (at, _) in own.items()})
-        schema.check(root, "inventory-vars", lab.findings)
+        schema.check(root, "inventory-vars", tree.findings)

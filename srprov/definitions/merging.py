@@ -7,9 +7,9 @@ makes it replace as well.
 
 from __future__ import annotations
 
-from srprov.definitions.nodes import Findings, Map, Node, Path, Scalar, Seq
+from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq
 
-WHOLE = frozenset({"command", "entrypoint", "test", "authors", "arch"})
+REPLACED_LISTS = frozenset({"command", "entrypoint", "test", "authors", "arch"})
 """Lists that are one value: they replace."""
 
 KEYED = ("environment", "sysctls")
@@ -36,7 +36,7 @@ def merge(under: Node, over: Node, key: str = "") -> Node:
             entries[name] = merge(entries[name], value, name) if name in entries else value
             keys[name] = over.keys[name]
         return Map(over.source, over.line, over.column, entries, keys)
-    if isinstance(under, Seq) and isinstance(over, Seq) and key not in WHOLE:
+    if isinstance(under, Seq) and isinstance(over, Seq) and key not in REPLACED_LISTS:
         present = {_plain(item) for item in over.items}
         kept = tuple(item for item in under.items if _plain(item) not in present)
         return Seq(over.source, over.line, over.column, kept + over.items)
@@ -79,7 +79,7 @@ def _as_map(node: Node, environ: dict[str, str], findings: Findings, path: Path)
     return Map(node.source, node.line, node.column, entries, keys, node.tag)
 
 
-def only(layer: Map, wanted: frozenset[str]) -> Map:
+def select(layer: Map, wanted: frozenset[str]) -> Map:
     """Return a map with only the wanted keys."""
     entries = {key: value for key, value in layer.entries.items() if key in wanted}
     return Map(layer.source, layer.line, layer.column, entries, {key: layer.keys[key] for key in entries}, layer.tag)

@@ -1,4 +1,4 @@
-"""The values that user files become: Inventory, Experiment, Service, ContainerDefinition.
+"""The values that user files become: Inventory, Experiment, Service; what a container is, is in `containermodel`.
 
 Everything here is validated, merged (a service's fields over its CDF's, a CDF's over the one it extends) and in one
 unit (bytes, seconds). Nothing here can read a file.
@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
 
+from srprov.definitions.containermodel import ContainerDefinition, Requirements, Runtime
 from srprov.definitions.playbookmodel import Playbook
 from srprov.definitions.secretmodel import SecretSource, SecretUse
 from srprov.errors import Diagnostic, Location
@@ -50,134 +51,11 @@ class Host:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Inventory:
-    """The lab: hosts by name (sorted), groups by name."""
+    """The robots: hosts by name (sorted), groups by name."""
 
     hosts: Mapping[str, Host]
     groups: Mapping[str, tuple[str, ...]]
     source: str = ""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Requirements:
-    """What any robot must have to run a service; compared with totals and presence, never with what is free now."""
-
-    tags: tuple[str, ...] = ()
-    devices: tuple[str, ...] = ()
-    arch: tuple[str, ...] = ()
-    """Docker's names: amd64, arm64, arm."""
-    memory: int = 0
-    """bytes"""
-    cpus: float = 0.0
-    gpu: bool = False
-    kernel: str = ""
-    """A version bound such as `>=5.10`, or empty."""
-    disk: int = 0
-    """bytes"""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class HealthCheck:
-    """How Docker tells whether a container is healthy; `test` is `("CMD", …)`, `("CMD-SHELL", text)` or `("NONE",)`."""
-
-    test: tuple[str, ...]
-    interval_s: float = 30.0
-    timeout_s: float = 30.0
-    retries: int = 3
-    start_period_s: float = 0.0
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Mount:
-    """One volume of a service.
-
-    `kind`: `tree` (a path of the experiment's folder, shipped read-only by content), `bind` (the robot's own path),
-    `volume` (a named volume of the instance), `tmpfs`.
-    """
-
-    kind: str
-    source: str
-    """Tree: absolute path on the controller; bind: absolute path on the robot; volume: its bare name; tmpfs: empty."""
-    target: str
-    read_only: bool = False
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Runtime:
-    """The run-time part of a container, Compose's names, merged from CDF and EDF; empty means the image's own."""
-
-    command: tuple[str, ...] | None = None
-    entrypoint: tuple[str, ...] | None = None
-    environment: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
-    working_dir: str = ""
-    user: str = ""
-    stop_signal: str = ""
-    stop_grace_s: float = 10.0
-    healthcheck: HealthCheck | None = None
-    mounts: tuple[Mount, ...] = ()
-    devices: tuple[tuple[str, str, str], ...] = ()
-    """(path on the robot, path inside, `rwm`)"""
-    ports: tuple[tuple[str, int, int, str], ...] = ()
-    """(address or "", published port, container port, `tcp` or `udp`)"""
-    ulimits: tuple[tuple[str, int, int], ...] = ()
-    """(name, soft, hard)"""
-    cap_add: tuple[str, ...] = ()
-    privileged: bool = False
-    sysctls: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
-    group_add: tuple[str, ...] = ()
-    security_opt: tuple[str, ...] = ()
-    device_cgroup_rules: tuple[str, ...] = ()
-    tty: bool = False
-    shm_size: int = 0
-    """bytes"""
-    ipc: str = ""
-    pid: str = ""
-    gpus: str = ""
-    """empty, `all`, or a count"""
-    restart: str = "no"
-    """`no`, `always`, `unless-stopped`, `on-failure` or `on-failure:N`"""
-    pull_policy: str = "missing"
-    """`missing`, `always` or `never`"""
-    job: bool = False
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class BuildFile:
-    """One file that a CDF copies into the image; `source` is an absolute path on the controller."""
-
-    source: str
-    dest: str
-    mode: str = ""
-    """Octal text such as `0755`, or empty for the file's own."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class ContainerDefinition:
-    """One CDF after `extends` was merged. Exactly one of `base`, `image`, `dockerfile` is not empty."""
-
-    name: str
-    file: str
-    """Absolute path of the CDF."""
-    folder: str
-    """Folder that relative paths start from."""
-    base: str = ""
-    image: str = ""
-    dockerfile: str = ""
-    """Absolute path of a Dockerfile."""
-    description: str = ""
-    platforms: tuple[str, ...] = ()
-    apt: tuple[str, ...] = ()
-    pip: tuple[str, ...] = ()
-    npm: tuple[str, ...] = ()
-    files: tuple[BuildFile, ...] = ()
-    run: tuple[str, ...] = ()
-    build_environment: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
-    """`environment` of the CDF: part of the image (ENV)."""
-    runtime: Runtime = field(default_factory=Runtime)
-    """The CDF's own run-time defaults."""
-    requires: Requirements = field(default_factory=Requirements)
-    location: Location = _NOWHERE
-    lines: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
-    """Line in the CDF of each build field (`base`, `packages.apt`, `run.0`, …): a failed build points there."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

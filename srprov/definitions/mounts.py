@@ -10,10 +10,11 @@ from __future__ import annotations
 import posixpath
 import re
 
-from srprov.definitions import nodes, paths
-from srprov.definitions.model import Mount
-from srprov.definitions.nodes import Findings, Map, Node, Path, Scalar, Seq
+from srprov.definitions import paths
+from srprov.definitions.containermodel import Mount
 from srprov.definitions.values import text
+from srprov.yamldoc import nodes
+from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq
 
 _VOLUME_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*", re.ASCII)
 

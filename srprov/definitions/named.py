@@ -9,9 +9,9 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from srprov.definitions import yamlfile
-from srprov.definitions.nodes import Map, Scalar
 from srprov.errors import DefinitionError, UsageError
+from srprov.yamldoc import loader
+from srprov.yamldoc.nodes import Map, Scalar
 
 _VALID = re.compile(r"[a-z0-9-]{1,32}")
 _LINE = re.compile(
@@ -41,7 +41,7 @@ def experiment_name(path: str) -> str:
 
 def _as_yaml(text: str, path: str) -> str:
     try:
-        root = yamlfile.parse(text, path)
+        root = loader.parse(text, path)
     except DefinitionError:
         return ""
     name = root.entries.get("name") if isinstance(root, Map) else None

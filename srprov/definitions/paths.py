@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import os
 
-from srprov.definitions.nodes import Findings, Path, Scalar
+from srprov.yamldoc.nodes import Findings, Path, Scalar
 
 _MOST_ENTRIES = 20_000
 """How far a shipped folder is searched for links that lead out of it."""
@@ -33,7 +33,7 @@ def root_for(folder: str, experiment_folder: str) -> str:
 
 
 def resolve(node: Scalar, experiment_folder: str, findings: Findings, path: Path, *, tree: bool = False) -> str:
-    """Return absolute real path that a scalar names relative to its own file; `tree` also searches folders for links.
+    """Return the absolute real path that a scalar names relative to its own file; with `tree`, check links in it too.
 
     An absolute or `~` path is refused: what is shipped must lie with the experiment.
     """
@@ -60,7 +60,7 @@ def resolve(node: Scalar, experiment_folder: str, findings: Findings, path: Path
 
 
 def _name(folder: str) -> str:
-    """Show a folder briefly: relative to where the user stands when that is shorter."""
+    """Return a folder as it is shown: relative to the current folder when that is shorter."""
     relative = os.path.relpath(folder)
     return "here (.)" if relative == "." else min(relative, folder, key=len)
 

@@ -10,7 +10,6 @@ a group by position, `robots[0]` and `robots[1:3]`, `@failed`, or `@FILE`, a fil
 
 from __future__ import annotations
 
-import difflib
 import fnmatch
 import re
 from collections.abc import Callable, Collection, Sequence
@@ -18,7 +17,7 @@ from pathlib import Path
 
 from srprov.definitions import ranges
 from srprov.definitions.model import Inventory
-from srprov.errors import UsageError
+from srprov.errors import UsageError, did_you_mean
 
 _SUBSCRIPT = re.compile(r"(?P<name>.+)\[(?:(?P<one>-?[0-9]+)|(?P<first>[0-9]*)[:-](?P<last>[0-9]*))\]", re.ASCII)
 
@@ -87,9 +86,9 @@ def _match(inventory: Inventory, term: str, failed: Failed = _no_run) -> set[str
         return _of_file(inventory, term[1:])
     found = _find(inventory, term)
     if not found:
-        close = difflib.get_close_matches(term[:100], [*inventory.hosts, *inventory.groups], n=1)
-        mean = f"did you mean '{close[0]}'? " if close else ""
-        raise UsageError(f"'{term[:100]}' matches no host and no group", hint=mean + _known(inventory))
+        suggestion = did_you_mean(term, [*inventory.hosts, *inventory.groups])
+        hint = f"{suggestion} {_known(inventory)}".lstrip()
+        raise UsageError(f"'{term[:100]}' matches no host and no group", hint=hint)
     return set(found)
 
 

@@ -5,10 +5,8 @@ Takes an Experiment and an Inventory; gives problems. Pure.
 
 from __future__ import annotations
 
-import difflib
-
 from srprov.definitions.model import Experiment, Inventory
-from srprov.errors import Diagnostic
+from srprov.errors import Diagnostic, did_you_mean
 
 _SHOWN = 12
 
@@ -28,9 +26,8 @@ def unknown_pins(experiment: Experiment, inventory: Inventory) -> tuple[Diagnost
 
 
 def _hint(wanted: str, inventory: Inventory) -> str:
-    close = difflib.get_close_matches(wanted, inventory.hosts, n=1)
-    if close:
-        return f"did you mean '{close[0]}'?"
+    if suggestion := did_you_mean(wanted, inventory.hosts):
+        return suggestion
     names = list(inventory.hosts)
     more = f" and {len(names) - _SHOWN} more" if len(names) > _SHOWN else ""
     return f"it has: {', '.join(names[:_SHOWN])}{more}"

@@ -15,11 +15,12 @@ from collections.abc import Collection, Iterator
 from dataclasses import replace
 
 from srprov.data import schema as shipped_schema
-from srprov.definitions import nodes, paths, schema, template, yamlfile
-from srprov.definitions.nodes import Findings, Map, Node, Path, Scalar, Seq, Source
+from srprov.definitions import paths, schema, template
 from srprov.definitions.playbookmodel import ADDED, AFTER, BEFORE, REPLACES, Playbook, PlaybookCommand
 from srprov.definitions.template import HOLE, MARK
-from srprov.errors import DefinitionError, Diagnostic, Location
+from srprov.errors import DefinitionError, Diagnostic, Location, did_you_mean
+from srprov.yamldoc import loader, nodes
+from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq, Source
 
 VARIABLES = (
     "api", "files", "folder", "host", "images", "instance", "overlay", "robot", "secrets", "services", "source",
@@ -80,7 +81,7 @@ def read(file: str, shown: str, name: str, place: str) -> Playbook:
     Raises:
         DefinitionError: With everything that is wrong with it.
     """
-    text = yamlfile.read_text(file, shown).replace("\r\n", "\n").replace("\r", "\n")
+    text = loader.read_text(file, shown).replace("\r\n", "\n").replace("\r", "\n")
     source = Source(shown, tuple(text.split("\n")))
     findings = Findings()
     if len(text) > MAX_LENGTH:
@@ -96,7 +97,7 @@ def read(file: str, shown: str, name: str, place: str) -> Playbook:
         for item in _items(skeleton, source, holes, findings):
             keys |= {(key.line, key.column) for key in item.keys.values() if key.text != "<<"}
             if next(iter(item.entries), "") == "command":
-                commands[item.line] = PlaybookCommand(line=item.line, what=_told(item, holes))
+                commands[item.line] = PlaybookCommand(line=item.line, what=_command_text(item, holes))
     if findings.problems:
         raise DefinitionError(findings.problems)
     return Playbook(
@@ -106,7 +107,7 @@ def read(file: str, shown: str, name: str, place: str) -> Playbook:
 
 
 def _check_template(text: str, source: Source, findings: Findings) -> bool:
-    """Add what Jinja2 refuses, blocks that a playbook has no use for, and unknown names; tell if it can be read on."""
+    """Add what Jinja2 refuses, unknown blocks and unknown names; return whether the rest can be checked."""
     from jinja2 import TemplateSyntaxError
     from jinja2 import nodes as syntax
     from jinja2.sandbox import ImmutableSandboxedEnvironment
@@ -141,7 +142,7 @@ def _check_template(text: str, source: Source, findings: Findings) -> bool:
     used += [("test", t.lineno, t.name, env.tests) for t in tree.find_all(syntax.Test) if t.name not in env.tests]
     for what, row, name, choices in used:
         match = re.search(rf"\b{re.escape(name)}\b", source.excerpt(row))
-        hint = schema.did_you_mean(name, choices)
+        hint = did_you_mean(name, choices)
         hint = hint or (f"known: {', '.join(VARIABLES)}" if what == "variable" else "")
         place = Scalar(source, row, match.start() + 1 if match else 1, "")
         findings.add(place, f"there is no {what} '{name[:60]}'", (), hint)
@@ -166,13 +167,13 @@ def _holes(text: str) -> dict[tuple[int, int], str]:
 def _items(skeleton: str, source: Source, holes: Collection[tuple[int, int]], findings: Findings) -> Iterator[Map]:
     """Return the items of a skeleton that are maps; everything that is wrong is added."""
     try:
-        root = yamlfile.parse(skeleton, source.file)
+        root = loader.parse(skeleton, source.file)
     except DefinitionError as error:
         findings.extend(replace(one, excerpt=source.excerpt(one.location.line)) for one in error.problems)
         return
     if root is None:
         return
-    root = _placed(root, source)
+    root = _with_source(root, source)
     if not isinstance(root, Seq):
         findings.add(root, f"a playbook is a list of resources, not {nodes.kind(root)}")
         return
@@ -187,14 +188,14 @@ def _items(skeleton: str, source: Source, holes: Collection[tuple[int, int]], fi
             findings.add(item, "an item is a map whose first key names its module, and is not substituted", (index,))
 
 
-def _placed(node: Node, source: Source) -> Node:
+def _with_source(node: Node, source: Source) -> Node:
     """Return the node with the template's lines for its excerpts, not the skeleton's."""
     if isinstance(node, Map):
-        entries = {key: _placed(value, source) for key, value in node.entries.items()}
+        entries = {key: _with_source(value, source) for key, value in node.entries.items()}
         keys = {key: replace(one, source=source) for key, one in node.keys.items()}
         return replace(node, source=source, entries=entries, keys=keys)
     if isinstance(node, Seq):
-        return replace(node, source=source, items=tuple(_placed(item, source) for item in node.items))
+        return replace(node, source=source, items=tuple(_with_source(item, source) for item in node.items))
     return replace(node, source=source)
 
 
@@ -214,7 +215,7 @@ def _check_holes(node: Node, path: Path, findings: Findings) -> None:
 
 
 def modules() -> tuple[str, ...]:
-    """Name the modules that an item may begin with, in name order."""
+    """Return the modules that an item may begin with, in name order."""
     return tuple(sorted(shipped_schema("playbook")["$defs"]))
 
 
@@ -227,15 +228,15 @@ def check_item(item: Node, findings: Findings, path: Path = ()) -> None:
     if kind not in modules():
         later = next((key for key in item.entries if key in modules()), "")
         known = f"known: {', '.join(modules())}"
-        hint = f"put '{later}' first" if later else schema.did_you_mean(kind, modules()) or known
+        hint = f"put '{later}' first" if later else did_you_mean(kind, modules()) or known
         findings.add(item.keys.get(kind, item), f"there is no module '{kind[:60]}'", (*path, kind), hint)
         return
     schema.check_tags(item, findings, frozenset(), path)
     schema.check(item, f"playbook/{kind}", findings, path)
 
 
-def _told(item: Map, holes: dict[tuple[int, int], str]) -> str:
-    """Say what a `command` runs and how it is checked, as it is written."""
+def _command_text(item: Map, holes: dict[tuple[int, int], str]) -> str:
+    """Return what a `command` runs and how it is checked, as it is written."""
 
     def words(node: Node | None) -> str:
         if isinstance(node, Seq):

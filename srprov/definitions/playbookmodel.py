@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 
-from srprov.definitions.nodes import Source
+from srprov.yamldoc.nodes import Source
 
 BEFORE, AFTER, ADDED, REPLACES = "before", "after", "added", "replaces"
 """Where a playbook stands: the first two come with an EDF, the others lie in the user's own folder."""

@@ -8,10 +8,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 
-from srprov.definitions import nodes
 from srprov.definitions.model import Pool
-from srprov.definitions.nodes import Findings, Map, Node, Path, Scalar, Seq
 from srprov.definitions.values import scalars, text
+from srprov.yamldoc import nodes
+from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq
 
 
 def pools(root: Map) -> tuple[Pool, ...]:
@@ -20,25 +20,27 @@ def pools(root: Map) -> tuple[Pool, ...]:
     for _, pool in _pools(root):
         services = _services(pool)
         discount = nodes.as_number(pool.entries["discount"]) if "discount" in pool.entries else None
-        name = text(pool.entries.get("name")) or _joined(pool)
+        name = text(pool.entries.get("name")) or _default_name(pool)
         found.append(Pool(name=name, services=services, discount=1.0 if discount is None else discount))
     return tuple(sorted(found, key=lambda pool: (pool.name, pool.services)))
 
 
 def different_robot(root: Map) -> tuple[tuple[str, ...], ...]:
     """Return the groups of which no two services may share a robot, sorted."""
-    return tuple(sorted({tuple(sorted({item.text for item in scalars(group)})) for _, group in _apart(root)}))
+    return tuple(
+        sorted({tuple(sorted({item.text for item in scalars(group)})) for _, group in _different_robot_groups(root)})
+    )
 
 
 def check(root: Map, known: Mapping[str, Map], same_robot: Sequence[Sequence[str]], findings: Findings) -> None:
-    """Add what cannot be: relations that contradict each other, names that clash, services that are on every robot."""
-    _contradictions(root, same_robot, findings)
-    _spread(root, known, same_robot, findings)
-    _instances(known, findings)
+    """Add relations that contradict each other, names that clash, and groups of services that run on every robot."""
+    _check_contradictions(root, same_robot, findings)
+    _check_per_robot(root, known, same_robot, findings)
+    _check_instances(known, findings)
     seen: set[str] = set()
     for index, pool in _pools(root):
         given = pool.entries.get("name")
-        name = text(given) or _joined(pool)
+        name = text(given) or _default_name(pool)
         if name and name in seen:
             hint = "give each a 'name' of its own" if given is None else ""
             findings.add(
@@ -54,7 +56,7 @@ def _services(pool: Map) -> tuple[str, ...]:
     return tuple(sorted({item.text for item in scalars(pool.entries.get("services"))}))
 
 
-def _joined(pool: Map) -> str:
+def _default_name(pool: Map) -> str:
     """Return what a pool without a name is called."""
     return "+".join(_services(pool))
 
@@ -66,14 +68,14 @@ def _pools(root: Map) -> Iterator[tuple[int, Map]]:
             yield index, pool
 
 
-def _apart(root: Map) -> Iterator[tuple[int, Node]]:
+def _different_robot_groups(root: Map) -> Iterator[tuple[int, Node]]:
     relations = root.entries.get("relations")
     given = relations.entries.get("different_robot") if isinstance(relations, Map) else None
     yield from enumerate(given.items if isinstance(given, Seq) else ())
 
 
-def _contradictions(root: Map, same_robot: Sequence[Sequence[str]], findings: Findings) -> None:
-    for index, group in _apart(root):
+def _check_contradictions(root: Map, same_robot: Sequence[Sequence[str]], findings: Findings) -> None:
+    for index, group in _different_robot_groups(root):
         items = scalars(group)
         for together in same_robot:
             both = [item for item in items if item.text in together]
@@ -83,26 +85,28 @@ def _contradictions(root: Map, same_robot: Sequence[Sequence[str]], findings: Fi
                 findings.add(both[1], message, ("relations", "different_robot", index))
 
 
-def _spread(root: Map, known: Mapping[str, Map], same_robot: Sequence[Sequence[str]], findings: Findings) -> None:
+def _check_per_robot(
+    root: Map, known: Mapping[str, Map], same_robot: Sequence[Sequence[str]], findings: Findings
+) -> None:
     """Check what names a service of which there are several, or one on each robot."""
     everywhere = {name for name, entry in known.items() if "per_robot" in entry.entries}
     for index, pool in _pools(root):
-        _nowhere(pool.entries.get("services"), everywhere, "a pool", ("pools", index, "services"), findings)
-    for index, group in _apart(root):
-        _nowhere(group, everywhere, "different_robot", ("relations", "different_robot", index), findings)
+        _refuse_per_robot(pool.entries.get("services"), everywhere, "a pool", ("pools", index, "services"), findings)
+    for index, group in _different_robot_groups(root):
+        _refuse_per_robot(group, everywhere, "different_robot", ("relations", "different_robot", index), findings)
     for together in same_robot:
         for name in sorted(everywhere & set(together)):
             message = f"'{name}' runs on each robot ('per_robot'), so same_robot cannot name it"
             findings.add(known[name].keys["per_robot"], message, ("services", name, "per_robot"))
 
 
-def _nowhere(node: Node | None, everywhere: set[str], where: str, path: Path, findings: Findings) -> None:
+def _refuse_per_robot(node: Node | None, everywhere: set[str], where: str, path: Path, findings: Findings) -> None:
     for item in scalars(node):
         if item.text in everywhere:
             findings.add(item, f"'{item.text}' runs on each robot ('per_robot'), so {where} cannot name it", path)
 
 
-def _instances(known: Mapping[str, Map], findings: Findings) -> None:
+def _check_instances(known: Mapping[str, Map], findings: Findings) -> None:
     """Check `replicas` and `per_robot`: not both, no pin with `per_robot`, and no name that an instance will have."""
     for name, entry in sorted(known.items()):
         path: Path = ("services", name)

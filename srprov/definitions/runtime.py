@@ -9,10 +9,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from srprov.definitions import merging, mounts, nodes, values
-from srprov.definitions.model import HealthCheck, Requirements, Runtime
-from srprov.definitions.nodes import Findings, Map, Node, Path, Scalar
+from srprov.definitions import merging, mounts, values
+from srprov.definitions.containermodel import HealthCheck, Requirements, Runtime
 from srprov.definitions.values import Device, Port, text, text_map, texts
+from srprov.yamldoc import nodes
+from srprov.yamldoc.fields import size_in_bytes
+from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar
 
 RUNTIME_FIELDS = merging.RUNTIME_MERGED | {
     *("command", "entrypoint", "working_dir", "user", "stop_signal", "stop_grace_period", "privileged", "tty", "job"),
@@ -30,8 +32,8 @@ def parse(layer: Map, folder: str, findings: Findings, path: Path) -> Runtime:
         return default if node is None else _guarded(reader, node, default, findings, (*path, key))
 
     return Runtime(
-        command=read("command", values.words, None),
-        entrypoint=read("entrypoint", values.words, None),
+        command=read("command", values.command_words, None),
+        entrypoint=read("entrypoint", values.command_words, None),
         environment=text_map(get("environment")),
         working_dir=text(get("working_dir")),
         user=text(get("user")),
@@ -49,7 +51,7 @@ def parse(layer: Map, folder: str, findings: Findings, path: Path) -> Runtime:
         security_opt=texts(get("security_opt")),
         device_cgroup_rules=texts(get("device_cgroup_rules")),
         tty=_flag(get("tty")),
-        shm_size=read("shm_size", lambda node: values.size(text(node)), 0),
+        shm_size=read("shm_size", lambda node: size_in_bytes(text(node)), 0),
         ipc=text(get("ipc")),
         pid=text(get("pid")),
         gpus=text(get("gpus")),
@@ -66,7 +68,7 @@ def requirements(node: Node | None, findings: Findings, path: Path) -> Requireme
 
     def size(key: str) -> int:
         given = get(key)
-        return 0 if given is None else _guarded(lambda n: values.size(text(n)), given, 0, findings, (*path, key))
+        return 0 if given is None else _guarded(lambda n: size_in_bytes(text(n)), given, 0, findings, (*path, key))
 
     cpus = nodes.as_number(entries["cpus"]) if "cpus" in entries else 0.0
     version = text(get("kernel")).removeprefix(">=").strip()
@@ -85,8 +87,8 @@ def requirements(node: Node | None, findings: Findings, path: Path) -> Requireme
 _ARCH = {"x86_64": "amd64", "aarch64": "arm64", "armv7l": "arm", "armv6l": "arm", "armhf": "arm"}
 
 
-def both(one: Requirements, other: Requirements) -> Requirements:
-    """Return what holds when both hold.
+def combined(one: Requirements, other: Requirements) -> Requirements:
+    """Return the requirements of which each robot must meet both.
 
     Raises:
         ValueError: They name architectures, and none in common.

@@ -14,6 +14,8 @@ import stat
 from functools import cache
 from pathlib import Path
 
+from srprov.yamldoc import nodes
+
 _MOST_BYTES = 64 * 1024
 _LINE = 65
 
@@ -23,8 +25,8 @@ def is_known(digest: str) -> bool:
     return digest.encode("ascii") in _lines()
 
 
-def remember(digest: str) -> None:
-    """Keep a digest; the file begins anew when it is full."""
+def add(digest: str) -> None:
+    """Add a digest; when the file is full, it starts again with this one."""
     path = _path()
     with contextlib.suppress(OSError):
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -37,8 +39,9 @@ def remember(digest: str) -> None:
 @cache
 def code() -> str:
     """Return a digest of the code that checks documents."""
-    here = Path(__file__).parent
-    return hashlib.sha256(b"".join((here / name).read_bytes() for name in ("schema.py", "nodes.py"))).hexdigest()
+    here = Path(__file__)
+    code_files = (here.with_name("schema.py"), Path(nodes.__file__))
+    return hashlib.sha256(b"".join(path.read_bytes() for path in code_files)).hexdigest()
 
 
 @cache

@@ -6,17 +6,16 @@ Takes the program's path; adds to the `HostTree`. Runs it with `--list` (and `--
 
 from __future__ import annotations
 
-import json
 import os
 import signal
 import subprocess
 import time
-from typing import Any
 
-from srprov.definitions import nodes
 from srprov.definitions.groups import HostTree, variables_of
-from srprov.definitions.nodes import Map, Node, Scalar, Seq, Source
 from srprov.errors import DefinitionError, Diagnostic, Location
+from srprov.untrusted import parse_json
+from srprov.yamldoc import nodes
+from srprov.yamldoc.nodes import Map, Node, Scalar, Seq, Source
 
 DEADLINE_S = 30.0
 
@@ -29,7 +28,7 @@ def is_program(path: str) -> bool:
         return stream.read(4)[:2] in (b"#!", b"\x7fE")
 
 
-def read(path: str, lab: HostTree, deadline_s: float = DEADLINE_S) -> None:
+def read(path: str, tree: HostTree, deadline_s: float = DEADLINE_S) -> None:
     """Run the program and add everything that it says.
 
     Raises:
@@ -41,31 +40,31 @@ def read(path: str, lab: HostTree, deadline_s: float = DEADLINE_S) -> None:
     host_variables = meta.entries.get("hostvars") if isinstance(meta, Map) else None
     for name, group in root.entries.items():
         if name != "_meta":
-            _group(name, group, lab)
-    for name in sorted(lab.hosts) if host_variables is None else []:
-        lab.hosts[name].variables.update(variables_of(_answer(path, ["--host", name], end)))
+            _group(name, group, tree)
+    for name in sorted(tree.hosts) if host_variables is None else []:
+        tree.hosts[name].variables.update(variables_of(_answer(path, ["--host", name], end)))
     for name, variables in host_variables.entries.items() if isinstance(host_variables, Map) else ():
-        if name in lab.hosts and isinstance(variables, Map):
-            lab.hosts[name].variables.update(variables_of(variables))
+        if name in tree.hosts and isinstance(variables, Map):
+            tree.hosts[name].variables.update(variables_of(variables))
 
 
-def _group(name: str, node: Node, lab: HostTree) -> None:
-    group = lab.group(name)
+def _group(name: str, node: Node, tree: HostTree) -> None:
+    group = tree.group(name)
     entries = node.entries if isinstance(node, Map) else {"hosts": node}
     hosts, children, variables = (entries.get(key) for key in ("hosts", "children", "vars"))
     for host in hosts.items if isinstance(hosts, Seq) else ():
         if isinstance(host, Scalar):
-            lab.add_hosts(host, name)
+            tree.add_hosts(host, name)
     for child in children.items if isinstance(children, Seq) else ():
         if isinstance(child, Scalar):
-            lab.group(child.text)
+            tree.group(child.text)
             group.children[child.text] = child
     if isinstance(variables, Map):
         group.variables.update(variables_of(variables))
 
 
 def _answer(path: str, arguments: list[str], end: float) -> Map:
-    """Run the program once and give the JSON object that it prints."""
+    """Run the program once and return the JSON object that it prints."""
     command = [os.path.abspath(path), *arguments]
     try:
         process = subprocess.Popen(
@@ -87,9 +86,8 @@ def _answer(path: str, arguments: list[str], end: float) -> Map:
         last = (err.decode("utf-8", "replace").strip().splitlines() or [""])[-1]
         raise _failed(path, f"'{' '.join(arguments)}' ended with {process.returncode}: {last[:200]}")
     try:
-        value: Any = json.loads(out)
-        root = nodes.from_json(value, Source(path))
-    except (ValueError, RecursionError) as error:
+        root = nodes.from_json(parse_json(out.decode("utf-8-sig")), Source(path))
+    except ValueError as error:
         raise _failed(path, f"'{' '.join(arguments)}' printed no JSON: {str(error)[:200]}") from None
     if not isinstance(root, Map):
         raise _failed(path, f"'{' '.join(arguments)}' printed {nodes.kind(root)}, not a map")

@@ -27,7 +27,7 @@ class SecretSource:
 
     @property
     def origin(self) -> str:
-        """Say where it comes from, as plans and permissions show it."""
+        """Return where it comes from, as plans and permissions show it."""
         if self.command:
             return f"the command {shlex.join(self.command)}"
         return f"the variable {self.env}" if self.env else f"the file {self.file}"

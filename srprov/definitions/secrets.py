@@ -13,12 +13,14 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
-from srprov.definitions import nodes, values
-from srprov.definitions.model import Mount, Service
-from srprov.definitions.nodes import Findings, Map, Node, Path, Scalar, Seq
-from srprov.definitions.schema import did_you_mean
+from srprov.definitions import values
+from srprov.definitions.containermodel import Mount
+from srprov.definitions.model import Service
 from srprov.definitions.secretmodel import SecretSource, SecretUse
 from srprov.definitions.values import text
+from srprov.errors import did_you_mean
+from srprov.yamldoc import nodes
+from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq
 
 _FOLDER = "/run/secrets"
 _MODE = "0400"
@@ -44,7 +46,7 @@ def _source(name: str, key: Scalar, entry: Map, folder: str, findings: Findings)
     words: tuple[str, ...] = ()
     if command is not None:
         try:
-            words = values.words(command) or ()
+            words = values.command_words(command) or ()
         except ValueError as error:
             findings.add(command, str(error), ("secrets", name, "command"))
     if command is not None and (not words or not words[0]) and not findings.broken(("secrets", name)):
@@ -61,8 +63,8 @@ def _source(name: str, key: Scalar, entry: Map, folder: str, findings: Findings)
     )
 
 
-def with_uses(service: Service, entry: Map, root: Map, findings: Findings) -> Service:
-    """Return a service its secrets; those that cannot be where they are wished are problems."""
+def with_secrets(service: Service, entry: Map, root: Map, findings: Findings) -> Service:
+    """Return a service with its secrets; one that cannot be mounted where it is asked for is a problem."""
     path: Path = ("services", service.name)
     found = _uses(entry.entries.get("secrets"), root, findings, (*path, "secrets"))
     _check_targets(entry, found, service.runtime.mounts, findings, (*path, "secrets"))

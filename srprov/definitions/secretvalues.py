@@ -81,15 +81,15 @@ def _value(
         with open(source.file, "rb") as stream:
             content = stream.read(_LARGEST + 1)
     else:
-        content = _printed(source, environ, limit_s)
+        content = _run(source, environ, limit_s)
         content = content[: -2 if content.endswith(b"\r\n") else -1] if content.endswith(b"\n") else content
     if len(content) > _LARGEST:
         raise ValueError(f"is larger than {_LARGEST} bytes")
     return content.decode("utf-8", "surrogateescape")
 
 
-def _printed(source: SecretSource, environ: MutableMapping[str, str], limit_s: float) -> bytes:
-    """Run a command and give what it printed; what it complains is shown only when it fails."""
+def _run(source: SecretSource, environ: MutableMapping[str, str], limit_s: float) -> bytes:
+    """Run a command and return what it printed; its error output is shown only when it fails."""
     program = source.command[0]
     process = subprocess.Popen(
         source.command,
@@ -107,9 +107,9 @@ def _printed(source: SecretSource, environ: MutableMapping[str, str], limit_s: f
     except (TimeoutError, subprocess.TimeoutExpired):
         raise ValueError(f"'{program}' did not end within {limit_s:g} s") from None
     finally:
-        _end(process)
+        _kill(process)
     if code != 0:
-        _hide(out)
+        _redact_output(out)
         said = " ".join(redact(err.decode("utf-8", "replace")).split())[-_COMPLAINT:]
         raise ValueError(f"'{program}' ended with {code}" + (f": {said}" if said else ""))
     return out
@@ -134,8 +134,8 @@ def _read(process: subprocess.Popen[bytes], end: float) -> tuple[bytes, bytes]:
     return bytes(got[process.stdout]), bytes(got[process.stderr])
 
 
-def _end(process: subprocess.Popen[bytes]) -> None:
-    """Leave nothing of it running, and no pipe open."""
+def _kill(process: subprocess.Popen[bytes]) -> None:
+    """End the command with all its children, and close its pipes."""
     with contextlib.suppress(ProcessLookupError):
         os.killpg(process.pid, signal.SIGKILL)  # what it left in the background too
     process.wait()
@@ -144,8 +144,8 @@ def _end(process: subprocess.Popen[bytes]) -> None:
             pipe.close()
 
 
-def _hide(out: bytes) -> None:
-    """Know what a failed command printed: it may be the value, and stand in its complaint too."""
+def _redact_output(out: bytes) -> None:
+    """Hide what a failed command printed: it may be the value, and be repeated in its error output."""
     try:
         Secret(out.decode("utf-8", "surrogateescape"))
     except ValueError:

@@ -11,12 +11,14 @@ from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
-from srprov.definitions import envfile, merging, nodes, paths, runtime, yamlfile
+from srprov.definitions import envfile, images, merging, paths, runtime
 from srprov.definitions.container import Container
-from srprov.definitions.model import Requirements, Service
-from srprov.definitions.nodes import Findings, Map, Node, Path, Scalar, Seq
+from srprov.definitions.containermodel import Requirements
+from srprov.definitions.model import Service
 from srprov.definitions.values import scalars, text, texts
 from srprov.errors import DefinitionError
+from srprov.yamldoc import loader, nodes
+from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq
 
 _CONDITIONS = {
     "service_started": "started",
@@ -31,8 +33,9 @@ def build(
     """Merge one service; `node` passed the schema, `container` is None for an image (or a CDF that is wrong)."""
     name = key.text
     path: Path = ("services", name)
-    own = merging.normalise(merging.only(node, runtime.RUNTIME_FIELDS), dict(environ), findings, path)
+    own = merging.normalise(merging.select(node, runtime.RUNTIME_FIELDS), dict(environ), findings, path)
     below: Map = container.layer if container is not None else Map(node.source, node.line, node.column)
+    images.check(node.entries.get("image"), findings, (*path, "image"))
     files = _env_files(node.entries.get("env_file"), folder, environ, findings, (*path, "env_file"))
     merged = merging.merge(merging.merge(below, files), own) if files.entries else merging.merge(below, own)
     assert isinstance(merged, Map)
@@ -81,7 +84,7 @@ def _requires(node: Map, container: Container | None, findings: Findings, path: 
     if container is None:
         return own
     try:
-        return runtime.both(container.definition.requires, own)
+        return runtime.combined(container.definition.requires, own)
     except ValueError as error:
         where = nodes.find(node, ("requires", "arch"))
         findings.add(where, str(error), (*path, "requires", "arch"))
@@ -103,10 +106,10 @@ def _env_files(node: Node | None, folder: str, environ: Mapping[str, str], findi
             continue
         try:
             shown = paths.shown_beside(item.source.file, item.text)
-            found, problems = envfile.parse(yamlfile.read_text(real, shown), shown, environ)
+            found, problems = envfile.parse(loader.read_text(real, shown), shown, environ)
         except DefinitionError as error:
             found, problems = {}, list(error.problems)
-        findings.extend(map(nodes.hushed, problems))
+        findings.extend(map(nodes.without_secrets, problems))
         entries |= {
             key: Scalar(item.source, item.line, item.column, value, plain=False) for key, value in found.items()
         }

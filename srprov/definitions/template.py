@@ -85,7 +85,7 @@ def skeletons(text: str) -> Iterator[str]:
 
 
 def _branches(parts: list[Piece]) -> Mapping[int, int]:
-    """Give, for the index of each piece that opens an `if` or `for`, how many branches it has."""
+    """Return, for the index of each piece that opens an `if` or `for`, how many branches it has."""
     totals: dict[int, int] = {}
     open_at: list[int] = []
     for index, part in enumerate(parts):

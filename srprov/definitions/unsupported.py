@@ -6,7 +6,7 @@ act refuses them: nothing is accepted and ignored.
 
 from __future__ import annotations
 
-from srprov.definitions.nodes import Findings, Map, Node, Path, Scalar, Seq
+from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq
 
 _TOP = ("parameters", "trials", "results")
 

@@ -8,12 +8,10 @@ from __future__ import annotations
 import re
 import shlex
 
-from srprov.definitions.nodes import Map, Node, Scalar, Seq
+from srprov.yamldoc.nodes import Map, Node, Scalar, Seq
 
 _DURATION = re.compile(r"([0-9]+(?:\.[0-9]+)?)(us|ms|s|m|h)", re.ASCII)
 _SECONDS = {"us": 1e-6, "ms": 1e-3, "s": 1.0, "m": 60.0, "h": 3600.0}
-_SIZE = re.compile(r"([0-9]+(?:\.[0-9]+)?)\s*([bkmgt]?)(?:i?b)?", re.ASCII | re.IGNORECASE)
-_BYTES = {"": 1, "b": 1, "k": 1024, "m": 1024**2, "g": 1024**3, "t": 1024**4}
 _PORT = re.compile(
     r"(?:(?P<address>\[[0-9a-fA-F:]+\]|[0-9]+(?:\.[0-9]+){3}):)?"
     r"(?:(?P<published>[0-9-]+):)?(?P<inside>[0-9-]+)(?:/(?P<kind>tcp|udp))?",
@@ -52,15 +50,7 @@ def duration(words: str) -> float:
     return sum(float(count) * _SECONDS[unit] for count, unit in _DURATION.findall(words))
 
 
-def size(words: str) -> int:
-    """Read `512m` as bytes; units are powers of 1024, as Docker reads them."""
-    match = _SIZE.fullmatch(words.strip())
-    if match is None or len(words) > 40:
-        raise ValueError(f"'{words[:40]}' is not a size such as 512m")
-    return int(float(match[1]) * _BYTES[match[2].lower()])
-
-
-def words(node: Node) -> tuple[str, ...]:
+def command_words(node: Node) -> tuple[str, ...]:
     """Read a command: a list as it is, text split like a shell's command line."""
     if isinstance(node, Scalar):
         try:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping
-from typing import Any
 from urllib.parse import quote as url_quote
 
 from srprov.resource import Condition, Need
+from srprov.untrusted import mapping
 from srprov.wire import EngineQuery, Session
 
 _FIRST_PAUSE_S = 0.15
@@ -55,14 +55,14 @@ def _look(session: Session, container: str, condition: str) -> tuple[bool, str]:
     body = reply.json()
     if not reply.ok or not isinstance(body, dict):
         return False, f"container {container} is not there" if reply.status == _NOT_FOUND else ""
-    state = _mapping(body.get("State"))
+    state = mapping(body.get("State"))
     status, code = state.get("Status"), state.get("ExitCode")
     if condition == Condition.COMPLETED.value:
         failed = status == "exited" and code != 0
         return status == "exited" and code == 0, f"{container} exited with code {code}" if failed else ""
     if condition == Condition.STARTED.value:
         return status == "running", f"{container} exited with code {code}" if status == "exited" else ""
-    health = _mapping(state.get("Health")).get("Status")
+    health = mapping(state.get("Health")).get("Status")
     if status == "exited":
         return False, f"{container} exited with code {code} before it was healthy"
     if health == "unhealthy":
@@ -71,11 +71,6 @@ def _look(session: Session, container: str, condition: str) -> tuple[bool, str]:
 
 
 def _last_check(state: Mapping[str, object]) -> str:
-    log = _mapping(state.get("Health")).get("Log")
-    last = _mapping(log[-1]) if isinstance(log, list) and log else {}
+    log = mapping(state.get("Health")).get("Log")
+    last = mapping(log[-1]) if isinstance(log, list) and log else {}
     return " ".join(str(last.get("Output", "no output")).split())[:200]
-
-
-def _mapping(value: object) -> Mapping[str, Any]:
-    """Return a mapping that came from a robot; anything else counts as empty."""
-    return value if isinstance(value, Mapping) else {}

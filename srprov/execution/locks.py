@@ -20,6 +20,7 @@ from dataclasses import dataclass
 
 from srprov.errors import TransportError
 from srprov.owner import owner
+from srprov.untrusted import integer, json_or_none, mapping, text
 from srprov.wire import Query, Reader, quote
 
 PLACES = ("/run/srprov", "/tmp/srprov")  # noqa: S108 - the fallback is used only when root owns it
@@ -112,8 +113,6 @@ free
 """
 """Letters: `b` the heartbeat, `t` try again, `f` let go but stay, `e` let go and end."""
 
-_TOLD = 200
-
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Claim:
@@ -165,28 +164,18 @@ def age(seconds: int | None) -> str:
     return f"{minutes} min" if minutes else f"{seconds} s"
 
 
-def parse_holder(text: str) -> Holder:
+def parse_holder(answer: str) -> Holder:
     """Read `TIME JSON` of a robot: its clock now, and its holder file. Whatever is not of the right shape is empty."""
-    robot_now, _, rest = text.partition(" ")
-    try:
-        told = json.loads(rest)
-    except ValueError:
-        told = None
-    if not isinstance(told, dict):
-        return Holder()
-
-    def word(key: str) -> str:
-        value = told.get(key)
-        return value[:_TOLD] if isinstance(value, str) else ""
-
-    now, begun, pid = _moment(robot_now), _moment(word("since")), told.get("pid")
+    robot_now, _, rest = answer.partition(" ")
+    told = mapping(json_or_none(rest))
+    now, begun = _moment(robot_now), _moment(text(told.get("since")))
     seconds = max(0, int((now - begun).total_seconds())) if now and begun else None
     since = ""
     if seconds is not None:
         here = dt.datetime.now(dt.timezone.utc) - dt.timedelta(seconds=seconds)
         since = here.strftime("%Y-%m-%d %H:%M:%S UTC")
-    number = pid if isinstance(pid, int) else 0
-    return Holder(owner=word("owner"), pid=number, purpose=word("purpose"), run=word("run"), since=since, age_s=seconds)
+    words = {key: text(told.get(key)) for key in ("owner", "purpose", "run")}
+    return Holder(**words, pid=integer(told.get("pid")), since=since, age_s=seconds)
 
 
 def _moment(text: str) -> dt.datetime | None:

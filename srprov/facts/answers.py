@@ -11,7 +11,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from srprov.facts.untrusted import LIST_LENGTH, TEXT_LENGTH, decimal, folder, integer, lines_of, text
+from srprov.untrusted import LIST_LENGTH, TEXT_LENGTH, decimal, folder, integer, lines_of, text
 
 _DF_ROW = re.compile(r".{0,400}\s([0-9]{1,15})\s+-?[0-9]{1,15}\s+(-?[0-9]{1,15})\s+[0-9-]{1,4}%?\s+(/.{0,400})")
 _DEVICE = re.compile(r"/dev(/[A-Za-z0-9][A-Za-z0-9._:+,@#=-]*){1,4}")

@@ -9,7 +9,6 @@ from __future__ import annotations
 import concurrent.futures
 import dataclasses
 import enum
-import json
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Future
@@ -22,10 +21,10 @@ from srprov.facts.host import host_queries, later_query, parse_host
 from srprov.facts.model import HostFacts, Snapshot
 from srprov.facts.observe import observe_queries, parse_observed, parse_probed, probe_queries
 from srprov.facts.probes import INFO
-from srprov.facts.untrusted import text
 from srprov.modules import PROBING
 from srprov.modules.module import STATE_ROOT
 from srprov.resource import Observed, Resource
+from srprov.untrusted import json_or_none, mapping, text
 from srprov.wire import EngineQuery, Measures, Query, Reader, Reply
 
 _PLACEMENTS = Query(command=f'for f in {STATE_ROOT}/*/placement.json; do test -f "$f" && cat "$f" && echo; done; :')
@@ -245,14 +244,7 @@ def _placements(reply: Reply) -> list[Mapping[str, Any]]:
     """Read one JSON document per line; a record that is not of the right shape is as good as none."""
     found: list[Mapping[str, Any]] = []
     for line in reply.out[:_SIZE_LIMIT].splitlines():
-        try:
-            record = json.loads(line)
-        except ValueError:
-            continue
-        if (
-            isinstance(record, dict)
-            and isinstance(record.get("instance"), str)
-            and isinstance(record.get("serial"), int)
-        ):
+        record = mapping(json_or_none(line))
+        if isinstance(record.get("instance"), str) and isinstance(record.get("serial"), int):
             found.append(record)
     return found

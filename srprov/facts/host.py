@@ -19,7 +19,7 @@ from srprov.facts.hardware import detect_tags
 from srprov.facts.links import Underlay, find_underlay
 from srprov.facts.model import Docker, HostFacts
 from srprov.facts.probes import ENGINE, PING, PROBES, counters
-from srprov.facts.untrusted import decimal, folder, integer, mapping, parsed, text
+from srprov.untrusted import decimal, folder, integer, mapping, text
 from srprov.wire import EngineQuery, Measures, Query, Reply
 
 _MOST_BYTES = 2**60
@@ -251,7 +251,7 @@ def _docker(replies: Sequence[Reply]) -> tuple[Docker | None, str]:
     asked = replies[len(PROBES) : len(PROBES) + len(ENGINE)]
     if not asked:
         return None, "was not asked"
-    said = [mapping(parsed(reply.out)) if reply.ok and reply.status == 200 else {} for reply in asked]
+    said = [mapping(reply.json()) if reply.ok and reply.status == 200 else {} for reply in asked]
     ping, info = said[0], said[1] if len(said) > 1 else None
     name, api = _version(ping, info), text(ping.get("api-version"), length=16)
     if (info is not None and not name) or not re.fullmatch(r"[0-9]{1,3}\.[0-9]{1,4}", api):

@@ -16,7 +16,7 @@ from typing import Any
 
 from srprov.definitions.model import Host
 from srprov.facts.model import Link
-from srprov.facts.untrusted import integer, mapping, mappings, parsed, text
+from srprov.untrusted import LIST_LENGTH, integer, json_or_none, mapping, mappings, text
 
 _NAME = re.compile(r"[^\s/\x00-\x1f\x7f]{1,15}")
 _MAC = re.compile(r"[0-9a-f]{2}(:[0-9a-f]{2}){5}")
@@ -45,7 +45,7 @@ class _Candidate:
 def parse_links(out: str) -> tuple[Link, ...]:
     """Read `ip -j -d addr show`, sorted by name, speeds not yet known; what has no proper name is left out."""
     found: dict[str, Link] = {}
-    for item in mappings(parsed(out)):
+    for item in mappings(json_or_none(out), most=LIST_LENGTH):
         name = item.get("ifname")
         if isinstance(name, str) and _NAME.fullmatch(name) and name.isprintable():
             found.setdefault(name, _link(name, item))
@@ -70,7 +70,7 @@ def _link(name: str, item: Mapping[str, Any]) -> Link:
 
 
 def _addresses(items: object) -> Iterable[str]:
-    for item in mappings(items):
+    for item in mappings(items, most=LIST_LENGTH):
         whole = f"{text(item.get('local'), length=45)}/{integer(item.get('prefixlen'), low=0, high=128, default=-1)}"
         # An address that is not usable yet, or being phased out, is none to build on.
         if item.get("tentative") or item.get("deprecated") or item.get("dadfailed"):
@@ -98,7 +98,7 @@ def parse_routes(out: str) -> Routes:
     """Read `ip -j -4 route show`; entries that are no network are left out."""
     destinations: set[IPv4Network] = set()
     defaults: list[tuple[int, int, str]] = []
-    for item in mappings(parsed(out)):
+    for item in mappings(json_or_none(out), most=LIST_LENGTH):
         target = item.get("dst")
         target = "0.0.0.0/0" if target == "default" else text(target, length=18)
         try:

@@ -1,50 +1,20 @@
 """Facts as JSON -> HostFacts: the other way round of `document`, for decisions without a robot.
 
-Takes what `srprov facts --json` printed; gives values. Pure. The command line compares them with
+Takes the JSON that `srprov facts --json` printed; gives values. Pure. The command line compares them with
 `schemas/facts.schema.json`, which has the ranges of numbers.
 """
 
 from __future__ import annotations
 
-import json
-import math
 from collections.abc import Mapping
 from dataclasses import fields
-from typing import Any, NoReturn
+from typing import Any
 
 from srprov.errors import UsageError
 from srprov.facts.model import Docker, HostFacts, Link, Snapshot
 
 _HINT = "give a file that `srprov facts --json` wrote"
-_MOST = 2**60
-"""No number of a file is larger; what a robot says is cut there, too."""
 _WITHIN = (("memory_available", "memory_total"), ("swap_free", "swap_total"), ("disk_free", "disk_total"))
-
-
-def parse(text: str) -> Any:  # noqa: ANN401 - JSON is any
-    """Return a file's JSON with numbers that can be reckoned with.
-
-    Raises:
-        ValueError: It is no JSON, is nested too deeply, or has a number that is not finite or too large.
-    """
-    try:
-        return json.loads(text, parse_int=_integer, parse_float=_decimal, parse_constant=_refused)
-    except RecursionError as error:
-        raise ValueError("it is nested too deeply") from error
-
-
-def _integer(digits: str) -> int:
-    # Python itself refuses thousands of digits, with words that nobody understands
-    return int(digits) if len(digits) < 25 and abs(int(digits)) <= _MOST else _refused(digits)
-
-
-def _decimal(digits: str) -> float:
-    value = float(digits)
-    return value if math.isfinite(value) and abs(value) <= _MOST else _refused(digits)
-
-
-def _refused(digits: str) -> NoReturn:
-    raise ValueError(f"the number {digits if len(digits) < 25 else digits[:20] + '...'} is too large or not a number")
 
 
 def read_document(document: Any) -> Snapshot:  # noqa: ANN401 - JSON is any

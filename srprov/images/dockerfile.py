@@ -18,11 +18,11 @@ from typing import TypeVar
 
 import jinja2
 
-from srprov.definitions.model import ContainerDefinition
+from srprov.definitions.containermodel import ContainerDefinition
 from srprov.errors import DefinitionError, Diagnostic, Location
+from srprov.image_reference import Reference, parse_reference
 from srprov.images import quoting
 from srprov.images.plan import Dockerfile
-from srprov.images.reference import Reference, parse_reference
 from srprov.wire import quote
 
 _T = TypeVar("_T")
@@ -77,15 +77,15 @@ apt-get -o Acquire::Retries=3 update \\
 _MARK = "\x01"
 
 
-class FieldChecks:
-    """Collects what is wrong with a CDF's fields, so that all of it is said at once."""
+class FieldErrors:
+    """Collects what is wrong with the fields of a CDF, to report all of it at once."""
 
     def __init__(self, cdf: ContainerDefinition) -> None:
         """Take the CDF whose lines the problems point to."""
         self.cdf = cdf
         self.problems: list[Diagnostic] = []
 
-    def __call__(self, field: str, make: Callable[[], _T], otherwise: _T) -> _T:
+    def attempt(self, field: str, make: Callable[[], _T], otherwise: _T) -> _T:
         """Return what `make` gives; its ValueError or OSError becomes a problem of this field."""
         try:
             return make()
@@ -94,7 +94,7 @@ class FieldChecks:
             self.problems.append(Diagnostic(location_of(self.cdf, field), reason, path=field))
             return otherwise
 
-    def finish(self) -> None:
+    def raise_any(self) -> None:
         """Raise DefinitionError with everything that was found, if anything was."""
         if self.problems:
             raise DefinitionError(self.problems)
@@ -117,7 +117,7 @@ def label_line(cdf: ContainerDefinition) -> str:
 
 
 def context_name(index: int) -> str:
-    """Return name that the CDF's file of this number has in the build context; the user's own never reaches COPY."""
+    """Return the name of a CDF's file, by its number, in the build context; the user's own never reaches COPY."""
     return f"files/{index}"
 
 
@@ -127,25 +127,26 @@ def render_dockerfile(cdf: ContainerDefinition) -> Dockerfile:
     Raises:
         DefinitionError: Values that a Dockerfile cannot hold; all of them, at their lines.
     """
-    checked = FieldChecks(cdf)
-    base = checked("base", lambda: _base(cdf.base), None)
+    errors = FieldErrors(cdf)
+    base = errors.attempt("base", lambda: _base(cdf.base), None)
     values = {
         "base": base.familiar if base else "scratch",
-        **{kind: _packages(checked, kind, getattr(cdf, kind)) for kind in ("apt", "pip", "npm")},
-        "environment": _environment(checked),
+        **{kind: _packages(errors, kind, getattr(cdf, kind)) for kind in ("apt", "pip", "npm")},
+        "environment": _environment(errors),
         "files": [
-            checked(f"files.{i}", partial(_copy, i, file.source, file.dest), "") for i, file in enumerate(cdf.files)
+            errors.attempt(f"files.{i}", partial(_copy, i, file.source, file.dest), "")
+            for i, file in enumerate(cdf.files)
         ],
         "run": [quoting.exec_form(("/bin/sh", "-ec", script)) for script in cdf.run],
-        **_process(checked),
-        "label": checked("name", lambda: label_line(cdf), ""),
+        **_process(errors),
+        "label": errors.attempt("name", lambda: label_line(cdf), ""),
     }
     text, fields = _unmark(_template().render(values, at=lambda field: f"{_MARK}{field}{_MARK}"))
     for number, line in enumerate(text.split("\n"), 1):
         if len(line.encode()) > quoting.LONGEST_LINE:
             message = f"it is longer than Docker's builder takes ({quoting.LONGEST_LINE} bytes); put it into a file"
-            checked.problems.append(Diagnostic(location_of(cdf, fields[number]), message, path=fields[number]))
-    checked.finish()
+            errors.problems.append(Diagnostic(location_of(cdf, fields[number]), message, path=fields[number]))
+    errors.raise_any()
     return Dockerfile(
         text=text,
         lines={number: location_of(cdf, field) for number, field in fields.items()},
@@ -163,7 +164,7 @@ def _template() -> jinja2.Template:
 
 
 def _base(text: str) -> Reference | None:
-    """`scratch` is no image: a Dockerfile says it to begin with nothing."""
+    """Return the base image; None for `scratch`, which is no image: a Dockerfile says it to begin with nothing."""
     return None if text == "scratch" else parse_reference(text)
 
 
@@ -171,14 +172,14 @@ def _package(kind: str, name: str) -> str:
     return quote(quoting.package(kind, name))
 
 
-def _packages(checked: FieldChecks, kind: str, names: tuple[str, ...]) -> str:
-    found = {checked(f"packages.{kind}.{i}", partial(_package, kind, name), "") for i, name in enumerate(names)}
+def _packages(errors: FieldErrors, kind: str, names: tuple[str, ...]) -> str:
+    found = {errors.attempt(f"packages.{kind}.{i}", partial(_package, kind, name), "") for i, name in enumerate(names)}
     return " ".join(sorted(found))
 
 
-def _environment(checked: FieldChecks) -> list[str]:
-    pairs = sorted(checked.cdf.build_environment.items())
-    return [checked(f"environment.{name}", partial(quoting.variable, name, value), "") for name, value in pairs]
+def _environment(errors: FieldErrors) -> list[str]:
+    pairs = sorted(errors.cdf.build_environment.items())
+    return [errors.attempt(f"environment.{name}", partial(quoting.variable, name, value), "") for name, value in pairs]
 
 
 def _copy(index: int, source: str, dest: str) -> str:
@@ -187,11 +188,11 @@ def _copy(index: int, source: str, dest: str) -> str:
     return quoting.exec_form((context_name(index), quoting.path("the destination", target)))
 
 
-def _process(checked: FieldChecks) -> dict[str, str]:
-    runtime = checked.cdf.runtime
+def _process(errors: FieldErrors) -> dict[str, str]:
+    runtime = errors.cdf.runtime
 
     def one(field: str, value: str, form: Callable[[str], str]) -> str:
-        return checked(field, lambda: form(value), "") if value else ""
+        return errors.attempt(field, lambda: form(value), "") if value else ""
 
     return {
         "working_dir": one("working_dir", runtime.working_dir, lambda v: quoting.path("the working directory", v)),
@@ -217,7 +218,7 @@ def _unmark(marked: str) -> tuple[str, dict[int, str]]:
 
 
 def instruction_lines(text: str) -> Iterator[int]:
-    """Return the line at which each instruction begins: Docker's `Step 3` is the third of them."""
+    """Yield the line at which each instruction begins: Docker's `Step 3` is the third of them."""
     escape, inside, seen = "\\", False, False
     for number, line in enumerate(text.split("\n"), 1):
         stripped = line.strip()

@@ -15,12 +15,12 @@ import re
 from collections.abc import Iterable, Sequence
 from functools import partial
 
-from srprov.definitions.model import ContainerDefinition
+from srprov.definitions.containermodel import ContainerDefinition
 from srprov.errors import Location
+from srprov.image_reference import parse_reference
 from srprov.images.context import DOCKERFILE, Listing, Read, context_tar, entries_of, folder_entries
-from srprov.images.dockerfile import FieldChecks, context_name, instruction_lines, label_line, render_dockerfile
+from srprov.images.dockerfile import FieldErrors, context_name, instruction_lines, label_line, render_dockerfile
 from srprov.images.plan import ContextFile, Dockerfile, ImagePlan
-from srprov.images.reference import parse_reference
 
 _FORMAT = 1
 """Counts up when the same definition shall build something else than before."""
@@ -80,26 +80,28 @@ def _slug(name: str) -> str:
 
 
 def _from_base(cdf: ContainerDefinition, listing: Listing, read: Read) -> tuple[Dockerfile, Sequence[ContextFile]]:
-    dockerfile, checked = render_dockerfile(cdf), FieldChecks(cdf)
+    dockerfile, errors = render_dockerfile(cdf), FieldErrors(cdf)
     entries: list[ContextFile] = []
     for index, file in enumerate(cdf.files):
         found = partial(entries_of, context_name(index), file.source, file.mode, listing, read)
-        entries += checked(f"files.{index}", found, entries[:0])
-    checked.finish()
+        entries += errors.attempt(f"files.{index}", found, entries[:0])
+    errors.raise_any()
     return dockerfile, entries
 
 
 def _from_folder(cdf: ContainerDefinition, listing: Listing, read: Read) -> tuple[Dockerfile, Sequence[ContextFile]]:
-    checked = FieldChecks(cdf)
+    errors = FieldErrors(cdf)
     for field in ("apt", "pip", "npm", "files", "run"):
         if getattr(cdf, field):
             name = f"packages.{field}" if field in ("apt", "pip", "npm") else field
-            checked(name, _refuse, None)
-    text = checked("dockerfile", lambda: read(cdf.dockerfile).decode("utf-8"), "")
-    label = checked("name", lambda: label_line(cdf), "")
+            errors.attempt(name, _refuse, None)
+    text = errors.attempt("dockerfile", lambda: read(cdf.dockerfile).decode("utf-8"), "")
+    label = errors.attempt("name", lambda: label_line(cdf), "")
     entries: list[ContextFile] = []
-    entries = checked("dockerfile", lambda: folder_entries(posixpath.dirname(cdf.dockerfile), listing, read), entries)
-    checked.finish()
+    entries = errors.attempt(
+        "dockerfile", lambda: folder_entries(posixpath.dirname(cdf.dockerfile), listing, read), entries
+    )
+    errors.raise_any()
     text = text.replace("\r\n", "\n").rstrip("\n") + "\n"
     lines = {number: Location(cdf.dockerfile, number) for number in range(1, text.count("\n") + 1)}
     base, pinned = _bases(text)

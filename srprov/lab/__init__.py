@@ -6,7 +6,7 @@ It may touch: its own folders (places.py), its own cgroups, its bridge and its f
 
     lab.py        up, down, status, kill, restart: the order of things
     faults.py     partition, heal, a crashed or stopped engine: what comes and goes while the lab is up
-    spec.py       lab-spec.yml -> Robot values (yamltext.py: YAML with places for messages)
+    spec.py       lab-spec.yml -> Robot values
     places.py     names, folders and addresses
     machine.py    programs, and what is missing
     state.py      what is remembered in /run

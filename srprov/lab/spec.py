@@ -15,7 +15,8 @@ from typing import Any
 from srprov.errors import DefinitionError
 from srprov.lab.figures import Amount
 from srprov.lab.places import MOST_ROBOTS, robot_name, robot_number
-from srprov.lab.yamltext import Node, Reader
+from srprov.yamldoc.fields import FieldReader
+from srprov.yamldoc.nodes import Map, Node, is_null
 
 DEFAULT_COUNT = 4
 USERS = ("root", "robot")
@@ -82,7 +83,7 @@ class LabSpec:
 
 def parse(text: str, file: str) -> LabSpec:
     """Read a lab-spec.yml; `file` is its name in messages."""
-    reader = Reader(text, file)
+    reader = FieldReader(text, file)
     spec = LabSpec()
     for key, node in reader.mapping(reader.root, ("count", "defaults", "robots")):
         if key.text == "count":
@@ -94,22 +95,22 @@ def parse(text: str, file: str) -> LabSpec:
             spec = replace(spec, robots=_robots(reader, node))
     if spec.count is not None and spec.least > spec.count:
         reader.problem(reader.root, f"robot{spec.least} has options, but count is {spec.count}")
-    if reader.problems:
-        raise DefinitionError(reader.problems)
+    if reader.findings.problems:
+        raise DefinitionError(reader.findings.problems)
     return spec
 
 
-def _robots(reader: Reader, node: Node) -> dict[str, dict[str, Any]]:
+def _robots(reader: FieldReader, node: Node) -> dict[str, dict[str, Any]]:
     found = {}
     for key, value in reader.mapping(node):
         if robot_number(key.text) is None:
             reader.problem(key, f"{key.text!r} is not robot1 .. robot{MOST_ROBOTS}")
             continue
-        found[key.text] = {} if reader.is_null(value) else _options(reader, value)
+        found[key.text] = {} if is_null(value) else _options(reader, value)
     return found
 
 
-def _options(reader: Reader, node: Node) -> dict[str, Any]:
+def _options(reader: FieldReader, node: Node) -> dict[str, Any]:
     options = {}
     for key, value in reader.mapping(node, tuple(OPTIONS)):
         read = OPTIONS[key.text](reader, value)
@@ -118,11 +119,11 @@ def _options(reader: Reader, node: Node) -> dict[str, Any]:
     return options
 
 
-def _tags(reader: Reader, node: Node) -> tuple[str, ...]:
+def _tags(reader: FieldReader, node: Node) -> tuple[str, ...]:
     return tuple(reader.string(item) for item in reader.sequence(node))
 
 
-def _devices(reader: Reader, node: Node) -> tuple[str, ...]:
+def _devices(reader: FieldReader, node: Node) -> tuple[str, ...]:
     paths = []
     for item in reader.sequence(node):
         path = reader.string(item)
@@ -137,9 +138,9 @@ def _devices(reader: Reader, node: Node) -> tuple[str, ...]:
     return tuple(paths)
 
 
-def _amount(reader: Reader, node: Node) -> Amount | None:
+def _amount(reader: FieldReader, node: Node) -> Amount | None:
     """`4G`, or `{total: 4G, used: 1G}`."""
-    if not reader.is_mapping(node):
+    if not isinstance(node, Map):
         total = reader.size(node)
         return None if total is None else Amount(total)
     sizes = {k.text: reader.size(value) for k, value in reader.mapping(node, ("total", "used"))}
@@ -153,42 +154,42 @@ def _amount(reader: Reader, node: Node) -> Amount | None:
     return Amount(total, used)
 
 
-def _slots(reader: Reader, node: Node) -> int | None:
+def _slots(reader: FieldReader, node: Node) -> int | None:
     return reader.integer(node, 0, 1000)
 
 
-def _user(reader: Reader, node: Node) -> str | None:
+def _user(reader: FieldReader, node: Node) -> str | None:
     return reader.choice(node, USERS)
 
 
-def _sshd(reader: Reader, node: Node) -> Sshd:
+def _sshd(reader: FieldReader, node: Node) -> Sshd:
     found = {key.text: reader.integer(value, 1, 1000) for key, value in reader.mapping(node, SSHD_LIMITS)}
     return Sshd(**found)
 
 
-def _number(least: float, most: float) -> Callable[[Reader, Node], float | None]:
+def _number(least: float, most: float) -> Callable[[FieldReader, Node], float | None]:
     return lambda reader, node: reader.number(node, least, most)
 
 
-OPTIONS: Mapping[str, Callable[[Reader, Node], Any]] = {
+OPTIONS: Mapping[str, Callable[[FieldReader, Node], Any]] = {
     "tags": _tags,
     "devices": _devices,
     "slots": _slots,
     "load": _number(0, 1000),
     "memory": _amount,
     "swap": _amount,
-    "docker": Reader.boolean,
+    "docker": FieldReader.boolean,
     "user": _user,
     "ssh_latency_ms": _number(0, 10_000),
     "rate_mbit": _number(0.1, 10_000),
     "loss_percent": _number(0, 100),
     "disk_mib": lambda reader, node: reader.integer(node, 32, 1_000_000),
-    "docker_read_only": Reader.boolean,
+    "docker_read_only": FieldReader.boolean,
     "clock_offset_s": _number(-100_000_000, 100_000_000),
     "sshd": _sshd,
-    "bashrc": Reader.string,
-    "sudo_password": Reader.string,
-    "unprivileged": Reader.boolean,
+    "bashrc": FieldReader.string,
+    "sudo_password": FieldReader.string,
+    "unprivileged": FieldReader.boolean,
 }
 
 BUILT_IN = {

@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import hashlib
 import json
-import re
-from collections.abc import Mapping, Sequence
-from typing import Any, Protocol, runtime_checkable
+from collections.abc import Sequence
+from typing import Protocol, runtime_checkable
 
+from srprov import untrusted
 from srprov.resource import Change, Observed, Resource, State
 from srprov.wire import AnyQuery, Command, Query, Reply
 
@@ -80,24 +80,12 @@ def digest(value: object, length: int = 64) -> str:
     return hashlib.sha256(canonical(value).encode()).hexdigest()[:length]
 
 
-def as_list(value: object) -> list[Mapping[str, Any]]:
-    """Return the mappings of a list that came from a robot; anything else is dropped."""
-    return [item for item in value if isinstance(item, Mapping)] if isinstance(value, list) else []
-
-
-def as_text(value: object) -> str:
-    """Return a text that came from a robot; None becomes empty."""
-    return "" if value is None else str(value)
+as_list, as_text, as_labels = untrusted.mappings, untrusted.string, untrusted.labels
 
 
 def as_int(text: str, default: int = 0) -> int:
-    """Return a whole number that came from a robot as text: ASCII digits, and no more than any real one has."""
-    return int(text) if re.fullmatch(r"[0-9]{1,18}", text) else default
-
-
-def as_labels(value: object) -> dict[str, str]:
-    """Return the labels of a Docker object; `null` and garbage become none."""
-    return {str(k): as_text(v) for k, v in value.items()} if isinstance(value, Mapping) else {}
+    """Return a whole number that came from a robot as text."""
+    return untrusted.integer(text, default=default)
 
 
 LABEL_FILTER = canonical({"label": [INSTANCE]})

@@ -10,7 +10,6 @@ Source: Linux `vxlan` documentation, iproute2's ip-link(8) and bridge(8).
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -106,11 +105,7 @@ def _calls(program: str, calls: Sequence[Sequence[str]]) -> list[str]:
 
 
 def _json(reply: Reply) -> object:
-    try:
-        # `ip -j` writes control characters of an alias as they are: somebody's odd link must not hide ours
-        return json.loads(reply.out, strict=False) if reply.ok else []
-    except (ValueError, RecursionError):
-        return []
+    return reply.json() if reply.ok else []
 
 
 def _kind(item: Mapping[str, Any]) -> str:

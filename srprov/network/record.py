@@ -17,6 +17,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from srprov.definitions.model import Experiment
+from srprov.untrusted import integer, mapping, string
 
 if TYPE_CHECKING:
     from srprov.network.model import Overlay
@@ -83,7 +84,7 @@ def record(
         "subnet": overlay.subnet,
         "vni": overlay.vni,
     }
-    serial = _int(before or {}, "serial")
+    serial = _count((before or {}).get("serial"))
     same = before is not None and {k: v for k, v in before.items() if k != "serial"} == content
     return dict(sorted({**content, "serial": serial if same else serial + 1}.items()))
 
@@ -94,45 +95,37 @@ def read_record(value: Mapping[str, Any] | None) -> PlacementRecord | None:
         return None
     services, robots = _maps(value, "services"), _maps(value, "robots")
     return PlacementRecord(
-        robots={name: robot for name, entry in services.items() if (robot := _str(entry, "robot"))},
-        addresses={name: ip for name, entry in services.items() if (ip := _ipv4(entry, "ip"))},
-        macs={name: mac for name, entry in services.items() if _MAC.fullmatch(mac := _str(entry, "mac"))},
-        vteps={name: vtep for name, entry in robots.items() if _is_address(vtep := _str(entry, "vtep"))},
-        gateways={name: ip for name, entry in robots.items() if (ip := _ipv4(entry, "gateway"))},
-        vni=_int(value, "vni"),
-        subnet=_str(value, "subnet"),
-        mtu=_int(value, "mtu"),
-        source=_str(value, "source"),
-        serial=_int(value, "serial"),
+        robots={name: robot for name, entry in services.items() if (robot := string(entry.get("robot")))},
+        addresses={name: ip for name, entry in services.items() if (ip := _ipv4(entry.get("ip")))},
+        macs={name: mac for name, entry in services.items() if _MAC.fullmatch(mac := string(entry.get("mac")))},
+        vteps={name: vtep for name, entry in robots.items() if _is_address(vtep := string(entry.get("vtep")))},
+        gateways={name: ip for name, entry in robots.items() if (ip := _ipv4(entry.get("gateway")))},
+        vni=_count(value.get("vni")),
+        subnet=string(value.get("subnet")),
+        mtu=_count(value.get("mtu")),
+        source=string(value.get("source")),
+        serial=_count(value.get("serial")),
     )
 
 
 def _maps(value: Mapping[str, Any], key: str) -> dict[str, Mapping[str, Any]]:
-    entries = value.get(key)
-    if not isinstance(entries, Mapping):
-        return {}
-    return {str(name): entry for name, entry in sorted(entries.items()) if isinstance(entry, Mapping)}
+    entries = mapping(value.get(key))
+    return {string(name): entry for name, entry in sorted(entries.items()) if isinstance(entry, Mapping)}
 
 
-def _str(value: Mapping[str, Any], key: str) -> str:
-    text = value.get(key)
-    return text if isinstance(text, str) else ""
+def _count(value: object) -> int:
+    return integer(value) if isinstance(value, int) else 0
 
 
-def _int(value: Mapping[str, Any], key: str) -> int:
-    whole = value.get(key)
-    return whole if isinstance(whole, int) and not isinstance(whole, bool) and whole >= 0 else 0
-
-
-def _ipv4(value: Mapping[str, Any], key: str) -> IPv4Address | None:
+def _ipv4(value: object) -> IPv4Address | None:
     try:
-        return IPv4Address(_str(value, key))
+        return IPv4Address(string(value))
     except ValueError:
         return None
 
 
 def _is_address(text: str) -> bool:
-    """Return if a text is a plain address; the scope that ipaddress takes behind a % may be any text, lines too."""
+    """Return whether a text is a plain address; ipaddress takes any text behind a %, lines too, as its scope."""
     if "%" in text:
         return False
     try:

@@ -9,7 +9,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
-from srprov.definitions.model import Experiment, Runtime, Service
+from srprov.definitions.containermodel import Runtime
+from srprov.definitions.model import Experiment, Service
 from srprov.errors import RefusedError
 
 KINDS = (

@@ -11,8 +11,7 @@ from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
 from srprov.definitions.playbookmodel import ADDED, AFTER, BEFORE, REPLACES, Playbook
-from srprov.definitions.schema import did_you_mean
-from srprov.errors import DefinitionError, Diagnostic, Location
+from srprov.errors import DefinitionError, Diagnostic, Location, did_you_mean
 from srprov.rendering.render import render
 from srprov.rendering.user import render_user
 from srprov.resource import Condition, Need, Resource

@@ -16,14 +16,14 @@ from typing import Any
 from jinja2 import Template, TemplateError
 
 from srprov.data import schema as shipped_schema
-from srprov.definitions import nodes, schema, yamlfile
-from srprov.definitions.nodes import Findings, Map, Node, Scalar, Seq, Source
 from srprov.definitions.playbook import check_item
 from srprov.definitions.playbookmodel import Playbook
 from srprov.definitions.template import unmarked
-from srprov.errors import DefinitionError, Diagnostic, Location
+from srprov.errors import DefinitionError, Diagnostic, Location, did_you_mean
 from srprov.rendering.environment import TAG, environment
 from srprov.resource import Condition, Need, Resource
+from srprov.yamldoc import loader, nodes
+from srprov.yamldoc.nodes import Findings, Map, Node, Scalar, Seq, Source
 
 _FILE_FOLDER_MODULES = ("file", "tree", "secret")
 _FAILURES = (
@@ -62,10 +62,10 @@ def _rendered(playbook: Playbook, context: Mapping[str, Any]) -> Node | None:
         text = _template(playbook.marked).render(**context)
     except _FAILURES as error:
         unknown = _UNDEFINED.search(str(error))
-        hint = schema.did_you_mean(unknown[1], context) if unknown else ""
+        hint = did_you_mean(unknown[1], context) if unknown else ""
         raise DefinitionError([_problem(playbook, _line(error), f"for robot {host}: {error}", hint)]) from error
     try:
-        return yamlfile.parse(text, playbook.source.file)
+        return loader.parse(text, playbook.source.file)
     except DefinitionError as error:
         first = error.problems[0]
         message = f"renders to broken YAML for robot {host}: {first.message}; there: {first.excerpt.strip()[:80]}"

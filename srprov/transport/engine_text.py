@@ -5,13 +5,13 @@ Takes strings, bytes and responses, gives strings; pure apart from reading a res
 
 from __future__ import annotations
 
-import json
 import urllib.parse
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from srprov.transport.engine_stream import EngineGone
+from srprov.untrusted import json_or_none, mapping, string
 from srprov.wire import Progress, Reply
 
 if TYPE_CHECKING:
@@ -33,10 +33,8 @@ def quoted(path: str) -> str:
 
 def message_of(text: str) -> str:
     """Give the `message` of an engine's error answer, or all of it."""
-    try:
-        return str(json.loads(text)["message"])
-    except (ValueError, KeyError, TypeError):
-        return " ".join(text.split())[:500]
+    message = string(mapping(json_or_none(text)).get("message"))
+    return message or " ".join(text.split())[:500]
 
 
 def follow(response: requests.Response, progress: Progress) -> Reply:
@@ -44,12 +42,7 @@ def follow(response: requests.Response, progress: Progress) -> Reply:
     last: deque[str] = deque(maxlen=_LAST_LINES)
     instruction = ""
     for raw in response.iter_lines(chunk_size=None, delimiter=b"\n"):
-        try:
-            event = json.loads(raw)
-        except ValueError:
-            continue
-        if not isinstance(event, dict):
-            continue
+        event = mapping(json_or_none(raw.decode("utf-8", "replace")))
         if error := failure(event):
             # which instruction failed may have been said long before its last lines
             said = [instruction] if instruction and instruction not in last else []
@@ -72,14 +65,14 @@ def lines(pieces: Iterable[bytes]) -> Iterator[str]:
         yield rest.decode("utf-8", "replace")
 
 
-def failure(event: dict[str, Any]) -> str:
+def failure(event: Mapping[str, Any]) -> str:
     """Give the error of a stream's line, or nothing."""
     detail = event.get("errorDetail")
     message = detail.get("message") if isinstance(detail, dict) else None
     return str(message or event.get("error") or "").strip()
 
 
-def told(event: dict[str, Any]) -> list[str]:
+def told(event: Mapping[str, Any]) -> list[str]:
     """Give a stream's line as text: build output, or `layer: status progress`."""
     if "stream" in event:
         return [line.rstrip() for line in str(event["stream"]).splitlines() if line.strip()]

@@ -19,7 +19,7 @@ from srprov.assignment.requirements import missing
 from srprov.assignment.solve_flow import assign, potentials
 from srprov.assignment.solve_pools import solve_table
 from srprov.assignment.table import NEVER, ProblemTable
-from srprov.definitions.model import Requirements, Runtime
+from srprov.definitions.containermodel import Requirements, Runtime
 from srprov.errors import NoAssignment
 from tests.property.pooled_worlds import World, every_answer, keeps_apart, without, world
 from tests.unit.assignment.worlds import GIB, robot, service

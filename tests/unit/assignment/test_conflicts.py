@@ -9,7 +9,8 @@ import pytest
 from srprov.assignment import conflict, problem
 from srprov.assignment.explain import no_assignment
 from srprov.assignment.model import Problem
-from srprov.definitions.model import Experiment, Placement, Pool, Runtime
+from srprov.definitions.containermodel import Runtime
+from srprov.definitions.model import Experiment, Placement, Pool
 from srprov.facts.model import HostFacts
 from tests.unit.assignment.worlds import experiment, found, robot, service
 

@@ -3,8 +3,9 @@
 import pytest
 
 from srprov.assignment import explain
+from srprov.definitions.containermodel import Requirements
 from srprov.definitions.expand import expand
-from srprov.definitions.model import Experiment, Placement, Requirements, Weights
+from srprov.definitions.model import Experiment, Placement, Weights
 from srprov.errors import NoAssignment
 from srprov.facts.model import Docker, Snapshot
 from tests.unit.assignment.worlds import GIB, assign, experiment, found, robot, service

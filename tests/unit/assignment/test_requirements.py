@@ -6,7 +6,7 @@ import pytest
 
 from srprov.assignment.capability import matrix
 from srprov.assignment.requirements import kernel_fits, missing
-from srprov.definitions.model import Requirements
+from srprov.definitions.containermodel import Requirements
 from srprov.errors import UsageError
 from srprov.facts.model import Docker
 from tests.unit.assignment.worlds import GIB, robot, service

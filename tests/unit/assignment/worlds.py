@@ -7,7 +7,8 @@ from collections.abc import Mapping
 from srprov.assignment import problem, solve
 from srprov.assignment.cost import CostTerms, at_slot, load, terms
 from srprov.assignment.model import Assignment
-from srprov.definitions.model import Experiment, Placement, Requirements, Service, Weights
+from srprov.definitions.containermodel import Requirements
+from srprov.definitions.model import Experiment, Placement, Service, Weights
 from srprov.facts.model import Docker, HostFacts, Snapshot
 from srprov.resource import Observed
 

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from srprov.definitions import check_files, load_container, load_experiment
-from srprov.definitions.model import Definitions, HealthCheck, Mount, Placement, Runtime, Service, Weights
+from srprov.definitions.containermodel import HealthCheck, Mount, Runtime
+from srprov.definitions.model import Definitions, Placement, Service, Weights
 from srprov.errors import DefinitionError
 from tests.unit.definitions.examples import write_full
 

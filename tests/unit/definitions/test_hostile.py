@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 
 from srprov.cli.problems import as_json, as_sarif, render_problems
 from srprov.data import schema
-from srprov.definitions import check_files, load_inventory, yamlfile
+from srprov.definitions import check_files, load_inventory
 from srprov.errors import DefinitionError
+from srprov.yamldoc import loader
 from tests.unit.definitions.examples import BASE, CDF, EDF, INVENTORY, write_full
 
 QUICK = settings(
@@ -127,13 +128,13 @@ def test_any_inventory(tmp_path: Path, value: dict[str, object], host: object, v
 def test_limits_hold_before_memory_or_stack_run_out(text: str) -> None:
     begin = time.monotonic()
     with pytest.raises(DefinitionError):
-        yamlfile.parse(text, "x")
+        loader.parse(text, "x")
     assert time.monotonic() - begin < 10
 
 
 def test_a_file_that_is_too_large_is_refused(tmp_path: Path) -> None:
     with open(tmp_path / "a.edf", "wb") as stream:
-        stream.truncate(yamlfile.MAX_BYTES + 1)
+        stream.truncate(loader.MAX_BYTES + 1)
     assert "larger than 8 MiB" in check_files([tmp_path / "a.edf"])[0].message
 
 

@@ -72,7 +72,7 @@ def test_quotes_count(tmp_path: Path, checks: list[str]) -> None:
 
 def test_the_file_stays_small(folder: Path) -> None:
     for number in range(3000):
-        schema_cache.remember(f"{number:064x}")
+        schema_cache.add(f"{number:064x}")
     assert folder.stat().st_size <= 64 * 1024
     assert schema_cache.is_known(f"{2999:064x}") and not schema_cache.is_known("0" * 64)
 

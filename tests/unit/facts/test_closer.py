@@ -9,7 +9,8 @@ from collections.abc import Collection, Sequence
 import pytest
 
 from srprov.controller.watcher import Watcher
-from srprov.definitions.model import Placement, Requirements
+from srprov.definitions.containermodel import Requirements
+from srprov.definitions.model import Placement
 from srprov.errors import NoAssignment
 from srprov.facts.probes import INFO
 from srprov.wire import EngineQuery, Query, Reply

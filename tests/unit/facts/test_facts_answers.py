@@ -12,7 +12,7 @@ from srprov.facts.answers import (
     parse_wireless,
 )
 from srprov.facts.links import parse_links, parse_routes
-from srprov.facts.untrusted import decimal, integer, parsed, text
+from srprov.untrusted import decimal, integer, json_or_none, text
 
 
 @pytest.mark.parametrize(
@@ -35,7 +35,7 @@ def test_text_is_one_short_printable_line() -> None:
 
 
 def test_json_that_is_too_deep_is_none() -> None:
-    assert parsed("[" * 200_000) is None
+    assert json_or_none("[" * 200_000) is None
 
 
 def test_identity_takes_the_first_of_each() -> None:

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from srprov.definitions.model import BuildFile, ContainerDefinition, Runtime
+from srprov.definitions.containermodel import BuildFile, ContainerDefinition, Runtime
 from srprov.errors import DefinitionError, Location
 from srprov.images import quoting
 from srprov.images.dockerfile import instruction_lines, render_dockerfile

@@ -2,7 +2,7 @@
 
 import pytest
 
-from srprov.images.reference import parse_reference
+from srprov.image_reference import parse_reference
 
 DIGEST = "sha256:" + "ab" * 32
 

@@ -7,7 +7,7 @@ import tarfile
 import pytest
 from controller_disk import Disk
 
-from srprov.definitions.model import BuildFile, ContainerDefinition, Requirements, Runtime
+from srprov.definitions.containermodel import BuildFile, ContainerDefinition, Requirements, Runtime
 from srprov.errors import DefinitionError, Location
 from srprov.images.plan import ImagePlan
 from srprov.images.tag import locate_failure, plan_image

@@ -58,33 +58,42 @@ def test_an_empty_file_is_a_lab_without_options() -> None:
 
 
 def test_all_problems_come_at_once_with_their_places() -> None:
-    text = "count: x\nrobots:\n  robot1: {tag: [a], docker: maybe}\n  r2: {}\n  robot1: {}\n"
+    text = "count: x\nrobots:\n  robot1: {tag: [a], docker: maybe}\n  r2: {}\n"
     assert problems(text) == [
-        (1, 8, "a whole number from 1 to 200 is wanted here"),
+        (1, 8, "expected a whole number from 1 to 200, not 'x'"),
         (3, 12, "unknown key 'tag'"),
-        (3, 30, "true or false is wanted here"),
+        (3, 30, "expected true or false, not 'maybe'"),
         (4, 3, "'r2' is not robot1 .. robot200"),
-        (5, 3, "'robot1' is there twice"),
     ]
+
+
+def test_a_robot_that_is_there_twice_is_told_with_both_lines() -> None:
+    assert problems("robots:\n  robot1: {}\n  robot1: {}\n") == [
+        (3, 3, "duplicate key 'robot1'; it is already on line 2")
+    ]
+
+
+def test_a_spec_nested_without_end_is_one_problem() -> None:
+    assert problems("robots: " + "[" * 5000) == [(1, 69, "is nested more than 60 levels deep")]
 
 
 @pytest.mark.parametrize(
     ("options", "message"),
     [
         ("latency: 5", "unknown key 'latency'"),
-        ("tags: camera", "a list is wanted here"),
-        ("tags: [~]", "a text is wanted here"),
-        ("slots: -1", "a whole number from 0 to 1000 is wanted here"),
-        ("load: high", "a number from 0 to 1000 is wanted here"),
+        ("tags: camera", "expected a list, not 'camera'"),
+        ("tags: [~]", "expected text, not '~'"),
+        ("slots: -1", "expected a whole number from 0 to 1000, not '-1'"),
+        ("load: high", "expected a number from 0 to 1000, not 'high'"),
         ("devices: [/etc/passwd]", "'/etc/passwd' is not a device such as /dev/video0"),
         ("devices: [/dev/../etc/x]", "'/dev/../etc/x' is not a device such as /dev/video0"),
         ("devices: ['/dev/a b']", "'/dev/a b' is not a device such as /dev/video0"),
         ("devices: [/dev/]", "'/dev/' is not a device such as /dev/video0"),
         ("devices: [/dev/null]", "/dev/null is there already"),
-        ("memory: lots", "a size such as 512M or 4G is wanted here"),
+        ("memory: lots", "expected a size such as 512M or 4G, not 'lots'"),
         ("memory: {used: 1G}", "total is missing"),
         ("memory: {total: 1G, used: 2G}", "used is more than total"),
-        ("user: admin", "one of root, robot is wanted here"),
+        ("user: admin", "expected one of root, robot, not 'admin'"),
     ],
 )
 def test_a_wrong_option_is_refused(options: str, message: str) -> None:

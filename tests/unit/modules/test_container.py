@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from srprov.definitions.model import HealthCheck, Mount, Runtime
+from srprov.definitions.containermodel import HealthCheck, Mount, Runtime
 from srprov.modules import MODULES
 from srprov.resource import Action, Resource
 from tests.fakes import World

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from srprov.definitions.model import Mount
+from srprov.definitions.containermodel import Mount
 from srprov.definitions.secretmodel import SecretSource, SecretUse
 from srprov.planning.policy import KINDS, permissions, refused
 from tests.worlds import experiment, service

@@ -1,6 +1,6 @@
-"""YAML text -> nodes with their places; the one way in which user files are read.
+"""YAML text -> nodes with their places; the one way in which YAML that users write is read.
 
-Takes a path or text; gives the document's root `Node`. Touches files, for reading. It walks the parser's events
+Takes a path or text; returns the document's root `Node`. Touches files, for reading. It walks the parser's events
 itself (libyaml's parser where PyYAML has it) and never builds Python objects from tags, so that: a duplicate key is
 an error; how much a document may hold once its aliases are followed, and how deep it may nest, is limited before
 memory or the C stack is used up; an alias is shown where it is used.
@@ -14,13 +14,13 @@ from collections.abc import Iterator
 from pathlib import Path as FilePath
 from typing import Any
 
-from srprov.definitions.nodes import Map, Node, Scalar, Seq, Source, problem
 from srprov.errors import DefinitionError, Diagnostic, Location
+from srprov.yamldoc.nodes import Map, Node, Scalar, Seq, Source, problem
 
 MAX_BYTES = 8 * 1024 * 1024
 MAX_DEPTH = 60
 MAX_NODES = 200_000
-"""Nodes of one document after aliases are followed; a lab of a thousand robots needs a tenth."""
+"""Nodes of one document after aliases are followed; an inventory of a thousand robots needs a tenth."""
 
 _LINE_END = re.compile("\r\n|[\r\n\x85\u2028\u2029]")
 _YAML_TAGS = "tag:yaml.org,2002:"

@@ -55,23 +55,24 @@ def parse_reference(text: str) -> Reference:
     Raises:
         ValueError: It is none; the message says which part is wrong.
     """
+    shown = text[:100]
     rest, at, digest = text.partition("@")
     if at and not _DIGEST.fullmatch(digest):
-        raise ValueError(f"'{text}' has no valid digest: `@sha256:` and 64 hex digits are wanted")
+        raise ValueError(f"'{shown}' has no valid digest: `@sha256:` and 64 hex digits are wanted")
     name, tag = _split_tag(rest)
     if tag is not None and not _TAG.fullmatch(tag):
-        raise ValueError(f"'{text}' has no valid tag")
+        raise ValueError(f"'{shown}' has no valid tag")
     domain, path = _split_domain(name)
     if not _DOMAIN.fullmatch(domain):
-        raise ValueError(f"'{text}' has no valid registry name")
+        raise ValueError(f"'{shown}' has no valid registry name")
     if not _PATH.fullmatch(path) or len(path) > _LONGEST:
         reason = " (it must be lower case)" if path != path.lower() else ""
-        raise ValueError(f"'{text}' has no valid image name{reason}")
+        raise ValueError(f"'{shown}' has no valid image name{reason}")
     return Reference(domain, path, tag or ("" if digest else "latest"), digest)
 
 
 def _split_tag(name: str) -> tuple[str, str | None]:
-    """A colon after the last slash begins the tag; one before it belongs to the registry's port."""
+    """Split off the tag: a colon after the last slash begins it, one before belongs to the registry's port."""
     head, colon, tag = name.rpartition(":")
     return (head, tag) if colon and "/" not in tag else (name, None)
 

@@ -1,6 +1,6 @@
 """The document as it was written: maps, lists and scalars that know their place in the file.
 
-Takes nothing but what `yamlfile` read; gives `Node`s, and `Diagnostic`s that point at them. Touches nothing. A scalar
+Takes what `loader` has read; gives `Node`s, and `Diagnostic`s that point at them. Touches nothing. A scalar
 keeps its source text: whether `on` is a word or a boolean is decided by who asks for it, so `as_bool` and `text` can
 both be right.
 """
@@ -82,7 +82,7 @@ class Map:
 Node = Scalar | Seq | Map
 
 
-def hushed(one: Diagnostic) -> Diagnostic:
+def without_secrets(one: Diagnostic) -> Diagnostic:
     """Leave the source line out where it may hold a password: files with secrets are shown in terminals and CI logs."""
     return replace(one, excerpt="") if _SECRET.search(one.excerpt) else one
 
@@ -93,7 +93,7 @@ def location(node: Node) -> Location:
 
 
 def problem(node: Node, message: str, path: Path | str = (), hint: str = "") -> Diagnostic:
-    """Make a problem that points at a node; `path` is where it stands inside the document."""
+    """Return a problem that points at a node; `path` is where it stands inside the document."""
     where = path if isinstance(path, str) else dotted(path)
     return Diagnostic(location(node), message, where, node.source.excerpt(node.line), hint)
 
@@ -109,7 +109,7 @@ def key_or_value(parent: Map, key: str) -> Node:
 
 
 def find(node: Node, path: Path) -> Node:
-    """Follow a path as far as it goes and give the node there."""
+    """Return the node that a path leads to, or the last one on the way that exists."""
     for part in path:
         if isinstance(node, Map) and str(part) in node.entries:
             node = node.entries[str(part)]
@@ -190,7 +190,7 @@ class Findings:
 
 
 def from_json(value: object, source: Source, line: int = 1, column: int = 1) -> Node:
-    """Make nodes of a JSON value (an executable inventory's answer), all at one place.
+    """Return nodes for a JSON value (an executable inventory's answer), all at one place.
 
     Raises:
         ValueError: It is nested too deeply, or holds what JSON cannot.

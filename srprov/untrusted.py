@@ -1,0 +1,157 @@
+"""What robots, engines and files from elsewhere say, made harmless: bounded JSON, text, numbers and lists.
+
+Takes any text or JSON value; returns a value of the type that was asked for. A robot may be broken or hostile: its
+words end on terminals, in file names and in sums that decide who runs what. Only `parse_json` raises, for files that a
+user names; everything else turns what is wrong into an empty value. Touches nothing.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Mapping
+from typing import Any, NoReturn
+
+TEXT_LENGTH = 200
+"""Characters of a text that is shown."""
+STRING_LENGTH = 65_536
+"""Characters of a text that is only compared."""
+LIST_LENGTH = 1024
+"""Entries that a list of facts may have: links, routes, devices."""
+MAX_JSON_CHARACTERS = 8 * 1024 * 1024
+"""Parsing is linear in the text, so that this also limits its time: about 0.2 s."""
+MAX_JSON_DEPTH = 60
+LARGEST_NUMBER = 2**64
+"""No JSON number is larger; counters of kernel and engine have 64 bits."""
+
+_INTEGER = re.compile(r"-?[0-9]{1,18}")
+_DECIMAL = re.compile(r"-?[0-9]{1,18}(\.[0-9]{1,18})?")
+_CONTAINERS: frozenset[type] = frozenset({dict, list})
+_TOO_DEEP = f"it is nested more than {MAX_JSON_DEPTH} levels deep"
+
+
+def parse_json(source: str, *, max_characters: int = MAX_JSON_CHARACTERS) -> Any:  # noqa: ANN401 - JSON is any
+    """Return a file's JSON, with numbers that can be calculated with.
+
+    Raises:
+        ValueError: It is no JSON, is too long or nested too deeply, or has a number that is not finite or too large.
+    """
+    return _parse(source, _FILE_DECODER, max_characters)
+
+
+def json_or_none(source: str) -> Any:  # noqa: ANN401 - JSON is any; each caller checks the shape that it needs
+    """Return the JSON that a robot sent; None for what is broken, or beyond the limits of `parse_json`.
+
+    `ip -j` writes control characters of a link's name or alias as they are: one odd link must not hide all others.
+    Whole numbers may be large: whoever uses one takes it through `integer` or `decimal`.
+    """
+    try:
+        return _parse(source, _ROBOT_DECODER, MAX_JSON_CHARACTERS)
+    except ValueError:
+        return None
+
+
+def _parse(source: str, decoder: json.JSONDecoder, max_characters: int) -> Any:  # noqa: ANN401 - JSON is any
+    if len(source) > max_characters:
+        raise ValueError(f"it is longer than {max_characters} characters")
+    try:
+        value = decoder.decode(source)
+    except RecursionError:
+        raise ValueError(_TOO_DEEP) from None
+    _check_depth(value)
+    return value
+
+
+def _check_depth(value: object) -> None:
+    """Refuse (ValueError) what is nested deeper than whoever walks it later can follow."""
+    level: list[Any] = [value] if type(value) in _CONTAINERS else []
+    for _ in range(MAX_JSON_DEPTH):
+        if not level:
+            return
+        inside = (outer.values() if isinstance(outer, dict) else outer for outer in level)
+        level = [inner for values in inside for inner in values if type(inner) in _CONTAINERS]
+    if level:
+        raise ValueError(_TOO_DEEP)
+
+
+def _whole(digits: str) -> int:
+    # Python itself refuses thousands of digits, with words that nobody understands
+    return int(digits) if len(digits) < 25 and abs(int(digits)) <= LARGEST_NUMBER else _refuse(digits)
+
+
+def _fraction(digits: str) -> float:
+    value = float(digits)
+    return value if abs(value) <= LARGEST_NUMBER else _refuse(digits)
+
+
+def _refuse(digits: str) -> NoReturn:
+    raise ValueError(f"the number {digits if len(digits) < 25 else digits[:20] + '...'} is too large or not a number")
+
+
+_FILE_DECODER = json.JSONDecoder(strict=False, parse_int=_whole, parse_float=_fraction, parse_constant=_refuse)
+_ROBOT_DECODER = json.JSONDecoder(strict=False, parse_float=_fraction, parse_constant=_refuse)
+"""Leaves whole numbers to Python, which refuses thousands of digits: a check of each takes longer than the rest."""
+
+
+def text(value: object, *, length: int = TEXT_LENGTH) -> str:
+    """Return one printable line of at most `length` characters, no control or bidi ones; what is not text is ""."""
+    if not isinstance(value, str):
+        return ""
+    # cut first: a robot may send megabytes, and only a few characters of them can matter
+    return "".join(c for c in value[: 4 * length] if c.isprintable())[:length].strip()
+
+
+def string(value: object) -> str:
+    """Return a text as it came, cut, to be compared with; what is not text is ""."""
+    cut = value[:STRING_LENGTH] if isinstance(value, str) else ""
+    # half of a surrogate pair, which JSON can hold, cannot be written to any file or terminal
+    return cut if cut.isascii() else cut.encode("utf-8", "replace").decode("utf-8")
+
+
+def folder(value: object) -> str:
+    """Return an absolute path as `text` does; what is none is ""."""
+    said = text(value)
+    return said if said.startswith("/") else ""
+
+
+def lines_of(out: str, most: int) -> list[str]:
+    """Return at most `most` lines. Only a line feed ends one; str.splitlines would also take a form feed."""
+    return out.split("\n", most)[:most]
+
+
+def integer(value: object, *, low: int = 0, high: int = 10**18, default: int = 0) -> int:
+    """Return an int clamped to `low..high`; `default` when it is no number at all."""
+    if isinstance(value, str) and _INTEGER.fullmatch(value.strip()):
+        value = int(value)
+    if isinstance(value, bool) or not isinstance(value, int):
+        return default
+    return max(low, min(high, value))
+
+
+def decimal(value: object, *, low: float, high: float, default: float) -> float:
+    """Return a finite float clamped to `low..high`; `default` when it is no number, NaN or infinite."""
+    if isinstance(value, str) and _DECIMAL.fullmatch(value.strip()):
+        value = float(value)
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return default
+    try:
+        number = float(value)
+    except OverflowError:
+        return default
+    return float(max(low, min(high, number))) if math.isfinite(number) else default
+
+
+def mapping(value: object) -> Mapping[str, Any]:
+    """Return the mapping, or an empty one for anything else."""
+    return value if isinstance(value, Mapping) else {}
+
+
+def mappings(value: object, *, most: int = 65_536) -> list[Mapping[str, Any]]:
+    """Return the mappings in a list, at most `most` of them; anything else is left out."""
+    return [item for item in value if isinstance(item, Mapping)][:most] if isinstance(value, list) else []
+
+
+def labels(value: object) -> dict[str, str]:
+    """Return a map of texts, such as the labels of a Docker object; anything else is empty."""
+    return {string(name): string(one) for name, one in mapping(value).items()}

@@ -1,0 +1,114 @@
+"""One parser for what others say: within limits, and never the end of a run."""
+
+from __future__ import annotations
+
+import json
+import time
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from srprov import untrusted
+from srprov.errors import UsageError
+from srprov.execution.locks import Holder, parse_holder
+from srprov.facts.gather import _placements
+from srprov.planning.planfile import is_plan, load
+from srprov.transport.engine_text import message_of
+from srprov.untrusted import json_or_none, labels, mappings, parse_json, string
+from srprov.wire import Reply
+
+DEEP = "[" * 5000
+HOSTILE = [DEEP, '{"a":' * 5000, "9" * 5000, "1e999", "NaN", "-Infinity", '{"a": ' + "9" * 5000 + "}", "", "{", "\0"]
+
+
+@pytest.mark.parametrize("source", HOSTILE)
+def test_hostile_json_is_none_for_every_reader(source: str) -> None:
+    """Depth, digits and numbers that are none end no run."""
+    now = "2026-11-21T02:00:00Z"
+    assert json_or_none(source) is None
+    assert Reply(status=200, out=source).json() is None
+    assert parse_holder(f"{now} {source}") == Holder()
+    assert _placements(Reply(status=0, out=source)) == []
+    assert message_of(source) == " ".join(source.split())[:500]
+
+
+@pytest.mark.parametrize("source", [DEEP, '{"format":' * 5000, '{"format": ' + "9" * 5000 + "}", '{"format": NaN}'])
+def test_a_hostile_plan_file_is_refused_as_one_that_cannot_be_applied(source: str) -> None:
+    assert isinstance(is_plan(source), bool)
+    with pytest.raises(UsageError, match="no plan that can be applied"):
+        load(source, "plan.json")
+
+
+def test_a_record_beside_a_hostile_one_is_read() -> None:
+    good = '{"instance": "i", "serial": 3}'
+    reply = Reply(status=0, out=f'{DEEP}\n{good}\n{{"instance": 7}}\n')
+    assert _placements(reply) == [{"instance": "i", "serial": 3}]
+
+
+def nested(depth: int) -> str:
+    return "[" * depth + "]" * depth
+
+
+def test_the_limit_of_depth_counts_levels_not_brackets() -> None:
+    parse_json(nested(untrusted.MAX_JSON_DEPTH))
+    parse_json(json.dumps([[]] * 500))
+    parse_json(json.dumps(["[" * 5000, '\\"{' * 500]))
+    with pytest.raises(ValueError, match="nested more than 60 levels"):
+        parse_json(nested(untrusted.MAX_JSON_DEPTH + 1))
+
+
+def test_brackets_in_strings_hide_no_depth() -> None:
+    with pytest.raises(ValueError, match="nested more than"):
+        parse_json('["]]]]",' * 100 + "1" + "]" * 100)
+
+
+def test_text_that_is_too_long_is_refused_unread() -> None:
+    with pytest.raises(ValueError, match="longer than 10 characters"):
+        parse_json('"' + "x" * 10 + '"', max_characters=10)
+
+
+@pytest.mark.parametrize("piece", ['"\\', '"', "[", '\\"', '["', "\\", '"\\"', "]["])
+def test_no_text_takes_long(piece: str) -> None:
+    source = "[" * 61 + piece * (1_000_000 // len(piece))
+    began = time.monotonic()
+    json_or_none(source)
+    assert time.monotonic() - began < 2
+
+
+def test_a_number_that_is_too_large_is_named() -> None:
+    assert parse_json(str(2**64)) == 2**64
+    with pytest.raises(ValueError, match=r"the number 9{20}\.\.\. is too large or not a number"):
+        parse_json("9" * 5000)
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers(-(2**60), 2**60) | st.floats(-1e15, 1e15) | st.text(),
+    lambda inner: st.lists(inner) | st.dictionaries(st.text(), inner),
+)
+
+
+@given(JSON)
+def test_everything_else_is_read_as_it_is(value: Any) -> None:
+    assert parse_json(json.dumps(value)) == value
+    assert parse_json(json.dumps([value] * 70, ensure_ascii=False)) == [value] * 70
+
+
+@given(st.text(alphabet='[]{}",:\\1ae \n'))
+def test_broken_json_is_none_and_never_an_error(source: str) -> None:
+    found = json_or_none("[[" * 20 + source)
+    assert found is None or isinstance(found, list)
+
+
+def test_values_of_the_wrong_kind_are_empty() -> None:
+    assert [string(value) for value in (None, 7, True, {}, ["x"])] == [""] * 5
+    assert labels({"a": "1", "b": None, "c": {}}) == {"a": "1", "b": "", "c": ""}
+    assert labels(["a"]) == {}
+    assert mappings([1, {"a": 1}, None]) == [{"a": 1}]
+    assert mappings("x") == []
+
+
+def test_half_a_surrogate_pair_can_be_written_to_a_file() -> None:
+    name = parse_json('"a\\ud800b"')
+    assert string(name).encode() == b"a?b"
