@@ -123,6 +123,8 @@ class Kernel:
 
     def run(self, line: str) -> str:
         """Run one call of a script; give what it complains, or nothing."""
+        if line.endswith(">> /var/log/srprov.log"):
+            return ""
         words = shlex.split(line)
         match words:
             case ["ip", "link", "show", "dev", name, ">/dev/null", "2>&1", "||", "exit", "0;", *rest]:

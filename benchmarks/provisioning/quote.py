@@ -20,8 +20,8 @@ BEGIN, END = "<!-- speed: written by benchmarks/provisioning/quote.py -->", "<!-
 COLUMNS = ((12, 0, "fresh"), (12, 0, "nothing"), (12, 0, "changed"), (12, 40, "nothing"))
 NAMES = {
     "floor": "a compiled shell script per robot, over paramiko",
-    "srprov --settle 0": "**srprov**, `--settle 0`",
-    "srprov": "srprov, which watches new services for 2 s",
+    "srprov": "**srprov**, which watches new services for 2 s",
+    "srprov --settle 0": "srprov, `--settle 0`",
     "pyinfra": "pyinfra",
     "Ansible": "Ansible",
     "Ansible+Mitogen": "Ansible with Mitogen",
@@ -74,7 +74,8 @@ def _cell(row: Mapping[str, Any] | None) -> str:
 def _scale(hundred: Mapping[str, Any], thousand: list[Mapping[str, Any]]) -> str:
     one = next(r for r in hundred["medians"] if r["scenario"] == "nothing" and r["tool"] == "srprov --settle 0")
     lines = [
-        f"A hundred robots of the lab, nothing to do: {one['seconds']:.1f} s, and {one['rss_mib']:.0f} MiB of memory.",
+        f"A hundred robots of the lab, nothing to do, `--settle 0`: {one['seconds']:.1f} s, and"
+        f" {one['rss_mib']:.0f} MiB of memory.",
         "Nothing to do on twelve robots, the others of the inventory simulated by SSH servers that answer as robots:",
         "",
         "| robots | `apply` | per robot | peak memory |",

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 import click
 
-from srprov.cli import inputs, options
+from srprov.cli import inputs, options, output_options
 from srprov.cli.execute import carry_out, confirm, refuse_without_terminal
-from srprov.cli.output import err
 from srprov.cli.plan import show_plan
 from srprov.cli.stdout_guard import answers_only
 from srprov.controller.request import PlanRequest
@@ -33,7 +32,7 @@ if TYPE_CHECKING:
 @options.EXCLUDE
 @options.locking
 @options.RUNS
-@options.PROFILE
+@output_options.TIMINGS
 @options.planning
 @options.MAX_FAIL
 @click.option("-y", "--yes", is_flag=True, help="Do not ask.")
@@ -41,17 +40,16 @@ if TYPE_CHECKING:
               help="Seconds for a service to become healthy or to complete.")  # fmt: skip
 @click.option("--settle", type=click.FloatRange(min=0), default=2.0, show_default=True, metavar="S",
               help="A service must still run so many seconds after its start.")  # fmt: skip
-@click.option(
-    "--events", type=click.Path(dir_okay=False), help="Write events to a file as they happen, one JSON per line."
-)
+@output_options.EVENTS
+@output_options.QUIET
 @click.option("-v", "--verbose", is_flag=True, help="Show the exact commands of each step.")
 @click.option("--no-color", is_flag=True, help="Plain text; so does NO_COLOR.")
 def apply(
     file: str, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, limit: str, exclude: str,
-    request: PlanRequest, unreachable: str, yes: bool, wait_timeout: float, settle: float, events: str | None,
+    request: PlanRequest, unreachable: str, yes: bool, wait_timeout: float, settle: float, events: TextIO | None,
     verbose: bool, no_color: bool, lock_wait: float, pulse: Pulse, runs: Path | None, max_fail: str,
 ) -> int:  # fmt: skip
-    """Make the experiment true: FILE is an EDF, or a plan that `srprov plan -o` wrote.
+    """Change the robots so that the experiment runs on them. FILE is an EDF, or a plan that `srprov plan -o` wrote.
 
     Shows the plan and asks on a terminal, unless --yes. A second apply changes nothing. A plan from a file is done
     exactly as it stands there, or refused with 6 when a robot changed since.
@@ -69,12 +67,12 @@ def apply(
     chosen = inputs.selected(inventory, limit, exclude, inputs.failed_robots(name, runs))
     failing = options.budget(max_fail, len(chosen))
     with inputs.connect(inventory, timeout, forks, changing=True, vault=vault) as fleet:
-        err(f"asking {len(inventory.hosts)} robots for facts")
+        output_options.note(f"asking {len(inventory.hosts)} robots for facts")
         phases.begin("facts")
         lock_wait = inputs.waited(fleet, name, lock_wait)
         phases.prepare(fleet, chosen)
         planned = _planned(source, fleet, request, vault, phases).limited(chosen)
-        if not as_json:
+        if not as_json and not (yes and output_options.is_quiet()):
             show_plan(planned.plan, None, verbose=verbose)
         from srprov.controller.permissions import permit_run
         from srprov.execution import RunOptions

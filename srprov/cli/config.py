@@ -54,7 +54,7 @@ def user_folder(environ: Mapping[str, str]) -> Path:
 
 
 def _parameter(key: str) -> str:
-    """Return click's parameter of an option's name; three options have another word inside."""
+    """Return click's parameter of an option's name; three options have another name in the code."""
     return {"inventory": "inventories", "json": "as_json", "format": "form"}.get(key, key.replace("-", "_"))
 
 
@@ -73,7 +73,7 @@ def _read(path: Path) -> dict[str, Any]:
         document = toml.loads(path.read_text(encoding="utf-8"))
         return document if isinstance(document, dict) else {}
     except (OSError, ValueError) as error:
-        raise UsageError(f"cannot read {path}: {error}", hint="mend it, or move it away") from error
+        raise UsageError(f"cannot read {path}: {error}", hint="fix it, or move it away") from error
 
 
 def _check_project(path: Path, table: Mapping[str, Any], verbs: Mapping[str, Any]) -> None:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TextIO
 
 import click
 
-from srprov.cli import inputs, options
+from srprov.cli import inputs, options, output_options
 from srprov.cli.execute import carry_out, confirm, refuse_without_terminal
 from srprov.cli.output import err
 from srprov.cli.plan import show_plan
@@ -23,19 +24,18 @@ from srprov.wire import Pulse
 @options.EXCLUDE
 @options.locking
 @options.RUNS
-@options.PROFILE
+@output_options.TIMINGS
 @click.option("-y", "--yes", is_flag=True, help="Do not ask.")
 @click.option("--volumes", is_flag=True, help="Remove data volumes too; their data is lost.")
 @click.option("--adopt", is_flag=True, help="Also when another file made the instance.")
-@click.option(
-    "--events", type=click.Path(dir_okay=False), help="Write events to a file as they happen, one JSON per line."
-)
+@output_options.EVENTS
+@output_options.QUIET
 @click.option("-v", "--verbose", is_flag=True, help="Show the exact commands of each step.")
 @click.option("--no-color", is_flag=True, help="Plain text; so does NO_COLOR.")
 def destroy(
     file: str | None, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, instance: str,
-    limit: str, exclude: str, yes: bool, volumes: bool, adopt: bool, events: str | None, verbose: bool, no_color: bool,
-    lock_wait: float, pulse: Pulse, runs: Path | None,
+    limit: str, exclude: str, yes: bool, volumes: bool, adopt: bool, events: TextIO | None, verbose: bool,
+    no_color: bool, lock_wait: float, pulse: Pulse, runs: Path | None,
 ) -> int:  # fmt: skip
     """Remove everything that an instance owns.
 
@@ -53,7 +53,7 @@ def destroy(
         from srprov.execution import RunOptions
 
         planned = make_removal(fleet, name, volumes=volumes, source=source, adopt=adopt).limited(chosen)
-        if not as_json:
+        if not as_json and not (yes and output_options.is_quiet()):
             show_plan(planned.plan, None, verbose=verbose)
         if planned.snapshot and (others := other_instances(planned.snapshot, name, source)):
             err(f"note: the same file also made: {visible(', '.join(others))}; destroy them with --instance NAME")

@@ -5,15 +5,15 @@ from __future__ import annotations
 import sys
 import threading
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TextIO
 
 import click
 
 from srprov.cli.interrupt import soft_interrupt
-from srprov.cli.options import profiling
-from srprov.cli.output import err, out_json
-from srprov.cli.profile import profile_text
+from srprov.cli.output import Answer, err, expect, out_json
+from srprov.cli.output_options import is_quiet, wants_timings
 from srprov.cli.progress import progress
+from srprov.cli.timings import timings_text
 from srprov.errors import RefusedError
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def confirm(made: Plan, yes: bool) -> None:
 
 
 def carry_out(
-    planned: Planned, fleet: Fleet, run_options: RunOptions, phases: Phases, *, as_json: bool, events: str | None,
+    planned: Planned, fleet: Fleet, run_options: RunOptions, phases: Phases, *, as_json: bool, events: TextIO | None,
     color: bool, runs: Path | None,
 ) -> int:  # fmt: skip
     """Run the plan, show what happens, report, and return the exit code."""
@@ -51,8 +51,10 @@ def carry_out(
     if as_json:  # the plan was not shown, and it is what says these
         for note in planned.plan.notes:
             err(f"note: {note}")
+    else:
+        expect(Answer.ASIDE)
     stop = threading.Event()
-    with progress(planned.plan, events=events, color=color) as listener, soft_interrupt(stop):
+    with progress(planned.plan, events=events, color=color, quiet=is_quiet()) as listener, soft_interrupt(stop):
         report = run(planned, fleet, run_options, phases, listener, stop, runs=runs)
     if as_json:
         out_json(report.document)
@@ -61,6 +63,6 @@ def carry_out(
     if report.record_problem:
         err(f"warning: the record of this run is not complete: {report.record_problem}")
     err(summary(report.document, report.result))
-    if profiling():
-        err(profile_text(report.document["phases"], report.document["robots"]))
+    if wants_timings():
+        err(timings_text(report.document["phases"], report.document["robots"]))
     return report.result.exit_code

@@ -14,7 +14,8 @@ import click
 
 from srprov.cli.config import user_folder
 from srprov.cli.options import asked_for_become
-from srprov.cli.output import catch_logs, err
+from srprov.cli.output import catch_logs
+from srprov.cli.output_options import note
 from srprov.controller.request import PlanRequest
 from srprov.errors import RefusedError, UsageError
 from srprov.secret import Secret, Vault
@@ -101,7 +102,7 @@ def waited(fleet: Fleet, instance: str, seconds: float) -> float:
         return seconds
     from srprov.controller.waiting import wait_for_other_runs
 
-    return wait_for_other_runs(fleet, instance, seconds, err)
+    return wait_for_other_runs(fleet, instance, seconds, note)
 
 
 def failed_robots(instance: str, runs: Path | None) -> Callable[[], frozenset[str]]:

@@ -8,6 +8,7 @@ connections are closed and locks are free when the program is gone.
 from __future__ import annotations
 
 import _thread
+import contextlib
 import os
 import signal
 import threading
@@ -44,7 +45,8 @@ def soft_interrupt(stop: threading.Event) -> Iterator[None]:
         asked.append(number)
         # This thread may be inside `stop.wait()` and hold its lock, or start a thread: to set it here would hang then.
         _thread.start_new_thread(stop.set, ())
-        os.write(2, _SAID)  # the signal may have come in the middle of a print, which allows no other
+        with contextlib.suppress(OSError):  # nobody may be there to read it any more
+            os.write(2, _SAID)  # the signal may have come in the middle of a print, which allows no other
 
     before = {number: signal.signal(number, ask) for number in _SIGNALS}
     try:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import queue
+import sys
 import threading
+from collections.abc import Sequence
 
 import click
 
 from srprov.cli import inputs, options
 from srprov.cli.output import err, out
+from srprov.cli.streams import lost
 from srprov.errors import TransportError, visible
 from srprov.wire import Session
 
@@ -37,16 +41,7 @@ def logs(
             err(f"unreachable: {host}: {reason}")
         chosen = containers_of(snapshot, name, services)
         show = _Lines(max((len(visible(service)) for service, _, _ in chosen), default=0))
-        threads = [
-            threading.Thread(
-                target=show.stream, args=(fleet.sessions.get(host), service, container, tail, follow), daemon=True
-            )
-            for service, host, container in chosen
-        ]
-        for thread in threads:
-            thread.start()
-        for thread in threads:
-            thread.join()
+        show.all([(fleet.sessions.get(host), service, container) for service, host, container in chosen], tail, follow)
     return UNREACHABLE if snapshot.unreachable or show.lost else 0
 
 
@@ -57,6 +52,16 @@ class _Lines:
         self.width = width
         self.lock = threading.Lock()
         self.lost: list[str] = []
+        self.ended: queue.SimpleQueue[str] = queue.SimpleQueue()
+
+    def all(self, logs: Sequence[tuple[Session, str, str]], tail: int, follow: bool) -> None:
+        """Print logs, each a session, a service and its container, until all have ended or nobody reads any more."""
+        for log in logs:
+            threading.Thread(target=self.stream, args=(*log, tail, follow), daemon=True).start()
+        for _ in logs:
+            self.ended.get()
+            if lost(sys.stdout):
+                return
 
     def stream(self, session: Session, service: str, container: str, tail: int, follow: bool) -> None:
         """Print one container's log."""
@@ -64,6 +69,11 @@ class _Lines:
             for line in session.container_log(container, tail=tail, follow=follow):
                 with self.lock:
                     out(f"{visible(service):<{self.width}} | {line}")
+                if lost(sys.stdout):
+                    break
         except TransportError as error:
-            self.lost.append(service)
-            err(f"{visible(service)}: {error.message}")
+            if not lost(sys.stdout):  # or it was closed because nobody reads
+                self.lost.append(service)
+                err(f"{visible(service)}: {error.message}")
+        finally:
+            self.ended.put(service)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import gc
 import importlib
 import os
@@ -12,20 +13,22 @@ from pathlib import Path
 import click
 
 from srprov import __version__
+from srprov.cli import output
 from srprov.cli.config import default_map
 from srprov.cli.interrupt import as_interrupt
-from srprov.cli.output import catch_stray, err
+from srprov.cli.output import Answer, err, print_uncaught
+from srprov.cli.streams import lost, protect_standard_streams
 from srprov.errors import DefinitionError, NoAssignment, SrprovError
 
 _VERBS = {
     "validate": "Check definition files; no robot is asked.",
     "facts": "Show the robots as they are.",
-    "doctor": "Say what is missing on each robot, and how to get it.",
-    "assign": "Show who would run what, and why.",
+    "doctor": "Check that each robot has what srprov needs, and say how to get it.",
+    "assign": "Show which robot would run which service, and why.",
     "plan": "Show what would change; changes nothing.",
-    "apply": "Make the experiment true.",
+    "apply": "Change the robots so that the experiment runs on them.",
     "status": "Show the running experiment.",
-    "logs": "Show what services print.",
+    "logs": "Show the output of services.",
     "locks": "Show who is changing which robot.",
     "destroy": "Remove everything that an instance owns.",
     "lab": "The embedded lab: robots on this machine.",
@@ -37,7 +40,7 @@ BUG = 1
 
 
 class _LazyGroup(click.Group):
-    """Knows its verbs by name and one line; imports the file of a verb when that verb is used."""
+    """The group of verbs. It knows each by its name and one line, and imports its file when it is used."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(_VERBS)
@@ -50,23 +53,27 @@ class _LazyGroup(click.Group):
         assert isinstance(command, click.Command)
         return command
 
+    def invoke(self, ctx: click.Context) -> object:
+        try:
+            return super().invoke(ctx)
+        except BrokenPipeError as error:  # click would take it for standard output's, and exit without a word
+            raise ConnectionError("a connection broke") from error
+
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         with formatter.section("Verbs"):
             formatter.write_dl(list(_VERBS.items()))
+        with formatter.section("Example"):
+            formatter.write_text("srprov apply experiment.edf -i inventory.yml")
 
 
 @click.group(cls=_LazyGroup, context_settings={"auto_envvar_prefix": "SRPROV", "help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="srprov")
 def cli() -> None:
-    r"""Provision multi-robot experiments over SSH, without agents.
-
-    \b
-    srprov apply experiment.edf -i inventory.yml
-    """
+    """Provision multi-robot experiments over SSH, without agents."""
 
 
 def run(arguments: list[str] | None = None) -> int:
-    """Run one command line and give its exit code; whatever goes wrong becomes a message and a documented code."""
+    """Run one command line and return its exit code; whatever goes wrong becomes a message and a documented code."""
     try:
         defaults = default_map(_VERBS, Path.cwd(), os.environ)
         result = cli.main(args=arguments, prog_name="srprov", standalone_mode=False, default_map=defaults)
@@ -85,10 +92,6 @@ def run(arguments: list[str] | None = None) -> int:
     except SrprovError as error:
         show_error(error)
         return error.exit_code
-    except BrokenPipeError:
-        # the reader of our output went away, e.g. `srprov status | head`
-        sys.stderr.close()
-        return 0
     except Exception:
         err(traceback.format_exc())
         err("this is a bug in srprov; please report it with the lines above")
@@ -111,13 +114,26 @@ def show_error(error: SrprovError) -> None:
         err(f"  {error.hint}")
 
 
+def code_of_output(code: int) -> int:
+    """Return the exit code of a run, or 5 instead of 0 when its answer could not be written."""
+    error = lost(sys.stdout)
+    if error is None:
+        return code
+    reader_left = error.errno == errno.EPIPE
+    needed = output.expected is Answer.WHOLE or (output.expected is Answer.TEXT and not reader_left)
+    if not reader_left:
+        err(f"{'error' if needed else 'warning'}: standard output cannot be written: {error.strerror}")
+    return code or (USAGE if needed else 0)
+
+
 def entry() -> None:
-    """Be the `srprov` command."""
-    # a run is short and keeps nearly all that it makes: looking for cycles every 700 objects costs 5 % of a small one
+    """Run the `srprov` command and exit with its code."""
+    # a run is short and keeps nearly all of its objects: looking for cycles every 700 of them costs 5 % of a small run
     gc.set_threshold(100_000, 50, 100)
+    protect_standard_streams()
     as_interrupt()
-    catch_stray()
-    code = run()
+    print_uncaught()
+    code = code_of_output(run())
     gc.freeze()  # or the interpreter looks through everything for cycles before it ends: 7 % of a small run
     sys.exit(code)
 

@@ -78,22 +78,6 @@ def asked_for_become() -> bool:
     return bool(context and context.meta.get(_ASK_BECOME))
 
 
-def _profile(context: click.Context, _option: click.Parameter, wanted: bool) -> None:
-    """Leave the wish where `profiling` finds it."""
-    context.meta[_PROFILE] = wanted
-
-
-def profiling() -> bool:
-    """Return whether the user wants to know where the time went."""
-    context = click.get_current_context(silent=True)
-    return bool(context and context.meta.get(_PROFILE))
-
-
-_PROFILE = "srprov.profile"
-PROFILE = click.option(
-    "--profile", is_flag=True, expose_value=False, callback=_profile,
-    help="Say at the end where the time went, by phase and robot.",
-)  # fmt: skip
 RUNS = click.option(
     "--runs", type=click.Path(file_okay=False, path_type=Path), envvar="SRPROV_RUNS", default=None, metavar="DIR",
     help="Where runs are recorded (default: ~/.local/state/srprov/runs).",

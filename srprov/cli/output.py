@@ -6,6 +6,7 @@ that `--json` and pipes stay clean.
 
 from __future__ import annotations
 
+import enum
 import json
 import os
 import re
@@ -13,6 +14,8 @@ import sys
 import threading
 import traceback
 import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any, TextIO
 
 import click
@@ -23,14 +26,31 @@ _CONTROL = re.compile(
     r"\x1b\[[0-?]*[ -/]*[@-~]|\x1b[\]PX^_][^\x07\x1b]*(?:\x07|\x1b\\)|[\x00-\x08\x0b-\x1f\x7f-\x9f]"
     r"|[\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ufeff]|[\U000e0000-\U000e007f]"
 )
-"""Whole CSI and OSC sequences first, so that no `[31m` is left; then every C0 but newline and tab, DEL, and C1; then
-what turns the writing around, ends a line by another name, or is a letter that nobody sees."""
+"""Whole CSI and OSC sequences first, so that no `[31m` is left; then C0 except newline and tab, DEL and C1; then what
+changes the direction of the text, other line separators, and characters that are invisible."""
 _NO_CHARACTER = re.compile("[\ud800-\udfff]")
-"""Halves of characters, from JSON or from a path's bytes: no terminal takes them, and Python refuses to print them."""
+"""Lone surrogates, from JSON or from the bytes of a path: Python refuses to encode them."""
+
+
+class Answer(enum.Enum):
+    """What it means when standard output cannot be written."""
+
+    TEXT = "the answer is lost, unless its reader went away: `srprov status | head` is fine"
+    WHOLE = "the answer is lost: a part of a JSON document is none"
+    ASIDE = "nothing: what counts was done on the robots"
+
+
+expected = Answer.TEXT
+
+
+def expect(answer: Answer) -> None:
+    """Say what this run's standard output is for."""
+    global expected  # noqa: PLW0603 - there is one standard output
+    expected = answer
 
 
 def clean(text: str) -> str:
-    """Return text without secrets, that cannot move the cursor, change colours, retitle the terminal or run backwards.
+    """Return text without secrets that cannot move the cursor, change colors, retitle the terminal or run backwards.
 
     A control character in the middle of a secret hides it from the first look, and one in the secret from the second.
     """
@@ -44,6 +64,7 @@ def out(text: str) -> None:
 
 def out_json(value: object) -> None:
     """Print an answer as one JSON document. Secrets are replaced in its texts, so that it stays JSON."""
+    expect(Answer.WHOLE)
     click.echo(_CONTROL.sub("", json.dumps(redacted(value), indent=2)))
 
 
@@ -54,16 +75,39 @@ def line_of(value: object) -> str:
 
 def err(text: str, color: str | None = None) -> None:
     """Print progress, a note or an error; `color` is one of click's names and only srprov's own."""
-    click.echo(click.style(clean(text), fg=color) if color else clean(text), err=True)
+    _print_err(clean(text), color)
+
+
+def _echo_err(text: str, color: str | None) -> None:
+    click.echo(click.style(text, fg=color) if color else text, err=True)
+
+
+_print_err: Callable[[str, str | None], None] = _echo_err
+
+
+@contextmanager
+def printed_by(printer: Callable[[str, str | None], None]) -> Iterator[None]:
+    """Let another function print what `err` is given, for a block; it takes clean text and a color or None."""
+    global _print_err  # noqa: PLW0603 - there is one standard error
+    before, _print_err = _print_err, printer
+    try:
+        yield
+    finally:
+        _print_err = before
 
 
 def wants_color(stream: TextIO) -> bool:
     """Return whether a stream is a terminal that may be coloured; see no-color.org."""
-    return stream.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+    return is_terminal(stream) and not os.environ.get("NO_COLOR")
+
+
+def is_terminal(stream: TextIO) -> bool:
+    """Return whether a stream is a terminal on which a line can be drawn again."""
+    return stream.isatty() and os.environ.get("TERM") != "dumb"
 
 
 def catch_logs() -> None:
-    """Send warnings that libraries log the same way as everything else; nothing else listens to them."""
+    """Print warnings that libraries log through `err`; nothing else listens to them."""
     import logging
 
     class ToErr(logging.Handler):
@@ -73,8 +117,8 @@ def catch_logs() -> None:
     logging.lastResort = ToErr(logging.WARNING)
 
 
-def catch_stray() -> None:
-    """Send what Python would print by itself (from threads, finalizers, of warnings) the same way as all else."""
+def print_uncaught() -> None:
+    """Print errors of threads and finalizers, warnings, and what nobody caught through `err`, not as Python does."""
 
     def thread(args: threading.ExceptHookArgs) -> None:
         if args.exc_type is not SystemExit:

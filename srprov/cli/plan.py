@@ -11,9 +11,10 @@ import click
 
 from srprov.cli import inputs, options
 from srprov.cli.output import err, out, out_json
+from srprov.cli.output_options import writable
 from srprov.cli.stdout_guard import answers_only
 from srprov.controller.request import PlanRequest
-from srprov.errors import RefusedError
+from srprov.errors import RefusedError, UsageError
 from srprov.secret import Vault, redact
 
 if TYPE_CHECKING:
@@ -34,8 +35,9 @@ UNREACHABLE = 4
 @click.option("--detailed-exitcode", is_flag=True, help="Exit with 2 when something would change.")
 @click.option("--format", "form", type=click.Choice(["text", "json", "markdown"]), default="text", show_default=True)
 @click.option(
-    "-o", "--out", "target", type=click.Path(dir_okay=False), help="Also write the plan to a file that `apply` takes."
-)
+    "-o", "--out", "target", type=click.Path(dir_okay=False), callback=writable, metavar="FILE",
+    help="Also write the plan to a file that `apply` takes.",
+)  # fmt: skip
 @click.option("-v", "--verbose", is_flag=True, help="Show the exact commands of each step.")
 def plan(
     file: str, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, limit: str, exclude: str,
@@ -85,6 +87,7 @@ def write_plan(target: str, file: PlanFile, vault: Vault) -> None:
     """Write a plan file. It is done as it stands there, so a secret in it cannot be replaced, only refused.
 
     Raises:
+        UsageError: The file cannot be written.
         RefusedError: The value of a secret stands in what the plan does: in another field of the user's files.
     """
     from srprov.planning.planfile import dump
@@ -95,7 +98,10 @@ def write_plan(target: str, file: PlanFile, vault: Vault) -> None:
         raise RefusedError(
             f"the value of the secret '{name}' stands in the plan itself; no file was written", hint=hint
         )
-    Path(target).write_text(text, encoding="utf-8")
+    try:
+        Path(target).write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"cannot write {target}: {error.strerror}", hint="name another file") from error
 
 
 def show_plan(made: Plan, as_json: Mapping[str, Any] | None, *, verbose: bool) -> None:

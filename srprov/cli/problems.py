@@ -1,6 +1,6 @@
 """Problems in user files, as text with the source line and a caret, as JSON, and as SARIF.
 
-Takes `Diagnostic`s; gives text. Touches nothing.
+Takes `Diagnostic`s; returns text. Pure.
 """
 
 from __future__ import annotations

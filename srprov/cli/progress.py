@@ -1,6 +1,6 @@
-"""Live progress of a run: lines that name robot, step and what is awaited; on a terminal a status line besides.
+"""Live progress of a run: lines that name robot, step and what is awaited; on a terminal also a status line.
 
-Lines go to stderr; a line per finished step, so that a log file reads as well as a terminal. `--events` gets every
+Lines go to stderr: one for each finished step, so that a log file reads as well as a terminal. `--events` gets every
 event as JSON.
 """
 
@@ -10,10 +10,10 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
-from typing import TYPE_CHECKING, Any, TextIO
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, TextIO
 
-from srprov.cli.output import clean, err, line_of, wants_color
+from srprov.cli.output import err, is_terminal, line_of, wants_color
 
 if TYPE_CHECKING:
     from srprov.execution import Event, Listener
@@ -24,44 +24,27 @@ _PROGRESS_EVERY_S = 5.0
 
 
 @contextmanager
-def progress(plan: Plan, *, events: str | None, color: bool) -> Iterator[Listener]:
+def progress(plan: Plan, *, events: TextIO | None, color: bool, quiet: bool = False) -> Iterator[Listener]:
     """Return a listener for one run; the status line goes away at the end."""
-    with ExitStack() as stack:
-        stream = stack.enter_context(open(events, "w", encoding="utf-8")) if events else None
-        live = stack.enter_context(_live()) if sys.stderr.isatty() and plan.steps else None
-        shown = _Shown(len(plan.steps), stream, live, color=color and wants_color(sys.stderr))
+    live = bool(plan.steps) and not quiet and is_terminal(sys.stderr)
+    shown = _Shown(len(plan.steps), events, live=live, color=color and wants_color(sys.stderr), quiet=quiet)
+    if not live:
         yield shown.listen
+        return
+    from srprov.cli.status_line import status_line
 
-
-@contextmanager
-def _live() -> Iterator[Any]:
-    """Return rich's status line; imported only on a terminal."""
-    from rich.console import Console
-
-    with Console(stderr=True).status("starting") as status:
-        yield status
-
-
-def _plain(status: str) -> Any:  # noqa: ANN401 - rich's Text
-    """Return rich's Text, in which `[x]` in a robot's words is no markup."""
-    from rich.text import Text
-
-    return Text(clean(status)[:200])
+    with status_line(lambda: shown.status, color=shown.color):
+        yield shown.listen
 
 
 class _Shown:
     """What was shown so far; called from several threads."""
 
-    def __init__(
-        self,
-        total: int,
-        stream: TextIO | None,
-        live: Any,  # noqa: ANN401 - rich's Status or None
-        *,
-        color: bool,
-    ) -> None:
-        self.total, self.stream, self.live, self.color = total, stream, live, color
+    def __init__(self, total: int, stream: TextIO | None, *, live: bool, color: bool, quiet: bool) -> None:
+        self.total, self.stream = total, stream
+        self.live, self.color, self.quiet = live, color, quiet
         self.done = 0
+        self.status = "starting"
         self.running: dict[str, str] = {}
         self.last_said: dict[str, float] = {}
         self.lock = threading.Lock()
@@ -72,32 +55,34 @@ class _Shown:
 
         with self.lock:
             if self.stream:
-                self.stream.write(line_of(event_json(event)))
-                self.stream.flush()
+                self._write(self.stream, line_of(event_json(event)))
             getattr(self, f"_{event.kind}")(event)
-            if self.live:
-                self.live.update(_plain(self._status()))
+            self.status = f"{self.done}/{self.total} " + "; ".join(text for _, text in sorted(self.running.items()))
+
+    def _write(self, stream: TextIO, line: str) -> None:
+        """Write to `--events`. A file that cannot be written any more gets one warning, and stops nothing."""
+        try:
+            stream.write(line)
+            stream.flush()
+        except OSError as error:
+            self.stream = None
+            err(f"warning: no more events are written to {stream.name}: {error.strerror}")
 
     def _start(self, event: Event) -> None:
         if event.step:
             self.running[event.host] = f"{event.host}: {event.step.module} {event.step.name}"
 
     def _progress(self, event: Event) -> None:
-        """A build says much: off the terminal one line every few seconds is enough to see that it lives."""
-        now = time.monotonic()
-        text = f"{event.host}: {' '.join(event.text.split())}"
+        """A build prints a lot: without a status line, a line every few seconds is enough to see that it goes on."""
+        words = " ".join(event.text.split())
+        text = f"{event.host}: {words}" if event.host else words
         self.running[event.host] = text
-        if not self.live and event.text.strip() and now - self.last_said.get(event.host, 0.0) > _PROGRESS_EVERY_S:
+        now = time.monotonic()
+        if words and not self.live and now - self.last_said.get(event.host, 0.0) > _PROGRESS_EVERY_S:
             self.last_said[event.host] = now
-            err(f"  … {text}")
+            self._say(f"  … {text}")
 
-    def _waiting(self, event: Event) -> None:
-        text = f"{event.host}: {event.text}" if event.host else event.text
-        self.running[event.host] = text
-        now = time.monotonic()
-        if not self.live and now - self.last_said.get(event.host, 0.0) > _PROGRESS_EVERY_S:
-            self.last_said[event.host] = now
-            err(f"  … {text}")
+    _waiting = _progress
 
     def _end(self, event: Event) -> None:
         self.running.pop(event.host, None)
@@ -107,12 +92,10 @@ class _Shown:
         word = event.outcome.value
         took = f" ({event.duration_s:.1f} s)" if event.duration_s >= 1 else ""
         failed = f": {event.text.splitlines()[0]}" if event.text and word not in ("changed", "unchanged") else ""
-        symbol = event.step.change.action.value
-        what = f"{event.host}: {symbol} {event.step.module} {event.step.name}"
-        err(
-            f"[{min(self.done, self.total)}/{self.total}] {what}: {word}{took}{failed}",
-            color=_SYMBOL_COLORS.get(word) if self.color else None,
-        )
+        what = f"{event.host}: {event.step.change.action.value} {event.step.module} {event.step.name}"
+        color = _SYMBOL_COLORS.get(word) if self.color else None
+        self._say(f"[{min(self.done, self.total)}/{self.total}] {what}: {word}{took}{failed}", color)
 
-    def _status(self) -> str:
-        return f"{self.done}/{self.total} " + "; ".join(text for _, text in sorted(self.running.items()))
+    def _say(self, text: str, color: str | None = None) -> None:
+        if not self.quiet:
+            err(text, color)

@@ -12,7 +12,7 @@ from srprov.cli.output import out
 @click.command()
 @click.argument("kind")
 def schema(kind: str) -> int:
-    """Print the JSON Schema of KIND: edf, cdf, inventory-vars or another that `schemas/` holds."""
+    """Print the JSON Schema of KIND: of a file, such as edf or cdf, or of what a verb prints with --json."""
     from srprov import data
 
     out(json.dumps(data.schema(kind), indent=2, ensure_ascii=False))

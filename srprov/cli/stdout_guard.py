@@ -1,6 +1,6 @@
 """Standard output for answers alone: what libraries print by themselves goes to standard error.
 
-Touches the process's file descriptors; for a while only, and only here.
+Changes the process's file descriptors for the time of a block.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ def answers_only() -> Iterator[None]:
     """Point file descriptor 1 at standard error for a block; solvers in C++ sometimes print a line to it."""
     try:
         saved = os.dup(_OUT)
-    except OSError:  # closed: nothing can go astray
+    except OSError:  # it is closed: nothing can be printed to it
         yield
         return
     sys.stdout.flush()

@@ -7,7 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from jsonschema import Draft202012Validator
 
+from srprov import data
 from tests.lab.conftest import NOTHING, Lab, busybox, edf, part_of_lab
 
 pytestmark = pytest.mark.lab
@@ -104,6 +106,7 @@ def test_doctor_finds_the_labs_robots_well(trial: tuple[Lab, str, str]) -> None:
 
     assert done.code == 0, done
     assert set(done.json["robots"]) == set(ROBOTS)
+    assert list(Draft202012Validator(data.schema("doctor")).iter_errors(done.json)) == []
     for checks in done.json["robots"].values():
         assert len(checks) >= 10
         assert [check for check in checks if check["verdict"] == "failed"] == []

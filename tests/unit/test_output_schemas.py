@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Iterator
 from typing import Any
 
@@ -9,11 +10,14 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from srprov import data
+from srprov.cli.doctor import doctor_json
 from srprov.execution import Outcome
+from srprov.facts.preconditions import Verdict, judge
 from srprov.planning.policy import KINDS
 from srprov.resource import Action, Condition
+from tests.unit.facts.test_preconditions import GOOD, WELL, replies
 
-OUTPUTS = ("assign", "facts", "locks", "plan", "run", "status")
+OUTPUTS = ("assign", "doctor", "facts", "locks", "plan", "run", "status")
 
 
 def parts(schema: Any, path: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
@@ -57,4 +61,17 @@ def test_closed_lists_are_the_programs_own() -> None:
     assert step["action"]["enum"] == [action.name.lower() for action in Action]
     assert plan["$defs"]["need"]["properties"]["condition"]["enum"] == [one.value for one in Condition]
     assert list(plan["properties"]["counts"]["properties"]) == step["action"]["enum"]
+    verdicts = data.schema("doctor")["$defs"]["check"]["properties"]["verdict"]["enum"]
+    assert verdicts == [verdict.value for verdict in Verdict]
     assert plan["$defs"]["permission"]["properties"]["kind"]["examples"][0] in KINDS
+
+
+def test_doctor_prints_what_its_schema_says() -> None:
+    """With all verdicts, and with a robot that cannot be reached."""
+    well, bad = judge(WELL, replies(*GOOD)), judge(dataclasses.replace(WELL, docker=None), replies("", "", "0", ""))
+    document = doctor_json({"r1": well, "r2": bad}, {"r3": "no route"})
+    assert {check["verdict"] for checks in document["robots"].values() for check in checks} == {
+        verdict.value for verdict in Verdict
+    }
+    assert list(Draft202012Validator(data.schema("doctor")).iter_errors(document)) == []
+    assert list(Draft202012Validator(data.schema("doctor")).iter_errors({**document, "more": 1}))

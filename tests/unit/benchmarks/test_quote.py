@@ -18,6 +18,12 @@ def test_the_readme_says_what_was_measured() -> None:
     assert "| - |" not in text(RESULTS), "a tool was not measured, or calls itself otherwise"
 
 
+def test_the_default_comes_before_what_has_to_be_asked_for() -> None:
+    """A user who types nothing more than `apply` waits for 2 s, to see that new services stay up."""
+    rows = [line.split(" | ")[0] for line in text(RESULTS).splitlines() if "srprov" in line and line.startswith("| ")]
+    assert rows[:2] == ["| **srprov**, which watches new services for 2 s", "| srprov, `--settle 0`"]
+
+
 def test_every_figure_outside_the_marks_is_gone_with_the_marks() -> None:
     assert replaced(f"a {BEGIN} old 1.5 s {END} b", "new") == f"a {BEGIN}\n\nnew\n{END} b"
     with pytest.raises(ValueError, match="unpack"):

@@ -1,6 +1,6 @@
 """Where the time of a run went, as text: phases in their order, then robots, the slowest first.
 
-Takes the documented JSON of a run; gives lines. Pure.
+Takes the documented JSON of a run; returns text. Pure.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from typing import Any
 _MOST = 20
 
 
-def profile_text(phases: Mapping[str, float], robots: Mapping[str, Mapping[str, Any]]) -> str:
+def timings_text(phases: Mapping[str, float], robots: Mapping[str, Mapping[str, Any]]) -> str:
     """Return two tables; seconds of robots overlap with each other and with the phases."""
     width = max((len(name) for name in (*phases, *robots, "robot")), default=5)
     lines = ["", f"{'phase':<{width}}        s", *(f"{name:<{width}} {s:8.3f}" for name, s in phases.items())]

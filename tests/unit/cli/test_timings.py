@@ -1,10 +1,10 @@
-"""The profile names phases in their order and the slowest robots first."""
+"""The table names phases in their order and the slowest robots first."""
 
 from __future__ import annotations
 
 from typing import Any
 
-from srprov.cli.profile import profile_text
+from srprov.cli.timings import timings_text
 
 
 def robot(connect: float, asked: float = 0.0, **more: Any) -> dict[str, Any]:
@@ -13,7 +13,7 @@ def robot(connect: float, asked: float = 0.0, **more: Any) -> dict[str, Any]:
 
 
 def test_slowest_first() -> None:
-    text = profile_text({"definitions": 0.1, "facts": 1.25}, {"r1": robot(0.1), "r2": robot(0.1, 2.0)})
+    text = timings_text({"definitions": 0.1, "facts": 1.25}, {"r1": robot(0.1), "r2": robot(0.1, 2.0)})
     lines = [line.split() for line in text.splitlines()]
     assert ["definitions", "0.100"] in lines and ["facts", "1.250"] in lines
     assert [line[0] for line in lines if line and line[0] in ("r1", "r2")] == ["r2", "r1"]
@@ -21,5 +21,5 @@ def test_slowest_first() -> None:
 
 
 def test_many_robots_are_counted() -> None:
-    text = profile_text({}, {f"r{n:03}": robot(n / 10) for n in range(50)})
+    text = timings_text({}, {f"r{n:03}": robot(n / 10) for n in range(50)})
     assert text.splitlines()[-1] == "and 30 faster ones" and "r049" in text and "r000" not in text

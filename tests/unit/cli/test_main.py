@@ -1,0 +1,60 @@
+"""The command line as a whole: `-h` says what a shell takes, and whatever goes wrong is told."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+
+import click
+import pytest
+
+from srprov.cli.main import cli, run
+
+
+def commands(command: click.Command, name: str) -> Iterator[tuple[str, click.Command]]:
+    """Return a command and all below it."""
+    yield name, command
+    if isinstance(command, click.Group):
+        for verb in command.list_commands(click.Context(command)):
+            below = command.get_command(click.Context(command), verb)
+            assert below is not None
+            yield from commands(below, f"{name} {verb}")
+
+
+def test_a_broken_pipe_of_a_connection_is_told(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """click takes every broken pipe for that of standard output, and would end without a word."""
+
+    def broken(_kind: str) -> None:
+        raise BrokenPipeError(32, "Broken pipe")
+
+    monkeypatch.setattr("srprov.data.schema", broken)
+    monkeypatch.setattr("sys.stdout", sys.stdout)
+    monkeypatch.setattr("sys.stderr", sys.stderr)
+    assert run(["schema", "edf"]) == 1
+    assert "BrokenPipeError" in capsys.readouterr().err
+
+
+EVERY = dict(commands(cli, "srprov"))
+
+
+def test_there_are_all_verbs() -> None:
+    assert len(EVERY) > 20 and {"srprov apply", "srprov lab up"} <= EVERY.keys()
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_help_shows_no_markup(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run([*name.split()[1:], "-h"]) == 0
+    said = capsys.readouterr().out
+    assert "\\" not in said and "\b" not in said and said.startswith(f"Usage: {name} ")
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_arguments_that_may_be_left_out_are_in_brackets(name: str) -> None:
+    command = EVERY[name]
+    context = click.Context(command, info_name=name)
+    for one in command.params:
+        if isinstance(one, click.Argument):
+            shown = one.make_metavar(context)
+            assert shown.startswith("[") is not one.required, f"{name} {shown}"

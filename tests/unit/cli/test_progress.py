@@ -1,0 +1,125 @@
+"""Live progress on a terminal: whatever is drawn meanwhile, every finished line stays, whole and once."""
+
+from __future__ import annotations
+
+import json
+import re
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+
+from tests.unit.cli import player
+from tests.unit.cli.terminal import Terminal
+
+PLAYER = (sys.executable, "-m", "tests.unit.cli.player")
+RUNS = (1, 2, 3, 5, 8, 12, 19, 30)
+INTERRUPTED = "interrupted: running steps end, no new one begins; once more to leave at once"
+
+
+def told(robots: int) -> list[str]:
+    """Return what is said of each finished step, without its count: in which order they end is open."""
+    return [
+        f"{robot}: + container {player.step(robots, robot, number).name}: changed"
+        for robot in (f"robot{n:02}" for n in range(robots))
+        for number in range(player.STEPS)
+    ]
+
+
+def check(terminal: Terminal, runs: Sequence[int], columns: int) -> None:
+    """Hold the screen to what these runs say."""
+    seen = terminal.rows()
+    beginnings = Counter(row.partition(" ")[0] for row in seen.rows)
+    for robots in runs:
+        total = robots * player.STEPS
+        for line in told(robots):
+            times = sum(seen.count(f"[{n}/{total}] {line}", columns) for n in range(1, total + 1))
+            assert times == 1, f"{line} stands there {times} times:\n" + "\n".join(seen.rows)
+        for number in range(1, total + 1):
+            assert beginnings[f"[{number}/{total}]"] == 1
+        assert seen.count(f"run of {robots} done", columns) == 1
+
+
+@pytest.mark.parametrize("columns", [40, 80, 120])
+def test_every_finished_line_stays_whole_and_once(columns: int) -> None:
+    """With 1 to 30 robots; nothing of the status line is left."""
+    terminal = Terminal(*PLAYER, *map(str, RUNS), columns=columns)
+    terminal.read_until()
+    assert terminal.close() == 0
+    check(terminal, RUNS, columns)
+    rest = [row for row in terminal.rows().rows if re.search(r"Step 3/9|stay up|starting", row)]
+    assert rest == []
+
+
+@pytest.fixture
+def experiment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[str, ...]:
+    """Return the words that apply an experiment to robots in memory, in its folder."""
+    (tmp_path / "e.edf").write_text("edf: 1\nname: hello\nservices:\n  a: {image: busybox}\n")
+    (tmp_path / "inv.yml").write_text("all: {hosts: {r1: {ansible_host: 10.0.0.1}}}\n")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[3]))
+    monkeypatch.setenv("FAKED_STATE", "running.json")
+    return (sys.executable, "-m", "tests.unit.cli.faked", "apply", "e.edf", "-i", "inv.yml", "--settle", "0")
+
+
+def test_an_apply_goes_on_when_its_terminal_is_closed(experiment: tuple[str, ...]) -> None:
+    """And its user has seen to it that this sends no SIGHUP, e.g. by `disown`."""
+    terminal = Terminal(*experiment, columns=80)
+    terminal.read_until("Do this?")
+    terminal.type("y\n")
+    terminal.read_until("[1/")
+    terminal.hang_up()
+    assert terminal.close() == 0
+    assert json.loads(Path("running.json").read_text()) == [["a", "r1"]]
+
+
+@pytest.mark.parametrize("quiet", [False, True])
+def test_a_whole_apply_on_a_terminal(experiment: tuple[str, ...], quiet: bool) -> None:
+    """With a question: the plan is shown even when little else is wanted."""
+    terminal = Terminal(*experiment, *(["--quiet"] if quiet else []), columns=80)
+    terminal.read_until("Do this?")
+    terminal.type("y\n")
+    terminal.read_until()
+    assert terminal.close() == 0
+    rows = terminal.rows().rows
+    at = rows.index("Do this? [y/N]: y")
+    total = sum(row.startswith("  + #") for row in rows[:at])
+    finished = [] if quiet else [f"[{n}/{total}]" for n in range(1, total + 1)]
+    assert total >= 5 and [row.partition(" ")[0] for row in rows[at + 1 : at + 1 + len(finished)]] == finished
+    last = rows[at + 1 + len(finished) :]
+    assert last[0].startswith("hello: done in ") and not any(last[1:])
+
+
+@pytest.mark.parametrize(("before", "after"), [(120, 40), (40, 120), (80, 79)])
+def test_lines_stay_when_the_terminal_gets_another_size(before: int, after: int) -> None:
+    """In the middle of a run, under a status line of the old width."""
+    terminal = Terminal(*PLAYER, "hold", "12", columns=before)
+    terminal.read_until(player.HELD)
+    terminal.read_for(0.4)
+    held = terminal.rows()
+    below = [row for row in held.rows[held.places[player.HELD][0] + 1 :] if row]
+    assert len(below) == 1 and " 12/24 robot00: " in below[0], "the status line takes one row"
+    terminal.resize(after)
+    terminal.read_for(0.4)
+    terminal.type("\n")
+    terminal.read_until()
+    assert terminal.close() == 0
+    seen, total = terminal.rows(), 12 * player.STEPS
+    for at, line in enumerate(told(12)):
+        rows, columns = (seen, after) if at % player.STEPS else (held, before)
+        assert sum(rows.count(f"[{n}/{total}] {line}", columns) for n in range(1, total + 1)) == 1
+    beginnings = Counter(row.partition(" ")[0] for row in seen.rows)
+    assert all(beginnings[f"[{number}/{total}]"] == 1 for number in range(1, total + 1))
+
+
+@pytest.mark.parametrize("columns", [40, 80, 120])
+def test_the_word_of_an_interrupt_in_the_middle_stays_too(columns: int) -> None:
+    """A signal's handler writes past rich, wherever the cursor is."""
+    terminal = Terminal(*PLAYER, "interrupt", "12", columns=columns)
+    terminal.read_until()
+    assert terminal.close() == 0
+    check(terminal, [12], columns)
+    assert terminal.rows().count(INTERRUPTED, columns) == 1
