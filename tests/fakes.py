@@ -136,14 +136,14 @@ class World:
                 self.doubles.append(container.name)
 
 
-class FakeHold:
+class FakeLockChannel:
     """The lock's script on a fake robot: whoever is in `robot.holder` has the lock."""
 
     def __init__(self, robot: FakeRobot, claim: str) -> None:
         self.robot, self.claim = robot, claim
-        self.first = self.say("t")
+        self.first_answer = self.send("t")
 
-    def say(self, letter: str) -> str:
+    def send(self, letter: str) -> str:
         """Answer one letter."""
         with self.robot.world.lock:
             self.robot.check()
@@ -192,7 +192,7 @@ class FakeRobot:
         self.fault: Fault | None = None
         self.commands = 0
         self.gone = False
-        self.holder: FakeHold | None = None
+        self.holder: FakeLockChannel | None = None
         self.before_command: Callable[[Command], None] = lambda _command: None
         self._traffic = Traffic(connections=1)
 
@@ -213,12 +213,12 @@ class FakeRobot:
     def close(self) -> None:
         """Nothing to close."""
 
-    def hold(self, script: str, words: Sequence[str], pulse: Pulse) -> FakeHold:
+    def open_lock_channel(self, script: str, words: Sequence[str], pulse: Pulse) -> FakeLockChannel:
         """Play the lock's script."""
         with self.world.lock:
             self.check()
             self._traffic.round_trips += 1
-            return FakeHold(self, words[0])
+            return FakeLockChannel(self, words[0])
 
     def save_image(self, image: str, timeout_s: float) -> Iterator[bytes]:
         """Return an image as one piece."""

@@ -19,7 +19,7 @@ class Deadline:
         self.at = time.monotonic() + seconds
 
     def left(self, floor: float = 0.0) -> float:
-        """Give the seconds that are left, at least `floor`."""
+        """Return the seconds that are left, at least `floor`."""
         return max(floor, self.at - time.monotonic())
 
     @property
