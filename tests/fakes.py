@@ -162,6 +162,7 @@ class FakeLockChannel:
         """Let go."""
         if self.robot.holder is self:
             self.robot.holder = None
+            self.robot.released_while_busy |= self.robot.busy
 
 
 class FakeRobot:
@@ -193,6 +194,10 @@ class FakeRobot:
         self.commands = 0
         self.gone = False
         self.holder: FakeLockChannel | None = None
+        self.busy = False
+        """A command is being done."""
+        self.released_while_busy = False
+        """Its lock was given back in the middle of a command."""
         self.before_command: Callable[[Command], None] = lambda _command: None
         self._traffic = Traffic(connections=1)
 
@@ -211,7 +216,8 @@ class FakeRobot:
         return None
 
     def close(self) -> None:
-        """Nothing to close."""
+        """End the connection: the robot ends what runs there and frees its lock."""
+        self.gone, self.holder = True, None
 
     def open_lock_channel(self, script: str, words: Sequence[str], pulse: Pulse) -> FakeLockChannel:
         """Play the lock's script."""
@@ -300,6 +306,13 @@ class FakeRobot:
 
     def execute(self, command: Command, progress: Progress = no_progress) -> Reply:
         """Do one thing."""
+        self.busy = True
+        try:
+            return self._execute(command)
+        finally:
+            self.busy = False
+
+    def _execute(self, command: Command) -> Reply:
         self.before_command(command)
         with self.world.lock:
             self.check()

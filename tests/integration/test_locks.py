@@ -399,6 +399,21 @@ def test_a_controller_that_slept_does_not_act(opened: Callable[[], Session], mon
         session.execute(Run(script="true"))
 
 
+def test_a_bug_ends_what_runs_before_its_lock_is_free(opened: Callable[[], Session]) -> None:
+    """A run that ends by an exception may leave a step running: nobody else may get the robot then."""
+    session, other = opened(), opened()
+    failed: list[str] = []
+    thread = threading.Thread(target=lambda: failed.append(failure_of(session, f"sleep {NAPS[11]}")))
+    with pytest.raises(RuntimeError, match="a bug"), taken(session):
+        thread.start()
+        wait_until(lambda: running("sleep", NAPS[11]), 5)
+        raise RuntimeError("a bug")
+    wait_until(lambda: holder(other) is None, 10)
+    assert running("sleep", NAPS[11]) == []
+    thread.join(10)
+    assert len(failed) == 1 and failed[0]
+
+
 def test_a_jump_of_the_controllers_clock_has_no_effect(
     opened: Callable[[], Session], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -238,6 +238,30 @@ def test_an_interrupt_while_waiting_changes_nothing() -> None:
     assert world.done() == []
 
 
+def test_a_bug_frees_no_lock_under_a_step_that_still_runs() -> None:
+    """A run that ends by an exception ends its sessions: each robot stops what runs there before its lock is free."""
+    world = World().add("r1", "r2")
+    plan = plan_for(world, experiment(service("a", robot="r1"), service("b", robot="r2")))
+    busy, over = threading.Event(), threading.Event()
+
+    def last(_command: object) -> None:
+        busy.set()
+        assert over.wait(20)
+
+    def bug(_command: object) -> None:
+        assert busy.wait(20)
+        raise RuntimeError("a bug")
+
+    world.robots["r1"].before_command, world.robots["r2"].before_command = bug, last
+    try:
+        with pytest.raises(RuntimeError, match="a bug"):
+            run(world, plan)
+        assert not world.robots["r2"].released_while_busy
+        assert held(world) == {} and world.robots["r2"].gone
+    finally:
+        over.set()
+
+
 def test_a_robot_that_is_gone_is_no_reason_to_stop_the_others() -> None:
     """It is lost as a value, with the reason; the others are locked and changed."""
     world = World().add("r1", "r2")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import os
 import socket
 import subprocess
@@ -81,6 +82,8 @@ class PlayedEngine:
     def __init__(self, path: Path, answer: Answer) -> None:
         self.requests: list[str] = []
         self.connections = 0
+        self.hang_up_after = b""
+        """The answer after which it hangs up."""
         self._answer = answer
         self._server = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self._server.bind(str(path))
@@ -110,6 +113,8 @@ class PlayedEngine:
             self.requests.append(f"{method} {path}")
             answer = reply(b"OK") if path == "/_ping" else self._answer(f"{method} {path}", headers, body)
             if not answer:
+                if self.hang_up_after:
+                    sock.sendall(self.hang_up_after)
                 break
             with contextlib.suppress(BrokenPipeError):
                 sock.sendall(answer)
@@ -168,13 +173,60 @@ def test_an_engine_that_dies_in_a_batch(session: Session, play: Callable[[Answer
         b"HTTP/1.1 banana\r\n\r\n",
         b"\0" * 70_000,
         b"HTTP/1.1 200 OK\r\nContent-Length: 9\r\n\r\n",
+        b"HTTP/1.1 200 OK\r\nContent-Length: 99999999999999999\r\n\r\nx",
+        b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\nffffffffffff\r\nx",
+        b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\nno number\r\nx",
     ],
 )
 def test_what_is_no_engine_is_a_value(session: Session, play: Callable[[Answer], PlayedEngine], said: bytes) -> None:
     """Whatever comes instead of HTTP, or an answer that stays away, is a reply in words, and soon."""
     play(lambda *_: said)
+    call = EngineCall(method="POST", path="/x", timeout_s=0.5)
     one = session.ask([EngineQuery(path="/x", timeout_s=0.5)])[0]
-    assert (one.status, one.ok) == (0, False) and one.err
+    for reply in (one, session.execute(call), session.execute(dataclasses.replace(call, stream=True))):
+        assert (reply.status, reply.ok) == (0, False) and reply.err
+    with pytest.raises(TransportError, match="stopped giving"):
+        list(session.save_image("a:1", 0.5))
+
+
+def test_an_answer_that_is_too_long_is_a_value(
+    session: Session, play: Callable[[Answer], PlayedEngine], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("srprov.transport.engine.reads._LONGEST_ANSWER", MIB)
+    play(lambda *_: reply(b"x" * (2 * MIB)))
+    one = session.ask([EngineQuery(path="/x")])[0]
+    assert (one.status, one.ok) == (0, False) and "longer than 1 MiB" in one.err
+
+
+def test_a_redirection_is_not_followed(session: Session, play: Callable[[Answer], PlayedEngine]) -> None:
+    """A robot could send the controller to any place that the controller can reach."""
+    engine = play(lambda *_: reply(b"", "302 Found", more="Location: http://127.0.0.1:1/\r\n"))
+    assert session.execute(EngineCall(method="POST", path="/x")).status == 302
+    with pytest.raises(TransportError):
+        list(session.save_image("a:1", 5))
+    assert [one.split()[1] for one in engine.requests] == ["/_ping", "/v1.41/x", "/v1.41/images/a:1/get"]
+
+
+def test_nothing_of_this_machines_docker_user_goes_to_a_robot(
+    session: Session, play: Callable[[Answer], PlayedEngine], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its configuration may hold passwords of registries and of proxies."""
+    (tmp_path / "config.json").write_text(
+        '{"HttpHeaders": {"X-Token": "hunter2"}, "auths": {"r": {"auth": "aHVudGVyMjpodW50ZXIy"}},'
+        ' "proxies": {"default": {"httpProxy": "http://hunter2@proxy"}}}'
+    )
+    monkeypatch.setenv("DOCKER_CONFIG", str(tmp_path))
+    monkeypatch.setenv("HTTP_PROXY", "http://hunter2@127.0.0.1:1")
+    got: list[str] = []
+
+    def answer(_request: str, headers: dict[str, str], _body: bytes) -> bytes:
+        got.append(str(headers))
+        return reply(b'{"status":"fine"}\r\n')
+
+    play(answer)
+    assert session.execute(EngineCall(method="POST", path="/images/create", stream=True)).ok
+    assert list(session.save_image("a:1", 5))
+    assert len(got) == 2 and "hunter2" not in "".join(got) and "aHVudGVy" not in "".join(got)
 
 
 def test_a_closed_idle_connection_is_opened_again(session: Session, play: Callable[[Answer], PlayedEngine]) -> None:
@@ -255,6 +307,9 @@ def test_an_image_is_copied_without_being_held(play: Callable[[Answer], PlayedEn
     failed = target.execute(CopyImage(image="nope:1", source_host="source"))
     assert (failed.ok, failed.err) == (False, "source: its engine cannot give nope:1: no such image")
     assert target.ask([EngineQuery(path="/x/get")])[0].ok, "the target's engine is usable after a copy that failed"
+    for _ in range(6):  # more than there are connections
+        next(source.save_image("a:1", 5))
+    assert len(b"".join(source.save_image("a:1", 5))) == len(image), "a copy that nobody took to its end blocks nothing"
     target.close()
     source.close()
 
@@ -308,3 +363,16 @@ def test_a_log_is_followed_line_by_line(session: Session, play: Callable[[Answer
     engine = play(lambda *_: reply(frames))
     assert list(session.container_log("web", tail=5, follow=True)) == ["a", "bc"]
     assert engine.requests[-1] == "GET /v1.41/containers/web/logs?stdout=1&stderr=1&tail=5&follow=1"
+
+
+@pytest.mark.parametrize("end", [b"0\r\n\r\n", b""])
+def test_a_log_whose_connection_is_lost_is_no_end_of_the_log(
+    session: Session, play: Callable[[Answer], PlayedEngine], end: bytes
+) -> None:
+    head = b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\nConnection: close\r\n\r\n"
+    engine = play(lambda *_: b"")
+    engine.hang_up_after = head + b"a\r\n\1\0\0\0\0\0\0\2a\n\r\n" + end
+    log = session.container_log("web", tail=5, follow=True)
+    assert next(log) == "a"
+    with contextlib.nullcontext() if end else pytest.raises(TransportError, match="the log of web ended"):
+        assert list(log) == []
