@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import abc
 import contextlib
+import functools
 import threading
 import time
 from collections.abc import Iterator, Sequence
@@ -17,6 +18,7 @@ from srprov.errors import TransportError
 from srprov.transport.background import background
 from srprov.transport.engine import preload
 from srprov.transport.engine.access import EngineAccess
+from srprov.transport.engine.link import EngineLink, EngineSocket
 from srprov.transport.image_copy import copy_image
 from srprov.transport.shell.lock_channel import HeartbeatChannel
 from srprov.transport.shell.secret_script import secret_script
@@ -42,7 +44,6 @@ from srprov.wire import (
 
 if TYPE_CHECKING:
     from srprov.definitions.model import Host
-    from srprov.transport.engine.link import EngineSocket
     from srprov.transport.options import ConnectOptions, Peers
 
 
@@ -61,9 +62,8 @@ class BaseSession(abc.ABC):
         self._shell = shell
         self._traffic = shell.traffic
         self._mark = mark
-        self.engine = EngineAccess(
-            self._host, self._traffic, lambda: self.alive, self._dial_reads, self._dial_changes
-        )  # fmt: skip
+        link = functools.partial(EngineLink, host=host.name, alive=lambda: self.alive, traffic=shell.traffic)
+        self.engine = EngineAccess(link(dial=self._dial_reads), link(dial=self._dial_changes))
         self._lock_channel: HeartbeatChannel | None = None
         self._prepared = False
         self._lost: TransportError | None = None
@@ -163,10 +163,7 @@ class BaseSession(abc.ABC):
         """Return the script of a command: the last step, and the only one that puts a secret's value in."""
         if isinstance(command, Run):
             return command.script
-        return self._secret_script(command) if command.secret else command.script()
-
-    def _secret_script(self, put: Put) -> str:
-        return secret_script(put, self._vault.content(put.secret))
+        return secret_script(command, self._vault.content(command.secret)) if command.secret else command.script()
 
     def open_lock_channel(self, script: str, words: Sequence[str], pulse: Pulse) -> HeartbeatChannel:
         """Run a script beside the session's own shell and keep it alive by a heartbeat; see `wire.Session`.
@@ -175,11 +172,8 @@ class BaseSession(abc.ABC):
             TransportError: It cannot be started.
         """
         channel = HeartbeatChannel(self._host, self._second_shell(), self._traffic, pulse, self._contact_lost)
-        channel.open(
-            self._find_connection
-            + sh("exec", "sh", "-c", script, "lock", self._mark, str(pulse.robot_s))
-            + f' "$line" {sh(*words)}'
-        )
+        start = sh("exec", "sh", "-c", script, "lock", self._mark, str(pulse.robot_s))
+        channel.open(f'{self._find_connection}{start} "$line" {sh(*words)}')
         self._lock_channel = channel
         if self._prepared:
             threading.Thread(target=self.engine.warm_client, name="warm engine", daemon=True).start()

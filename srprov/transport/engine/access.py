@@ -6,11 +6,9 @@ What only asks does not import the docker SDK.
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from srprov.transport.engine.link import Dial, EngineLink
-from srprov.wire import Traffic
+from srprov.transport.engine.link import EngineLink
 
 if TYPE_CHECKING:
     from srprov.transport.engine.client import Engine
@@ -20,18 +18,12 @@ if TYPE_CHECKING:
 class EngineAccess:
     """A robot's Docker Engine, whether it is there or not. Safe for several threads."""
 
-    def __init__(
-        self, host: str, traffic: Traffic, alive: Callable[[], bool], dial_reads: Dial, dial_changes: Dial
-    ) -> None:
-        """Take the robot's name, where to count, how to see that it is gone, and how to open each kind of stream."""
-        self._host, self._traffic, self._alive = host, traffic, alive
-        self._dial_reads, self._dial_changes = dial_reads, dial_changes
+    def __init__(self, reads: EngineLink, changes: EngineLink) -> None:
+        """Take how the engine is reached, for each of the two."""
+        self._reads, self._changes = reads, changes
         self._lock = threading.Lock()
         self._reader: EngineReader | None = None
         self._client: Engine | None = None
-
-    def _link(self, dial: Dial) -> EngineLink:
-        return EngineLink(host=self._host, dial=dial, alive=self._alive, traffic=self._traffic)
 
     @property
     def reader(self) -> EngineReader:
@@ -40,7 +32,7 @@ class EngineAccess:
             if self._reader is None:
                 from srprov.transport.engine.reads import EngineReader
 
-                self._reader = EngineReader(self._link(self._dial_reads))
+                self._reader = EngineReader(self._reads)
             return self._reader
 
     @property
@@ -50,7 +42,7 @@ class EngineAccess:
             if self._client is None:
                 from srprov.transport.engine.client import Engine
 
-                self._client = Engine(self._link(self._dial_changes))
+                self._client = Engine(self._changes)
             return self._client
 
     def warm_client(self) -> None:

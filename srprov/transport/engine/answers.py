@@ -115,11 +115,9 @@ class Log(Protocol):
 
     def read(self, size: int, /) -> bytes:
         """Return so many bytes, fewer only at the end."""
-        ...
 
     def read1(self, size: int, /) -> bytes:
         """Return at most so many bytes, as soon as there are some."""
-        ...
 
 
 def demultiplexed(log: Log) -> Iterator[bytes]:

@@ -11,11 +11,18 @@ import io
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from srprov.errors import TransportError
 from srprov.transport.deadline import Deadline
 from srprov.wire import Reply, Traffic
+
+if TYPE_CHECKING:
+    import socket
+
+    import paramiko
+
+    Stream = paramiko.Channel | socket.socket
 
 _PIECE = 32 * 1024
 
@@ -26,26 +33,6 @@ class EngineGone(Exception):
 
 class EngineLate(EngineGone):
     """The engine did not answer within its time."""
-
-
-class Stream(Protocol):
-    """What a paramiko channel and a socket have in common."""
-
-    def settimeout(self, seconds: float | None, /) -> None:
-        """Limit each of the following calls."""
-        ...
-
-    def recv(self, size: int, /) -> bytes:
-        """Receive; none at the end."""
-        ...
-
-    def send(self, data: bytes, /) -> int:
-        """Send some."""
-        ...
-
-    def close(self) -> None:
-        """Close."""
-        ...
 
 
 class EngineSocket:

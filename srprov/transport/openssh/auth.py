@@ -23,6 +23,9 @@ from srprov.errors import AuthError, ConnectError, DeadlineError
 from srprov.transport.deadline import Deadline
 from srprov.transport.openssh.settings import SshSettings
 
+Attempt = tuple[str, str, Callable[[paramiko.Transport], list[str]]]
+"""Method, what is offered in words, and a function that offers it and returns what the robot wants besides."""
+
 
 @functools.lru_cache(maxsize=64)
 def _load(path: str, _mtime_ns: int) -> paramiko.PKey:
@@ -78,11 +81,8 @@ class Login(AuthStrategy):
         agent = Agent(self.settings.identity_agent)
         try:
             for method, label, attempt in self._attempts(agent):
-                if (
-                    allowed
-                    and method not in allowed
-                    and not (method == "password" and "keyboard-interactive" in allowed)
-                ):
+                asked = {*allowed, "password"} if "keyboard-interactive" in allowed else allowed
+                if asked and method not in asked:
                     continue
                 transport.auth_timeout = self.deadline.left(0.1)
                 try:
@@ -115,19 +115,17 @@ class Login(AuthStrategy):
                 raise self._error("; the robot closed the connection after that (MaxAuthTries?)")
             raise ConnectError(self.settings.name, f"connection lost during the login: {error}", hint="try again")
 
-    def _attempts(self, agent: Agent) -> Iterator[tuple[str, str, Callable[[paramiko.Transport], list[str]]]]:
+    def _attempts(self, agent: Agent) -> Iterator[Attempt]:
         """Return (method, label, attempt) in the order of the module's description."""
         settings, user = self.settings, self.settings.user
         offered: set[bytes] = set()
 
-        def public(
-            key: paramiko.PKey, label: str
-        ) -> Iterator[tuple[str, str, Callable[[paramiko.Transport], list[str]]]]:
+        def public(key: paramiko.PKey, label: str) -> Iterator[Attempt]:
             if key.asbytes() not in offered:
                 offered.add(key.asbytes())
                 yield "publickey", label, lambda transport: transport.auth_publickey(user, key)
 
-        def of_agent() -> Iterator[tuple[str, str, Callable[[paramiko.Transport], list[str]]]]:
+        def of_agent() -> Iterator[Attempt]:
             for key in agent.get_keys():
                 yield from public(key, f"agent key {key.comment or key.fingerprint}")
 

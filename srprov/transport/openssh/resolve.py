@@ -52,11 +52,11 @@ class _Config:
     """Values by lower-case keyword."""
 
     def __init__(self, values: Mapping[str, Sequence[str]]) -> None:
-        self._values = values
+        self.every = values
 
     def one(self, key: str, default: str = "") -> str:
         """Return the value that wins."""
-        return self._values[key][0] if key in self._values else default
+        return self.every[key][0] if key in self.every else default
 
     def chosen(self, key: str) -> str:
         """Return the value that wins; nothing for the word `none`."""
@@ -66,10 +66,6 @@ class _Config:
     def yes(self, key: str) -> bool:
         """Tell whether the value is `yes`."""
         return self.one(key).lower() == "yes"
-
-    def every(self, key: str) -> Sequence[str]:
-        """Return all values."""
-        return self._values.get(key, ())
 
 
 def _settings(
@@ -84,7 +80,7 @@ def _settings(
     if proxy:
         _check_words(host.name, (hostname, host.address, user, alias or ""))
     tokens = _tokens(host.address, hostname, port, user, alias)
-    keys = _paths(config.every("identityfile"), tokens)
+    keys = _paths(config.every.get("identityfile", ()), tokens)
     checking, timeout = config.one("stricthostkeychecking", "yes").lower(), config.one("connecttimeout")
     return SshSettings(
         name=host.name,
