@@ -120,16 +120,16 @@ class Engine:
         try:
             with self._client(call.timeout_s) as client:
                 answer = client.send_call(call.method, call.path, params=dict(call.params), data=data, headers=headers)
-                ok = answer.status_code in call.accept
-                if ok and call.stream:
-                    return follow(client.pieces(), answer.status_code, progress)
+                status = answer.status_code
+                if call.stream and status in call.accept:
+                    return follow(client.pieces(), status, progress)
                 text = _text(answer)
-                return Reply(status=answer.status_code, out=text, err="" if ok else message_of(text), ok=ok)
         except Refused as refused:
-            ok = refused.status in call.accept
-            return Reply(status=refused.status, out=refused.text, err="" if ok else refused.message, ok=ok)
+            status, text = refused.status, refused.text
         except _FAILURES as error:
             return self._link.failure(error, call.timeout_s)
+        ok = status in call.accept
+        return Reply(status=status, out=text, err="" if ok else message_of(text), ok=ok)
 
     def load(self, chunks: Iterator[bytes], timeout_s: float, progress: Progress) -> Reply:
         """Load an image from the chunks of a `docker save`, as they come.
