@@ -235,7 +235,7 @@ class Reader(Protocol):
         """The robot's name in the inventory."""
 
     def ask(self, queries: Sequence[AnyQuery]) -> Sequence[Reply]:
-        """Ask everything in one round trip of the shell, and beside it one of the engine; replies in the same order.
+        """Ask shell and engine at the same time, each in one round trip; replies come in the order of the queries.
 
         A command that fails is a `Reply` with `ok` false; an engine that is not there gives `status` 0.
 
@@ -265,7 +265,7 @@ class Session(Reader, Protocol):
         """Do several short things in one round trip, one after the other, each whatever came of the others."""
 
     def open_lock_channel(self, script: str, words: Sequence[str], pulse: Pulse) -> LockChannel:
-        """Run a script beside the session's own shell, and keep it alive by a heartbeat; one round trip.
+        """Run a script in a second shell, and keep it alive by a heartbeat; one round trip.
 
         The script says a line, then reads letters and answers each with one: `b`, the heartbeat, with `b`; `e` ends it.
         Its words: `$1`, SRPROV_SESSION in the environment of all processes of this session; `$2`, the seconds after

@@ -1,6 +1,6 @@
 """One moment by which something must be done, shared by all the steps that lead there.
 
-Takes seconds, gives seconds; touches nothing but the monotonic clock.
+Takes seconds, returns seconds; touches nothing but the monotonic clock.
 """
 
 from __future__ import annotations

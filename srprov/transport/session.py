@@ -121,8 +121,8 @@ class BaseSession(abc.ABC):
             if not shell or not engine:
                 replies = self._ask_engine(engine) or self._ask_shell(shell)
             else:
-                beside = background(lambda: self._ask_engine(engine, beside=True))
-                replies = self._ask_shell(shell) | beside.result()
+                engine_replies = background(lambda: self._ask_engine(engine, alongside_shell=True))
+                replies = self._ask_shell(shell) | engine_replies.result()
         self._traffic.asked_s += time.monotonic() - begun
         return [replies[at] for at in same]
 
@@ -131,9 +131,10 @@ class BaseSession(abc.ABC):
         with self._closing_on_error():
             return dict(zip(queries, self._shell.ask(list(queries.values())), strict=True))
 
-    def _ask_engine(self, queries: dict[int, EngineQuery], *, beside: bool = False) -> dict[int, Reply]:
+    def _ask_engine(self, queries: dict[int, EngineQuery], *, alongside_shell: bool = False) -> dict[int, Reply]:
         """Ask the engine, by position."""
-        return dict(zip(queries, self.engine.reader.ask(list(queries.values()), beside=beside), strict=True))
+        replies = self.engine.reader.ask(list(queries.values()), alongside_shell=alongside_shell)
+        return dict(zip(queries, replies, strict=True))
 
     def execute(self, command: Command, progress: Progress = no_progress) -> Reply:
         """Do one thing and wait for its end; a failure is a reply with `ok` false and the reason in `err`.
@@ -166,7 +167,7 @@ class BaseSession(abc.ABC):
         return secret_script(command, self._vault.content(command.secret)) if command.secret else command.script()
 
     def open_lock_channel(self, script: str, words: Sequence[str], pulse: Pulse) -> HeartbeatChannel:
-        """Run a script beside the session's own shell and keep it alive by a heartbeat; see `wire.Session`.
+        """Run a script in a second shell and keep it alive by a heartbeat; see `wire.Session`.
 
         Raises:
             TransportError: It cannot be started.

@@ -142,7 +142,7 @@ class SshSession(BaseSession):
         return None if channel is None else _engine_socket(channel, lambda: "")
 
     def _room(self, seconds: float) -> str:
-        """Say why sshd opens no session beside the shell's, or nothing: streams do not count, but a lock's shell does.
+        """Say why sshd opens no second session, or nothing: streams do not count, but a lock's shell does.
 
         Without this a robot that can be looked at, and not be changed, would be given services.
         """

@@ -1,6 +1,6 @@
 """HTTP to a Docker Engine over any pair of byte streams: what requests and urllib3 have to be taught.
 
-Takes a function that dials the engine, gives an adapter for the docker SDK's `APIClient`. The SDK's own
+Takes a function that dials the engine, returns an adapter for the docker SDK's `APIClient`. The SDK's own
 `transport/sshconn.py` opens an SSH connection of its own, knows no deadline and loses what the far end wrote to stderr.
 """
 

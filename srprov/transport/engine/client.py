@@ -1,6 +1,6 @@
 """What changes the Docker Engine of one robot: the docker SDK's `APIClient` over the robot's own connection.
 
-Takes `EngineCall`s and image streams, gives replies; `reads.py` has the questions. An engine that is not there is a
+Takes `EngineCall`s and image streams, returns replies; `reads.py` has the questions. An engine that is not there is a
 reply with status 0 and the reason in words, not an exception. The API version is the lower one of the engine's and the
 SDK's; a robot's docker CLI may be newer than its engine, so the CLI is never asked.
 """

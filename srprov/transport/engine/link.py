@@ -1,6 +1,6 @@
 """A byte stream to a Docker Engine, and what all who use one share: one deadline, one way to open it, errors in words.
 
-Takes an SSH channel, or a Unix socket of this machine; gives an `EngineSocket` for `http.client`. Its errors are not
+Takes an SSH channel, or a Unix socket of this machine; returns an `EngineSocket` for `http.client`. Its errors are not
 OSErrors on purpose: urllib3 and requests wrap those, and would have to be asked for the cause again.
 """
 

@@ -1,6 +1,6 @@
 """Questions to the Docker Engine of one robot: GETs of one batch go out together, the answers come back in one trip.
 
-Takes an `EngineLink` and `EngineQuery`s, gives a reply for each. HTTP/1.1 lets a client send requests before the
+Takes an `EngineLink` and `EngineQuery`s, returns a reply for each. HTTP/1.1 lets a client send requests before the
 answers to earlier ones are there (RFC 9112, 9.3.2), and Go's server, which Docker's and Podman's engines are built on,
 answers them in order. `http.client` reads the answers; the docker SDK knows no such thing and takes 0.15 s to import.
 
@@ -51,10 +51,10 @@ class EngineReader:
         if (stream := self._stream) is not None:
             stream.abort()
 
-    def ask(self, queries: Sequence[EngineQuery], *, beside: bool = False) -> list[Reply]:
+    def ask(self, queries: Sequence[EngineQuery], *, alongside_shell: bool = False) -> list[Reply]:
         """Ask everything in one round trip; once there is no engine, there is none for the rest.
 
-        With `beside` somebody asks the robot's shell at the same time, and that is counted.
+        With `alongside_shell` the robot's shell is asked at the same time, and only that round trip is counted.
 
         Raises:
             TransportError: The robot, not only its engine, is gone.
@@ -66,7 +66,7 @@ class EngineReader:
             while len(replies) < len(queries):
                 used = self._stream is not None
                 try:
-                    self._batch(queries[len(replies) :], replies, counted=not beside or bool(replies))
+                    self._batch(queries[len(replies) :], replies, counted=not alongside_shell or bool(replies))
                 except _FAILURES as error:
                     self._drop()
                     # An engine may close an idle stream just as it is used again; a GET can be repeated.

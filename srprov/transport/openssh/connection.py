@@ -1,6 +1,6 @@
 """One SSH connection: a paramiko client with strict host keys, deadlines everywhere, and jump hosts.
 
-Takes `SshSettings`, gives an open paramiko transport or one of the transport errors in words: paramiko gets a policy,
+Takes `SshSettings`, returns an open paramiko transport or one of the transport errors in words: paramiko gets a policy,
 a login and a socket of ours. `fabric.Connection` is not what connects: its `open()` trusts any host key (it hard-codes
 AutoAddPolicy) and guesses keys, and its import takes longer than the connection. `scripting.py` has one for scripts.
 """

@@ -1,6 +1,6 @@
 """Dial before paramiko is imported: an sshd takes longer to greet than a TCP connection takes, the import longer still.
 
-Takes a `Host`; gives a connected socket, or nothing where only ssh_config says where to dial. What is dialled is used
+Takes a `Host`; returns a connected socket, or nothing where only ssh_config says where to dial. What is dialled is used
 only if the settings, which are worked out later, name the same place.
 """
 

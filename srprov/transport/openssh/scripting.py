@@ -1,6 +1,6 @@
 """A `fabric.Connection` over a connection that is open: for scripts that want more than a session's protocol.
 
-Takes a `StrictConnection`, gives fabric's `run`, `sudo`, `put`, `get` and port forwards on it, without another login
+Takes a `StrictConnection`, returns fabric's `run`, `sudo`, `put`, `get` and port forwards on it, without another login
 and without fabric's own, which would trust any host key. Imported only when a script asks: fabric takes 50 ms.
 """
 

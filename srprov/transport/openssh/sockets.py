@@ -1,6 +1,6 @@
 """The way to a robot's sshd: name lookup, TCP and ProxyCommand, each with a deadline, and every byte counted.
 
-Takes a host name and port, gives a socket for paramiko; errors are in words.
+Takes a host name and port, returns a socket for paramiko; errors are in words.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 r"""The language between srprov and a robot's shell: what is written to it, and how its answers are cut apart again.
 
-Takes commands and bytes, gives bytes and replies; pure. A batch is one text. Each command in it runs as `(eval
+Takes commands and bytes, returns bytes and replies; pure. A batch is one text. Each command in it runs as `(eval
 'command') </dev/null`, so that neither `exit`, a syntax error nor a command that reads its standard input can touch
 the shell itself, at the price of one fork. After each one the shell prints `\n<nonce> <index> <status>\n` on both its
 streams; the nonce is 128 fresh random bits per batch, so that output may be any bytes and no temporary file is needed
