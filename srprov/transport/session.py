@@ -16,14 +16,10 @@ from typing import TYPE_CHECKING
 
 from srprov.errors import TransportError
 from srprov.transport.background import background
-from srprov.transport.engine import preload
-from srprov.transport.engine.access import EngineAccess
+from srprov.transport.engine import EngineAccess, preload
 from srprov.transport.engine.link import EngineLink, EngineSocket
-from srprov.transport.image_copy import copy_image
 from srprov.transport.shell.lock_channel import HeartbeatChannel
-from srprov.transport.shell.secret_script import secret_script
 from srprov.transport.shell.shell import Shell
-from srprov.transport.shell.streams import Streams
 from srprov.wire import (
     AnyQuery,
     Command,
@@ -45,6 +41,7 @@ from srprov.wire import (
 if TYPE_CHECKING:
     from srprov.definitions.model import Host
     from srprov.transport.options import ConnectOptions, Peers
+    from srprov.transport.shell.streams import Streams
 
 
 class BaseSession(abc.ABC):
@@ -55,10 +52,8 @@ class BaseSession(abc.ABC):
 
     def __init__(self, host: Host, options: ConnectOptions, peers: Peers | None, shell: Shell, mark: str) -> None:
         """Take the robot, how to reach others, a shell that was just started, and SRPROV_SESSION of what it runs."""
-        self._robot = host
-        self._host = host.name
-        self._vault = options.vault
-        self._peers = peers
+        self._robot, self._host = host, host.name
+        self._vault, self._peers = options.vault, peers
         self._shell = shell
         self._traffic = shell.traffic
         self._mark = mark
@@ -118,11 +113,11 @@ class BaseSession(abc.ABC):
         engine = {at: query for query, at in first.items() if isinstance(query, EngineQuery)}
         begun = time.monotonic()
         with self._in_contact():
-            if not shell or not engine:
-                replies = self._ask_engine(engine) or self._ask_shell(shell)
-            else:
+            if shell and engine:
                 engine_replies = background(lambda: self._ask_engine(engine, alongside_shell=True))
                 replies = self._ask_shell(shell) | engine_replies.result()
+            else:
+                replies = self._ask_engine(engine) or self._ask_shell(shell)
         self._traffic.asked_s += time.monotonic() - begun
         return [replies[at] for at in same]
 
@@ -146,6 +141,8 @@ class BaseSession(abc.ABC):
             if isinstance(command, EngineCall):
                 return self.engine.client.call(command, progress)
             if isinstance(command, CopyImage):
+                from srprov.transport.image_copy import copy_image
+
                 return copy_image(command, self._host, self.engine.client, self._peers, progress)
             with self._closing_on_error():
                 return self._shell.run(self._script(command), command.timeout_s, progress, shown=command.text())
@@ -162,9 +159,11 @@ class BaseSession(abc.ABC):
 
     def _script(self, command: Run | Put) -> str:
         """Return the script of a command: the last step, and the only one that puts a secret's value in."""
-        if isinstance(command, Run):
-            return command.script
-        return secret_script(command, self._vault.content(command.secret)) if command.secret else command.script()
+        if isinstance(command, Put) and command.secret:
+            from srprov.transport.shell.secret_script import secret_script
+
+            return secret_script(command, self._vault.content(command.secret))
+        return command.script if isinstance(command, Run) else command.script()
 
     def open_lock_channel(self, script: str, words: Sequence[str], pulse: Pulse) -> HeartbeatChannel:
         """Run a script in a second shell and keep it alive by a heartbeat; see `wire.Session`.

@@ -12,10 +12,13 @@ import contextlib
 import threading
 import time
 from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from srprov.errors import TransportError
-from srprov.transport.shell.streams import Streams
 from srprov.wire import Pulse, Traffic
+
+if TYPE_CHECKING:
+    from srprov.transport.shell.streams import Streams
 
 _GOODBYE_S = 2.0
 _HINT = "is the robot up, and its network? what was running there is ended by the robot itself; apply again"

@@ -12,11 +12,14 @@ import secrets
 import threading
 import time
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from srprov.errors import DeadlineError, TransportError
 from srprov.transport.shell.frames import Frames, batch
-from srprov.transport.shell.streams import Streams
 from srprov.wire import Progress, Query, Reply, Traffic
+
+if TYPE_CHECKING:
+    from srprov.transport.shell.streams import Streams
 
 
 class Shell:

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from srprov.errors import AuthError, ConnectError, DeadlineError, TransportError
 from srprov.secret import Secret
 from srprov.transport.deadline import Deadline
 from srprov.transport.shell.frames import ready_line, sudo_prompt
-from srprov.transport.shell.streams import Streams
+
+if TYPE_CHECKING:
+    from srprov.transport.shell.streams import Streams
 
 _SUDO_HINT = (
     "allow it without a password: echo '{user} ALL=(ALL) NOPASSWD: ALL' | sudo tee /etc/sudoers.d/srprov on the robot, "
