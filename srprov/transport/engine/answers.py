@@ -6,13 +6,13 @@ nothing is kept but the last lines.
 
 from __future__ import annotations
 
-import json
 import urllib.parse
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Protocol
 
 from srprov.transport.engine.link import EngineGone
+from srprov.untrusted import json_or_none, mapping, string
 from srprov.wire import Progress, Reply
 
 _LAST_LINES = 15
@@ -42,10 +42,7 @@ def within(path: str) -> str:
 
 def message_of(text: str) -> str:
     """Return the `message` of an engine's error answer, or all of it."""
-    try:
-        return str(json.loads(text)["message"])
-    except (ValueError, KeyError, TypeError, RecursionError):
-        return " ".join(text.split())[:500]
+    return string(mapping(json_or_none(text)).get("message")) or " ".join(text.split())[:500]
 
 
 def lines(pieces: Iterable[bytes]) -> Iterator[str]:
@@ -61,19 +58,14 @@ def lines(pieces: Iterable[bytes]) -> Iterator[str]:
         yield rest.decode("utf-8", "replace")
 
 
-def events(pieces: Iterable[bytes]) -> Iterator[dict[str, Any]]:
+def events(pieces: Iterable[bytes]) -> Iterator[Mapping[str, Any]]:
     """Read a progress stream, one JSON object per line.
 
     The docker SDK's own decoder keeps an answer without end in memory, parses it anew with each piece, fails at deep
     nesting, and cuts characters in two.
     """
     for line in lines(pieces):
-        try:
-            event = json.loads(line)
-        except (ValueError, RecursionError):
-            continue
-        if isinstance(event, dict):
-            yield event
+        yield mapping(json_or_none(line))
 
 
 def follow(pieces: Iterable[bytes], status: int, progress: Progress) -> Reply:
@@ -92,19 +84,16 @@ def follow(pieces: Iterable[bytes], status: int, progress: Progress) -> Reply:
     return Reply(status=status, out="\n".join(last))
 
 
-def failure(event: dict[str, Any]) -> str:
+def failure(event: Mapping[str, Any]) -> str:
     """Return the error of an event, or nothing."""
     detail, error = event.get("errorDetail"), event.get("error")
-    message = detail.get("message") if isinstance(detail, dict) else None
-    words = next((one.strip() for one in (message, error) if isinstance(one, str) and one.strip()), "")
+    words = string(mapping(detail).get("message")).strip() or string(error).strip()
     return words or ("the engine did not say why" if error or detail else "")
 
 
-def told(event: dict[str, Any]) -> list[str]:
+def told(event: Mapping[str, Any]) -> list[str]:
     """Return an event as text: build output, or `layer: status progress`."""
-    stream, status, name, bar = (
-        value if isinstance(value := event.get(key), str) else "" for key in ("stream", "status", "id", "progress")
-    )
+    stream, status, name, bar = (string(event.get(key)) for key in ("stream", "status", "id", "progress"))
     if stream:
         return [line.rstrip() for line in stream.splitlines() if line.strip()]
     return [f"{name}: " * bool(name) + status + f" {bar}" * bool(bar)] if status else []
