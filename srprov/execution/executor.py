@@ -15,7 +15,7 @@ from srprov.errors import TransportError
 from srprov.execution.audit import AuditEntry, audit
 from srprov.execution.batches import Batch, cut
 from srprov.execution.conditions import wait_for
-from srprov.execution.lock_set import LockOptions, acquire
+from srprov.execution.lock_set import LockOptions, LockSet
 from srprov.execution.locks import claim
 from srprov.execution.options import RunOptions
 from srprov.execution.outcome import Event, Listener, Outcome, RunResult, StepResult
@@ -33,7 +33,7 @@ def walk(
     waiting = LockOptions(wait_s=options.lock_wait_s, pulse=options.pulse, forks=options.forks)
     mine = claim(f"{options.verb} {plan.instance}", options.run)
     unaudited: dict[str, str] = {}
-    with acquire(robots, sessions, mine, waiting, stop, listener) as locks:
+    with LockSet(robots, sessions, mine, waiting, stop, listener).acquire() as locks:
         reached = {host: session for host, session in sessions.items() if host not in locks.lost}
         run = _Run(reached, listener, options, stop, locks.lost)
         run.walk(cut(plan.steps))

@@ -1,6 +1,6 @@
 """Acquire the locks of all robots of a run, or of none.
 
-Takes names, sessions and a claim, returns a `LockSet`. Of several controllers that want overlapping robots one goes on
+A `LockSet` takes names, sessions and a claim. Of several controllers that want overlapping robots one goes on
 and no two wait for each other for ever: whoever waits for a robot holds only robots that come before it by name. So the
 first is locked by itself, which settles nearly every race; the rest at once; and where one of them is missing, those
 behind it are released before it is waited for.
@@ -48,7 +48,7 @@ class LockSet:
         stop: threading.Event,
         listener: Listener,
     ) -> None:
-        """Take what `acquire` got; nothing is locked yet."""
+        """Take the robots, how to reach them, and whom to tell who is waited for; nothing is locked yet."""
         self._names = sorted(robots)
         self._sessions, self._claim, self._options = sessions, claim, options
         self._stop, self._listener = stop, listener
@@ -79,7 +79,7 @@ class LockSet:
             self._finish(lambda name: self._sessions[name].close())
         self._pool.shutdown(wait=False, cancel_futures=True)
 
-    def acquire(self) -> None:
+    def acquire(self) -> LockSet:
         """Lock all robots, or none; none too when `stop` is set meanwhile.
 
         Raises:
@@ -94,6 +94,7 @@ class LockSet:
             raise
         if self._stop.is_set():
             self.release()
+        return self
 
     def _acquire(self) -> None:
         while (missing := self._missing()) and not self._stop.is_set():
@@ -192,21 +193,3 @@ class LockSet:
             self._channels[name].send("f")
         except TransportError as error:
             self.lost[name] = error.message
-
-
-def acquire(
-    robots: Collection[str],
-    sessions: Mapping[str, Session],
-    claim: Claim,
-    options: LockOptions,
-    stop: threading.Event,
-    listener: Listener,
-) -> LockSet:
-    """Lock these robots, all or none; none too when `stop` is set meanwhile.
-
-    Raises:
-        LockHeld: Somebody else holds one of them.
-    """
-    locks = LockSet(robots, sessions, claim, options, stop, listener)
-    locks.acquire()
-    return locks

@@ -24,7 +24,7 @@ import pytest
 from srprov.definitions.model import Host
 from srprov.errors import LockHeld, TransportError
 from srprov.execution import locks as locks_room
-from srprov.execution.lock_set import LockOptions, LockSet, acquire
+from srprov.execution.lock_set import LockOptions, LockSet
 from srprov.execution.locks import SCRIPT, Claim, Holder, holders, who_holds
 from srprov.transport import ConnectOptions, connect
 from srprov.transport.shell import lock_channel as channel_file
@@ -82,7 +82,7 @@ def opened() -> Iterator[Callable[[], Session]]:
 
 def taken(session: Session, claim: Claim = ANNA, pulse: Pulse = SHORT, wait_s: float = 0.0) -> LockSet:
     patience = LockOptions(wait_s=wait_s, pulse=pulse)
-    locks = acquire(["here"], {"here": session}, claim, patience, threading.Event(), lambda _event: None)
+    locks = LockSet(["here"], {"here": session}, claim, patience, threading.Event(), lambda _event: None).acquire()
     assert locks.lost == {}
     return locks
 
@@ -217,7 +217,7 @@ def test_no_folder_and_no_flock_are_said(opened: Callable[[], Session], tmp_path
     for place in locks_room.PLACES:
         Path(place).write_text("")
     patience = LockOptions(pulse=SHORT)
-    locks = acquire(["here"], {"here": opened()}, ANNA, patience, threading.Event(), lambda _event: None)
+    locks = LockSet(["here"], {"here": opened()}, ANNA, patience, threading.Event(), lambda _event: None).acquire()
     assert "root can write to none of" in locks.lost["here"]
     done = subprocess.run(
         [str(shutil.which("sh")), "-c", SCRIPT, "hold", MARK, "2", "", "{}", str(tmp_path / "x")],
@@ -430,12 +430,13 @@ CONTROLLER = """
 import sys, threading
 from srprov.definitions.model import Host
 from srprov.execution import locks
-from srprov.execution.lock_set import LockOptions, acquire
+from srprov.execution.lock_set import LockOptions, LockSet
 from srprov.transport import connect
 from srprov.wire import Run
 locks.PLACES = tuple(sys.argv[1:3])
 session = connect(Host(name="here", address="localhost", connection="local"))
-acquire(["here"], {"here": session}, locks.claim("apply hello"), LockOptions(), threading.Event(), lambda _event: None)
+waiting = LockOptions()
+LockSet(["here"], {"here": session}, locks.claim("apply hello"), waiting, threading.Event(), lambda _event: None).acquire()
 print("locked", flush=True)
 session.execute(Run(script=f"sleep {sys.argv[3]} & sleep {sys.argv[4]}"))
 """

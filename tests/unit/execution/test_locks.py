@@ -13,7 +13,7 @@ import pytest
 
 from srprov.errors import LockHeld
 from srprov.execution import Outcome, RunOptions, lock_set, run_plan
-from srprov.execution.lock_set import LockOptions, LockSet, acquire
+from srprov.execution.lock_set import LockOptions, LockSet
 from srprov.execution.locks import Claim, Holder, age, parse_holder
 from srprov.wire import Pulse
 from tests.fakes import FakeLockChannel, World
@@ -36,7 +36,9 @@ def taken(
 ) -> LockSet:
     """Take these robots as a run does."""
     patience = LockOptions(wait_s=wait_s)
-    return acquire(names, world.sessions(), claim(owner), patience, stop or threading.Event(), lambda _event: None)
+    return LockSet(
+        names, world.sessions(), claim(owner), patience, stop or threading.Event(), lambda _event: None
+    ).acquire()
 
 
 def together(works: Sequence[Callable[[], None]]) -> None:
@@ -187,7 +189,9 @@ def test_a_knot_is_untied() -> None:
     def one(owner: str, names: tuple[str, ...]) -> None:
         sessions: dict[str, Any] = {n: Crossed(n, owner) if n in tried else world.robots[n] for n in names}
         meet.wait()
-        with acquire(names, sessions, claim(owner), LockOptions(wait_s=30), threading.Event(), lambda _event: None):
+        with LockSet(
+            names, sessions, claim(owner), LockOptions(wait_s=30), threading.Event(), lambda _event: None
+        ).acquire():
             assert held(world).items() >= dict.fromkeys(names, owner).items()
             got.append(owner)
 
