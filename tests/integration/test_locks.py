@@ -435,8 +435,8 @@ from srprov.transport import connect
 from srprov.wire import Run
 locks.PLACES = tuple(sys.argv[1:3])
 session = connect(Host(name="here", address="localhost", connection="local"))
-waiting = LockOptions()
-LockSet(["here"], {"here": session}, locks.claim("apply hello"), waiting, threading.Event(), lambda _event: None).acquire()
+never, quiet = threading.Event(), lambda _event: None
+LockSet(["here"], {"here": session}, locks.claim("apply hello"), LockOptions(), never, quiet).acquire()
 print("locked", flush=True)
 session.execute(Run(script=f"sleep {sys.argv[3]} & sleep {sys.argv[4]}"))
 """
