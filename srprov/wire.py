@@ -199,7 +199,7 @@ class Measures:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Pulse:
-    """How the two ends of a `Hold` notice that they lost each other; the controller always gives up first."""
+    """How the two ends of a `LockChannel` notice that they lost each other; the controller always gives up first."""
 
     beat_s: float = 5.0
     """How often the controller says that it is there."""
@@ -214,14 +214,14 @@ class Pulse:
             raise ValueError("a heartbeat needs 0 < beat < controller < robot, in seconds")
 
 
-class Hold(Protocol):
+class LockChannel(Protocol):
     """A script on the robot that lives as long as both ends hear each other; each letter it gets, it answers."""
 
-    first: str
+    first_answer: str
     """The line that the script said by itself."""
 
-    def say(self, letter: str) -> str:
-        """Send one letter and give the line that answers it; TransportError when the contact is lost."""
+    def send(self, letter: str, /) -> str:
+        """Send one letter and return the line that answers it; TransportError when the contact is lost."""
 
     def close(self) -> None:
         """Send `e` and wait a moment for the script's end; safe to call twice, and never raises."""
@@ -235,7 +235,7 @@ class Reader(Protocol):
         """The robot's name in the inventory."""
 
     def ask(self, queries: Sequence[AnyQuery]) -> Sequence[Reply]:
-        """Ask everything in one round trip of the shell, and beside it one of the engine; replies in the same order.
+        """Ask shell and engine at the same time, each in one round trip; replies come in the order of the queries.
 
         A command that fails is a `Reply` with `ok` false; an engine that is not there gives `status` 0.
 
@@ -264,8 +264,8 @@ class Session(Reader, Protocol):
     def execute_all(self, commands: Sequence[Run | Put]) -> Sequence[Reply]:
         """Do several short things in one round trip, one after the other, each whatever came of the others."""
 
-    def hold(self, script: str, words: Sequence[str], pulse: Pulse) -> Hold:
-        """Run a script beside the session's own shell, and keep it alive by a heartbeat; one round trip.
+    def open_lock_channel(self, script: str, words: Sequence[str], pulse: Pulse) -> LockChannel:
+        """Run a script in a second shell, and keep it alive by a heartbeat; one round trip.
 
         The script says a line, then reads letters and answers each with one: `b`, the heartbeat, with `b`; `e` ends it.
         Its words: `$1`, SRPROV_SESSION in the environment of all processes of this session; `$2`, the seconds after

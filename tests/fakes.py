@@ -136,14 +136,14 @@ class World:
                 self.doubles.append(container.name)
 
 
-class FakeHold:
+class FakeLockChannel:
     """The lock's script on a fake robot: whoever is in `robot.holder` has the lock."""
 
     def __init__(self, robot: FakeRobot, claim: str) -> None:
         self.robot, self.claim = robot, claim
-        self.first = self.say("t")
+        self.first_answer = self.send("t")
 
-    def say(self, letter: str) -> str:
+    def send(self, letter: str) -> str:
         """Answer one letter."""
         with self.robot.world.lock:
             self.robot.check()
@@ -162,6 +162,7 @@ class FakeHold:
         """Let go."""
         if self.robot.holder is self:
             self.robot.holder = None
+            self.robot.released_while_busy |= self.robot.busy
 
 
 class FakeRobot:
@@ -192,7 +193,11 @@ class FakeRobot:
         self.fault: Fault | None = None
         self.commands = 0
         self.gone = False
-        self.holder: FakeHold | None = None
+        self.holder: FakeLockChannel | None = None
+        self.busy = False
+        """A command is being done."""
+        self.released_while_busy = False
+        """Its lock was given back in the middle of a command."""
         self.before_command: Callable[[Command], None] = lambda _command: None
         self._traffic = Traffic(connections=1)
 
@@ -211,14 +216,15 @@ class FakeRobot:
         return None
 
     def close(self) -> None:
-        """Nothing to close."""
+        """End the connection: the robot ends what runs there and frees its lock."""
+        self.gone, self.holder = True, None
 
-    def hold(self, script: str, words: Sequence[str], pulse: Pulse) -> FakeHold:
+    def open_lock_channel(self, script: str, words: Sequence[str], pulse: Pulse) -> FakeLockChannel:
         """Play the lock's script."""
         with self.world.lock:
             self.check()
             self._traffic.round_trips += 1
-            return FakeHold(self, words[0])
+            return FakeLockChannel(self, words[0])
 
     def save_image(self, image: str, timeout_s: float) -> Iterator[bytes]:
         """Return an image as one piece."""
@@ -300,6 +306,13 @@ class FakeRobot:
 
     def execute(self, command: Command, progress: Progress = no_progress) -> Reply:
         """Do one thing."""
+        self.busy = True
+        try:
+            return self._execute(command)
+        finally:
+            self.busy = False
+
+    def _execute(self, command: Command) -> Reply:
         self.before_command(command)
         with self.world.lock:
             self.check()

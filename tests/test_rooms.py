@@ -319,7 +319,7 @@ def test_every_excuse_for_length_has_a_reason_and_a_file() -> None:
 
 
 BROKEN = [
-    ("planning/plan.py", "from srprov.transport import ssh", "the room planning may not import srprov.transport.ssh"),
+    ("planning/plan.py", "from srprov.transport import pool", "the room planning may not import srprov.transport.pool"),
     ("planning/plan.py", "from srprov import transport", "the room planning may not import srprov.transport"),
     ("planning/plan.py", "import srprov.cli.main", "the room planning may not import srprov.cli.main"),
     ("planning/plan.py", "from ..execution import run", "the room planning may not import srprov.execution.run"),
@@ -367,8 +367,8 @@ def test_the_checker_sees_a_violation(path: str, source: str, said: str) -> None
 
 
 ORDERLY = [
-    ("transport/ssh.py", "import socket, subprocess, paramiko\nfrom srprov.wire import Reader"),
-    ("transport/auth.py", "password.reveal()"),
+    ("transport/ssh_session.py", "import socket, subprocess, paramiko\nfrom srprov.wire import Reader"),
+    ("transport/openssh/auth.py", "password.reveal()"),
     ("assignment/solve_flow.py", "def f():\n    from ortools.graph.python import min_cost_flow"),
     ("assignment/solve.py", "from srprov.assignment.problem import Problem"),
     ("definitions/load.py", "import jsonschema\nfrom srprov.secret import Secret\nfrom . import model"),

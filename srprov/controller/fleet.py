@@ -53,9 +53,9 @@ class Fleet:
 
     def get_ready(self, robots: Collection[str]) -> None:
         """Begin to import what changes robots, and to start on these what only a change needs."""
-        from srprov.transport import prefetch
+        from srprov.transport import preload_engine
 
-        prefetch()
+        preload_engine()
         self.sessions.prepare(sorted(robots))
         import srprov.execution.executor
 
@@ -75,13 +75,13 @@ def connect(
         changing: A run will follow, so begin to import what records it.
         vault: The secrets that are written there.
     """
-    from srprov.transport import ConnectOptions, load_ssh
+    from srprov.transport import ConnectOptions, preload_ssh
     from srprov.transport.pool import Sessions
 
     options = ConnectOptions(connect_timeout_s=timeout_s, vault=vault or Vault())
     with Sessions(inventory.hosts, options=options, forks=forks) as sessions:
         if any(host.connection != "local" for host in inventory.hosts.values()):
-            load_ssh()  # before anything else is imported: from then on the robots have something to do too
+            preload_ssh()  # before anything else is imported: from then on the robots have something to do too
         if changing:
             threading.Thread(target=_import_record, name="import record", daemon=True).start()
         yield Fleet(inventory, sessions, forks)

@@ -15,12 +15,12 @@ from srprov.errors import TransportError
 from srprov.execution.audit import AuditEntry, audit
 from srprov.execution.batches import Batch, cut
 from srprov.execution.conditions import wait_for
+from srprov.execution.lock_set import LockOptions, LockSet
 from srprov.execution.locks import claim
 from srprov.execution.options import RunOptions
 from srprov.execution.outcome import Event, Listener, Outcome, RunResult, StepResult
 from srprov.execution.robot import RobotExecutor, round_trip_size
 from srprov.execution.settle import settle
-from srprov.execution.taking import Patience, take
 from srprov.planning.plan import Plan, Step
 from srprov.wire import Session
 
@@ -30,10 +30,10 @@ def walk(
 ) -> RunResult:
     """Do what `srprov.execution.run_plan` promises."""
     robots = {step.host for step in plan.steps} & sessions.keys()
-    patience = Patience(wait_s=options.lock_wait_s, pulse=options.pulse, forks=options.forks)
+    waiting = LockOptions(wait_s=options.lock_wait_s, pulse=options.pulse, forks=options.forks)
     mine = claim(f"{options.verb} {plan.instance}", options.run)
     unaudited: dict[str, str] = {}
-    with take(robots, sessions, mine, patience, stop, listener) as locks:
+    with LockSet(robots, sessions, mine, waiting, stop, listener).acquire() as locks:
         reached = {host: session for host, session in sessions.items() if host not in locks.lost}
         run = _Run(reached, listener, options, stop, locks.lost)
         run.walk(cut(plan.steps))

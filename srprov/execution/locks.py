@@ -1,11 +1,12 @@
 """One lock per robot: what it is there, who holds it, and how that is read.
 
-The lock is a `flock` on the robot, taken by a script that lives on the controller's own connection (`wire.Hold`). The
-kernel frees it with the script's process, so a lock whose holder died cannot exist; the file `holder` beside it only
-tells people whose lock it is. When the controller is gone (end of input) or was silent for too long, the script first
-kills what the controller's session still runs on the robot, then lets go: nobody acts on a robot without its lock.
+The lock is a `flock` on the robot, taken by a script that lives on the controller's own connection
+(`wire.LockChannel`). The kernel frees it with the script's process, so a lock whose holder died cannot exist; the file
+`holder` beside it only tells people whose lock it is. When the controller is gone (end of input) or was silent for too
+long, the script first kills what the controller's session still runs on the robot, then lets go: nobody acts on a robot
+without its lock.
 
-Takes and gives values; `taking.py` takes the locks of a run.
+Takes and returns values; `lock_set.py` acquires the locks of a run.
 """
 
 from __future__ import annotations
@@ -126,13 +127,13 @@ class Claim:
     run: str
 
     def words(self) -> tuple[str, ...]:
-        """Give the words of `SCRIPT`."""
+        """Return the words of `SCRIPT`."""
         about = {"owner": self.owner, "pid": self.pid, "purpose": self.purpose, "run": self.run}
         return (json.dumps(about, separators=(",", ":")), *PLACES)
 
 
 def claim(purpose: str, run: str = "") -> Claim:
-    """Give the claim of this process; a run without an id gets a fresh one."""
+    """Return the claim of this process; a run without an id gets a fresh one."""
     return Claim(owner=owner(), pid=os.getpid(), purpose=purpose, run=run or secrets.token_hex(6))
 
 
@@ -155,7 +156,7 @@ class Holder:
 
 
 def age(seconds: int | None) -> str:
-    """Give a duration as `7 s`, `12 min` or `3 h 5 min`."""
+    """Return a duration as `7 s`, `12 min` or `3 h 5 min`."""
     if seconds is None:
         return ""
     minutes, hours = seconds // 60, seconds // 3600

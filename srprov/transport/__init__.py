@@ -1,51 +1,31 @@
 """The wire: the only room with sockets. It carries what `wire.py` describes, and decides nothing.
 
-Takes a `Host`, gives a `Session` over one SSH connection (`ssh.py`) or over local pipes (`local.py`). A session has
-one shell (`shell.py`, cut apart by `frames.py`) for `Query`, `Run` and `Put`, a stream to the Docker Engine for
-`EngineQuery` (`engine_reads.py`), and a client for `EngineCall` and `CopyImage` (`engine.py`). `Sessions` (`pool.py`)
-connects to many robots at once; one that fails is a value there.
+`connect` takes a `Host` and returns a `Session` over one SSH connection (`ssh_session.py`) or over local pipes
+(`local_session.py`); `Sessions` (`pool.py`) connects to many robots at once, and one that fails is a value there.
+
+A session has one shell (`shell/`) for `Query`, `Run` and `Put`, a stream to the Docker Engine for `EngineQuery` and a
+client for `EngineCall` and `CopyImage` (`engine/`); the SSH connection itself is `openssh/`.
 
 Importing this package is cheap: paramiko is imported when the first connection is made, the docker SDK when something
-changes, fabric when a script asks for it (`scripting.py`).
+changes, fabric when a script asks for it (`openssh/scripting.py`).
 """
 
 from __future__ import annotations
 
-import functools
 import sys
 import threading
-from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from srprov.secret import Vault
+from srprov.transport.engine import preload as preload_engine
+from srprov.transport.options import ConnectOptions, Peers
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from srprov.definitions.model import Host
     from srprov.wire import Session
 
-__all__ = ["ConnectOptions", "Peers", "connect"]
+__all__ = ["ConnectOptions", "Peers", "connect", "preload_engine", "preload_ssh"]
 
-Peers = Callable[[str], "Session"]
-"""Gives the session of another robot by its name, for `CopyImage`; raises TransportError when there is none."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class ConnectOptions:
-    """How to connect; the inventory and ssh_config say whom to and as whom."""
-
-    connect_timeout_s: float = 10.0
-    """For everything from the name lookup to the ready shell; `ConnectTimeout` of the host's ssh options wins."""
-    attempts: int = 3
-    """How often a connection that sshd dropped before its banner (MaxStartups) is tried, inside the timeout."""
-    ssh_config: Path | None = None
-    """Used instead of ~/.ssh/config and /etc/ssh/ssh_config, as `ssh -F` does."""
-    warm_engine: bool = True
-    """Open the channel to the Docker Engine in the background while the first questions are asked."""
-    vault: Vault = field(default_factory=Vault)
-    """What the sessions put in the place of the names of secrets."""
+_loading = threading.Lock()
 
 
 def connect(host: Host, *, options: ConnectOptions | None = None, peers: Peers | None = None) -> Session:
@@ -59,59 +39,38 @@ def connect(host: Host, *, options: ConnectOptions | None = None, peers: Peers |
     """
     chosen = options or ConnectOptions()
     if host.connection == "local":
-        from srprov.transport.local import LocalSession
+        from srprov.transport.local_session import LocalSession
 
-        local = LocalSession.open(host, chosen, peers)
-        local.vault = chosen.vault
-        return local
-    from srprov.transport.ahead import dial_ahead
+        return LocalSession.open(host, chosen, peers)
+    from srprov.transport.openssh.early_dial import dial_early
 
-    ahead = dial_ahead(host, chosen.connect_timeout_s, chosen.ssh_config)
+    dialled = dial_early(host, chosen.connect_timeout_s, chosen.ssh_config)
     try:
-        load_ssh()
-        from srprov.transport.ssh import SshSession
+        preload_ssh()
+        from srprov.transport.ssh_session import SshSession
 
-        session = SshSession.open(host, chosen, peers, ahead)
+        return SshSession.open(host, chosen, peers, dialled)
     except BaseException:
-        if ahead:
-            ahead.sock.close()
+        if dialled:
+            dialled.sock.close()
         raise
-    session.vault = chosen.vault
-    return session
 
 
-def load_ssh() -> None:
+def preload_ssh() -> None:
     """Import what connects, once, without invoke: paramiko wants it for `Match exec` alone, which `ssh -G` does here.
 
     With asyncio, unittest and a YAML parser of its own, invoke takes half as long to import as paramiko itself.
     """
     with _loading:
-        if "srprov.transport.ssh" in sys.modules:
+        if "srprov.transport.ssh_session" in sys.modules:
             return
         known = "invoke" in sys.modules
         if not known:
             sys.modules["invoke"] = None  # type: ignore[assignment]  # the documented way to make an import fail
         try:
-            import srprov.transport.ssh
+            import srprov.transport.ssh_session
 
             del srprov
         finally:
             if not known:
                 del sys.modules["invoke"]
-
-
-@functools.lru_cache(maxsize=1)
-def prefetch() -> threading.Thread:
-    """Import the docker SDK (0.1 s) in the background, once; only what changes something needs it."""
-
-    def load() -> None:
-        import srprov.transport.engine
-
-        del srprov
-
-    thread = threading.Thread(target=load, name="import docker", daemon=True)
-    thread.start()
-    return thread
-
-
-_loading = threading.Lock()

@@ -1,6 +1,6 @@
 """One moment by which something must be done, shared by all the steps that lead there.
 
-Takes seconds, gives seconds; touches nothing but the monotonic clock.
+Takes seconds, returns seconds; touches nothing but the monotonic clock.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ class Deadline:
         self.at = time.monotonic() + seconds
 
     def left(self, floor: float = 0.0) -> float:
-        """Give the seconds that are left, at least `floor`."""
+        """Return the seconds that are left, at least `floor`."""
         return max(floor, self.at - time.monotonic())
 
     @property

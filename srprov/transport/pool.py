@@ -1,6 +1,6 @@
 """Sessions with many robots at once; a robot that cannot be reached is a value, and the others do not wait for it.
 
-Takes the inventory's hosts, gives sessions by name. Connecting starts at once, in daemon threads: `get` waits for one
+Takes the inventory's hosts, returns sessions by name. Connecting starts at once, in daemon threads: `get` waits for one
 robot only. New connections start at a limited rate beyond a first burst, so that a name server, an access point or a
 jump host is not flooded.
 """
@@ -11,6 +11,8 @@ import queue
 import threading
 import time
 from collections.abc import Iterable, Mapping
+from concurrent.futures import Future
+from concurrent.futures import TimeoutError as NotYet
 from types import TracebackType
 
 from srprov.definitions.model import Host
@@ -20,17 +22,6 @@ from srprov.transport.session import BaseSession
 from srprov.wire import Session
 
 _RATE_PER_S = 40.0
-
-
-class _Place:
-    """What is known of one robot; `done` is set when there is something."""
-
-    __slots__ = ("done", "failure", "session")
-
-    def __init__(self) -> None:
-        self.done = threading.Event()
-        self.session: Session | None = None
-        self.failure: BaseException | None = None
 
 
 class Sessions:
@@ -54,7 +45,7 @@ class Sessions:
         self._hosts = dict(hosts)
         self._options = options or ConnectOptions()
         self._pace = _Pace(rate_per_s, burst=forks)
-        self._places = {name: _Place() for name in self._hosts}
+        self._sessions: dict[str, Future[Session]] = {name: Future() for name in self._hosts}
         self._closed = threading.Event()
         self._waiting: queue.SimpleQueue[str] = queue.SimpleQueue()
         for name in self._hosts:
@@ -75,75 +66,77 @@ class Sessions:
 
     def _connect(self, name: str) -> None:
         """Connect to one host and keep the session, or the reason."""
-        place = self._places[name]
         try:
             session = connect(self._hosts[name], options=self._options, peers=self.get)
-        except BaseException as error:  # get() raises it where somebody listens
-            place.failure = error
-        else:
-            place.session = session
-        place.done.set()
+        except BaseException as error:  # raised where somebody waits
+            self._sessions[name].set_exception(error)
+            return
+        self._sessions[name].set_result(session)
         # close() may have gone by while this one was being made.
-        if self._closed.is_set() and place.session is not None:
-            place.session.close()
+        if self._closed.is_set():
+            session.close()
 
     def get(self, host: str) -> Session:
-        """Give the session of one robot, as soon as it is there.
+        """Return the session of one robot, as soon as it is there.
 
         Raises:
             TransportError: It cannot be reached.
             UsageError: The inventory has no such host.
         """
-        if host not in self._places:
-            raise UsageError(f"no host {host!r} in the inventory", hint=f"there are: {', '.join(sorted(self._places))}")
-        place = self._places[host]
-        while not place.done.wait(0.5):
-            if self._closed.is_set():
-                raise ConnectError(host, "connections were closed", hint="connect again")
-        if place.session is not None:
-            return place.session
-        assert place.failure is not None
+        if host not in self._sessions:
+            raise UsageError(f"no host {host!r} in the inventory", hint=f"there are: {', '.join(sorted(self._hosts))}")
+        failure = self._failure(host)
+        if failure is None:
+            return self._sessions[host].result()
         # Each caller gets an error of its own: one that is raised twice would grow its traceback from several threads.
-        if isinstance(place.failure, TransportError):
-            raise type(place.failure)(host, place.failure.message, hint=place.failure.hint) from place.failure
-        raise place.failure
+        if isinstance(failure, TransportError):
+            raise type(failure)(host, failure.message, hint=failure.hint) from failure
+        raise failure
+
+    def _failure(self, host: str) -> BaseException | None:
+        """Wait for one robot; return why it cannot be reached, or None."""
+        while True:
+            try:
+                return self._sessions[host].exception(timeout=0.5)
+            except NotYet:
+                if self._closed.is_set():
+                    return ConnectError(host, "connections were closed", hint="connect again")
 
     def connected(self) -> dict[str, Session]:
-        """Wait for all robots and give the sessions of those that were reached, in the inventory's order."""
-        self._wait()
-        return {name: place.session for name, place in self._places.items() if place.session is not None}
+        """Wait for all robots and return the sessions of those that were reached, in the inventory's order."""
+        failures = self.failures()
+        return {name: self.get(name) for name in self._hosts if name not in failures}
+
+    def failures(self) -> dict[str, TransportError]:
+        """Wait for all robots and return the errors of those that were not reached; a bug met on the way is raised."""
+        failures: dict[str, TransportError] = {}
+        for name in self._hosts:
+            failure = self._failure(name)
+            if isinstance(failure, TransportError):
+                failures[name] = failure
+            elif failure is not None:
+                raise failure
+        return failures
 
     def prepare(self, hosts: Iterable[str]) -> None:
         """Let these robots' sessions get ready to change something, in the background; those not reached are left."""
-        for name in hosts:
-            session = self._places[name].session
+        for session in self._there(hosts):
             if isinstance(session, BaseSession):
                 session.prepare()
 
-    def failures(self) -> dict[str, TransportError]:
-        """Wait for all robots and give the errors of those that were not reached."""
-        self._wait()
-        return {name: p.failure for name, p in self._places.items() if isinstance(p.failure, TransportError)}
-
-    def _wait(self) -> None:
-        """Wait until every robot was tried; a bug met on the way is raised."""
-        for name, place in self._places.items():
-            try:
-                self.get(name)
-            except TransportError:
-                continue
-            if place.session is None:
-                raise AssertionError("get() gives a session or raises")
+    def _there(self, hosts: Iterable[str]) -> list[Session]:
+        """Return the sessions that are there by now."""
+        done = [self._sessions[name] for name in hosts if self._sessions[name].done()]
+        return [one.result() for one in done if one.exception() is None]
 
     def close(self) -> None:
         """End every connection, also those that are being made; safe to call twice."""
         self._closed.set()
-        for place in self._places.values():
-            if place.session is not None:
-                place.session.close()
+        for session in self._there(self._hosts):
+            session.close()
 
     def __enter__(self) -> Sessions:
-        """Give itself."""
+        """Return itself."""
         return self
 
     def __exit__(

@@ -27,9 +27,9 @@ from srprov.modules.secret import secret_path
 from srprov.network.record import read_record
 from srprov.planning.plan import Plan, Step
 from srprov.resource import Observed
-from srprov.transport.frames import Frames, batch
-from srprov.transport.secretfile import secret_script
-from srprov.transport.shell import excerpt
+from srprov.transport.shell.frames import Frames, batch
+from srprov.transport.shell.secret_script import secret_script
+from srprov.transport.shell.shell import excerpt
 from srprov.wire import EngineCall, Put, Run, quote, sh
 from tests.fakes import World
 from tests.hostile import CANARY, WORDS, names, texts

@@ -24,11 +24,11 @@ import pytest
 from srprov.definitions.model import Host
 from srprov.errors import LockHeld, TransportError
 from srprov.execution import locks as locks_room
+from srprov.execution.lock_set import LockOptions, LockSet
 from srprov.execution.locks import SCRIPT, Claim, Holder, holders, who_holds
-from srprov.execution.taking import Locks, Patience, take
 from srprov.transport import ConnectOptions, connect
-from srprov.transport import hold as hold_file
-from srprov.transport.frames import FIND_LINE
+from srprov.transport.shell import lock_channel as channel_file
+from srprov.transport.shell.frames import FIND_CONNECTION
 from srprov.wire import Pulse, Query, Run, Session
 
 from .sshd import Sshd, usable
@@ -80,9 +80,9 @@ def opened() -> Iterator[Callable[[], Session]]:
         session.close()
 
 
-def taken(session: Session, claim: Claim = ANNA, pulse: Pulse = SHORT, wait_s: float = 0.0) -> Locks:
-    patience = Patience(wait_s=wait_s, pulse=pulse)
-    locks = take(["here"], {"here": session}, claim, patience, threading.Event(), lambda _event: None)
+def taken(session: Session, claim: Claim = ANNA, pulse: Pulse = SHORT, wait_s: float = 0.0) -> LockSet:
+    patience = LockOptions(wait_s=wait_s, pulse=pulse)
+    locks = LockSet(["here"], {"here": session}, claim, patience, threading.Event(), lambda _event: None).acquire()
     assert locks.lost == {}
     return locks
 
@@ -132,7 +132,7 @@ def test_one_holds_and_the_other_is_told_who(opened: Callable[[], Session], tmp_
     assert seen.age_s is not None and seen.age_s < 5
     with pytest.raises(LockHeld, match="here is held by anna@desk, process 7: apply hello, since 20"):
         taken(second, BOB)
-    locks.give_back()
+    locks.release()
     assert holder(second) is None
     with taken(second, BOB):
         assert (holder(first) or Holder()).owner == "bob@lab"
@@ -174,7 +174,7 @@ def test_waiting_gets_it_soon_after_it_is_free(opened: Callable[[], Session]) ->
     first, second = opened(), opened()
     locks = taken(first)
     begun = time.monotonic()
-    threading.Timer(1.5, locks.give_back).start()
+    threading.Timer(1.5, locks.release).start()
     with taken(second, BOB, wait_s=20):
         assert 1.4 < time.monotonic() - begun < 4
 
@@ -216,8 +216,8 @@ def test_no_folder_and_no_flock_are_said(opened: Callable[[], Session], tmp_path
     """A robot that cannot be locked is lost with the reason, and nothing hangs."""
     for place in locks_room.PLACES:
         Path(place).write_text("")
-    patience = Patience(pulse=SHORT)
-    locks = take(["here"], {"here": opened()}, ANNA, patience, threading.Event(), lambda _event: None)
+    patience = LockOptions(pulse=SHORT)
+    locks = LockSet(["here"], {"here": opened()}, ANNA, patience, threading.Event(), lambda _event: None).acquire()
     assert "root can write to none of" in locks.lost["here"]
     done = subprocess.run(
         [str(shutil.which("sh")), "-c", SCRIPT, "hold", MARK, "2", "", "{}", str(tmp_path / "x")],
@@ -393,10 +393,25 @@ def test_a_controller_that_slept_does_not_act(opened: Callable[[], Session], mon
     """A suspended laptop wakes up long after the robot let go: its time counts on, and it stops by itself."""
     session = opened()
     taken(session, pulse=Pulse())
-    asleep = hold_file.now() + 3600
-    monkeypatch.setattr(hold_file, "now", lambda: asleep)
+    asleep = channel_file.now() + 3600
+    monkeypatch.setattr(channel_file, "now", lambda: asleep)
     with pytest.raises(TransportError, match="no sign of life for 20 s"):
         session.execute(Run(script="true"))
+
+
+def test_a_bug_ends_what_runs_before_its_lock_is_free(opened: Callable[[], Session]) -> None:
+    """A run that ends by an exception may leave a step running: nobody else may get the robot then."""
+    session, other = opened(), opened()
+    failed: list[str] = []
+    thread = threading.Thread(target=lambda: failed.append(failure_of(session, f"sleep {NAPS[11]}")))
+    with pytest.raises(RuntimeError, match="a bug"), taken(session):
+        thread.start()
+        wait_until(lambda: running("sleep", NAPS[11]), 5)
+        raise RuntimeError("a bug")
+    wait_until(lambda: holder(other) is None, 10)
+    assert running("sleep", NAPS[11]) == []
+    thread.join(10)
+    assert len(failed) == 1 and failed[0]
 
 
 def test_a_jump_of_the_controllers_clock_has_no_effect(
@@ -415,12 +430,13 @@ CONTROLLER = """
 import sys, threading
 from srprov.definitions.model import Host
 from srprov.execution import locks
-from srprov.execution.taking import Patience, take
+from srprov.execution.lock_set import LockOptions, LockSet
 from srprov.transport import connect
 from srprov.wire import Run
 locks.PLACES = tuple(sys.argv[1:3])
 session = connect(Host(name="here", address="localhost", connection="local"))
-take(["here"], {"here": session}, locks.claim("apply hello"), Patience(), threading.Event(), lambda _event: None)
+never, quiet = threading.Event(), lambda _event: None
+LockSet(["here"], {"here": session}, locks.claim("apply hello"), LockOptions(), never, quiet).acquire()
 print("locked", flush=True)
 session.execute(Run(script=f"sleep {sys.argv[3]} & sleep {sys.argv[4]}"))
 """
@@ -459,7 +475,7 @@ def over_ssh(server: Sshd, *, warm: bool = True) -> Session:
     options = ConnectOptions(connect_timeout_s=5.0, warm_engine=False, ssh_config=Path("/dev/null"))
     session = connect(server.host(name="here"), options=options)
     if warm:
-        session._warm_engine = lambda: None  # type: ignore[attr-defined]  # what it asks would be counted too
+        session.engine.warm_client = lambda: None  # type: ignore[attr-defined]  # what it asks would be counted too
         session.prepare()  # type: ignore[attr-defined]  # it is a BaseSession
     return session
 
@@ -506,7 +522,7 @@ def test_a_connection_that_ends_frees_the_lock(server: Sshd, opened: Callable[[]
 def listening(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[socket.socket]:
     """Return a socket where the robot's engine is looked for; it accepts and says nothing."""
     path = str(tmp_path / "engine.sock")
-    monkeypatch.setattr("srprov.transport.ssh._ENGINE_SOCKET", path)
+    monkeypatch.setattr("srprov.transport.ssh_session._ENGINE_SOCKET", path)
     with socket.socket(socket.AF_UNIX) as made:
         made.bind(path)
         made.listen()
@@ -518,7 +534,7 @@ def to_engine(session: Session, listening: socket.socket) -> tuple[object, socke
     """Let a session open the stream by which it changes the engine; give both ends."""
     session._dial_reads(5.0)  # type: ignore[attr-defined]  # what is changed is what was read
     listening.accept()[0].close()
-    ours = session._dial_engine(5.0)  # type: ignore[attr-defined]
+    ours = session._dial_changes(5.0)  # type: ignore[attr-defined]
     theirs = listening.accept()[0]
     theirs.settimeout(0.0)
     return ours, theirs
@@ -571,7 +587,7 @@ def test_no_stream_of_sshd_changes_anything_that_a_lock_could_not_end(
 ) -> None:
     """The docker client is asked for instead, whose process the lock's script finds."""
     if known == "no process":
-        monkeypatch.setattr("srprov.transport.ssh.SshSession._find_line", "line=; echo; ")
+        monkeypatch.setattr("srprov.transport.ssh_session.SshSession._find_connection", "line=; echo; ")
     session = over_ssh(server)
     session._dial_reads(5.0)  # type: ignore[attr-defined]
     listening.accept()[0].close()
@@ -579,8 +595,8 @@ def test_no_stream_of_sshd_changes_anything_that_a_lock_could_not_end(
     monkeypatch.setattr(session, "_dial_client", lambda _deadline: asked.append("client"))
     locks = None if known == "no lock" else taken(session)
     if locks and known == "given back":
-        locks.give_back()
-    session._dial_engine(5.0)  # type: ignore[attr-defined]
+        locks.release()
+    session._dial_changes(5.0)  # type: ignore[attr-defined]
     assert asked == ["client"]
     session.close()
 
@@ -589,7 +605,7 @@ def test_no_stream_of_sshd_changes_anything_that_a_lock_could_not_end(
 def test_sshd_is_found_through_shells_only(tmp_path: Path, between: str, found: bool) -> None:
     """Above any other program it serves somebody else's login: who works on this very machine, say."""
     (tmp_path / "sshd").symlink_to(str(shutil.which("dash")))
-    (tmp_path / "find").write_text(FIND_LINE)
+    (tmp_path / "find").write_text(FIND_CONNECTION)
     (tmp_path / "inner.sh").write_text(f"sh {tmp_path}/find\n:\n")
     (tmp_path / "inner.py").write_text(f"import subprocess; subprocess.run(['sh', '{tmp_path}/find'], check=True)\n")
     inner = f"sh {tmp_path}/inner.sh" if between == "sh" else f"{sys.executable} {tmp_path}/inner.py"

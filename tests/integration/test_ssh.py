@@ -21,11 +21,11 @@ import pytest
 from srprov.definitions.model import Host
 from srprov.errors import AuthError, ConnectError, DeadlineError, HostKeyError, TransportError
 from srprov.transport import ConnectOptions, connect
-from srprov.transport.ahead import dial_ahead
-from srprov.transport.options import settle
+from srprov.transport.openssh.early_dial import dial_early
+from srprov.transport.openssh.resolve import resolve
+from srprov.transport.openssh.sockets import dial
 from srprov.transport.pool import Sessions
-from srprov.transport.sockets import dial
-from srprov.transport.ssh import SshSession
+from srprov.transport.ssh_session import SshSession
 from srprov.wire import EngineCall, EngineQuery, Put, Query, Run, Session
 
 from .sshd import Sshd, free_port, keygen, public, usable
@@ -499,7 +499,7 @@ def test_max_sessions_one_is_no_engine_though_sshd_would_forward_to_its_socket(
 ) -> None:
     """Forwarded streams are no sessions: an engine would answer, on a robot that nothing can lock or change."""
     path = str(tmp_path / "engine.sock")
-    monkeypatch.setattr("srprov.transport.ssh._ENGINE_SOCKET", path)
+    monkeypatch.setattr("srprov.transport.ssh_session._ENGINE_SOCKET", path)
     with socket.socket(socket.AF_UNIX) as listening:
         listening.bind(path)
         listening.listen()
@@ -544,7 +544,7 @@ def test_a_robot_is_dialled_ahead_only_where_the_inventory_alone_says_where(serv
 
     def ahead(text: str, **more: object) -> bool:
         options = write_config(tmp_path, text)
-        found = dial_ahead(dataclasses.replace(host, **more), 5.0, options.ssh_config)  # type: ignore[arg-type]
+        found = dial_early(dataclasses.replace(host, **more), 5.0, options.ssh_config)  # type: ignore[arg-type]
         if found:
             assert found.place == ("127.0.0.1", server.port)
             found.sock.close()
@@ -567,10 +567,10 @@ def test_a_robot_is_dialled_ahead_only_where_the_inventory_alone_says_where(serv
         assert not ahead(f"Host *\n{text}\n"), text
     assert not ahead("", ssh_options=(("proxycommand", "nc %h %p"),))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("srprov.transport.ahead.config_texts", mock.Mock(side_effect=PermissionError))
+        patch.setattr("srprov.transport.openssh.early_dial.config_texts", mock.Mock(side_effect=PermissionError))
         assert not ahead(""), "whoever reads the file properly says that it cannot be read"
     with pytest.raises(ConnectError, match="connection refused"):
-        dial_ahead(dataclasses.replace(host, port=free_port()), 5.0, Path("/dev/null"))
+        dial_early(dataclasses.replace(host, port=free_port()), 5.0, Path("/dev/null"))
 
 
 def test_a_dial_counts_against_the_timeout(server: Sshd, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -579,7 +579,7 @@ def test_a_dial_counts_against_the_timeout(server: Sshd, monkeypatch: pytest.Mon
         return dial(*args)
 
     with socket.create_server(("127.0.0.1", 0)) as silent:
-        monkeypatch.setattr("srprov.transport.sockets.dial", slow)
+        monkeypatch.setattr("srprov.transport.openssh.sockets.dial", slow)
         begun = time.monotonic()
         with pytest.raises(DeadlineError, match=r"within 0\.8 s"):
             connect(server.host(port=silent.getsockname()[1]), options=quick(connect_timeout_s=0.8))
@@ -595,20 +595,20 @@ def test_what_was_dialled_ahead_is_closed_when_the_settings_cannot_be_read(
         made.append(dial(*args))
         return made[-1]
 
-    monkeypatch.setattr("srprov.transport.sockets.dial", noted)
-    monkeypatch.setattr("srprov.transport.ssh.settle", mock.Mock(side_effect=ConnectError("r", "no", hint="")))
+    monkeypatch.setattr("srprov.transport.openssh.sockets.dial", noted)
+    monkeypatch.setattr("srprov.transport.ssh_session.resolve", mock.Mock(side_effect=ConnectError("r", "no", hint="")))
     with pytest.raises(ConnectError):
         connect(server.host(), options=quick())
     assert [one.fileno() for one in made] == [-1]
 
 
 def test_what_was_dialled_ahead_is_used_once_and_only_for_its_place(server: Sshd) -> None:
-    settings = settle(server.host(), ssh_config=Path("/dev/null"))
+    settings = resolve(server.host(), ssh_config=Path("/dev/null"))
     for changed, used in (
         ({}, True), ({"port": 1}, False), ({"hostname": "::1"}, False), ({"proxy_jump": ("a",)}, False),
         ({"proxy_command": "nc"}, False), ({"address_family": socket.AF_INET6}, False),
     ):  # fmt: skip
-        found = dial_ahead(server.host(), 5.0, Path("/dev/null"))
+        found = dial_early(server.host(), 5.0, Path("/dev/null"))
         assert found
         fitting = found.fitting(dataclasses.replace(settings, **changed))  # type: ignore[arg-type]
         assert (fitting is found.sock) == used, changed

@@ -203,13 +203,16 @@ def test_a_bug_and_a_talkative_service_show_no_value(stage: Stage) -> None:
     (hook / "sitecustomize.py").write_text(
         "import threading\n"
         "from srprov.transport.session import BaseSession\n"
+        "whole = BaseSession._script\n"
         "def broken(self, put):\n"
-        "    value = self.vault.content(put.secret).decode()\n"
+        "    if not getattr(put, 'secret', ''):\n"
+        "        return whole(self, put)\n"
+        "    value = self._vault.content(put.secret).decode()\n"
         "    def beside():\n"
         "        raise ValueError('beside: ' + value)\n"
         "    threading.Thread(target=beside).start()\n"
         "    raise RuntimeError('a bug: ' + value, [value])\n"
-        "BaseSession._written = broken\n"
+        "BaseSession._script = broken\n"
     )
     stage.values["by-env"] = "canary-env-5b1f-changed"
     patched = stage.run("apply", str(stage.path), "--yes", code=1, PYTHONPATH=f"{ROOT}:{hook}")

@@ -10,7 +10,7 @@ from srprov.facts.host import host_queries
 from srprov.facts.observe import observe_queries
 from srprov.facts.preconditions import precondition_queries
 from srprov.facts.probes import counters
-from srprov.transport.frames import batch, start_command
+from srprov.transport.shell.frames import batch, start_command
 from srprov.wire import Query
 from tests.fakes import World
 from tests.readonly import READS, commands, engine_requests, engine_violations, shell_violations

@@ -15,7 +15,7 @@ from srprov.errors import UsageError
 from srprov.execution.locks import Holder, parse_holder
 from srprov.facts.gather import _placements
 from srprov.planning.planfile import is_plan, load
-from srprov.transport.engine_text import message_of
+from srprov.transport.engine.answers import message_of
 from srprov.untrusted import json_or_none, labels, mappings, parse_json, string
 from srprov.wire import Reply
 

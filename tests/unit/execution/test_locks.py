@@ -12,11 +12,11 @@ from typing import Any
 import pytest
 
 from srprov.errors import LockHeld
-from srprov.execution import Outcome, RunOptions, run_plan, taking
+from srprov.execution import Outcome, RunOptions, lock_set, run_plan
+from srprov.execution.lock_set import LockOptions, LockSet
 from srprov.execution.locks import Claim, Holder, age, parse_holder
-from srprov.execution.taking import Locks, Patience, take
 from srprov.wire import Pulse
-from tests.fakes import FakeHold, World
+from tests.fakes import FakeLockChannel, World
 from tests.worlds import QUICK, events, experiment, plan_for, run, service
 
 NAMES = ("r1", "r2", "r3", "r4", "r5")
@@ -33,10 +33,12 @@ def taken(
     owner: str = "anna@desk",
     wait_s: float = 0.0,
     stop: threading.Event | None = None,
-) -> Locks:
+) -> LockSet:
     """Take these robots as a run does."""
-    patience = Patience(wait_s=wait_s)
-    return take(names, world.sessions(), claim(owner), patience, stop or threading.Event(), lambda _event: None)
+    patience = LockOptions(wait_s=wait_s)
+    return LockSet(
+        names, world.sessions(), claim(owner), patience, stop or threading.Event(), lambda _event: None
+    ).acquire()
 
 
 def together(works: Sequence[Callable[[], None]]) -> None:
@@ -86,7 +88,7 @@ def test_who_waits_is_told_for_whom_and_goes_on_when_it_is_free() -> None:
     world = World().add("r1")
     plan = plan_for(world, experiment(service("a")))
     other = taken(world, ["r1"])
-    timer = threading.Timer(0.4, other.give_back)
+    timer = threading.Timer(0.4, other.release)
     timer.start()
     result, heard = events(world, plan, RunOptions(settle_s=0.0, lock_wait_s=20.0))
     assert result.exit_code == 0 and result.count(Outcome.CHANGED) == len(plan.steps)
@@ -143,10 +145,10 @@ def test_of_two_that_want_the_same_exactly_one_goes_on(
     mine: tuple[str, ...], theirs: tuple[str, ...], _turn: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Whoever is first where: one has all of its robots, the other none, and neither waits for ever."""
-    monkeypatch.setattr(taking, "_GRACE_S", 0.3)
+    monkeypatch.setattr(lock_set, "_GRACE_S", 0.3)
     world = World().add(*NAMES)
     ready = threading.Barrier(2)
-    got: list[tuple[str, tuple[str, ...], Locks]] = []
+    got: list[tuple[str, tuple[str, ...], LockSet]] = []
     lost: list[str] = []
 
     def one(owner: str, names: tuple[str, ...]) -> None:
@@ -160,7 +162,7 @@ def test_of_two_that_want_the_same_exactly_one_goes_on(
     assert (len(got), len(lost)) == (1, 1)
     owner, names, locks = got[0]
     assert held(world) == dict.fromkeys(names, owner)
-    locks.give_back()
+    locks.release()
     assert held(world) == {}
 
 
@@ -177,17 +179,19 @@ def test_a_knot_is_untied() -> None:
         def __init__(self, name: str, owner: str) -> None:
             self.name, self.first = name, owner == ("anna" if name == "r3" else "bob")
 
-        def hold(self, script: str, words: Sequence[str], pulse: Pulse) -> FakeHold:
+        def open_lock_channel(self, script: str, words: Sequence[str], pulse: Pulse) -> FakeLockChannel:
             if not self.first:
                 assert tried[self.name].wait(5)
-            made = world.robots[self.name].hold(script, words, pulse)
+            made = world.robots[self.name].open_lock_channel(script, words, pulse)
             tried[self.name].set()
             return made
 
     def one(owner: str, names: tuple[str, ...]) -> None:
         sessions: dict[str, Any] = {n: Crossed(n, owner) if n in tried else world.robots[n] for n in names}
         meet.wait()
-        with take(names, sessions, claim(owner), Patience(wait_s=30), threading.Event(), lambda _event: None):
+        with LockSet(
+            names, sessions, claim(owner), LockOptions(wait_s=30), threading.Event(), lambda _event: None
+        ).acquire():
             assert held(world).items() >= dict.fromkeys(names, owner).items()
             got.append(owner)
 
@@ -238,6 +242,30 @@ def test_an_interrupt_while_waiting_changes_nothing() -> None:
     assert world.done() == []
 
 
+def test_a_bug_frees_no_lock_under_a_step_that_still_runs() -> None:
+    """A run that ends by an exception ends its sessions: each robot stops what runs there before its lock is free."""
+    world = World().add("r1", "r2")
+    plan = plan_for(world, experiment(service("a", robot="r1"), service("b", robot="r2")))
+    busy, over = threading.Event(), threading.Event()
+
+    def last(_command: object) -> None:
+        busy.set()
+        assert over.wait(20)
+
+    def bug(_command: object) -> None:
+        assert busy.wait(20)
+        raise RuntimeError("a bug")
+
+    world.robots["r1"].before_command, world.robots["r2"].before_command = bug, last
+    try:
+        with pytest.raises(RuntimeError, match="a bug"):
+            run(world, plan)
+        assert not world.robots["r2"].released_while_busy
+        assert held(world) == {} and world.robots["r2"].gone
+    finally:
+        over.set()
+
+
 def test_a_robot_that_is_gone_is_no_reason_to_stop_the_others() -> None:
     """It is lost as a value, with the reason; the others are locked and changed."""
     world = World().add("r1", "r2")
@@ -254,8 +282,8 @@ def test_a_robot_that_is_gone_is_no_reason_to_stop_the_others() -> None:
 def test_a_robot_that_cannot_be_locked_says_why() -> None:
     """A missing tool is the robot's own failure, in words."""
     world = World().add("r1")
-    world.robots["r1"].hold = lambda *_words: type(  # type: ignore[assignment,method-assign]
-        "Hold", (), {"first": "no flock is not installed on the robot", "close": lambda _self: None}
+    world.robots["r1"].open_lock_channel = lambda *_words: type(  # type: ignore[assignment,method-assign]
+        "Channel", (), {"first_answer": "no flock is not installed on the robot", "close": lambda _self: None}
     )()
     locks = taken(world, ["r1"])
     assert (locks.held, locks.lost) == (set(), {"r1": "it cannot be locked: flock is not installed on the robot"})

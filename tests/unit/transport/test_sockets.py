@@ -6,7 +6,7 @@ import socket
 import threading
 import time
 
-from srprov.transport.sockets import CountedSocket
+from srprov.transport.openssh.sockets import CountedSocket
 from srprov.wire import Traffic
 
 

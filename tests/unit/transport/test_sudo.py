@@ -11,10 +11,10 @@ import pytest
 
 from srprov.definitions.model import Host
 from srprov.errors import AuthError
-from srprov.secret import Secret, forget
+from srprov.secret import Secret, Vault, forget
 from srprov.transport import ConnectOptions
-from srprov.transport.frames import start_command, sudo_prompt
-from srprov.transport.local import LocalSession
+from srprov.transport.local_session import LocalSession
+from srprov.transport.shell.frames import start_command, sudo_prompt
 from srprov.wire import Put, Query, Run
 
 PASSWORD = 'it\'s "a" $(word)'
@@ -113,13 +113,13 @@ def test_the_command_line_holds_a_prompt_only(bin_folder: Path, login: str) -> N
 def test_a_secret_put_shows_a_placeholder_when_the_connection_dies() -> None:
     """The error of a lost connection quotes a command by its first characters: never those of a value."""
     host = Host(name="here", address="here", connection="local")
-    session = LocalSession.open(host, ConnectOptions(connect_timeout_s=20, warm_engine=False))
-    session.vault = type(session.vault)({"t": Secret("hunter2-lost")})
+    vault = Vault({"t": Secret("hunter2-lost")})
+    session = LocalSession.open(host, ConnectOptions(connect_timeout_s=20, warm_engine=False, vault=vault))
     put = Put(path="/run/x", secret="t", mode=0o400)
-    script = session._written(put)
+    script = session._script(put)
     assert "aHVudGVyMi1sb3N0" in script
     with pytest.raises(Exception, match="<secret t>") as caught:
-        session._shell.run(Run(script="kill -9 $$; sleep 5"), lambda _line: None, shown=put.text())
+        session._shell.run("kill -9 $$; sleep 5", 20, lambda _line: None, shown=put.text())
     session.close()
     assert "kill" not in str(caught.value)
     forget()

@@ -1,0 +1,185 @@
+"""A byte stream to a Docker Engine, and what all who use one share: one deadline, one way to open it, errors in words.
+
+Takes an SSH channel, or a Unix socket of this machine; returns an `EngineSocket` for `http.client`. Its errors are not
+OSErrors on purpose: urllib3 and requests wrap those, and would have to be asked for the cause again.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import threading
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from srprov.errors import TransportError
+from srprov.transport.deadline import Deadline
+from srprov.wire import Reply, Traffic
+
+if TYPE_CHECKING:
+    import socket
+
+    import paramiko
+
+    Stream = paramiko.Channel | socket.socket
+
+_PIECE = 32 * 1024
+
+
+class EngineGone(Exception):
+    """There is no engine at the far end; the text says why."""
+
+
+class EngineLate(EngineGone):
+    """The engine did not answer within its time."""
+
+
+class EngineSocket:
+    """A stream as `http.client` wants its socket; `settimeout` starts one deadline for all that follows."""
+
+    def __init__(self, stream: Stream, complaint: Callable[[], str], waiting: Callable[[], bool]) -> None:
+        """Take the stream, a way to learn why it ended, and one to see whether bytes or its end are waiting."""
+        self._stream = stream
+        self._complaint = complaint
+        self.waiting = waiting
+        self._deadline: Deadline | None = None
+        self._reader = _Reader(self)
+        self._answers = 0
+        self._closed = False
+        self._lock = threading.Lock()
+
+    def settimeout(self, seconds: float | None) -> None:
+        """Allow so many seconds for everything from now on together."""
+        self._deadline = None if seconds is None else Deadline(seconds)
+
+    @contextlib.contextmanager
+    def _in_time(self) -> Iterator[Stream]:
+        """Lend the stream for one call, which ends with the deadline.
+
+        Raises:
+            EngineLate: The deadline is over.
+        """
+        if self._deadline is not None and self._deadline.passed:
+            raise EngineLate
+        self._stream.settimeout(self._deadline.left(0.001) if self._deadline else None)
+        try:
+            yield self._stream
+        except TimeoutError:
+            raise EngineLate from None
+
+    def sendall(self, data: bytes) -> None:
+        """Send everything, or raise EngineGone with the reason."""
+        view = memoryview(data)
+        while view:
+            try:
+                with self._in_time() as stream:
+                    sent = stream.send(bytes(view[:_PIECE]))
+            except OSError as error:
+                raise EngineGone(self._complaint() or f"the connection to the engine broke: {error}") from error
+            if not sent:
+                raise EngineGone(self._complaint() or "the connection to the engine was closed")
+            view = view[sent:]
+
+    def recv_into(self, buffer: Any) -> int:  # noqa: ANN401 - a writable buffer
+        """Receive into a buffer; 0 at the end."""
+        with self._in_time() as stream:
+            data = stream.recv(min(len(buffer), 1 << 20))
+        if not data and (why := self._complaint()):
+            raise EngineGone(why)
+        buffer[: len(data)] = data
+        return len(data)
+
+    def makefile(self, _mode: str = "rb") -> io.BufferedReader:
+        """Return the one reader: what is left in it when an answer ends is the beginning of the next."""
+        with self._lock:
+            self._answers += 1
+        return self._reader
+
+    def answer_read(self) -> None:
+        """Count an answer that nobody reads any more."""
+        with self._lock:
+            self._answers -= 1
+        self._close_unused()
+
+    def close(self) -> None:
+        """Close, once the last answer is read: http.client closes its socket while that is still being done."""
+        self._closed = True
+        self._close_unused()
+
+    def _close_unused(self) -> None:
+        if self._closed and self._answers <= 0:
+            self.abort()
+
+    def abort(self) -> None:
+        """Close at once, whoever reads: that ends their wait."""
+        self._closed = True
+        with contextlib.suppress(OSError, EOFError):
+            self._stream.close()
+
+
+class _Raw(io.RawIOBase):
+    """The reading half of a socket. It has no `settimeout`: the docker SDK would use it to switch the deadline off."""
+
+    def __init__(self, owner: EngineSocket) -> None:
+        super().__init__()
+        self._owner = owner
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:  # noqa: ANN401 - as the base class has it
+        return self._owner.recv_into(buffer)
+
+
+class _Reader(io.BufferedReader):
+    """A buffered reader that outlives the answers read from it."""
+
+    def __init__(self, owner: EngineSocket) -> None:
+        super().__init__(_Raw(owner), 256 * 1024)
+        self._owner = owner
+
+    def close(self) -> None:
+        self._owner.answer_read()
+
+
+Dial = Callable[[float], EngineSocket]
+"""Opens a stream to the engine within so many seconds; raises EngineGone in words, or TimeoutError."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class EngineLink:
+    """How the engine of one robot is reached."""
+
+    host: str
+    """The robot's name."""
+    dial: Dial
+    alive: Callable[[], bool]
+    """Tells whether the robot itself can still be talked to."""
+    traffic: Traffic
+    """Where requests are counted."""
+
+    def open(self, seconds: float) -> EngineSocket:
+        """Dial within so many seconds.
+
+        Raises:
+            EngineGone: It says in words what is in the way.
+        """
+        try:
+            return self.dial(seconds)
+        except TimeoutError:
+            raise EngineLate from None
+
+    def failure(self, error: BaseException, seconds: float) -> Reply:
+        """Return the reply for an engine that does not answer as it should.
+
+        Raises:
+            TransportError: The whole robot is gone.
+        """
+        if not self.alive():
+            hint = "is the robot up, and its network?"
+            raise TransportError(self.host, "the connection was lost", hint=hint) from error
+        if isinstance(error, EngineLate):
+            return Reply(status=0, ok=False, err=f"the Docker Engine did not answer within {seconds:g} s")
+        words = " ".join(str(error).split())[:500]
+        return Reply(status=0, ok=False, err=words or "the Docker Engine closed the connection")

@@ -1,0 +1,208 @@
+"""Strict host keys: what known_hosts files say of a robot, and the errors when it shows another key or an unknown one.
+
+Takes file paths, the names to look for and the key that the robot showed; raises HostKeyError or returns. The only
+thing it writes is one line per new robot under `accept-new`. paramiko's own loader forgets file and line, wildcards,
+`!` and `@revoked`; so the files are read here (format: sshd(8), SSH_KNOWN_HOSTS).
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import fnmatch
+import hashlib
+import hmac
+import os
+import threading
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from srprov.errors import HostKeyError
+from srprov.transport.openssh.settings import SshSettings
+from srprov.wire import sh
+
+_appending = threading.Lock()
+
+
+@dataclass(frozen=True, slots=True)
+class KnownKey:
+    """One line of a known_hosts file that speaks of the robot."""
+
+    file: str
+    line: int
+    marker: str
+    """Empty, `@revoked` or `@cert-authority`."""
+    kind: str
+    """As in `ssh-ed25519`."""
+    blob: bytes
+    """The public key as SSH sends it."""
+    bare: bool = False
+    """Found by the host's name alone although its port is not 22; good enough to accept a key, not to refuse one."""
+
+    @property
+    def fingerprint(self) -> str:
+        """Return `SHA256:…` as ssh-keygen -l prints it."""
+        return fingerprint(self.blob)
+
+
+def fingerprint(blob: bytes) -> str:
+    """Return a public key's fingerprint as OpenSSH prints it."""
+    return "SHA256:" + base64.b64encode(hashlib.sha256(blob).digest()).decode("ascii").rstrip("=")
+
+
+def names_of(settings: SshSettings) -> tuple[str, str | None]:
+    """Return the name that a host goes by in known_hosts, and the bare one that OpenSSH tries after it."""
+    if settings.host_key_alias:
+        return settings.host_key_alias.lower(), None
+    host = settings.hostname.lower()
+    return (host, None) if settings.port == 22 else (f"[{host}]:{settings.port}", host)
+
+
+def matches(patterns: str, name: str) -> bool:
+    """Tell whether the first field of a known_hosts line means a name: plain, wildcard, negated or hashed."""
+    if patterns.startswith("|1|"):
+        return _hashed(patterns, name)
+    found = False
+    for pattern in patterns.lower().split(","):
+        # Brackets are literal here ([host]:port), while fnmatch takes them for a set of characters.
+        if fnmatch.fnmatchcase(name, pattern.lstrip("!").replace("[", "[[]")):
+            if pattern.startswith("!"):
+                return False
+            found = True
+    return found
+
+
+def _hashed(field: str, name: str) -> bool:
+    """Compare a name with `|1|salt|HMAC-SHA1(salt, name)`."""
+    try:
+        _, _, salt, digest = field.split("|")
+        wanted = hmac.new(base64.b64decode(salt), name.encode(), hashlib.sha1).digest()
+        return hmac.compare_digest(wanted, base64.b64decode(digest))
+    except (ValueError, binascii.Error):
+        return False
+
+
+def known_keys(files: Sequence[str], name: str, bare: str | None) -> list[KnownKey]:
+    """Read the lines that speak of a host; files that are missing, and lines that are broken, say nothing."""
+    return [key for file in files for key in _of_file(file, name, bare)]
+
+
+def _of_file(file: str, name: str, bare: str | None) -> Iterator[KnownKey]:
+    """Read one known_hosts file."""
+    try:
+        with open(file, encoding="utf-8", errors="replace") as stream:
+            lines = stream.readlines()
+    except OSError:
+        return
+    for number, line in enumerate(lines, 1):
+        words = line.split()
+        marker = words.pop(0) if words and words[0].startswith("@") else ""
+        if len(words) < 3 or words[0].startswith("#"):
+            continue
+        by_name = matches(words[0], name)
+        if not by_name and not (bare and matches(words[0], bare)):
+            continue
+        try:
+            blob = base64.b64decode(words[2], validate=True)
+        except (ValueError, binascii.Error):
+            continue
+        yield KnownKey(file, number, marker, words[1], blob, bare=not by_name)
+
+
+def check(settings: SshSettings, known: Sequence[KnownKey], kind: str, blob: bytes) -> None:
+    """Accept the key that a robot shows, or raise; under accept-new an unknown one is written down.
+
+    Args:
+        settings: Names, files and policy.
+        known: `known_keys` for this host.
+        kind: Type of the key shown, such as `ssh-ed25519`.
+        blob: The key shown.
+
+    Raises:
+        HostKeyError: Unknown, changed or revoked.
+    """
+    if any(k.marker == "@revoked" and k.blob == blob for k in known):
+        raise HostKeyError(
+            settings.name,
+            f"its host key {fingerprint(blob)} is marked @revoked",
+            hint="do not connect; ask who revoked it",
+        )
+    plain = [k for k in known if not k.marker]
+    if any(k.blob == blob for k in plain):
+        return
+    if old := [k for k in plain if not k.bare]:
+        raise _changed(settings, next((k for k in old if k.kind == kind), old[0]), kind, blob)
+    # accept-new without a place to remember the key would accept any key, every time.
+    if not settings.accept_new or settings.known_hosts[:1] in ((), (os.devnull,)):
+        raise _unknown(settings, kind, blob, any(k.marker == "@cert-authority" for k in known))
+    _append(settings, kind, blob)
+
+
+def _changed(settings: SshSettings, old: KnownKey, kind: str, blob: bytes) -> HostKeyError:
+    """Say that a robot shows another key than the one on record."""
+    name, _ = names_of(settings)
+    new = f"{kind} {fingerprint(blob)}"
+    return HostKeyError(
+        settings.name,
+        f"its host key changed: it shows {new}, but {old.file}:{old.line} has {old.kind} {old.fingerprint}",
+        hint=(
+            "somebody may be in between, or the robot was set up anew. If its own console shows the new fingerprint "
+            f"({_on_console(kind)}), forget the old key: {sh('ssh-keygen', '-f', old.file, '-R', name)}"
+        ),
+    )
+
+
+def _unknown(settings: SshSettings, kind: str, blob: bytes, authority: bool) -> HostKeyError:
+    """Say that nothing is on record for a robot, and how to put it there."""
+    target = next(iter(settings.known_hosts), os.devnull)
+    if settings.proxy_jump or settings.proxy_command or settings.host_key_alias:
+        how = f"connect to it once with ssh, which asks: {sh('ssh', settings.name)}"
+    else:
+        port = ("-p", str(settings.port)) if settings.port != 22 else ()
+        how = f"{sh('ssh-keyscan', *port, '-t', _short(kind), settings.hostname)} >> {sh(target)}"
+    if target == os.devnull:
+        how = f"name a file (-o UserKnownHostsFile=…) in the inventory; then {how.replace(os.devnull, 'that file')}"
+    notes = ""
+    if settings.asked_for_no:
+        notes += " (StrictHostKeyChecking=no is not done here; accept-new is)"
+    if authority:
+        notes += " (known_hosts has a @cert-authority for it, which paramiko cannot check: its own key is needed)"
+    return HostKeyError(
+        settings.name,
+        f"its host key is unknown: {kind} {fingerprint(blob)}{notes}",
+        hint=(f"compare the fingerprint with the robot's console ({_on_console(kind)}), then: {how}"),
+    )
+
+
+def _on_console(kind: str) -> str:
+    """Return the command that shows a robot's own fingerprint on its console."""
+    return f"ssh-keygen -lf /etc/ssh/ssh_host_{_short(kind)}_key.pub"
+
+
+def _short(kind: str) -> str:
+    """Return the name that ssh-keyscan -t and sshd's key files use."""
+    return kind.removeprefix("ssh-").removeprefix("rsa-").split("-")[0].replace("sha2", "rsa")
+
+
+def _append(settings: SshSettings, kind: str, blob: bytes) -> None:
+    """Write a new robot's key down, in one write so that two threads never mix lines."""
+    name, _ = names_of(settings)
+    if settings.hash_known_hosts:
+        salt = os.urandom(20)
+        digest = hmac.new(salt, name.encode(), hashlib.sha1).digest()
+        name = "|1|{}|{}".format(*(base64.b64encode(part).decode("ascii") for part in (salt, digest)))
+    file = settings.known_hosts[0]
+    line = f"{name} {kind} {base64.b64encode(blob).decode('ascii')}\n"
+    try:
+        os.makedirs(os.path.dirname(file) or ".", mode=0o700, exist_ok=True)
+        with _appending, open(os.open(file, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o600), "r+b", buffering=0) as stream:
+            end = stream.seek(0, os.SEEK_END)
+            stream.seek(max(0, end - 1))
+            broken = end > 0 and stream.read(1) != b"\n"
+            stream.write(b"\n" * broken + line.encode())
+    except OSError as error:
+        raise HostKeyError(
+            settings.name,
+            f"its new host key cannot be written to {file}: {error.strerror}",
+            hint="correct UserKnownHostsFile",
+        ) from None

@@ -1,0 +1,155 @@
+"""How one host is reached: inventory, `-o` options and ssh_config become one `SshSettings`.
+
+Takes a `Host`, returns a frozen value. The order is OpenSSH's: what the inventory names, then its `-o` options, then
+~/.ssh/config, then /etc/ssh/ssh_config; the first value wins, IdentityFile adds up.
+"""
+
+from __future__ import annotations
+
+import getpass
+import os
+import re
+import socket
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from srprov.definitions.model import Host
+from srprov.errors import ConnectError
+from srprov.transport.openssh.settings import SshSettings
+from srprov.transport.openssh.ssh_config import ADDS_UP, DEFAULT_KEYS, lookup, words
+
+_NO_WORD = re.compile(r"^-|[\s\x00-\x1f\x7f'`\"$\\;&<>|(){}]")
+_OF_JUMP_HOSTS_TOO = ("userknownhostsfile", "globalknownhostsfile", "stricthostkeychecking")
+
+
+def resolve(host: Host, *, ssh_config: Path | None = None) -> SshSettings:
+    """Find out how to reach a host.
+
+    Raises:
+        ConnectError: ssh_config cannot be read or resolved.
+    """
+    given = _first_wins(host)
+    config = lookup(host.name, host.address, given, ssh_config)
+    for key, values in given.items():
+        config[key] = [*values, *config.get(key, [])] if key in ADDS_UP else values
+    inherited = tuple((key, given[key][0]) for key in _OF_JUMP_HOSTS_TOO if key in given)
+    return _settings(host, _Config({key: values for key, values in config.items() if values}), ssh_config, inherited)
+
+
+def _first_wins(host: Host) -> dict[str, list[str]]:
+    """Return what the inventory says, its own variables before its `-o` options."""
+    own = (("port", host.port), ("user", host.user), ("identityfile", host.identity_file))
+    given: dict[str, list[str]] = {key: [str(value)] for key, value in own if value}
+    for key, value in host.ssh_options:
+        if key in ADDS_UP:
+            given.setdefault(key, []).append(value)
+        else:
+            given.setdefault(key, [value])
+    return given
+
+
+class _Config:
+    """Values by lower-case keyword."""
+
+    def __init__(self, values: Mapping[str, Sequence[str]]) -> None:
+        self.every = values
+
+    def one(self, key: str, default: str = "") -> str:
+        """Return the value that wins."""
+        return self.every[key][0] if key in self.every else default
+
+    def chosen(self, key: str) -> str:
+        """Return the value that wins; nothing for the word `none`."""
+        value = self.one(key)
+        return "" if value.lower() == "none" else value
+
+    def yes(self, key: str) -> bool:
+        """Tell whether the value is `yes`."""
+        return self.one(key).lower() == "yes"
+
+
+def _settings(
+    host: Host, config: _Config, ssh_config: Path | None, inherited: tuple[tuple[str, str], ...]
+) -> SshSettings:
+    """Type the values and expand what is in them."""
+    hostname = config.one("hostname", host.address).replace("%h", host.address)
+    user, port = config.one("user", getpass.getuser()), config.one("port", "22")
+    if not port.isdigit():
+        raise ConnectError(host.name, f"port {port!r} is not a number", hint="correct ansible_port or ssh_config")
+    alias, proxy = config.one("hostkeyalias") or None, config.chosen("proxycommand")
+    if proxy:
+        _check_words(host.name, (hostname, host.address, user, alias or ""))
+    tokens = _tokens(host.address, hostname, port, user, alias)
+    keys = _paths(config.every.get("identityfile", ()), tokens)
+    checking, timeout = config.one("stricthostkeychecking", "yes").lower(), config.one("connecttimeout")
+    return SshSettings(
+        name=host.name,
+        hostname=hostname,
+        port=int(port),
+        user=user,
+        identity_files=keys or tuple(os.path.expanduser(f"~/.ssh/{name}") for name in DEFAULT_KEYS),
+        identities_configured=bool(keys),
+        identities_only=config.yes("identitiesonly"),
+        identity_agent=_agent(config.one("identityagent", "SSH_AUTH_SOCK"), tokens),
+        password=host.password,
+        known_hosts=_paths(words(config.one("userknownhostsfile", "~/.ssh/known_hosts ~/.ssh/known_hosts2")), tokens),
+        global_known_hosts=_paths(
+            words(config.one("globalknownhostsfile", "/etc/ssh/ssh_known_hosts /etc/ssh/ssh_known_hosts2")), tokens
+        ),
+        host_key_alias=alias,
+        accept_new=checking == "accept-new",
+        asked_for_no=checking in ("no", "off", "false"),
+        hash_known_hosts=config.yes("hashknownhosts"),
+        proxy_jump=tuple(hop.strip() for hop in config.chosen("proxyjump").split(",") if hop.strip()),
+        proxy_command=expand(proxy, tokens, tilde=False) if proxy else None,
+        address_family={"inet": socket.AF_INET, "inet6": socket.AF_INET6}.get(
+            config.one("addressfamily"), socket.AF_UNSPEC
+        ),
+        connect_timeout_s=float(timeout) if timeout.isdigit() and int(timeout) > 0 else None,
+        ssh_config=ssh_config,
+        inherited=inherited,
+    )
+
+
+def _paths(values: Sequence[str], tokens: Mapping[str, str]) -> tuple[str, ...]:
+    """Expand the names of files; `none` is none."""
+    return tuple(expand(value, tokens) for value in values if value.lower() != "none")
+
+
+def _check_words(name: str, words: Sequence[str]) -> None:
+    """Refuse what would be more than a word in a ProxyCommand, which a shell runs; as OpenSSH does since 9.6.
+
+    Raises:
+        ConnectError: A host or user name holds what means something to a shell, or would be read as an option.
+    """
+    for word in words:
+        if _NO_WORD.search(word):
+            hint = "a ProxyCommand is run by a shell: correct ansible_host, ansible_user or ssh_config"
+            raise ConnectError(name, f"{word[:80]!r} is no host or user name for a ProxyCommand", hint=hint)
+
+
+def _agent(text: str, tokens: Mapping[str, str]) -> str | None:
+    """Return the agent's socket for a value of IdentityAgent."""
+    if text.lower() == "none":
+        return None
+    if text == "SSH_AUTH_SOCK" or text.startswith("$"):
+        return os.environ.get("SSH_AUTH_SOCK" if text == "SSH_AUTH_SOCK" else text.strip("${}")) or None
+    return expand(text.strip('"'), tokens)
+
+
+def _tokens(address: str, hostname: str, port: str, user: str, alias: str | None) -> dict[str, str]:
+    """Return ssh_config's %-tokens; the rare ones that need a lookup are left out."""
+    node = socket.gethostname()
+    return {
+        "%%": "%", "%h": hostname, "%n": address, "%k": alias or address, "%p": port, "%r": user,
+        "%u": getpass.getuser(), "%d": os.path.expanduser("~"), "%i": str(os.getuid()),
+        "%L": node.split(".", maxsplit=1)[0], "%l": node,
+    }  # fmt: skip
+
+
+def expand(text: str, tokens: Mapping[str, str], *, tilde: bool = True) -> str:
+    """Expand %-tokens, `${NAME}` of the environment (as ssh_config knows it) and a leading `~`."""
+    text = re.sub(r"%.", lambda m: tokens.get(m.group(), m.group()), text)
+    if not tilde:
+        return text
+    return os.path.expanduser(re.sub(r"\$\{(\w+)\}", lambda m: os.environ.get(m.group(1), m.group()), text))

@@ -1,0 +1,111 @@
+"""What ssh_config files say of an address.
+
+Takes a name, an address and what was given by other means; reads the files and may start `ssh -G`. paramiko's parser
+knows no Include and only part of Match: a configuration with one of them is resolved by OpenSSH itself.
+"""
+
+from __future__ import annotations
+
+import functools
+import glob
+import os
+import re
+import shlex
+import subprocess
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from srprov.errors import ConnectError
+
+ADDS_UP = frozenset({"identityfile", "certificatefile"})
+"""Keywords of which every value counts; of the others the first one wins."""
+DEFAULT_KEYS = ("id_ed25519", "id_ecdsa", "id_rsa")
+
+_BEYOND_PARAMIKO = re.compile(r"^\s*(include|match)\b\s*=?\s*(.*)$", re.IGNORECASE | re.MULTILINE)
+_SSH_G_KEYS = frozenset({*DEFAULT_KEYS, "id_ecdsa_sk", "id_ed25519_sk", "id_xmss", "id_dsa"})
+
+
+def lookup(name: str, address: str, given: Mapping[str, Sequence[str]], chosen: Path | None) -> dict[str, list[str]]:
+    """Return what the configuration files say about an address, by lower-case keyword."""
+    texts = config_texts(chosen)
+    if any(needs_openssh(text, file) for file, text in texts.items()):
+        return _ssh_g(name, address, given, chosen)
+    found: dict[str, list[str]] = {}
+    for text in texts.values():
+        for key, value in _parse(name, text, address).items():
+            if key in ADDS_UP:
+                found.setdefault(key, []).extend(value)
+            else:
+                found.setdefault(key, value)
+    return found
+
+
+def config_texts(chosen: Path | None) -> dict[Path, str]:
+    """Return the configuration files that exist, the first to win first; raises OSError for one that cannot be read."""
+    files = [chosen] if chosen else [Path("~/.ssh/config").expanduser(), Path("/etc/ssh/ssh_config")]
+    return {file: _text(file, os.stat(file).st_mtime_ns) for file in files if file.is_file()}
+
+
+@functools.lru_cache(maxsize=8)
+def _text(file: Path, _mtime_ns: int) -> str:
+    """Read one configuration file, once per version of it."""
+    return file.read_text(encoding="utf-8", errors="replace")
+
+
+def needs_openssh(text: str, file: Path) -> bool:
+    """Tell whether paramiko's parser would misread a text. An Include that names no existing file does no harm."""
+    for keyword, rest in _BEYOND_PARAMIKO.findall(text):
+        if keyword.lower() == "match":
+            return True
+        base = file.parent if file.parent == Path("/etc/ssh") else Path("~/.ssh").expanduser()
+        if any(glob.glob(str(base / Path(word).expanduser())) for word in words(rest)):
+            return True
+    return False
+
+
+def _parse(name: str, text: str, address: str) -> dict[str, list[str]]:
+    """Look an address up in a simple ssh_config."""
+    import paramiko
+
+    try:
+        found = paramiko.SSHConfig.from_text(text).lookup(address)
+    except (paramiko.ConfigParseError, ValueError, KeyError) as error:
+        raise ConnectError(name, f"ssh_config cannot be read: {error}", hint="see what `ssh -G` says of it") from None
+    # lookup() makes up a HostName when there is none; an earlier file or option must not lose against it.
+    values: dict[str, Any] = dict(found)
+    return {k: v if isinstance(v, list) else [v] for k, v in values.items() if v and (k, v) != ("hostname", address)}
+
+
+def _ssh_g(name: str, address: str, given: Mapping[str, Sequence[str]], chosen: Path | None) -> dict[str, list[str]]:
+    """Let OpenSSH resolve its own configuration; Match may depend on user and port, so they are given too."""
+    command = ["ssh", "-G", *(["-F", str(chosen)] if chosen else [])]
+    command += [f"-o{key}={value}" for key, values in given.items() for value in values]
+    try:
+        done = subprocess.run(
+            [*command, "--", address], capture_output=True, text=True, timeout=10, stdin=subprocess.DEVNULL, check=False
+        )
+    except FileNotFoundError:
+        hint = "install openssh-client, or write the configuration without Include and Match"
+        raise ConnectError(name, "ssh_config uses Include or Match, and `ssh` is not installed", hint=hint) from None
+    except subprocess.TimeoutExpired:
+        raise ConnectError(name, "`ssh -G` took longer than 10 s", hint="is a `Match exec` waiting?") from None
+    if done.returncode:
+        raise ConnectError(name, f"`ssh -G {address}`: {done.stderr.strip()}", hint="correct ~/.ssh/config") from None
+    found: dict[str, list[str]] = {}
+    for line in done.stdout.splitlines():
+        key, _, value = line.partition(" ")
+        found.setdefault(key, []).append(value)
+    # It lists its defaults like settings; a default is not a key that somebody configured.
+    keys = found.get("identityfile", [])
+    if all(os.path.dirname(k) == "~/.ssh" and os.path.basename(k) in _SSH_G_KEYS for k in keys):
+        found.pop("identityfile", None)
+    return {key: values for key, values in found.items() if key not in given}
+
+
+def words(text: str) -> list[str]:
+    """Split a value of several words, some perhaps in quotes."""
+    try:
+        return shlex.split(text)
+    except ValueError:
+        return text.split()

@@ -1,0 +1,119 @@
+from __future__ import annotations
+
+import base64
+import hashlib
+import hmac
+from pathlib import Path
+
+import pytest
+
+from srprov.errors import HostKeyError
+from srprov.transport.openssh.host_keys import check, fingerprint, known_keys, matches, names_of
+from srprov.transport.openssh.settings import SshSettings
+
+BLOB, OTHER = b"\0\0\0\x0bssh-ed25519one", b"\0\0\0\x0bssh-ed25519two"
+
+
+def b64(blob: bytes) -> str:
+    return base64.b64encode(blob).decode()
+
+
+def settings(file: Path, **more: object) -> SshSettings:
+    values = {"name": "r1", "hostname": "Bot.lan", "port": 22, "user": "root", "known_hosts": (str(file),)}
+    return SshSettings(**{**values, **more})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("patterns", "name", "expected"),
+    [
+        ("bot.lan", "bot.lan", True),
+        ("BOT.lan", "bot.lan", True),
+        ("other,bot.lan", "bot.lan", True),
+        ("*.lan", "bot.lan", True),
+        ("bot?lan", "bot.lan", True),
+        ("*.lan,!bot.lan", "bot.lan", False),
+        ("!bot.lan,*.lan", "bot.lan", False),
+        ("bot.lan", "[bot.lan]:2222", False),
+        ("[bot.lan]:2222", "[bot.lan]:2222", True),
+        ("[bot.lan]:*", "[bot.lan]:2222", True),
+        ("[bot.lan]:2222", "b", False),
+        ("|1|broken", "bot.lan", False),
+        ("|1|@@|@@", "bot.lan", False),
+    ],
+)
+def test_matches(patterns: str, name: str, expected: bool) -> None:
+    assert matches(patterns, name) is expected
+
+
+def test_hashed_names() -> None:
+    salt = b"0123456789abcdefghij"
+    digest = hmac.new(salt, b"[bot.lan]:2222", hashlib.sha1).digest()
+    field = f"|1|{b64(salt)}|{b64(digest)}"
+    assert matches(field, "[bot.lan]:2222")
+    assert not matches(field, "bot.lan")
+
+
+def test_names_follow_port_and_alias(tmp_path: Path) -> None:
+    assert names_of(settings(tmp_path)) == ("bot.lan", None)
+    assert names_of(settings(tmp_path, port=2222)) == ("[bot.lan]:2222", "bot.lan")
+    assert names_of(settings(tmp_path, port=2222, host_key_alias="The-Bot")) == ("the-bot", None)
+
+
+def test_broken_lines_are_skipped_and_lines_are_counted(tmp_path: Path) -> None:
+    file = tmp_path / "known"
+    file.write_bytes(
+        b"# comment\n\nbot.lan\nbot.lan ssh-rsa !!!notbase64\n\xff\xfe x y\n@revoked bot.lan ssh-rsa "
+        + b64(OTHER).encode() + b"\nbot.lan ssh-ed25519 " + b64(BLOB).encode() + b" a comment\n"
+    )  # fmt: skip
+    found = known_keys([str(tmp_path / "missing"), str(file)], "bot.lan", None)
+    assert [(k.line, k.marker, k.blob) for k in found] == [(6, "@revoked", OTHER), (7, "", BLOB)]
+
+
+def test_a_key_by_bare_name_accepts_but_never_refuses(tmp_path: Path) -> None:
+    file = tmp_path / "known"
+    file.write_text(f"bot.lan ssh-ed25519 {b64(BLOB)}\n")
+    where = settings(file, port=2222)
+    known = known_keys([str(file)], *names_of(where))
+    check(where, known, "ssh-ed25519", BLOB)
+    with pytest.raises(HostKeyError, match="unknown"):
+        check(where, known, "ssh-ed25519", OTHER)
+
+
+def test_one_of_several_keys_is_enough(tmp_path: Path) -> None:
+    file = tmp_path / "known"
+    file.write_text(f"bot.lan ssh-ed25519 {b64(OTHER)}\nbot.lan ssh-ed25519 {b64(BLOB)}\n")
+    check(settings(file), known_keys([str(file)], "bot.lan", None), "ssh-ed25519", BLOB)
+
+
+def test_a_certificate_authority_is_not_taken_for_the_key(tmp_path: Path) -> None:
+    file = tmp_path / "known"
+    file.write_text(f"@cert-authority *.lan ssh-ed25519 {b64(BLOB)}\n")
+    with pytest.raises(HostKeyError, match="@cert-authority"):
+        check(settings(file), known_keys([str(file)], "bot.lan", None), "ssh-ed25519", BLOB)
+
+
+def test_hints_fit_how_the_robot_is_reached(tmp_path: Path) -> None:
+    def hint(**more: object) -> str:
+        with pytest.raises(HostKeyError) as caught:
+            check(settings(tmp_path / "k", **more), [], "ecdsa-sha2-nistp256", BLOB)
+        return caught.value.hint
+
+    assert f"ssh-keyscan -t ecdsa Bot.lan >> {tmp_path}/k" in hint()
+    assert "ssh-keyscan -p 2222 -t ecdsa" in hint(port=2222)
+    assert "ssh r1" in hint(proxy_jump=("gate",)) and "ssh-keyscan" not in hint(proxy_jump=("gate",))
+    assert "name a file" in hint(known_hosts=("/dev/null",))
+    assert "ssh_host_ecdsa_key.pub" in hint()
+
+
+def test_accept_new_hashes_names_when_asked(tmp_path: Path) -> None:
+    file = tmp_path / "new folder" / "known"
+    where = settings(file, accept_new=True, hash_known_hosts=True)
+    check(where, [], "ssh-ed25519", BLOB)
+    assert file.read_text().startswith("|1|") and file.stat().st_mode & 0o777 == 0o600
+    check(where, known_keys([str(file)], "bot.lan", None), "ssh-ed25519", BLOB)
+    assert len(file.read_text().splitlines()) == 1
+
+
+def test_fingerprint_is_openssh_s() -> None:
+    blob = base64.b64decode("AAAAC3NzaC1lZDI1NTE5AAAAIOMqqnkVzrm0SdG6UOoqKLsabgH5C9okWi0dh2l9GKJl")
+    assert fingerprint(blob) == "SHA256:+DiY3wvvV6TuJJhbpZisF/zLDA0zPMSvHdkr4UvCOqU"

@@ -1,0 +1,184 @@
+from __future__ import annotations
+
+import getpass
+import shutil
+from pathlib import Path
+
+import pytest
+
+from srprov.definitions.model import Host
+from srprov.errors import ConnectError
+from srprov.transport.openssh.connection import parse_hop
+from srprov.transport.openssh.resolve import expand, resolve
+from srprov.transport.openssh.settings import SshSettings
+
+
+def resolved(tmp_path: Path, text: str = "", **host: object) -> SshSettings:
+    file = tmp_path / "ssh_config"
+    file.write_text(text)
+    values = {"name": "r1", "address": "bot", **host}
+    return resolve(Host(**values), ssh_config=file)  # type: ignore[arg-type]
+
+
+def test_defaults(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("SSH_AUTH_SOCK", "/run/agent")
+    found = resolved(tmp_path)
+    assert (found.hostname, found.port, found.user) == ("bot", 22, getpass.getuser())
+    assert found.known_hosts == (f"{tmp_path}/.ssh/known_hosts", f"{tmp_path}/.ssh/known_hosts2")
+    assert found.global_known_hosts[0] == "/etc/ssh/ssh_known_hosts"
+    assert [Path(key).name for key in found.identity_files] == ["id_ed25519", "id_ecdsa", "id_rsa"]
+    assert not found.identities_configured and not found.accept_new
+    assert found.identity_agent == "/run/agent"
+
+
+CONFIG = """
+Host bot other
+    HostName %h.lan
+    Port 2200
+    User conf
+    IdentityFile ~/.ssh/of_%r_on_%h
+    IdentityFile "/with space/key"
+    IdentitiesOnly yes
+    UserKnownHostsFile ~/one "/two words/%k" ~/three
+    StrictHostKeyChecking accept-new
+    ProxyJump ann@gate:2222,inner
+    HostKeyAlias the-bot
+    HashKnownHosts yes
+    ConnectTimeout 3
+Host *
+    User late
+"""
+
+
+def test_ssh_config(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", "/home/me")
+    found = resolved(tmp_path, CONFIG)
+    assert (found.hostname, found.port, found.user) == ("bot.lan", 2200, "conf")
+    assert found.identity_files[1] == "/with space/key" and found.identities_configured and found.identities_only
+    assert found.known_hosts == ("/home/me/one", "/two words/the-bot", "/home/me/three")
+    assert found.accept_new and found.hash_known_hosts
+    assert found.proxy_jump == ("ann@gate:2222", "inner")
+    assert (found.host_key_alias, found.connect_timeout_s) == ("the-bot", 3.0)
+
+
+def test_inventory_before_options_before_config(tmp_path: Path) -> None:
+    options = (
+        ("user", "option"), ("port", "1111"), ("identityfile", "/option"), ("proxyjump", "none"),
+        ("userknownhostsfile", "/lab/known"), ("stricthostkeychecking", "no"), ("stricthostkeychecking", "accept-new"),
+    )  # fmt: skip
+    found = resolved(tmp_path, CONFIG, user="own", identity_file="/own", ssh_options=options)
+    assert (found.user, found.port) == ("own", 1111)
+    assert found.identity_files[:2] == ("/own", "/option") and "/with space/key" in found.identity_files
+    assert found.known_hosts == ("/lab/known",)
+    assert found.asked_for_no and not found.accept_new
+    assert found.proxy_jump == ()
+    assert ("userknownhostsfile", "/lab/known") in found.inherited
+
+
+def test_an_address_of_the_inventory_is_looked_up(tmp_path: Path) -> None:
+    found = resolved(tmp_path, "Host 10.0.0.*\n  Port 2022\n", address="10.0.0.7")
+    assert (found.hostname, found.port) == ("10.0.0.7", 2022)
+
+
+def test_an_include_of_nothing_needs_no_ssh(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", "/nowhere")
+    assert resolved(tmp_path, f"Include {tmp_path}/none/*\nHost bot\n  Port 77\n").port == 77
+
+
+@pytest.mark.skipif(not shutil.which("ssh"), reason="needs openssh-client")
+def test_match_goes_through_ssh(tmp_path: Path) -> None:
+    text = "Match user robot\n  Port 99\n  UserKnownHostsFile /a /b\nHost bot\n  HostName bot.lan\n"
+    found = resolved(tmp_path, text, user="robot")
+    assert (found.port, found.known_hosts, found.hostname) == (99, ("/a", "/b"), "bot.lan")
+    assert not found.identities_configured, "the defaults that ssh -G lists are not a configured key"
+    assert resolved(tmp_path, text, user="else").port == 22
+    assert resolved(tmp_path, text, user="robot", identity_file="/own").identity_files == ("/own",)
+
+
+@pytest.mark.skipif(not shutil.which("ssh"), reason="needs openssh-client")
+def test_an_address_that_looks_like_an_option_is_one_word(tmp_path: Path) -> None:
+    text = "Match all\n  Port 5\n"
+    try:
+        found = resolved(tmp_path, text, address="-oProxyCommand=touch${IFS}/tmp/x")
+    except ConnectError as error:
+        assert "ssh -G" in error.message
+    else:
+        assert found.proxy_command is None
+
+
+def test_broken_config_is_an_error_in_words(tmp_path: Path) -> None:
+    with pytest.raises(ConnectError, match="ssh_config cannot be read"):
+        resolved(tmp_path, "nonsense\n")
+    with pytest.raises(ConnectError, match="port 'ssh'"):
+        resolved(tmp_path, ssh_options=(("port", "ssh"),))
+
+
+def test_agent_choices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SSH_AUTH_SOCK", "/run/agent")
+    monkeypatch.setenv("OTHER", "/run/other")
+
+    def agent(value: str) -> str | None:
+        return resolved(tmp_path, ssh_options=(("identityagent", value),)).identity_agent
+
+    assert agent("none") is None
+    assert (agent("SSH_AUTH_SOCK"), agent("$OTHER"), agent("/run/third")) == ("/run/agent", "/run/other", "/run/third")
+
+
+def test_expand(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", "/home/me")
+    monkeypatch.setenv("PLACE", "there")
+    tokens = {"%h": "host", "%%": "%"}
+    assert expand("~/%h/%%h/${PLACE}/%x/${NOWHERE}", tokens) == "/home/me/host/%h/there/%x/${NOWHERE}"
+    assert expand("cat ~/%h", tokens, tilde=False) == "cat ~/host"
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("gate", (None, "gate", None)),
+        ("ann@gate:22", ("ann", "gate", 22)),
+        ("a@b@gate", ("a@b", "gate", None)),
+        ("ssh://ann@gate:22/", ("ann", "gate", 22)),
+        ("[::1]:2222", (None, "::1", 2222)),
+        ("ann@[fe80::1]", ("ann", "fe80::1", None)),
+        ("fe80::1", (None, "fe80::1", None)),
+    ],
+)
+def test_parse_hop(text: str, expected: tuple[str | None, str, int | None]) -> None:
+    assert parse_hop(text) == expected
+
+
+WORDS = [
+    "$(touch x)",
+    "`touch x`",
+    "-oProxyCommand=touch x",
+    "a;touch",
+    "a b",
+    "a\nb",
+    "a|b",
+    "a'b",
+    'a"b',
+    "a>b",
+    "a\\b",
+]
+
+
+@pytest.mark.parametrize("where", ["address", "user", "HostName"])
+@pytest.mark.parametrize("word", WORDS)
+def test_a_proxy_command_gets_no_shell_text_as_a_name(tmp_path: Path, where: str, word: str) -> None:
+    """The command is run by a shell, and `%h` would be part of its text; OpenSSH refuses such names, too."""
+    proxied = (("proxycommand", "ssh -W %h:%p %r@bastion"),)
+    text = f'Host bot\n  HostName "{word}"\n' if where == "HostName" else ""
+    if where == "HostName" and set(word) & set('\n"\\'):
+        return  # ssh_config cannot hold it
+    given = {} if where == "HostName" else {where: word}
+    with pytest.raises(ConnectError, match="is no host or user name for a ProxyCommand"):
+        resolved(tmp_path, text, ssh_options=proxied, **given)
+    assert resolved(tmp_path, text, **given).proxy_command is None
+
+
+@pytest.mark.parametrize("address", ["10.0.0.1", "2001:db8::1", "fe80::1%eth0", "bot.lan", "b_o-t"])
+def test_a_proxy_command_gets_any_proper_name(tmp_path: Path, address: str) -> None:
+    found = resolved(tmp_path, address=address, user="ada.l@site", ssh_options=(("proxycommand", "nc %h %p"),))
+    assert found.proxy_command == f"nc {address} 22"
