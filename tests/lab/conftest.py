@@ -1,7 +1,8 @@
 """A lab of real robots, the command line as users have it, and ways to look at a robot that do not go through srprov.
 
-The lab is one per machine. The session fixture brings it up and takes it down in the end; each test leaves its robots
-clean.
+Each process of tests has a lab of its own: `test`, or `test-gw0` and `test-gw1` where pytest-xdist runs two. The
+session fixture brings it up for the first test that needs it and takes it down in the end; each test leaves its robots
+clean. SRPROV_LAB=NAME takes other names, for two people who test at once.
 """
 
 from __future__ import annotations
@@ -18,10 +19,16 @@ from typing import Any
 
 import pytest
 
+from srprov.lab.places import Site
+from srprov.lab.sites import find
+
 ROOT = Path(__file__).parents[2]
 ROBOTS = int(os.environ.get("SRPROV_LAB_ROBOTS", "13"))
 """`tools/soak` asks for fewer where its tests need fewer."""
-GUARD = Path(os.environ.get("SRPROV_LAB_GUARD", "/run/lock/srprov-lab-tests"))
+NAME = "-".join(filter(None, [os.environ.get("SRPROV_LAB") or "test", os.environ.get("PYTEST_XDIST_WORKER")]))
+"""The lab of this process."""
+os.environ["SRPROV_LAB"] = NAME  # for every `srprov lab` that a test starts
+GUARD = Path(os.environ.get("SRPROV_LAB_GUARD", f"/run/lock/srprov-lab-tests-{NAME}"))
 """Who has the lab holds a lock on it. `tools/soak` has the lab already when it starts tests, and names another file."""
 COMMAND_LIMIT_S = 280
 
@@ -62,10 +69,15 @@ class Lab:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
-        self.inventory = folder / "inventory" / "lab.yml"
+        self.inventory = folder / Site(NAME).inventory
+
+    @property
+    def site(self) -> Site:
+        """Its folders, names and addresses on this machine."""
+        return find(NAME)
 
     def srprov(self, *arguments: str, **more: Any) -> Done:
-        """Run `srprov` from the lab's folder, where inventory/lab.yml is."""
+        """Run `srprov` from the lab's folder, where `lab up` has written its inventory."""
         return run_srprov(*arguments, cwd=self.folder, **more)
 
     def shell(self, robot: str, *words: str, check: bool = True) -> Done:
