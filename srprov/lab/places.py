@@ -19,6 +19,7 @@ CACHE = Path("/var/cache/srprov-lab")
 NAMED = "srprov-labs"
 """Folder and cgroup that hold those of all labs with names."""
 RUN = Path("/run")
+LIB = Path("/var/lib")
 NAMED_RUN = RUN / NAMED
 
 REGISTRY_PORT = 5000
@@ -59,7 +60,7 @@ class Site:
     @property
     def disks(self) -> Path:
         """One folder per robot."""
-        return Path("/var/lib") / self.group
+        return LIB / self.group
 
     @property
     def key(self) -> Path:

@@ -68,6 +68,7 @@ def machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     run, forwarding = tmp_path / "run", tmp_path / "ip_forward"
     forwarding.write_text("0\n")
     monkeypatch.setattr(places, "RUN", run)
+    monkeypatch.setattr(places, "LIB", tmp_path / "lib")  # `release` removes what is there
     monkeypatch.setattr(sites, "NAMED_RUN", run / "srprov-labs")
     monkeypatch.setattr(sites, "MACHINE", run / "srprov-labs" / ".machine")
     monkeypatch.setattr(sites, "BEFORE", run / "srprov-labs" / ".machine" / "settings.json")
