@@ -31,6 +31,7 @@ from srprov.transport.frames import Frames, batch
 from srprov.transport.secretfile import secret_script
 from srprov.transport.shell import excerpt
 from srprov.wire import EngineCall, Put, Run, quote, sh
+from tests.conftest import examples
 from tests.fakes import World
 from tests.hostile import CANARY, WORDS, names, texts
 from tests.worlds import Mount, experiment, plan_for, service
@@ -54,7 +55,7 @@ PRELUDE = "\n".join(
     ]
 )
 LIMITS = settings(
-    max_examples=30, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large]
+    max_examples=examples(30), deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large]
 )
 TREE = tempfile.mkdtemp(prefix="injection-")
 (Path(TREE) / "x").write_text("x")

@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from srprov.lab.places import NAMED_RUN, Site
-from srprov.lab.sites import find
 from tests.lab.conftest import NAME, NOTHING, ROOT, Done, Lab, run_srprov
 
 pytestmark = pytest.mark.lab
@@ -19,19 +18,7 @@ ROBOTS = ("robot1", "robot2", "robot3")
 
 
 class OtherLab(Lab):
-    """A lab with another name than that of the tests."""
-
-    def __init__(self, folder: Path, name: str) -> None:
-        super().__init__(folder)
-        self.name = name
-        self.inventory = folder / "inventory" / f"lab-{name}.yml"
-
-    @property
-    def site(self) -> Site:
-        return find(self.name)
-
-    def srprov(self, *arguments: str, **more: object) -> Done:
-        return run_srprov(*arguments, cwd=self.folder, env={"SRPROV_LAB": self.name})
+    """A lab that most words succeed in."""
 
     def succeed(self, *words: str) -> Done:
         done = self.srprov(*words)

@@ -16,11 +16,17 @@ from srprov.cli.problems import as_json, as_sarif, render_problems
 from srprov.data import schema
 from srprov.definitions import check_files, load_inventory
 from srprov.errors import DefinitionError
+<<<<<<< HEAD
 from srprov.yamldoc import loader
+=======
+from tests.conftest import examples
+>>>>>>> 624957c (Tests on two labs at once: xdist, quick and long property profiles, looks at robots without a Python each)
 from tests.unit.definitions.examples import BASE, CDF, EDF, INVENTORY, write_full
 
 QUICK = settings(
-    max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
+    max_examples=examples(100),
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 PIECES = st.sampled_from(
     [
@@ -39,7 +45,7 @@ def _survives(path: Path, content: bytes) -> None:
 
 
 @pytest.mark.parametrize("name", ["e.edf", "t.cdf", "hosts.yml", "hosts", "Dockerfile", "hosts.ini"])
-@settings(QUICK, max_examples=60)
+@settings(QUICK, max_examples=examples(60))
 @given(content=st.binary(max_size=200))
 def test_random_bytes(tmp_path: Path, name: str, content: bytes) -> None:
     _survives(tmp_path / name, content)
