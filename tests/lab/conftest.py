@@ -24,6 +24,7 @@ from typing import Any
 import pytest
 
 from srprov.lab import members, state
+from srprov.lab.lab import status
 from srprov.lab.places import Site
 from srprov.lab.robot import enter
 from srprov.lab.sites import find
@@ -156,6 +157,16 @@ def lab_session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
         assert down.code == 0, down
 
 
+def make_whole(lab: Lab) -> None:
+    """Have all robots ready, as they are by default; `lab up` is only run where a test has left something to do."""
+    known = state.read_lab(lab.site)
+    assert known is not None, "a test has taken the lab down"
+    default = (known.spec["text"], known.spec["count"], known.user) == ("", ROBOTS, None)
+    if not (default and all(seen.state == "ready" and not seen.faults for seen in status(lab.name))):
+        up = lab.srprov("lab", "up", "-n", str(ROBOTS))
+        assert up.code == 0, up
+
+
 def scrub(lab: Lab) -> None:
     """Remove what tests may have left on robots, by Docker's and the kernel's own means."""
     script = (
@@ -209,8 +220,7 @@ def engine_says(engine: Path, path: str) -> Any:
 @pytest.fixture
 def lab(lab_session: Lab) -> Iterator[Lab]:
     """Give the lab with clean robots, all of them up with the default inventory; clean them again afterwards."""
-    up = lab_session.srprov("lab", "up", "-n", str(ROBOTS))
-    assert up.code == 0, up
+    make_whole(lab_session)
     yield lab_session
     scrub(lab_session)
 
@@ -218,8 +228,7 @@ def lab(lab_session: Lab) -> Iterator[Lab]:
 @pytest.fixture(scope="module")
 def lab_of_module(lab_session: Lab) -> Iterator[Lab]:
     """Give the lab as `lab` does, but once for a whole file, whose tests then keep to robots of their own."""
-    up = lab_session.srprov("lab", "up", "-n", str(ROBOTS))
-    assert up.code == 0, up
+    make_whole(lab_session)
     yield lab_session
     scrub(lab_session)
 
@@ -274,5 +283,4 @@ def changed(report: dict[str, Any]) -> set[str]:
 def mended(lab_of_module: Lab) -> Iterator[Lab]:
     """Give the lab to a test that kills robots or gives them other options; afterwards they are as they were."""
     yield lab_of_module
-    up = lab_of_module.srprov("lab", "up", "-n", str(ROBOTS))
-    assert up.code == 0, up
+    make_whole(lab_of_module)
