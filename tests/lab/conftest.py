@@ -7,6 +7,7 @@ clean. SRPROV_LAB=NAME takes other names, for two people who test at once.
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import json
 import os
@@ -24,10 +25,10 @@ from typing import Any
 import pytest
 
 from srprov.lab import members, state
-from srprov.lab.lab import status
+from srprov.lab.lab import down, status
 from srprov.lab.places import Site
 from srprov.lab.robot import enter
-from srprov.lab.sites import find
+from srprov.lab.sites import every, find
 
 ROOT = Path(__file__).parents[2]
 ROBOTS = int(os.environ.get("SRPROV_LAB_ROBOTS", "13"))
@@ -35,7 +36,8 @@ ROBOTS = int(os.environ.get("SRPROV_LAB_ROBOTS", "13"))
 NAME = "-".join(filter(None, [os.environ.get("SRPROV_LAB") or "test", os.environ.get("PYTEST_XDIST_WORKER")]))
 """The lab of this process."""
 os.environ["SRPROV_LAB"] = NAME  # for every `srprov lab` that a test starts
-GUARD = Path(os.environ.get("SRPROV_LAB_GUARD", f"/run/lock/srprov-lab-tests-{NAME}"))
+GUARDS = "/run/lock/srprov-lab-tests-"
+GUARD = Path(os.environ.get("SRPROV_LAB_GUARD", GUARDS + NAME))
 """Who has the lab holds a lock on it. `tools/soak` has the lab already when it starts tests, and names another file."""
 COMMAND_LIMIT_S = 280
 
@@ -153,8 +155,20 @@ def lab_session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
         assert up.code == 0, up
         os.environ.setdefault("SRPROV_RUNS", str(folder / "runs"))  # not among the user's own
         yield lab
-        down = lab.srprov("lab", "down")
-        assert down.code == 0, down
+        gone = lab.srprov("lab", "down")
+        assert gone.code == 0, gone
+
+
+def pytest_unconfigure() -> None:
+    """Take down the labs of pytest-xdist's workers that were ended in the middle of a test."""
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        return
+    for site in every():
+        worker = re.match(rf"{NAME}-gw[0-9]+(?=-|$)", site.name)
+        if worker is not None:
+            with open(GUARDS + worker[0], "w", encoding="utf-8") as guard, contextlib.suppress(BlockingIOError):
+                fcntl.flock(guard, fcntl.LOCK_EX | fcntl.LOCK_NB)  # held while the worker lives, whoever started it
+                down(site.name, print)
 
 
 def make_whole(lab: Lab) -> None:
