@@ -17,7 +17,7 @@ import click
 from srprov.cli.output import err as say
 from srprov.cli.output import out, out_json
 from srprov.errors import UsageError
-from srprov.lab import faults, partition
+from srprov.lab import faults, overview, partition
 from srprov.lab import lab as labs
 from srprov.lab.places import MOST_ROBOTS, check_name
 from srprov.lab.sites import find
@@ -70,7 +70,7 @@ def up(name: str, count: int | None, spec_path: Path | None, user: str | None) -
         except (OSError, UnicodeDecodeError) as error:
             raise UsageError(f"cannot read {spec_path}: {error}", hint="check --spec") from error
     booted = labs.up(name, labs.Wanted(count, text, str(spec_path or "lab-spec.yml"), user), say)
-    seen = labs.status(name)
+    seen = overview.robots(name)
     say(f"{len(seen)} robots are ready" + ("" if booted else ", nothing to do"))
 
 
@@ -79,7 +79,7 @@ def up(name: str, count: int | None, spec_path: Path | None, user: str | None) -
 @click.pass_obj
 def status(name: str, as_json: bool) -> None:
     """Show the robots and whether they are ready."""
-    seen = labs.status(name)
+    seen = overview.robots(name)
     if as_json:
         out_json({"robots": {each.name: asdict(each) for each in seen}})
         return
@@ -95,7 +95,7 @@ def status(name: str, as_json: bool) -> None:
 @click.option("--json", "as_json", is_flag=True, help="One JSON document.")
 def list_labs(as_json: bool) -> None:
     """Show the labs that are up on this machine, whoever brought them up."""
-    found = labs.labs()
+    found = overview.labs()
     if as_json:
         out_json({"labs": [asdict(each) for each in found]})
         return

@@ -5,7 +5,8 @@ It may touch: its own folders (places.py), its own cgroups, its bridge and its f
 labs, told apart by names, can be up side by side. Only `srprov/cli/lab.py` calls it; the rest of
 srprov sees hosts that answer SSH.
 
-    lab.py        up, down, status, kill, restart: the order of things
+    lab.py        up, down, kill, restart: the order of things
+    overview.py   the robots of a lab and how they are, and all labs of this machine
     faults.py     partition, heal, a crashed or stopped engine: what comes and goes while the lab is up
     spec.py       lab-spec.yml -> Robot values
     places.py     names, folders and addresses of one lab

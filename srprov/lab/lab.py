@@ -1,4 +1,4 @@
-"""A whole lab, by its name: `up` makes it from whatever is there, `down` leaves nothing, `status` looks.
+"""A whole lab, by its name: `up` makes it from whatever is there, `down` leaves nothing.
 
 Nothing is assumed about how the last command ended. What exists is found by name (cgroups, links,
 folders), compared with what is wanted, and only the difference is done.
@@ -7,7 +7,7 @@ folders), compared with what is wanted, and only the difference is done.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence, Set
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from datetime import datetime, timezone
@@ -25,7 +25,6 @@ from srprov.lab import (
     machine,
     members,
     network,
-    partition,
     registry,
     robot,
     sites,
@@ -46,37 +45,6 @@ class Wanted:
     spec_text: str | None = None
     spec_file: str = "lab-spec.yml"
     user: str | None = None
-
-
-@dataclass(frozen=True)
-class Seen:
-    """A robot as `status` finds it."""
-
-    name: str
-    address: str
-    state: str
-    """`ready`, `booting` or `dead`."""
-    memory: int | None
-    """Bytes that its processes hold."""
-    pid: int | None
-    faults: tuple[str, ...] = ()
-    """What was broken on purpose since it was booted, e.g. `cut off from all`, `docker stopped`."""
-
-
-@dataclass(frozen=True)
-class Summary:
-    """A lab as `list` finds it."""
-
-    name: str
-    """Empty for the lab without a name."""
-    robots: int
-    alive: int
-    """How many of the robots run."""
-    subnet: str
-    folders: tuple[str, ...]
-    """Where `up` was run: each has the inventory."""
-    since: str
-    """When it was first brought up, in UTC."""
 
 
 def up(name: str, wanted: Wanted, say: Say) -> list[str]:
@@ -199,45 +167,6 @@ def down(name: str, say: Say) -> bool:
                 path.unlink()
         sites.release(site)
     return True
-
-
-def status(name: str) -> list[Seen]:
-    """Return the robots of the lab in the order of their numbers; none when it is down."""
-    site = sites.find(name)
-    lab = state.read_lab(site)
-    if lab is None:
-        return []
-    cuts = partition.in_force(site)
-    return [_look(site, each, cuts) for each in members.of(lab)]
-
-
-def _look(site: Site, each: spec.Robot, cuts: Set[partition.Rule]) -> Seen:
-    where = str(site.address(each.name))
-    booted = state.read_robot(site, each.name)
-    if booted is None:
-        return Seen(each.name, where, "dead", None, None, faults.cuts_of(site, each.name, cuts))
-    ready = robot.is_ready(site, each, booted.init.pid, cuts)
-    return Seen(
-        each.name,
-        where,
-        "ready" if ready else "booting",
-        cgroups.memory(site, each.name),
-        booted.init.pid,
-        (*faults.cuts_of(site, each.name, cuts), *faults.of_engine(each, booted.init.pid)),
-    )
-
-
-def labs() -> list[Summary]:
-    """Return the labs that are up on this machine; the one without a name comes first."""
-    known = [(site, state.read_lab(site)) for site in sites.every()]
-    return [_summary(site, lab) for site, lab in known if lab is not None]
-
-
-def _summary(site: Site, lab: state.Lab) -> Summary:
-    robots = members.of(lab)
-    alive = sum(state.read_robot(site, each.name) is not None for each in robots)
-    folders = tuple(str(Path(path).parents[1]) for path in lab.inventories)
-    return Summary(site.name, len(robots), alive, str(site.subnet), folders, lab.since)
 
 
 def kill(name: str, robot_name: str) -> None:

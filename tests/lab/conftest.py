@@ -24,8 +24,8 @@ from typing import Any
 
 import pytest
 
-from srprov.lab import members, state
-from srprov.lab.lab import down, status
+from srprov.lab import members, overview, state
+from srprov.lab.lab import down
 from srprov.lab.places import Site
 from srprov.lab.robot import enter
 from srprov.lab.sites import every, find
@@ -176,7 +176,7 @@ def make_whole(lab: Lab) -> None:
     known = state.read_lab(lab.site)
     assert known is not None, "a test has taken the lab down"
     default = (known.spec["text"], known.spec["count"], known.user) == ("", ROBOTS, None)
-    if not (default and all(seen.state == "ready" and not seen.faults for seen in status(lab.name))):
+    if not (default and all(seen.state == "ready" and not seen.faults for seen in overview.robots(lab.name))):
         up = lab.srprov("lab", "up", "-n", str(ROBOTS))
         assert up.code == 0, up
 
