@@ -27,7 +27,7 @@ test: setup lint type ## everything: lint, types, all tests (needs root, for the
 unit: setup ## only the tests that need no lab
 	@$(PYTEST) -m "not lab"
 
-soak: setup ## property tests with many examples; disturb an apply at every moment, make all faults, race (needs root; an hour)
+soak: setup ## many examples, a disturbance at every moment of an apply, all faults, 50 races (needs root; an hour)
 	@echo "soak: property tests, HYPOTHESIS_PROFILE=long"
 	@HYPOTHESIS_PROFILE=long $(PYTEST) -q -m "not lab"
 	@echo "soak: python -m tools.soak, results in tools/soak/results.md"
