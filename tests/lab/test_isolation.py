@@ -95,7 +95,8 @@ def test_destroying_one_leaves_the_other_as_it_was(lab: Lab, tmp_path: Path) -> 
     assert sorted(before) == ["srprov.left.client", "srprov.left.web"]
 
     enter = ("docker", "exec", "srprov.left.client")
-    pings = begin_on(lab, "robot2", *enter, "timeout", "120", "sh", "-c", "exec ping -i 0.1 web >/tmp/pings")
+    script = "echo $$ >/tmp/pid; exec ping -i 0.1 web >/tmp/pings"
+    pings = begin_on(lab, "robot2", *enter, "timeout", "120", "sh", "-c", script)
 
     def answers() -> list[int]:
         said = lab.shell("robot2", *enter, "sh", "-c", "cat /tmp/pings || true").out
@@ -108,7 +109,7 @@ def test_destroying_one_leaves_the_other_as_it_was(lab: Lab, tmp_path: Path) -> 
     wait_until(lambda: len(answers()) >= enough, 20, "pings after the destroy")
     assert pings.poll() is None, "the pings were to go on until after the destroy"
     answered = answers()
-    lab.shell("robot2", *enter, "pkill", "ping")
+    lab.shell("robot2", *enter, "sh", "-c", "kill $(cat /tmp/pid)")
     pings.communicate(timeout=30)
     assert answered == list(range(len(answered))), f"lost: {set(range(answered[-1])) - set(answered)}"
 
