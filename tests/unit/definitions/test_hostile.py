@@ -16,11 +16,8 @@ from srprov.cli.problems import as_json, as_sarif, render_problems
 from srprov.data import schema
 from srprov.definitions import check_files, load_inventory
 from srprov.errors import DefinitionError
-<<<<<<< HEAD
 from srprov.yamldoc import loader
-=======
 from tests.conftest import examples
->>>>>>> 624957c (Tests on two labs at once: xdist, quick and long property profiles, looks at robots without a Python each)
 from tests.unit.definitions.examples import BASE, CDF, EDF, INVENTORY, write_full
 
 QUICK = settings(
