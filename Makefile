@@ -4,6 +4,9 @@ SHELL := /bin/sh
 BIN := .venv/bin
 SOURCES := srprov tests tools examples benchmarks
 CHECKED := $(wildcard $(SOURCES))
+# Each worker has a lab of its own; WORKERS=0 runs all tests in one process.
+WORKERS ?= 2
+PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
 .PHONY: help setup demo test unit soak lint fmt type clean bench-assignment bench-provisioning
 
@@ -18,13 +21,15 @@ demo: setup ## three robots on this machine, ROS 1 talker and listener on them
 	@tools/demo.sh
 
 test: setup lint type ## everything: lint, types, all tests (needs root, for the lab)
-	@echo "test: pytest, the fast ones first, then those that need the lab"
-	@$(BIN)/python -m pytest
+	@echo "test: pytest, $(WORKERS) processes with a lab each"
+	@$(PYTEST)
 
 unit: setup ## only the tests that need no lab
-	@$(BIN)/python -m pytest -m "not lab"
+	@$(PYTEST) -m "not lab"
 
-soak: setup ## disturb an apply at every moment of it, make all faults, race 50 times (needs root; an hour)
+soak: setup ## many examples, a disturbance at every moment of an apply, all faults, 50 races (needs root; an hour)
+	@echo "soak: property tests, HYPOTHESIS_PROFILE=long"
+	@HYPOTHESIS_PROFILE=long $(PYTEST) -q -m "not lab"
 	@echo "soak: python -m tools.soak, results in tools/soak/results.md"
 	@$(BIN)/python -m tools.soak
 

@@ -5,7 +5,7 @@ cd "$(dirname "$0")/.."
 PATH="$PWD/.venv/bin:$PATH"
 
 EDF=examples/chatter-ros/experiment.edf
-INVENTORY=inventory/lab.yml
+INVENTORY=inventory/lab${SRPROV_LAB:+-$SRPROV_LAB}.yml
 DEADLINE_S=${DEMO_DEADLINE_S:-90}
 
 # Say the command, then run it.

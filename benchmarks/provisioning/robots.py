@@ -20,11 +20,13 @@ from pathlib import Path
 from typing import Any
 
 from srprov.lab import lab as labs
-from srprov.lab import places
+from srprov.lab.places import Site, robot_name
 
 ROOT = Path(__file__).parents[2]
+SITE = Site()
+"""The lab without a name."""
 LOCK = "/run/lock/srprov-lab-tests"
-KEY, KNOWN_HOSTS = places.KEY, places.KNOWN_HOSTS
+KEY, KNOWN_HOSTS = SITE.key, SITE.known_hosts
 RESET = (
     'c=$(docker ps -aq); test -z "$c" || docker rm -f $c >/dev/null; '
     "n=$(docker network ls -q --filter type=custom --filter driver=bridge | sort -u); "
@@ -55,11 +57,11 @@ class Lab:
     @property
     def inventory(self) -> Path:
         """The inventory that `srprov lab up` wrote."""
-        return self.folder / "inventory" / "lab.yml"
+        return self.folder / SITE.inventory
 
     def enter(self, robot: str, script: str, limit_s: float = 120, stdin: bytes = b"") -> str:
         """Run a shell script on a robot, past its network; give what it prints."""
-        argv = labs.shell(robot, ["sh", "-c", script])
+        argv = labs.shell(SITE.name, robot, ["sh", "-c", script])
         done = subprocess.run(argv, capture_output=True, input=stdin, timeout=limit_s, check=False)
         if done.returncode:
             raise Trouble(f"{robot}: {script[:60]}: exit {done.returncode}: {done.stderr.decode().strip()[-300:]}")
@@ -101,10 +103,10 @@ def _seen(text: str) -> dict[str, Any]:
 
 
 def _srprov(*words: str, cwd: Path, limit_s: float = 400) -> None:
-    argv = [sys.executable, "-m", "srprov", *words]
+    argv = [sys.executable, "-m", "srprov", "lab", "--name", SITE.name, *words]
     done = subprocess.run(argv, cwd=cwd, capture_output=True, text=True, timeout=limit_s, check=False)
     if done.returncode:
-        raise Trouble(f"srprov {' '.join(words)}: exit {done.returncode}: {done.stderr.strip()[-500:]}")
+        raise Trouble(f"srprov lab {' '.join(words)}: exit {done.returncode}: {done.stderr.strip()[-500:]}")
 
 
 @contextlib.contextmanager
@@ -150,16 +152,16 @@ def lab(count: int, latency_ms: int = 0, patience_s: float = 1800) -> Iterator[L
         folder = Path(name)
         late = {"defaults": {"ssh_latency_ms": latency_ms}} if latency_ms else {}
         (folder / "lab-spec.yml").write_text(json.dumps({"count": count, **late}), encoding="utf-8")
-        _srprov("lab", "down", cwd=folder)
+        _srprov("down", cwd=folder)
         try:
-            _srprov("lab", "up", "--spec", "lab-spec.yml", cwd=folder)
-            robots = tuple((robot, str(places.address(robot))) for robot in _names(count))
+            _srprov("up", "--spec", "lab-spec.yml", cwd=folder)
+            robots = tuple((robot, str(SITE.address(robot))) for robot in _names(count))
             made = Lab(folder, robots, latency_ms)
             made.everywhere("docker image inspect busybox >/dev/null 2>&1 || docker pull -q busybox >/dev/null")
             yield made
         finally:
-            _srprov("lab", "down", cwd=folder)
+            _srprov("down", cwd=folder)
 
 
 def _names(count: int) -> Sequence[str]:
-    return [places.robot_name(number) for number in range(1, count + 1)]
+    return [robot_name(number) for number in range(1, count + 1)]

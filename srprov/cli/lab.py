@@ -1,6 +1,7 @@
 """`srprov lab`: the verbs of the embedded lab.
 
-Prints what lab/lab.py answers; knows nothing of how a robot is made.
+Prints what lab/lab.py answers; knows nothing of how a robot is made. Each verb gets the lab's name
+from the group's option.
 """
 
 from __future__ import annotations
@@ -16,14 +17,29 @@ import click
 from srprov.cli.output import err as say
 from srprov.cli.output import out, out_json
 from srprov.errors import UsageError
-from srprov.lab import faults, partition
+from srprov.lab import faults, overview, partition
 from srprov.lab import lab as labs
-from srprov.lab.places import MOST_ROBOTS
+from srprov.lab.places import MOST_ROBOTS, check_name
+from srprov.lab.sites import find
+
+
+def _checked(_context: click.Context, _option: click.Parameter, name: str) -> str:
+    return check_name(name)
 
 
 @click.group()
-def lab() -> None:
+@click.option(
+    "--name",
+    envvar="SRPROV_LAB",
+    show_envvar=True,
+    default="",
+    callback=_checked,
+    help="Which lab: several can be up side by side (default: the one without a name).",
+)
+@click.pass_context
+def lab(context: click.Context, name: str) -> None:
     """Robots on this machine, for tests and demonstrations (Linux, root)."""
+    context.obj = name
 
 
 @lab.command()
@@ -41,8 +57,9 @@ def lab() -> None:
     help="lab-spec.yml with the robots' options.",
 )
 @click.option("--user", type=click.Choice(["root", "robot"]), help="Who logs in, in the inventory.")
-def up(count: int | None, spec_path: Path | None, user: str | None) -> None:
-    """Make the lab as asked, and write inventory/lab.yml.
+@click.pass_obj
+def up(name: str, count: int | None, spec_path: Path | None, user: str | None) -> None:
+    """Make the lab as asked, and write inventory/lab.yml (inventory/lab-NAME.yml for a lab with a name).
 
     Boots what is missing or dead, removes what is too many, and leaves the rest alone.
     """
@@ -52,39 +69,58 @@ def up(count: int | None, spec_path: Path | None, user: str | None) -> None:
             text = spec_path.read_text()
         except (OSError, UnicodeDecodeError) as error:
             raise UsageError(f"cannot read {spec_path}: {error}", hint="check --spec") from error
-    booted = labs.up(labs.Wanted(count, text, str(spec_path or "lab-spec.yml"), user), say)
-    seen = labs.status()
+    booted = labs.up(name, labs.Wanted(count, text, str(spec_path or "lab-spec.yml"), user), say)
+    seen = overview.robots(name)
     say(f"{len(seen)} robots are ready" + ("" if booted else ", nothing to do"))
 
 
 @lab.command()
 @click.option("--json", "as_json", is_flag=True, help="One JSON document.")
-def status(as_json: bool) -> None:
+@click.pass_obj
+def status(name: str, as_json: bool) -> None:
     """Show the robots and whether they are ready."""
-    seen = labs.status()
+    seen = overview.robots(name)
     if as_json:
         out_json({"robots": {each.name: asdict(each) for each in seen}})
         return
     if not seen:
-        out("the lab is down")
+        out(f"{find(name).title} is down")
     for each in seen:
         memory = "" if each.memory is None else f"{each.memory / 2**20:6.0f} MiB"
         line = f"{each.name:<10} {each.address:<15} {each.state:<8} {memory:10}  {', '.join(each.faults)}"
         out(line.rstrip())
 
 
+@lab.command("list")
+@click.option("--json", "as_json", is_flag=True, help="One JSON document.")
+def list_labs(as_json: bool) -> None:
+    """Show the labs that are up on this machine, whoever brought them up."""
+    found = overview.labs()
+    if as_json:
+        out_json({"labs": [asdict(each) for each in found]})
+        return
+    if not found:
+        out("no lab is up")
+    for each in found:
+        dead = f", {each.robots - each.alive} dead" if each.alive < each.robots else ""
+        robots = f"{each.robots} robot{'s' * (each.robots > 1)}{dead}"
+        out(f"{each.name or '(no name)':<20} {robots:<18} {each.subnet:<16} {each.since}  {', '.join(each.folders)}")
+
+
 @lab.command()
-def down() -> None:
+@click.pass_obj
+def down(name: str) -> None:
     """Remove the lab: robots, disks, network, state. The images stay cached."""
-    say("the lab is gone" if labs.down(say) else "the lab is down already")
+    say(f"{find(name).title} is gone" if labs.down(name, say) else f"{find(name).title} is down already")
 
 
 @lab.command(context_settings={"ignore_unknown_options": True, "allow_interspersed_args": False})
 @click.argument("robot")
 @click.argument("command", nargs=-1, type=click.UNPROCESSED)
-def shell(robot: str, command: tuple[str, ...]) -> None:
+@click.pass_obj
+def shell(name: str, robot: str, command: tuple[str, ...]) -> None:
     """Enter a robot past its network and sshd, or run COMMAND there."""
-    program = labs.shell(robot, command)
+    program = labs.shell(name, robot, command)
     sys.stdout.flush()
     os.execv(program[0], program)  # noqa: S606 - no shell is wanted: its exit code becomes ours
 
@@ -92,34 +128,37 @@ def shell(robot: str, command: tuple[str, ...]) -> None:
 @lab.command()
 @click.argument("robot")
 @click.option("--docker", is_flag=True, help="Only its Docker engine, as by a crash; it comes back two seconds later.")
-def kill(robot: str, docker: bool) -> None:
+@click.pass_obj
+def kill(name: str, robot: str, docker: bool) -> None:
     """End a robot at once, as by power loss. Its disk stays."""
     if docker:
-        faults.kill_engine(robot)
+        faults.kill_engine(find(name), robot)
         say(f"{robot}: dockerd was killed")
     else:
-        labs.kill(robot)
+        labs.kill(name, robot)
         say(f"{robot} is dead")
 
 
 @lab.command("stop-docker")
 @click.argument("robot")
-def stop_docker(robot: str) -> None:
+@click.pass_obj
+def stop_docker(name: str, robot: str) -> None:
     """Stop a robot's Docker engine. It stays down until `restart`, with or without --docker, or `up`."""
-    faults.stop_engine(robot)
+    faults.stop_engine(find(name), robot)
     say(f"{robot}: dockerd is stopped")
 
 
 @lab.command()
 @click.argument("robot")
 @click.option("--docker", is_flag=True, help="Only its Docker engine.")
-def restart(robot: str, docker: bool) -> None:
+@click.pass_obj
+def restart(name: str, robot: str, docker: bool) -> None:
     """Boot a robot again, dead or alive, with its disk kept."""
     if docker:
-        faults.restart_engine(robot)
+        faults.restart_engine(find(name), robot)
         say(f"{robot}: dockerd is ready")
     else:
-        labs.restart(robot)
+        labs.restart(name, robot)
         say(f"{robot} is ready")
 
 
@@ -131,18 +170,20 @@ def _other(what: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
 @lab.command("partition")
 @click.argument("robot")
 @_other("Only from")
-def partition_robot(robot: str, other: str) -> None:
+@click.pass_obj
+def partition_robot(name: str, robot: str, other: str) -> None:
     """Cut a robot off without a word: packets vanish, connections hang.
 
     It stays cut off while it is dead or restarts, until `heal` or `up`.
     """
-    faults.cut(robot, other)
+    faults.cut(find(name), robot, other)
     say(f"{robot} is cut off from {other}")
 
 
 @lab.command()
 @click.argument("robot")
 @_other("Only the partition from")
-def heal(robot: str, other: str) -> None:
+@click.pass_obj
+def heal(name: str, robot: str, other: str) -> None:
     """Undo `partition`; without --from, whatever cuts the robot off."""
-    say(f"{robot} is healed" if faults.heal(robot, other) else f"{robot} is not cut off from {other}")
+    say(f"{robot} is healed" if faults.heal(find(name), robot, other) else f"{robot} is not cut off from {other}")

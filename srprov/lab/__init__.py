@@ -1,13 +1,16 @@
 """The embedded lab: N robots on this one machine, each a real host for SSH, Docker and the network.
 
 Takes a number of robots and a lab-spec.yml, gives running robots, an inventory and a known_hosts.
-It may touch: its own folders (places.py), its own cgroups, its bridge and its firewall rules. Only
-`srprov/cli/lab.py` calls it; the rest of srprov sees hosts that answer SSH.
+It may touch: its own folders (places.py), its own cgroups, its bridge and its firewall rules. Several
+labs, told apart by names, can be up side by side. Only `srprov/cli/lab.py` calls it; the rest of
+srprov sees hosts that answer SSH.
 
-    lab.py        up, down, status, kill, restart: the order of things
+    lab.py        up, down, kill, restart: the order of things
+    overview.py   the robots of a lab and how they are, and all labs of this machine
     faults.py     partition, heal, a crashed or stopped engine: what comes and goes while the lab is up
     spec.py       lab-spec.yml -> Robot values
-    places.py     names, folders and addresses
+    places.py     names, folders and addresses of one lab
+    sites.py      which labs there are on this machine, and what they share
     machine.py    programs, and what is missing
     state.py      what is remembered in /run
     members.py    which robots the lab has, by that

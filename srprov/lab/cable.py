@@ -12,47 +12,47 @@ from pathlib import Path
 
 from srprov.errors import LabError
 from srprov.lab.machine import find, run, succeeds
-from srprov.lab.places import BRIDGE, TAG, link
+from srprov.lab.places import Site
 
 QUEUE_MS = 50
 """What waits longer than this for its turn is dropped, as in a modem."""
 
 
-def spoil(name: str, init: int, rate_mbit: float | None, loss_percent: float | None) -> None:
+def spoil(site: Site, name: str, init: int, rate_mbit: float | None, loss_percent: float | None) -> None:
     """Make the cable of the robot with this PID 1 as bad as that."""
     inside = ["nsenter", f"--net=/proc/{init}/ns/net", "--"]
     if rate_mbit:
         burst = max(6000, int(rate_mbit * 1e6 / 8 / 100))
         bucket = ["tbf", "rate", f"{rate_mbit * 1000:.0f}kbit", "burst", str(burst), "latency", f"{QUEUE_MS}ms"]
-        run(["tc", "qdisc", "add", "dev", link(name), "root", *bucket])
+        run(["tc", "qdisc", "add", "dev", site.link(name), "root", *bucket])
         run([*inside, "tc", "qdisc", "add", "dev", "eth0", "root", *bucket])
     if loss_percent:
-        _let_bridge_ask_firewall()
-        run([*inside, "iptables", "-w", "-t", "mangle", "-I", "PREROUTING", *_loses("-i eth0", loss_percent)])
-        arriving = _loses(f"-m physdev --physdev-in {link(name)}", loss_percent)
+        _let_bridge_ask_firewall(site)
+        run([*inside, "iptables", "-w", "-t", "mangle", "-I", "PREROUTING", *_loses(site, "-i eth0", loss_percent)])
+        arriving = _loses(site, f"-m physdev --physdev-in {site.link(name)}", loss_percent)
         run(["iptables", "-w", "-t", "mangle", "-I", "PREROUTING", *arriving])
 
 
-def _loses(where: str, percent: float) -> list[str]:
+def _loses(site: Site, where: str, percent: float) -> list[str]:
     chance = f"-m statistic --mode random --probability {percent / 100:.6f}"
-    return f"{where} {chance} -m comment --comment {TAG} -j DROP".split()
+    return f"{where} {chance} -m comment --comment {site.tag} -j DROP".split()
 
 
-def _let_bridge_ask_firewall() -> None:
+def _let_bridge_ask_firewall(site: Site) -> None:
     """The bridge shows its frames to iptables; the setting goes with the bridge."""
-    setting = Path(f"/sys/class/net/{BRIDGE}/bridge/nf_call_iptables")
+    setting = Path(f"/sys/class/net/{site.bridge}/bridge/nf_call_iptables")
     try:
         setting.write_text("1")
     except OSError as error:
         raise LabError("loss_percent: the bridge cannot ask iptables", hint="modprobe br_netfilter") from error
 
 
-def repair(name: str | None = None) -> None:
-    """Take away the rules of this robot's cable, or of all."""
+def repair(site: Site, name: str | None = None) -> None:
+    """Take away the rules of this robot's cable, or of all cables of the lab."""
     if find("iptables-save") is None:
         return
     for line in run(["iptables-save", "-t", "mangle"]).splitlines():
         words = line.split()
-        ours = words[:2] == ["-A", "PREROUTING"] and TAG in words and "--physdev-in" in words
-        if ours and (name is None or link(name) in words):
+        ours = words[:2] == ["-A", "PREROUTING"] and site.tag in words and "--physdev-in" in words
+        if ours and (name is None or site.link(name) in words):
             succeeds(["iptables", "-w", "-t", "mangle", "-D", *words[1:]])

@@ -2,19 +2,21 @@
 
 That second part makes `lab down` safe and complete after a killed run: the lab ends the processes
 in its own cgroups and no others, whether or not it ever noted their ids. On cgroup v1 a robot
-joins the group `srprov-lab/<robot>` of every hierarchy and sees it as the root of its cgroup
-namespace; on v2 it is one delegated subtree (written, never tested: docs/lab.md).
+joins the group `srprov-lab/<robot>` of every hierarchy (`srprov-labs/<name>/<robot>` in a lab with
+a name) and sees it as the root of its cgroup namespace; on v2 it is one delegated subtree
+(written, never tested: docs/lab.md).
 """
 
 from __future__ import annotations
 
+import contextlib
 import os
 import time
 from dataclasses import dataclass
 from pathlib import Path
 
 from srprov.errors import LabError
-from srprov.lab.places import TAG
+from srprov.lab.places import Site
 
 ROOT = Path("/sys/fs/cgroup")
 
@@ -64,15 +66,15 @@ def _roots() -> list[Path]:
     return [ROOT] if version() == 2 else [hierarchy.path for hierarchy in hierarchies()]
 
 
-def make(robot: str) -> list[Path]:
-    """Make the robot's groups; gives one folder per hierarchy."""
+def make(site: Site, robot: str = "") -> list[Path]:
+    """Make the groups of a robot, or only those of the lab; return one folder per hierarchy."""
     roots = _roots()
     if not roots:
         raise LabError(f"no cgroups are mounted below {ROOT}", hint="mount them, Docker needs them too")
     made = []
     for root in roots:
         group = root
-        for part in (TAG, robot):
+        for part in (*site.group.parts, *filter(None, [robot])):
             if version() == 2:
                 _delegate(group)
             group = group / part
@@ -103,34 +105,34 @@ LAUNCH = 'for group in $LAB_CGROUPS; do echo $$ >"$group/cgroup.procs"; done; ex
 """For `sh -c`: joins the groups, then becomes the program."""
 
 
-def set_aside(robot: str, pid: int) -> None:
+def set_aside(site: Site, robot: str, pid: int) -> None:
     """v2: move a process out of the robot's own group.
 
     The group hands controllers to its children only while nothing runs in itself.
     """
     if version() == 2:
-        (beside(robot)[0] / "cgroup.procs").write_text(str(pid))
+        (beside(site, robot)[0] / "cgroup.procs").write_text(str(pid))
 
 
-def beside(robot: str) -> list[Path]:
+def beside(site: Site, robot: str) -> list[Path]:
     """The groups for processes that belong to the robot, but are not seen by it."""
-    groups = [root / TAG / robot for root in _roots()]
+    groups = [root / site.group / robot for root in _roots()]
     if version() == 2:
         groups = [group / "launcher" for group in groups]
         groups[0].mkdir(exist_ok=True)
     return groups
 
 
-def robots() -> set[str]:
+def robots(site: Site) -> set[str]:
     """Robots that have a cgroup, alive or left behind by a killed run."""
-    return {path.name for root in _roots() for path in (root / TAG).glob("*/")}
+    return {path.name for root in _roots() for path in (root / site.group).glob("*/")}
 
 
-def processes(robot: str) -> set[int]:
+def processes(site: Site, robot: str) -> set[int]:
     """Every process of the robot and of its containers, as the machine numbers them."""
     found: set[int] = set()
     for root in _roots()[:1]:
-        for listing in (root / TAG / robot).rglob("cgroup.procs"):
+        for listing in (root / site.group / robot).rglob("cgroup.procs"):
             try:
                 found.update(int(word) for word in listing.read_text().split())
             except OSError:  # a container's group may go while we look
@@ -138,27 +140,35 @@ def processes(robot: str) -> set[int]:
     return found - {0}
 
 
-def memory(robot: str) -> int | None:
+def memory(site: Site, robot: str) -> int | None:
     """Bytes that the robot's processes hold, without page cache; None when it cannot be told."""
     path, key = (ROOT, "anon") if version() == 2 else (ROOT / "memory", "total_rss")
     try:
-        lines = (path / TAG / robot / "memory.stat").read_text().splitlines()
+        lines = (path / site.group / robot / "memory.stat").read_text().splitlines()
     except OSError:
         return None
     figures = dict(line.split(" ", 1) for line in lines)
     return int(figures[key]) if key in figures else None
 
 
-def remove(robot: str, patience_s: float = 5.0) -> None:
-    """Remove the robot's groups, and with the last one their parent; its processes have ended."""
+def remove(site: Site, robot: str, patience_s: float = 5.0) -> None:
+    """Remove the robot's groups; its processes have ended."""
     until = time.monotonic() + patience_s
     for root in _roots():
-        _remove_tree(root / TAG / robot, until)
-        if (root / TAG).exists() and not any((root / TAG).glob("*/")):
-            _remove_tree(root / TAG, until)
+        _remove_tree(site, root / site.group / robot, until)
 
 
-def _remove_tree(top: Path, until: float) -> None:
+def remove_all(site: Site, patience_s: float = 5.0) -> None:
+    """Remove the lab's groups, which nothing runs in; with the last lab that has a name, also what held them."""
+    until = time.monotonic() + patience_s
+    for root in _roots():
+        _remove_tree(site, root / site.group, until)
+        if site.name:
+            with contextlib.suppress(OSError):  # another lab has a group there, or there was none
+                (root / site.group).parent.rmdir()
+
+
+def _remove_tree(site: Site, top: Path, until: float) -> None:
     for folder, _, _ in os.walk(top, topdown=False):
         while True:
             try:
@@ -167,7 +177,7 @@ def _remove_tree(top: Path, until: float) -> None:
                 break
             except OSError as error:  # busy for a moment after the last process has gone
                 if time.monotonic() > until:
-                    hint = "see who is in its cgroup.procs, then run `srprov lab down` again"
+                    hint = f"see who is in its cgroup.procs, then run `{site.command} down` again"
                     raise LabError(f"cannot remove {folder}: {error.strerror}", hint=hint) from error
                 time.sleep(0.01)
             else:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from srprov.lab.places import CONTROLLER, REGISTRY_PORT, address
+from srprov.lab.places import REGISTRY_PORT, Site
 from srprov.lab.spec import Robot, Sshd
 
 SSHD_BEHIND_PROXY = 2022
@@ -49,10 +49,10 @@ exec /run/lab/date -d '%+f seconds' "$@"
 NOISE_MARK = "# Written by the lab: the option bashrc.\n"
 
 
-def sshd(robot: Robot) -> str:
+def sshd(site: Site, robot: Robot) -> str:
     """/etc/ssh/sshd_config. The address behind the proxy is the robot's own: it is part of SSH_CONNECTION."""
     limits = robot.sshd or Sshd()
-    behind = f"ListenAddress {address(robot.name)}:{SSHD_BEHIND_PROXY}"
+    behind = f"ListenAddress {site.address(robot.name)}:{SSHD_BEHIND_PROXY}"
     # A provisioner opens many connections at once; sshd's own limits drop such bursts.
     return SSHD_CONFIG % {
         "listen": behind if robot.ssh_latency_ms else "Port 22",
@@ -62,9 +62,9 @@ def sshd(robot: Robot) -> str:
     }
 
 
-def docker_daemon() -> str:
+def docker_daemon(site: Site) -> str:
     """/etc/docker/daemon.json."""
-    return DAEMON_JSON % {"registry": f"{CONTROLLER}:{REGISTRY_PORT}"}
+    return DAEMON_JSON % {"registry": f"{site.controller}:{REGISTRY_PORT}"}
 
 
 def hosts(name: str) -> str:

@@ -1,6 +1,6 @@
 """A robot's disk: the upper layer of an overlay over the machine's root, made before it boots.
 
-Writes below /var/lib/srprov-lab/<robot> only. What a robot must not see of the machine (homes,
+Writes below the lab's folder of disks only. What a robot must not see of the machine (homes,
 logs, other folders of the root, the lab itself) is hidden by the overlay's own means: an opaque
 folder hides what lies below it, a whiteout hides one name. What makes the robot a host of its own
 (users, host key, host name) is written over the machine's.
@@ -19,20 +19,20 @@ from srprov.errors import LabError
 from srprov.lab import config, users
 from srprov.lab.figures import loadavg, meminfo
 from srprov.lab.machine import SYSTEM_PATH, require, run
-from srprov.lab.places import KEY, disk
+from srprov.lab.places import NAMED, Site
 from srprov.lab.spec import Robot
 
 SHARED = {"bin", "boot", "etc", "lib", "lib32", "lib64", "libx32", "nix", "sbin", "usr", "var"}
 STANDARD = {"dev", "home", "media", "mnt", "opt", "proc", "root", "run", "srv", "sys", "tmp"}
 OWN = ("etc/docker", "etc/ssh", "var/lib/containerd", "var/lib/docker", "var/log", "var/tmp")
-HIDDEN = ("var/cache/srprov-lab", "var/lib/docker-registry", "var/lib/srprov", "var/lib/srprov-lab")
+HIDDEN = ("var/cache/srprov-lab", "var/lib/docker-registry", "var/lib/srprov", "var/lib/srprov-lab", f"var/lib/{NAMED}")
 LOOPS = Path("/sys/block")
 DOCKER = ("containerd", "ctr", "docker", "docker-init", "docker-proxy", "dockerd", "runc")
 
 
-def prepare(robot: Robot) -> None:
+def prepare(site: Site, robot: Robot) -> None:
     """Make the disk of a robot that has none, and bring what the options decide up to date."""
-    top = disk(robot.name)
+    top = site.disk(robot.name)
     if not (top / "made").exists():
         shutil.rmtree(top, ignore_errors=True)
         for part in ("upper", "work", "root", "docker", "figures"):
@@ -42,19 +42,19 @@ def prepare(robot: Robot) -> None:
         _hide_machine(upper)
         _write_identity(upper, robot.name)
         (top / "made").touch()
-    _write_options(Upper(top / "upper"), robot)
+    _write_options(site, Upper(top / "upper"), robot)
     _write_figures(top / "figures", robot)
     _make_docker_disk(top / "docker.img", robot.disk_mib or 0)
 
 
-def remove(name: str) -> None:
+def remove(site: Site, name: str) -> None:
     """Remove the disk; the robot must be dead."""
-    shutil.rmtree(disk(name), ignore_errors=True)
+    shutil.rmtree(site.disk(name), ignore_errors=True)
 
 
-def host_key(name: str) -> str:
+def host_key(site: Site, name: str) -> str:
     """The robot's public host key, as known_hosts wants it."""
-    path = disk(name) / "upper/etc/ssh/ssh_host_ed25519_key.pub"
+    path = site.disk(name) / "upper/etc/ssh/ssh_host_ed25519_key.pub"
     return " ".join(path.read_text().split()[:2])
 
 
@@ -133,14 +133,14 @@ def _write_identity(upper: Upper, name: str) -> None:
     upper.write("etc/machine-id", uuid.uuid4().hex + "\n", 0o444)
 
 
-def _write_options(upper: Upper, robot: Robot) -> None:
+def _write_options(site: Site, upper: Upper, robot: Robot) -> None:
     """What may differ at every boot."""
     upper.write("etc/hostname", robot.name + "\n")
     upper.write("etc/hosts", config.hosts(robot.name))
     upper.write("etc/resolv.conf", resolv_conf())
-    upper.write("etc/docker/daemon.json", config.docker_daemon())
-    upper.write("etc/ssh/sshd_config", config.sshd(robot))
-    users.authorize(upper, KEY.with_suffix(".pub").read_text())
+    upper.write("etc/docker/daemon.json", config.docker_daemon(site))
+    upper.write("etc/ssh/sshd_config", config.sshd(site, robot))
+    users.authorize(upper, site.key.with_suffix(".pub").read_text())
     users.set_rights(upper, robot.unprivileged, robot.sudo_password)
     users.set_noise(upper, robot.bashrc)
     folders = {os.path.realpath(folder) for folder in SYSTEM_PATH.split(":")}
@@ -182,9 +182,9 @@ def _make_docker_disk(image: Path, mib: int) -> None:
         draft.replace(image)
 
 
-def await_release(name: str, patience_s: float = 10.0) -> None:
+def await_release(site: Site, name: str, patience_s: float = 10.0) -> None:
     """Return when the kernel has let go of the dead robot's Docker disk: mounted twice, it would be corrupted."""
-    image = str(disk(name) / "docker.img")
+    image = str(site.disk(name) / "docker.img")
     until = time.monotonic() + patience_s
     while os.path.exists(image) and any(_backing(path).startswith(image) for path in LOOPS.glob("loop*/loop")):
         if time.monotonic() > until:

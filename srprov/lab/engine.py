@@ -16,6 +16,7 @@ from pathlib import Path
 from srprov.errors import LabError
 from srprov.lab import cgroups
 from srprov.lab.machine import run
+from srprov.lab.places import Site
 from srprov.lab.spec import Robot
 
 DATA = "/var/lib/docker"
@@ -34,9 +35,9 @@ def answers(init: int) -> bool:
         return False
 
 
-def process(name: str, init: int) -> int | None:
+def process(site: Site, name: str, init: int) -> int | None:
     """The process id of the robot's dockerd; one inside a container has another view of the disk and is not it."""
-    for pid in sorted(cgroups.processes(name)):
+    for pid in sorted(cgroups.processes(site, name)):
         with contextlib.suppress(OSError):
             same = os.readlink(f"/proc/{pid}/ns/mnt") == os.readlink(f"/proc/{init}/ns/mnt")
             if same and Path(f"/proc/{pid}/comm").read_text().strip() == "dockerd":
@@ -58,39 +59,39 @@ def _stopped(init: int) -> Path:
     return Path(f"/proc/{init}/root/run/lab/docker-stopped")
 
 
-def kill(name: str, init: int) -> None:
+def kill(site: Site, name: str, init: int) -> None:
     """End dockerd at once, as by a crash; boot.sh starts it again two seconds later."""
-    _end(name, init, signal.SIGKILL)
+    _end(site, name, init, signal.SIGKILL)
 
 
-def stop(name: str, init: int) -> None:
+def stop(site: Site, name: str, init: int) -> None:
     """Stop dockerd in an orderly way; it stays down until `start`, or until the robot boots."""
     _stopped(init).touch()
-    _end(name, init, signal.SIGTERM)
+    _end(site, name, init, signal.SIGTERM)
 
 
-def start(name: str, init: int) -> None:
+def start(site: Site, name: str, init: int) -> None:
     """Have a dockerd that answers; one that runs is left alone."""
     _stopped(init).unlink(missing_ok=True)
     until = time.monotonic() + PATIENCE_S
     while not answers(init):
         if time.monotonic() > until:
             raise LabError(
-                f"{name}: dockerd does not come back", hint=f"srprov lab shell {name} cat /var/log/dockerd.log"
+                f"{name}: dockerd does not come back", hint=f"{site.command} shell {name} cat /var/log/dockerd.log"
             )
         time.sleep(0.05)
 
 
-def _end(name: str, init: int, how: signal.Signals) -> None:
+def _end(site: Site, name: str, init: int, how: signal.Signals) -> None:
     until = time.monotonic() + PATIENCE_S
-    pid = process(name, init)
+    pid = process(site, name, init)
     if pid is None:
         return
     with contextlib.suppress(ProcessLookupError):
         os.kill(pid, how)
-    while process(name, init) == pid:
+    while process(site, name, init) == pid:
         if time.monotonic() > until:
-            raise LabError(f"{name}: dockerd does not end", hint=f"srprov lab kill {name} --docker")
+            raise LabError(f"{name}: dockerd does not end", hint=f"{site.command} kill {name} --docker")
         time.sleep(0.02)
 
 

@@ -12,10 +12,10 @@ import hashlib
 import os
 import shutil
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Set
 from pathlib import Path
 
-from srprov.lab import machine, trust
+from srprov.lab import machine, state, trust
 from srprov.lab.oci import Image, Storage, architecture
 from srprov.lab.places import CACHE
 from srprov.lab.tarfiles import Layer
@@ -38,15 +38,24 @@ USERS = {
 }
 
 
-def ensure(say: Say) -> Path:
-    """The storage of the mirror's registry, made if it is not cached."""
+def ensure(used: Set[Path], say: Say) -> Path:
+    """Return the storage that the mirror's registry serves, made if it is not cached.
+
+    Args:
+        used: Storages that mirrors serve now; older ones beside them are removed.
+        say: Is told what takes long.
+    """
+    with state.locked(CACHE):  # two labs may come up at once
+        return _ensure(used, say)
+
+
+def _ensure(used: Set[Path], say: Say) -> Path:
     busybox = machine.find("busybox")
     trusted, variables = trust.files(), trust.environment()
     storage = CACHE / f"registry-{_fingerprint(trusted, variables, busybox)}"
     if storage.exists():
         return storage
     machine.require(machine.IMAGE_PACKAGES)
-    CACHE.mkdir(parents=True, exist_ok=True)
     debian = _debian_tar(say)
     say("making the images debian:bookworm and busybox")
     draft = CACHE / "registry.new"
@@ -60,7 +69,7 @@ def ensure(say: Say) -> Path:
     _write_busybox(box, Path(busybox or "busybox"))
     Storage(draft).add(Image("library/debian", trust.SUITE, [base, top], ["bash"], variables))
     Storage(draft).add(Image("library/busybox", "latest", [box], ["sh"]))
-    for old in CACHE.glob("registry-*"):
+    for old in set(CACHE.glob("registry-*")) - used:
         shutil.rmtree(old)
     draft.rename(storage)
     return storage

@@ -7,7 +7,7 @@ from typing import Any
 
 import yaml
 
-from srprov.lab import places
+from srprov.lab.places import Site
 from srprov.lab.spec import Robot
 
 HEADER = "# Written by `srprov lab up`; `srprov lab down` removes it.\n"
@@ -18,20 +18,20 @@ def user_of(robot: Robot, user: str | None) -> str:
     return "robot" if robot.unprivileged else user or robot.user or "root"
 
 
-def as_text(robots: Sequence[Robot], user: str | None) -> str:
+def as_text(site: Site, robots: Sequence[Robot], user: str | None) -> str:
     """The inventory. Tags, slots and devices stand there only where the spec gives them."""
     shared = {
-        "ansible_ssh_private_key_file": str(places.KEY),
-        "ansible_ssh_common_args": f"-o UserKnownHostsFile={places.KNOWN_HOSTS}",
+        "ansible_ssh_private_key_file": str(site.key),
+        "ansible_ssh_common_args": f"-o UserKnownHostsFile={site.known_hosts}",
     }
-    hosts = {robot.name: _variables(robot, user) for robot in robots}
+    hosts = {robot.name: _variables(site, robot, user) for robot in robots}
     text = yaml.safe_dump({"all": {"hosts": hosts, "vars": shared}}, sort_keys=False)
     return HEADER + str(text)
 
 
-def _variables(robot: Robot, user: str | None) -> dict[str, Any]:
+def _variables(site: Site, robot: Robot, user: str | None) -> dict[str, Any]:
     found: dict[str, Any] = {
-        "ansible_host": str(places.address(robot.name)),
+        "ansible_host": str(site.address(robot.name)),
         "ansible_user": user_of(robot, user),
     }
     if robot.tags:
@@ -43,6 +43,6 @@ def _variables(robot: Robot, user: str | None) -> dict[str, Any]:
     return found
 
 
-def known_hosts(keys: Mapping[str, str]) -> str:
+def known_hosts(site: Site, keys: Mapping[str, str]) -> str:
     """One line per robot, by address; `keys` maps robot -> public host key."""
-    return "".join(f"{places.address(name)} {key}\n" for name, key in keys.items())
+    return "".join(f"{site.address(name)} {key}\n" for name, key in keys.items())

@@ -1,4 +1,4 @@
-"""The whole lab: `up` makes it from whatever is there, `down` leaves nothing, `status` looks.
+"""A whole lab, by its name: `up` makes it from whatever is there, `down` leaves nothing.
 
 Nothing is assumed about how the last command ended. What exists is found by name (cgroups, links,
 folders), compared with what is wanted, and only the difference is done.
@@ -7,10 +7,11 @@ folders), compared with what is wanted, and only the difference is done.
 from __future__ import annotations
 
 import os
-import shutil
-from collections.abc import Callable, Sequence, Set
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+from datetime import datetime, timezone
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,14 +25,14 @@ from srprov.lab import (
     machine,
     members,
     network,
-    partition,
-    places,
     registry,
     robot,
+    sites,
     spec,
     state,
 )
 from srprov.lab.machine import run
+from srprov.lab.places import Site, robot_number
 
 Say = Callable[[str], None]
 
@@ -46,43 +47,29 @@ class Wanted:
     user: str | None = None
 
 
-@dataclass(frozen=True)
-class Seen:
-    """A robot as `status` finds it."""
-
-    name: str
-    address: str
-    state: str
-    """`ready`, `booting` or `dead`."""
-    memory: int | None
-    """Bytes that its processes hold."""
-    pid: int | None
-    faults: tuple[str, ...] = ()
-    """What was broken on purpose since it was booted, e.g. `cut off from all`, `docker stopped`."""
-
-
-def up(wanted: Wanted, say: Say) -> list[str]:
-    """Make the lab as wanted; gives the names of the robots that had to be booted."""
+def up(name: str, wanted: Wanted, say: Say) -> list[str]:
+    """Make the lab as wanted; return the names of the robots that had to be booted."""
     machine.require_root()
     machine.require(machine.PACKAGES)
     machine.require_plain_root()
-    with state.locked():
-        lab, robots = _decide(wanted, state.read_lab(), say)
-        storage = images.ensure(say)
-        changed = network.ensure()
-        lab = replace(lab, kernel_before={**changed, **lab.kernel_before})
-        state.write_lab(lab)
-        _make_key()
-        registry.ensure(storage)
-        _remove_surplus({each.name for each in robots}, say)
-        booted = _boot_missing(robots, say)
-        faults.undo([each for each in robots if each.name not in booted], say)
-        robot.await_ready(robots)
-        _write_inventory(lab, robots)
+    with state.locked(Site(name, None).run):
+        before = state.read_lab(Site(name, None))
+        lab, robots = _decide(Site(name, None), wanted, before, say)
+        storage = images.ensure(registry.storages(sites.every()), say)
+        site = sites.claim(name)
+        network.ensure(site)
+        state.write_lab(site, lab)
+        _make_key(site)
+        registry.ensure(site, storage)
+        _remove_surplus(site, {each.name for each in robots}, say)
+        booted = _boot_missing(site, robots, say)
+        faults.undo(site, [each for each in robots if each.name not in booted], say)
+        robot.await_ready(site, robots)
+        _write_inventory(site, lab, robots)
     return booted
 
 
-def _decide(wanted: Wanted, before: state.Lab | None, say: Say) -> tuple[state.Lab, list[spec.Robot]]:
+def _decide(site: Site, wanted: Wanted, before: state.Lab | None, say: Say) -> tuple[state.Lab, list[spec.Robot]]:
     """The lab and its robots, from what is asked for now and what was before."""
     if before is not None and wanted.count is None and wanted.spec_text is None:
         source, file = before.spec, str(before.spec["file"])
@@ -95,12 +82,12 @@ def _decide(wanted: Wanted, before: state.Lab | None, say: Say) -> tuple[state.L
         raise UsageError(f"-n {count}, but robot{parsed.least} has options in {file}", hint="raise -n")
     robots = parsed.build(count)
     user = wanted.user or (before.user if before is not None and source is before.spec else None)
-    target = str(places.INVENTORY.absolute())
+    target = str(site.inventory.absolute())
     known = before.inventories if before else ()
     lab = state.Lab(
         spec=source,
         user=user,
-        kernel_before=before.kernel_before if before else {},
+        since=before.since if before else datetime.now(timezone.utc).isoformat(timespec="seconds"),
         inventories=tuple(sorted({*known, target})),
     )
     if machine.find("sudo") is None and any(inventory.user_of(each, user) == "robot" for each in robots):
@@ -108,49 +95,49 @@ def _decide(wanted: Wanted, before: state.Lab | None, say: Say) -> tuple[state.L
     return lab, robots
 
 
-def _make_key() -> None:
-    if not places.KEY.exists():
-        draft = places.KEY.with_suffix(".new")
+def _make_key(site: Site) -> None:
+    if not site.key.exists():
+        draft = site.key.with_suffix(".new")
         draft.unlink(missing_ok=True)
-        run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-C", places.TAG, "-f", str(draft)])
-        draft.with_name(draft.name + ".pub").replace(places.KEY.with_suffix(".pub"))
-        draft.replace(places.KEY)  # last: it says that both are there
+        run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-C", site.tag, "-f", str(draft)])
+        draft.with_name(draft.name + ".pub").replace(site.key.with_suffix(".pub"))
+        draft.replace(site.key)  # last: it says that both are there
 
 
-def _existing() -> set[str]:
+def _existing(site: Site) -> set[str]:
     """Every robot that there is any trace of."""
-    disks = {path.name for path in places.DISKS.glob("*/")}
-    return {name for name in disks | cgroups.robots() if places.robot_number(name)}
+    disks = {path.name for path in site.disks.glob("*/")}
+    return {name for name in disks | cgroups.robots(site) if robot_number(name)}
 
 
-def _remove_surplus(wanted: set[str], say: Say) -> None:
-    surplus = sorted(_existing() - wanted)
+def _remove_surplus(site: Site, wanted: set[str], say: Say) -> None:
+    surplus = sorted(_existing(site) - wanted)
     if surplus:
         say(f"removing {', '.join(surplus)}")
-        _each(robot.remove, surplus)
+        _each(partial(robot.remove, site), surplus)
 
 
-def _boot_missing(robots: Sequence[spec.Robot], say: Say) -> list[str]:
+def _boot_missing(site: Site, robots: Sequence[spec.Robot], say: Say) -> list[str]:
     """Boot the robots that are dead, or were booted with other options."""
     missing = []
     for each in robots:
-        alive = state.read_robot(each.name)
+        alive = state.read_robot(site, each.name)
         if alive is None or alive.options != each.boot_digest:
             missing.append(each)
     if missing:
         say(f"booting {len(missing)} robot{'s' if len(missing) > 1 else ''}")
-        _each(robot.kill, [each.name for each in missing])
-        _each(disk.prepare, missing)
-        robot.go(robot.power_on(missing))
+        _each(partial(robot.kill, site), [each.name for each in missing])
+        _each(partial(disk.prepare, site), missing)
+        robot.go(site, robot.power_on(site, missing))
     return [each.name for each in missing]
 
 
-def _write_inventory(lab: state.Lab, robots: Sequence[spec.Robot]) -> None:
-    keys = {each.name: disk.host_key(each.name) for each in robots}
-    _write_if_other(places.KNOWN_HOSTS, inventory.known_hosts(keys))
+def _write_inventory(site: Site, lab: state.Lab, robots: Sequence[spec.Robot]) -> None:
+    keys = {each.name: disk.host_key(site, each.name) for each in robots}
+    _write_if_other(site.known_hosts, inventory.known_hosts(site, keys))
     for path in lab.inventories:
-        if Path(path) == places.INVENTORY.absolute() or Path(path).exists():
-            _write_if_other(Path(path), inventory.as_text(robots, lab.user))
+        if Path(path) == site.inventory.absolute() or Path(path).exists():
+            _write_if_other(Path(path), inventory.as_text(site, robots, lab.user))
 
 
 def _write_if_other(path: Path, text: str) -> None:
@@ -161,74 +148,52 @@ def _write_if_other(path: Path, text: str) -> None:
         draft.replace(path)
 
 
-def down(say: Say) -> bool:
+def down(name: str, say: Say) -> bool:
     """Remove the lab and all that a killed run may have left; False when there was nothing."""
     machine.require_root()
-    existing = _existing()
-    if not (places.RUN.exists() or existing or cgroups.robots()):
-        network.remove({})
+    site = Site(name, None)
+    if not (site.run.exists() or _existing(site) or cgroups.robots(site)):
         return False
-    with state.locked():
-        lab = state.read_lab()
-        say(f"removing the lab ({len(existing)} robots)")
-        _each(robot.remove, sorted(existing))
-        registry.remove()
-        network.remove(lab.kernel_before if lab else {})
+    with state.locked(site.run):
+        lab = state.read_lab(site)
+        site = sites.claim(name)  # what is left may have lost its number
+        existing = _existing(site)
+        say(f"removing {site.title} ({len(existing)} robots)")
+        _each(partial(robot.remove, site), sorted(existing))
+        registry.remove(site)
+        network.remove(site)
         for path in map(Path, lab.inventories if lab else ()):
             if path.exists() and path.read_text().startswith(inventory.HEADER):
                 path.unlink()
-        shutil.rmtree(places.DISKS, ignore_errors=True)
-        shutil.rmtree(places.RUN, ignore_errors=True)
+        sites.release(site)
     return True
 
 
-def status() -> list[Seen]:
-    """The robots of the lab in the order of their numbers; none when it is down."""
-    lab = state.read_lab()
-    if lab is None:
-        return []
-    cuts = partition.in_force()
-    return [_look(each, cuts) for each in members.of(lab)]
-
-
-def _look(each: spec.Robot, cuts: Set[partition.Rule]) -> Seen:
-    where = str(places.address(each.name))
-    booted = state.read_robot(each.name)
-    if booted is None:
-        return Seen(each.name, where, "dead", None, None, faults.cuts_of(each.name, cuts))
-    ready = robot.is_ready(each, booted.init.pid, cuts)
-    return Seen(
-        each.name,
-        where,
-        "ready" if ready else "booting",
-        cgroups.memory(each.name),
-        booted.init.pid,
-        (*faults.cuts_of(each.name, cuts), *faults.of_engine(each, booted.init.pid)),
-    )
-
-
-def kill(name: str) -> None:
+def kill(name: str, robot_name: str) -> None:
     """End one robot as by power loss; it stays a member of the lab."""
     machine.require_root()
-    with state.locked():
-        robot.kill(members.one(name).name)
+    site = sites.find(name)
+    with members.changing(site):
+        robot.kill(site, members.one(site, robot_name).name)
 
 
-def restart(name: str) -> None:
+def restart(name: str, robot_name: str) -> None:
     """Boot one robot again, from dead or alive, with its disk kept; returns when it is ready."""
     machine.require_root()
-    with state.locked():
-        each = members.one(name)
-        robot.kill(each.name)
-        disk.prepare(each)
-        robot.go(robot.power_on([each]))
-        robot.await_ready([each])
+    site = sites.find(name)
+    with members.changing(site):
+        each = members.one(site, robot_name)
+        robot.kill(site, each.name)
+        disk.prepare(site, each)
+        robot.go(site, robot.power_on(site, [each]))
+        robot.await_ready(site, [each])
 
 
-def shell(name: str, command: Sequence[str]) -> list[str]:
-    """The program that runs `command` in the robot, for the caller to execute."""
+def shell(name: str, robot_name: str, command: Sequence[str]) -> list[str]:
+    """Return the program that runs `command` in the robot, for the caller to execute."""
     machine.require_root()
-    return robot.enter(members.one(name).name, command)
+    site = sites.find(name)
+    return robot.enter(site, members.one(site, robot_name).name, command)
 
 
 def _each(act: Callable[[Any], None], items: Sequence[Any]) -> None:

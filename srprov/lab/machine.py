@@ -57,7 +57,7 @@ def run(command: Sequence[str], stdin: str | None = None) -> str:
     if done.returncode:
         said = (done.stderr.strip() or done.stdout.strip() or "it said nothing").splitlines()
         what = f"`{' '.join(command)}` failed with {done.returncode}: {'; '.join(said[-3:])}"
-        raise LabError(what, hint="run `srprov lab down`, then `srprov lab up` again")
+        raise LabError(what, hint="take the lab down, then bring it up again")
     return done.stdout
 
 
@@ -89,9 +89,7 @@ def require_plain_root() -> None:
         raise LabError(what, hint="run the lab on a machine with one root filesystem")
 
 
-def write_setting(path: Path, value: str) -> str:
-    """Write a kernel setting (directly: `sysctl` may be a stub); gives its value from before."""
-    before = path.read_text().strip()
-    if before != value:
+def write_setting(path: Path, value: str) -> None:
+    """Have a kernel setting at that value; written directly, because `sysctl` may be a stub."""
+    if path.read_text().strip() != value:
         path.write_text(value)
-    return before

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 from srprov.errors import LabError, UsageError
 from srprov.lab import spec, state
+from srprov.lab.places import Site
 
 
 def of(lab: state.Lab) -> list[spec.Robot]:
@@ -12,12 +16,25 @@ def of(lab: state.Lab) -> list[spec.Robot]:
     return parsed.build(lab.spec["count"] or parsed.count or max(spec.DEFAULT_COUNT, parsed.least))
 
 
-def one(name: str) -> spec.Robot:
-    """The robot of that name; an error if the lab has none."""
-    lab = state.read_lab()
+def require_up(site: Site) -> state.Lab:
+    """Return the lab; LabError if it is down."""
+    lab = state.read_lab(site)
     if lab is None:
-        raise LabError("the lab is down", hint="srprov lab up")
-    robots = {each.name: each for each in of(lab)}
+        raise LabError(f"{site.title} is down", hint=f"{site.command} up")
+    return lab
+
+
+@contextmanager
+def changing(site: Site) -> Iterator[None]:
+    """Let no other command change the lab meanwhile; LabError if it is down."""
+    require_up(site)
+    with state.locked(site.run):
+        yield
+
+
+def one(site: Site, name: str) -> spec.Robot:
+    """The robot of that name; an error if the lab has none."""
+    robots = {each.name: each for each in of(require_up(site))}
     if name not in robots:
         raise UsageError(f"the lab has no {name}", hint=f"it has {', '.join(robots)}")
     return robots[name]

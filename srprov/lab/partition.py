@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from srprov.lab.machine import find, require, run
-from srprov.lab.places import link, robot_name
+from srprov.lab.places import Site, robot_name
 
 ALL = "all"
 CONTROLLER = "controller"
@@ -35,56 +35,53 @@ class Rule:
         return [self.chain, "-p", "!", "ARP", *source, *target, "-j", "DROP"]
 
 
-def rules(name: str, other: str) -> list[Rule]:
+def rules(site: Site, name: str, other: str) -> list[Rule]:
     """What cuts a robot off from the other: ALL, CONTROLLER or a robot's name."""
-    ours = link(name)
+    ours = site.link(name)
     controller = [Rule("INPUT", source=ours), Rule("OUTPUT", target=ours)]
     if other == CONTROLLER:
         return controller
     if other == ALL:
         return [*controller, Rule("FORWARD", source=ours), Rule("FORWARD", target=ours)]
-    return [Rule("FORWARD", ours, link(other)), Rule("FORWARD", link(other), ours)]
+    return [Rule("FORWARD", ours, site.link(other)), Rule("FORWARD", site.link(other), ours)]
 
 
-def parse(saved: str) -> set[Rule]:
+def parse(site: Site, saved: str) -> set[Rule]:
     """The lab's rules in what `ebtables-save` prints."""
     found = set()
     for words in map(str.split, saved.splitlines()):
         links = dict(pairwise(words))
         rule = Rule(links.get("-A", ""), links.get("-i", ""), links.get("-o", ""))
-        if words[:1] == ["-A"] and "DROP" in words and (rule.source + rule.target).startswith(_PREFIX):
+        if words[:1] == ["-A"] and "DROP" in words and (rule.source + rule.target).startswith(site.link_prefix):
             found.add(rule)
     return found
 
 
-_PREFIX = link(robot_name(1))[:-1]
-
-
-def in_force() -> set[Rule]:
+def in_force(site: Site) -> set[Rule]:
     """The rules that there are."""
-    return set() if find("ebtables-save") is None else parse(run(["ebtables-save"]))
+    return set() if find("ebtables-save") is None else parse(site, run(["ebtables-save"]))
 
 
-def cut(name: str, other: str) -> None:
+def cut(site: Site, name: str, other: str) -> None:
     """Cut the robot off; no error if it is cut off already."""
     require({"ebtables": "iptables", "ebtables-save": "iptables"})
-    there = in_force()
-    for rule in rules(name, other):
+    there = in_force(site)
+    for rule in rules(site, name, other):
         if rule not in there:
             run(["ebtables", "-I", *rule.words])
 
 
-def heal(name: str, other: str = ALL) -> bool:
+def heal(site: Site, name: str, other: str = ALL) -> bool:
     """Undo `cut`; for ALL, undo everything that cuts this robot off. False when there was nothing."""
-    ours = link(name)
-    there = in_force()
+    ours = site.link(name)
+    there = in_force(site)
     wanted = {rule for rule in there if ours in (rule.source, rule.target)}
-    return _delete(wanted if other == ALL else there.intersection(rules(name, other)))
+    return _delete(wanted if other == ALL else there.intersection(rules(site, name, other)))
 
 
-def heal_all() -> bool:
+def heal_all(site: Site) -> bool:
     """Undo every partition. False when there was none."""
-    return _delete(in_force())
+    return _delete(in_force(site))
 
 
 def _delete(found: Iterable[Rule]) -> bool:
@@ -94,12 +91,12 @@ def _delete(found: Iterable[Rule]) -> bool:
     return bool(gone)
 
 
-def cut_off(name: str, there: Set[Rule]) -> list[str]:
+def cut_off(site: Site, name: str, there: Set[Rule]) -> list[str]:
     """From whom the robot is cut off: ALL alone, or CONTROLLER and the names of robots."""
-    if there >= set(rules(name, ALL)):
+    if there >= set(rules(site, name, ALL)):
         return [ALL]
-    ours = link(name)
+    ours = site.link(name)
     pairs = [rule.target for rule in there if rule.source == ours and rule.chain == "FORWARD" and rule.target]
-    robots = sorted(int(target.removeprefix(_PREFIX)) for target in pairs)
-    controller = [CONTROLLER] if there >= set(rules(name, CONTROLLER)) else []
+    robots = sorted(int(target.removeprefix(site.link_prefix)) for target in pairs)
+    controller = [CONTROLLER] if there >= set(rules(site, name, CONTROLLER)) else []
     return [*controller, *(robot_name(number) for number in robots)]

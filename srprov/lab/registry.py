@@ -1,4 +1,4 @@
-"""The mirror: Debian's docker-registry on the lab's bridge, read-only, serving the cached images.
+"""The mirror: Debian's docker-registry on a lab's bridge, read-only, serving the cached images.
 
 It runs in a cgroup of its own beside the robots', so it is found and ended without a process id
 on record.
@@ -10,15 +10,18 @@ import subprocess
 import time
 import urllib.error
 import urllib.request
+from collections.abc import Iterable
 from pathlib import Path
+
+import yaml
 
 from srprov.errors import LabError
 from srprov.lab import cgroups, robot
 from srprov.lab.machine import SYSTEM_PATH, find
-from srprov.lab.places import CONTROLLER, REGISTRY_PORT, RUN
+from srprov.lab.places import REGISTRY_PORT, Site
 
 GROUP = "registry"
-URL = f"http://{CONTROLLER}:{REGISTRY_PORT}"
+CONFIG_FILE = "registry.yml"
 
 CONFIG = """\
 version: 0.1
@@ -31,17 +34,17 @@ http: {{addr: "{address}"}}
 """
 
 
-def ensure(storage: Path) -> None:
+def ensure(site: Site, storage: Path) -> None:
     """The mirror serves `storage` afterwards; it is started again when it serves another."""
-    text = CONFIG.format(storage=storage, address=f"{CONTROLLER}:{REGISTRY_PORT}")
-    config = RUN / "registry.yml"
-    if config.exists() and config.read_text() == text and answers():
+    text = CONFIG.format(storage=storage, address=f"{site.controller}:{REGISTRY_PORT}")
+    config = site.run / CONFIG_FILE
+    if config.exists() and config.read_text() == text and answers(site):
         return
-    remove()
+    remove(site)
     config.write_text(text)
     program = find("docker-registry") or "docker-registry"
-    groups = " ".join(str(group) for group in cgroups.make(GROUP))
-    with open(RUN / "registry.log", "wb") as log:
+    groups = " ".join(str(group) for group in cgroups.make(site, GROUP))
+    with open(site.run / "registry.log", "wb") as log:
         subprocess.Popen(
             ["/bin/sh", "-c", cgroups.LAUNCH, program, "serve", str(config)],
             stdin=subprocess.DEVNULL,
@@ -51,31 +54,38 @@ def ensure(storage: Path) -> None:
             env={"PATH": SYSTEM_PATH, "LAB_CGROUPS": groups, "OTEL_TRACES_EXPORTER": "none"},
             start_new_session=True,
         )
-    _await_answer()
+    _await_answer(site)
 
 
-def _await_answer(patience_s: float = 10.0) -> None:
+def storages(sites: Iterable[Site]) -> set[Path]:
+    """Return the storages that the mirrors of these labs serve."""
+    configs = [site.run / CONFIG_FILE for site in sites]
+    read = [yaml.safe_load(config.read_text()) for config in configs if config.exists()]
+    return {Path(config["storage"]["filesystem"]["rootdirectory"]) for config in read}
+
+
+def _await_answer(site: Site, patience_s: float = 10.0) -> None:
     until = time.monotonic() + patience_s
-    while not answers():
+    while not answers(site):
         if time.monotonic() > until:
-            log = (RUN / "registry.log").read_text(errors="replace").strip().splitlines()
+            log = (site.run / "registry.log").read_text(errors="replace").strip().splitlines()
             raise LabError(
                 f"the mirror does not answer: {log[-1] if log else 'no message'}",
-                hint="srprov lab down",
+                hint=f"{site.command} down",
             )
         time.sleep(0.02)
 
 
-def answers() -> bool:
+def answers(site: Site) -> bool:
     """Whether the mirror is there."""
     opener = urllib.request.build_opener(urllib.request.ProxyHandler({}))
     try:
-        with opener.open(f"{URL}/v2/", timeout=1.0) as reply:
+        with opener.open(f"http://{site.controller}:{REGISTRY_PORT}/v2/", timeout=1.0) as reply:
             return bool(reply.status == 200)
     except (urllib.error.URLError, OSError):
         return False
 
 
-def remove() -> None:
+def remove(site: Site) -> None:
     """End the mirror; no error if it does not run."""
-    robot.kill(GROUP)
+    robot.kill(site, GROUP)

@@ -18,9 +18,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from srprov.errors import LabError
-from srprov.lab import cable, cgroups, disk, engine, latency, network, partition, places, state
+from srprov.lab import cable, cgroups, disk, engine, latency, network, partition, state
 from srprov.lab.config import SSHD_BEHIND_PROXY
 from srprov.lab.machine import SYSTEM_PATH, find
+from srprov.lab.places import Site
 from srprov.lab.spec import Robot
 
 BOOT = Path(__file__).with_name("boot.sh")
@@ -36,32 +37,32 @@ class Waiting:
     init: state.Process
 
 
-def power_on(robots: Sequence[Robot]) -> list[Waiting]:
+def power_on(site: Site, robots: Sequence[Robot]) -> list[Waiting]:
     """Start the robots' first processes; their disks are prepared, and no earlier boot is alive."""
     launched = []
     for robot in robots:
-        groups = cgroups.make(robot.name)
-        with open(places.disk(robot.name) / "boot.log", "wb") as log:
+        groups = cgroups.make(site, robot.name)
+        with open(site.disk(robot.name) / "boot.log", "wb") as log:
             launcher = subprocess.Popen(
                 ["/bin/sh", str(BOOT), "enter"],
                 stdin=subprocess.PIPE,
                 stdout=log,
                 stderr=log,
                 cwd="/",
-                env=_boot_settings(robot, groups),
+                env=_boot_settings(site, robot, groups),
                 start_new_session=True,
             )
         launched.append((robot, launcher))
-    return [Waiting(robot, launcher, _first_process(robot, launcher)) for robot, launcher in launched]
+    return [Waiting(robot, launcher, _first_process(site, robot, launcher)) for robot, launcher in launched]
 
 
-def _boot_settings(robot: Robot, groups: Sequence[Path]) -> dict[str, str]:
+def _boot_settings(site: Site, robot: Robot, groups: Sequence[Path]) -> dict[str, str]:
     return {
         "PATH": SYSTEM_PATH,
         "LAB_NAME": robot.name,
-        "LAB_DISK": str(places.disk(robot.name)),
-        "LAB_ADDRESS": f"{places.address(robot.name)}/{places.SUBNET.prefixlen}",
-        "LAB_GATEWAY": str(places.CONTROLLER),
+        "LAB_DISK": str(site.disk(robot.name)),
+        "LAB_ADDRESS": f"{site.address(robot.name)}/{site.subnet.prefixlen}",
+        "LAB_GATEWAY": str(site.controller),
         "LAB_DEVICES": " ".join(robot.devices),
         "LAB_DOCKER": "yes" if robot.docker else "no",
         "LAB_CGROUPS": " ".join(str(group) for group in groups),
@@ -70,68 +71,68 @@ def _boot_settings(robot: Robot, groups: Sequence[Path]) -> dict[str, str]:
     }
 
 
-def _first_process(robot: Robot, launcher: subprocess.Popen[bytes]) -> state.Process:
+def _first_process(site: Site, robot: Robot, launcher: subprocess.Popen[bytes]) -> state.Process:
     """PID 1 of the robot: the one process in its group that is not the launcher."""
     until = time.monotonic() + PATIENCE_S
     while time.monotonic() < until and launcher.poll() is None:
-        for pid in cgroups.processes(robot.name) - {launcher.pid}:
+        for pid in cgroups.processes(site, robot.name) - {launcher.pid}:
             init = state.Process.of(pid)
             if init is not None:
                 return init
         time.sleep(0.002)
-    raise LabError(f"{robot.name} does not boot: {_last_words(robot.name)}", hint="srprov lab down")
+    raise LabError(f"{robot.name} does not boot: {_last_words(site, robot.name)}", hint=f"{site.command} down")
 
 
-def go(waiting: Sequence[Waiting]) -> None:
+def go(site: Site, waiting: Sequence[Waiting]) -> None:
     """Lay the cables, note the robots and let them run."""
-    network.connect({each.robot.name: each.init.pid for each in waiting})
+    network.connect(site, {each.robot.name: each.init.pid for each in waiting})
     for robot, init in [(each.robot, each.init.pid) for each in waiting]:
-        cable.spoil(robot.name, init, robot.rate_mbit, robot.loss_percent)
+        cable.spoil(site, robot.name, init, robot.rate_mbit, robot.loss_percent)
     for each in waiting:
-        cgroups.set_aside(each.robot.name, each.launcher.pid)
-        state.write_robot(each.robot.name, state.Booted(each.init, each.robot.boot_digest))
+        cgroups.set_aside(site, each.robot.name, each.launcher.pid)
+        state.write_robot(site, each.robot.name, state.Booted(each.init, each.robot.boot_digest))
         assert each.launcher.stdin is not None
         each.launcher.stdin.write(b"go\n")
         each.launcher.stdin.close()
         if each.robot.ssh_latency_ms:
-            latency.start(each.robot.name, each.init.pid, each.robot.ssh_latency_ms)
+            latency.start(site, each.robot.name, each.init.pid, each.robot.ssh_latency_ms)
 
 
-def await_ready(robots: Sequence[Robot], patience_s: float = 60.0) -> None:
+def await_ready(site: Site, robots: Sequence[Robot], patience_s: float = 60.0) -> None:
     """Return when every robot is ready; LabError with the reasons otherwise."""
     until = time.monotonic() + patience_s
     pending = {robot.name: robot for robot in robots}
-    cuts = partition.in_force()
+    cuts = partition.in_force(site)
     while pending:
         for name, robot in list(pending.items()):
-            booted = state.read_robot(name)
+            booted = state.read_robot(site, name)
             if booted is None:
                 raise LabError(
-                    f"{name} died while booting: {_last_words(name)}",
-                    hint=f"srprov lab restart {name}",
+                    f"{name} died while booting: {_last_words(site, name)}",
+                    hint=f"{site.command} restart {name}",
                 )
-            if is_ready(robot, booted.init.pid, cuts):
+            if is_ready(site, robot, booted.init.pid, cuts):
                 del pending[name]
         if pending and time.monotonic() > until:
-            why = "; ".join(f"{name}: {_last_words(name)}" for name in pending)
-            raise LabError(f"not ready after {patience_s:.0f} s: {why}", hint="srprov lab status")
+            why = "; ".join(f"{name}: {_last_words(site, name)}" for name in pending)
+            raise LabError(f"not ready after {patience_s:.0f} s: {why}", hint=f"{site.command} status")
         if pending:
             time.sleep(0.02)
     for robot in robots:
-        booted = state.read_robot(robot.name)
+        booted = state.read_robot(site, robot.name)
         if booted is not None and robot.docker and robot.docker_read_only:
             engine.make_read_only(booted.init.pid)
 
 
-def is_ready(robot: Robot, init: int, cuts: Set[partition.Rule]) -> bool:
+def is_ready(site: Site, robot: Robot, init: int, cuts: Set[partition.Rule]) -> bool:
     """Whether the robot's sshd greets and its Docker engine answers, but for what is broken on purpose."""
     if engine.is_wanted(robot, init) and not engine.answers(init):
         return False
     ports = {22, SSHD_BEHIND_PROXY} if robot.ssh_latency_ms else {22}
     if not ports <= listens(init):
         return False
-    unreachable = not cuts.isdisjoint(partition.rules(robot.name, partition.CONTROLLER))
-    return unreachable or bool(robot.loss_percent) or answers_ssh(robot)
+    unreachable = not cuts.isdisjoint(partition.rules(site, robot.name, partition.CONTROLLER))
+    return unreachable or bool(robot.loss_percent) or answers_ssh(site, robot)
 
 
 def listens(init: int) -> set[int]:
@@ -147,30 +148,30 @@ def listens(init: int) -> set[int]:
     return {int(row.split()[1].partition(":")[2], 16) for row in rows if row.split()[3] == "0A"}
 
 
-def answers_ssh(robot: Robot) -> bool:
+def answers_ssh(site: Site, robot: Robot) -> bool:
     """Whether the robot's sshd greets, in the time that its latency asks for."""
     patience_s = 0.5 + 4 * (robot.ssh_latency_ms or 0) / 1000
     try:
-        with socket.create_connection((str(places.address(robot.name)), 22), timeout=patience_s) as connection:
+        with socket.create_connection((str(site.address(robot.name)), 22), timeout=patience_s) as connection:
             return connection.recv(4) == b"SSH-"
     except OSError:
         return False
 
 
-def kill(name: str) -> None:
+def kill(site: Site, name: str) -> None:
     """End the robot at once, as by power loss; its disk stays. No error if it is dead."""
     until = time.monotonic() + PATIENCE_S
-    while found := cgroups.processes(name):
+    while found := cgroups.processes(site, name):
         for pid in sorted(found):
             _signal(pid)
         if time.monotonic() > until:
             raise LabError(f"{name} does not die: processes {sorted(found)}", hint="see `dmesg`")
         time.sleep(0.005)
-    disk.await_release(name)
-    network.disconnect(name)
-    cable.repair(name)
-    cgroups.remove(name)
-    state.forget_robot(name)
+    disk.await_release(site, name)
+    network.disconnect(site, name)
+    cable.repair(site, name)
+    cgroups.remove(site, name)
+    state.forget_robot(site, name)
 
 
 def _signal(pid: int) -> None:
@@ -178,18 +179,18 @@ def _signal(pid: int) -> None:
         os.kill(pid, signal.SIGKILL)
 
 
-def remove(name: str) -> None:
+def remove(site: Site, name: str) -> None:
     """Kill the robot, and remove its disk and what cuts it off."""
-    kill(name)
-    partition.heal(name)
-    disk.remove(name)
+    kill(site, name)
+    partition.heal(site, name)
+    disk.remove(site, name)
 
 
-def enter(name: str, command: Sequence[str]) -> list[str]:
+def enter(site: Site, name: str, command: Sequence[str]) -> list[str]:
     """The program that runs `command` (a login shell if empty) in the robot, not through sshd."""
-    booted = state.read_robot(name)
+    booted = state.read_robot(site, name)
     if booted is None:
-        raise LabError(f"{name} is not running", hint=f"srprov lab restart {name}")
+        raise LabError(f"{name} is not running", hint=f"{site.command} restart {name}")
     inside = [
         "env",
         "-i",
@@ -210,9 +211,9 @@ def enter(name: str, command: Sequence[str]) -> list[str]:
     ]
 
 
-def _last_words(name: str) -> str:
+def _last_words(site: Site, name: str) -> str:
     """The end of the robot's logs, for an error message."""
-    top = places.disk(name)
+    top = site.disk(name)
     for path in (
         top / "boot.log",
         top / "upper/var/log/dockerd.log",

@@ -12,11 +12,11 @@ import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from srprov.lab.places import RUN
+from srprov.lab.places import Site
 
 
 @dataclass(frozen=True)
@@ -56,41 +56,43 @@ class Lab:
 
     spec: dict[str, Any]
     user: str | None
-    kernel_before: dict[str, str] = field(default_factory=dict)
+    since: str
+    """When it was first brought up, in UTC."""
     inventories: tuple[str, ...] = ()
 
 
-def read_lab() -> Lab | None:
+def read_lab(site: Site) -> Lab | None:
     """The lab that is up, or was when the machine's run was killed."""
-    found = _read(RUN / "lab.json")
+    found = read(site.run / "lab.json")
     return None if found is None else Lab(**{**found, "inventories": tuple(found["inventories"])})
 
 
-def write_lab(lab: Lab) -> None:
+def write_lab(site: Site, lab: Lab) -> None:
     """Remember what `up` wanted."""
-    _write(RUN / "lab.json", asdict(lab))
+    write(site.run / "lab.json", asdict(lab))
 
 
-def read_robot(name: str) -> Booted | None:
+def read_robot(site: Site, name: str) -> Booted | None:
     """The robot's last boot, if its PID 1 is still alive."""
-    found = _read(RUN / "robots" / f"{name}.json")
+    found = read(site.run / "robots" / f"{name}.json")
     if found is None:
         return None
     booted = Booted(Process(**found["init"]), found["options"])
     return booted if booted.init.alive else None
 
 
-def write_robot(name: str, booted: Booted) -> None:
+def write_robot(site: Site, name: str, booted: Booted) -> None:
     """Remember a boot; to be done before the robot is told to go."""
-    _write(RUN / "robots" / f"{name}.json", asdict(booted))
+    write(site.run / "robots" / f"{name}.json", asdict(booted))
 
 
-def forget_robot(name: str) -> None:
+def forget_robot(site: Site, name: str) -> None:
     """The robot was killed, or has left the lab."""
-    (RUN / "robots" / f"{name}.json").unlink(missing_ok=True)
+    (site.run / "robots" / f"{name}.json").unlink(missing_ok=True)
 
 
-def _read(path: Path) -> dict[str, Any] | None:
+def read(path: Path) -> dict[str, Any] | None:
+    """Return what was written; None if nothing was."""
     try:
         found = json.loads(path.read_text())
     except FileNotFoundError:
@@ -99,7 +101,8 @@ def _read(path: Path) -> dict[str, Any] | None:
     return found
 
 
-def _write(path: Path, value: dict[str, Any]) -> None:
+def write(path: Path, value: dict[str, Any]) -> None:
+    """Put a JSON file in the place of the one before."""
     path.parent.mkdir(parents=True, exist_ok=True)
     draft = path.with_suffix(".new")
     draft.write_text(json.dumps(value, indent=1, sort_keys=True) + "\n")
@@ -107,18 +110,28 @@ def _write(path: Path, value: dict[str, Any]) -> None:
 
 
 @contextmanager
-def locked() -> Iterator[None]:
-    """One command at a time may change the lab; the others wait."""
+def locked(folder: Path) -> Iterator[None]:
+    """One command at a time may change what the folder is about; the others wait."""
     while True:
-        RUN.mkdir(mode=0o755, parents=True, exist_ok=True)
-        lock = os.open(RUN / "lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        lock = _lock_file(folder)
+        if lock is None:
+            continue
         try:
             fcntl.flock(lock, fcntl.LOCK_EX)
-            if _same_file(lock, RUN / "lock"):  # `lab down` may have removed it while we waited
+            if _same_file(lock, folder / "lock"):  # `lab down` may have removed it while we waited
                 yield
                 return
         finally:
             os.close(lock)
+
+
+def _lock_file(folder: Path) -> int | None:
+    """Open the folder's lock file; None if `lab down` removed the folder at that very moment."""
+    try:
+        folder.mkdir(mode=0o755, parents=True, exist_ok=True)
+        return os.open(folder / "lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    except FileNotFoundError:
+        return None
 
 
 def _same_file(descriptor: int, path: Path) -> bool:

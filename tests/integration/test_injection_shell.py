@@ -31,6 +31,7 @@ from srprov.transport.shell.frames import Frames, batch
 from srprov.transport.shell.secret_script import secret_script
 from srprov.transport.shell.shell import excerpt
 from srprov.wire import EngineCall, Put, Run, quote, sh
+from tests.conftest import examples
 from tests.fakes import World
 from tests.hostile import CANARY, WORDS, names, texts
 from tests.resources import resource
@@ -55,7 +56,7 @@ PRELUDE = "\n".join(
     ]
 )
 LIMITS = settings(
-    max_examples=30, deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large]
+    max_examples=examples(30), deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large]
 )
 TREE = tempfile.mkdtemp(prefix="injection-")
 (Path(TREE) / "x").write_text("x")

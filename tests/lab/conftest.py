@@ -1,27 +1,43 @@
 """A lab of real robots, the command line as users have it, and ways to look at a robot that do not go through srprov.
 
-The lab is one per machine. The session fixture brings it up and takes it down in the end; each test leaves its robots
-clean.
+Each process of tests has a lab of its own: `test`, or `test-gw0` and `test-gw1` where pytest-xdist runs two. The
+session fixture brings it up for the first test that needs it and takes it down in the end; each test leaves its robots
+clean. SRPROV_LAB=NAME takes other names, for two people who test at once.
 """
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import json
 import os
+import re
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from srprov.lab import members, overview, state
+from srprov.lab.lab import down
+from srprov.lab.places import Site
+from srprov.lab.robot import enter
+from srprov.lab.sites import every, find
+
 ROOT = Path(__file__).parents[2]
 ROBOTS = int(os.environ.get("SRPROV_LAB_ROBOTS", "13"))
 """`tools/soak` asks for fewer where its tests need fewer."""
-GUARD = Path(os.environ.get("SRPROV_LAB_GUARD", "/run/lock/srprov-lab-tests"))
+NAME = "-".join(filter(None, [os.environ.get("SRPROV_LAB") or "test", os.environ.get("PYTEST_XDIST_WORKER")]))
+"""The lab of this process."""
+os.environ["SRPROV_LAB"] = NAME  # for every `srprov lab` that a test starts
+GUARDS = "/run/lock/srprov-lab-tests-"
+GUARD = Path(os.environ.get("SRPROV_LAB_GUARD", GUARDS + NAME))
 """Who has the lab holds a lock on it. `tools/soak` has the lab already when it starts tests, and names another file."""
 COMMAND_LIMIT_S = 280
 
@@ -60,17 +76,29 @@ def run_srprov(*arguments: str, cwd: Path, stdin: str | None = None, env: dict[s
 class Lab:
     """The robots, by independent means: a shell in their namespaces, and Docker's own command line there."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, name: str = NAME) -> None:
         self.folder = folder
-        self.inventory = folder / "inventory" / "lab.yml"
+        self.name = name
+        self.inventory = folder / Site(name).inventory
+
+    @property
+    def site(self) -> Site:
+        """Its folders, names and addresses on this machine."""
+        return find(self.name)
 
     def srprov(self, *arguments: str, **more: Any) -> Done:
-        """Run `srprov` from the lab's folder, where inventory/lab.yml is."""
+        """Run `srprov` from the lab's folder, where `lab up` has written its inventory."""
+        more["env"] = {"SRPROV_LAB": self.name, **(more.get("env") or {})}
         return run_srprov(*arguments, cwd=self.folder, **more)
 
     def shell(self, robot: str, *words: str, check: bool = True) -> Done:
-        """Run a command on a robot through its namespaces, not through SSH."""
-        done = self.srprov("lab", "shell", robot, *words)
+        """Run a command on a robot through its namespaces, not through SSH.
+
+        As `srprov lab shell` does it, without a Python of its own for each: there are thousands of these.
+        """
+        program = enter(self.site, robot, words)
+        ran = subprocess.run(program, input="", capture_output=True, text=True, timeout=COMMAND_LIMIT_S, check=False)
+        done = Done(ran.returncode, ran.stdout, ran.stderr)
         assert not check or done.code == 0, f"{robot}: {' '.join(words)}: {done}"
         return done
 
@@ -127,8 +155,30 @@ def lab_session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
         assert up.code == 0, up
         os.environ.setdefault("SRPROV_RUNS", str(folder / "runs"))  # not among the user's own
         yield lab
-        down = lab.srprov("lab", "down")
-        assert down.code == 0, down
+        gone = lab.srprov("lab", "down")
+        assert gone.code == 0, gone
+
+
+def pytest_unconfigure() -> None:
+    """Take down the labs of pytest-xdist's workers that were ended in the middle of a test."""
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        return
+    for site in every():
+        worker = re.match(rf"{NAME}-gw[0-9]+(?=-|$)", site.name)
+        if worker is not None:
+            with open(GUARDS + worker[0], "w", encoding="utf-8") as guard, contextlib.suppress(BlockingIOError):
+                fcntl.flock(guard, fcntl.LOCK_EX | fcntl.LOCK_NB)  # held while the worker lives, whoever started it
+                down(site.name, print)
+
+
+def make_whole(lab: Lab) -> None:
+    """Have all robots ready, as they are by default; `lab up` is only run where a test has left something to do."""
+    known = state.read_lab(lab.site)
+    assert known is not None, "a test has taken the lab down"
+    default = (known.spec["text"], known.spec["count"], known.user) == ("", ROBOTS, None)
+    if not (default and all(seen.state == "ready" and not seen.faults for seen in overview.robots(lab.name))):
+        up = lab.srprov("lab", "up", "-n", str(ROBOTS))
+        assert up.code == 0, up
 
 
 def scrub(lab: Lab) -> None:
@@ -139,28 +189,52 @@ def scrub(lab: Lab) -> None:
         'v=$(docker volume ls -q); test -z "$v" || docker volume rm -f $v >/dev/null; '
         "for l in $(ls /sys/class/net | grep ^srp); do ip link del $l; done; rm -rf /var/lib/srprov /run/srprov/*/"
     )
-    status = lab.srprov("lab", "status", "--json").json
-    processes = [
-        subprocess.Popen(
-            [sys.executable, "-m", "srprov", "lab", "shell", robot, "sh", "-c", script],
-            cwd=lab.folder,
-            env={**os.environ, "PYTHONPATH": str(ROOT)},
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        for robot in status["robots"]
-    ]
-    for process in processes:
-        _, err = process.communicate(timeout=120)
-        assert process.returncode == 0, err
+    site = lab.site
+    robots = [each.name for each in members.of(members.require_up(site))]
+    with ThreadPoolExecutor(4) as pool:
+        clean = list(pool.map(partial(is_clean, site), robots))
+        used = [robot for robot, nothing in zip(robots, clean, strict=True) if not nothing]
+        list(pool.map(lambda robot: lab.shell(robot, "sh", "-c", script), used))
+
+
+def is_clean(site: Site, robot: str) -> bool:
+    """Return whether a robot has nothing that `scrub` would remove, by the kernel's word and its engine's."""
+    booted = state.read_robot(site, robot)
+    assert booted is not None, f"{robot} is dead"
+    root = Path(f"/proc/{booted.init.pid}/root")
+    links = Path(f"/proc/{booted.init.pid}/net/dev").read_text(encoding="utf-8")
+    if (
+        (root / "var/lib/srprov").exists()
+        or any(root.glob("run/srprov/*/"))
+        or re.search("^ *srp", links, re.MULTILINE)
+    ):
+        return False
+    try:
+        asked = {path: engine_says(root / "run/docker.sock", path) for path in KEPT}
+    except OSError:  # its engine is down: the script says why where that is wrong
+        return False
+    return not (asked[CONTAINERS] or asked[NETWORKS] or asked[VOLUMES]["Volumes"])
+
+
+CONTAINERS, VOLUMES = "/containers/json?all=1", "/volumes"
+NETWORKS = "/networks?filters=%7B%22type%22%3A%5B%22custom%22%5D%7D"
+KEPT = (CONTAINERS, NETWORKS, VOLUMES)
+
+
+def engine_says(engine: Path, path: str) -> Any:
+    """Return the answer of an engine, asked through its socket's file."""
+    with socket.socket(socket.AF_UNIX) as connection:
+        connection.settimeout(10)
+        connection.connect(str(engine))
+        connection.sendall(f"GET {path} HTTP/1.0\r\n\r\n".encode())
+        with connection.makefile("rb") as answer:
+            return json.loads(answer.read().partition(b"\r\n\r\n")[2])
 
 
 @pytest.fixture
 def lab(lab_session: Lab) -> Iterator[Lab]:
     """Give the lab with clean robots, all of them up with the default inventory; clean them again afterwards."""
-    up = lab_session.srprov("lab", "up", "-n", str(ROBOTS))
-    assert up.code == 0, up
+    make_whole(lab_session)
     yield lab_session
     scrub(lab_session)
 
@@ -168,8 +242,7 @@ def lab(lab_session: Lab) -> Iterator[Lab]:
 @pytest.fixture(scope="module")
 def lab_of_module(lab_session: Lab) -> Iterator[Lab]:
     """Give the lab as `lab` does, but once for a whole file, whose tests then keep to robots of their own."""
-    up = lab_session.srprov("lab", "up", "-n", str(ROBOTS))
-    assert up.code == 0, up
+    make_whole(lab_session)
     yield lab_session
     scrub(lab_session)
 
@@ -224,5 +297,4 @@ def changed(report: dict[str, Any]) -> set[str]:
 def mended(lab_of_module: Lab) -> Iterator[Lab]:
     """Give the lab to a test that kills robots or gives them other options; afterwards they are as they were."""
     yield lab_of_module
-    up = lab_of_module.srprov("lab", "up", "-n", str(ROBOTS))
-    assert up.code == 0, up
+    make_whole(lab_of_module)

@@ -20,7 +20,7 @@ def wait_until(look: Callable[[], _T], seconds: float, what: str) -> _T:
     until = time.monotonic() + seconds
     while not (seen := look()):
         assert time.monotonic() < until, f"not within {seconds:g} s: {what}; last seen: {seen!r}"
-        time.sleep(0.2)
+        time.sleep(0.1)
     return seen
 
 

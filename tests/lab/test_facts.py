@@ -148,7 +148,7 @@ def test_the_table_has_every_robot(figured: Lab, tmp_path: Path) -> None:
     assert "lidar" in rows["robot11"] and "gripper" in rows["robot11"]
     assert "0.25" in rows["robot12"] and "0.1/0.5 GiB" in rows["robot12"]
     notes = "\n".join(lines[4:])
-    assert "robot10: unreachable: 10.213.0.20 port 2222: connection refused" in notes
+    assert f"robot10: unreachable: {figured.site.address('robot10')} port 2222: connection refused" in notes
 
 
 def test_inventories_of_every_kind_give_the_same_facts(

@@ -153,7 +153,7 @@ def test_a_robot_with_one_session_is_not_used_and_says_why(faulty: Faulty) -> No
 def test_an_sshd_whose_startups_are_taken_is_unreachable_until_they_are_free(faulty: Faulty) -> None:
     """Others hold all logins of an sshd: the robot is unreachable with a hint, exit 4, the rest is done."""
     words = faulty.experiment("startups", {"a": busybox(robot=PLAIN), "b": busybox(robot=STARTUPS)}, [STARTUPS, PLAIN])
-    address = ("10.213.0.13", 22)
+    address = (str(faulty.lab.site.address(STARTUPS)), 22)
     held = [socket.create_connection(address, timeout=5) for _ in range(2)]
     try:
         assert [one.recv(4) for one in held] == [b"SSH-"] * 2

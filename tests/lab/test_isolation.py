@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ipaddress
 import re
-import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -12,7 +11,7 @@ from typing import Any
 import pytest
 
 from tests.lab.conftest import NOTHING, Lab, busybox, edf, only_the_record, part_of_lab
-from tests.lab.looks import address_of, begin_on, ids, networks, reached, vxlans
+from tests.lab.looks import address_of, begin_on, ids, networks, reached, vxlans, wait_until
 
 pytestmark = pytest.mark.lab
 
@@ -96,17 +95,22 @@ def test_destroying_one_leaves_the_other_as_it_was(lab: Lab, tmp_path: Path) -> 
     assert sorted(before) == ["srprov.left.client", "srprov.left.web"]
 
     enter = ("docker", "exec", "srprov.left.client")
-    script = "ping -i 0.1 web & p=$!; until test -e /tmp/enough; do sleep 0.1; done; kill $p"
+    script = "echo $$ >/tmp/pid; exec ping -i 0.1 web >/tmp/pings"
     pings = begin_on(lab, "robot2", *enter, "timeout", "120", "sh", "-c", script)
-    time.sleep(1)
+
+    def answers() -> list[int]:
+        said = lab.shell("robot2", *enter, "sh", "-c", "cat /tmp/pings || true").out
+        return [int(number) for number in re.findall(r"\bseq=([0-9]+) .*\n", said)]
+
+    wait_until(lambda: len(answers()) >= 5, 20, "pings before the destroy")
     gone = run(lab, "destroy", paths["right"], "-i", inventory, "--yes")
     assert gone["changed"] > 0
-    time.sleep(0.5)
+    enough = len(answers()) + 5
+    wait_until(lambda: len(answers()) >= enough, 20, "pings after the destroy")
     assert pings.poll() is None, "the pings were to go on until after the destroy"
-    lab.shell("robot2", *enter, "touch", "/tmp/enough")
-    said, _ = pings.communicate(timeout=30)
-    answered = [int(number) for number in re.findall(r"\bseq=([0-9]+) ", said)]
-    assert len(answered) >= 10, said
+    answered = answers()
+    lab.shell("robot2", *enter, "sh", "-c", "kill $(cat /tmp/pid)")
+    pings.communicate(timeout=30)
     assert answered == list(range(len(answered))), f"lost: {set(range(answered[-1])) - set(answered)}"
 
     assert ids(lab, ROBOTS, "left") == before

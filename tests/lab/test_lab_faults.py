@@ -12,7 +12,8 @@ from typing import Any
 import paramiko
 import pytest
 
-from tests.lab.conftest import ROBOTS, Done, Lab
+from srprov.lab.sites import find
+from tests.lab.conftest import NAME, ROBOTS, Done, Lab
 from tests.lab.looks import begin_on, wait_until
 
 pytestmark = pytest.mark.lab
@@ -36,7 +37,7 @@ PLAIN, PEER, THIRD = "robot8", "robot9", "robot10"
 
 
 def address(robot: str) -> str:
-    return f"10.213.0.{10 + int(robot.removeprefix('robot'))}"
+    return str(find(NAME).address(robot))
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +71,8 @@ def seen(lab: Lab) -> dict[str, Any]:
 
 def ssh(robot: str, command: str, user: str = "root") -> subprocess.CompletedProcess[str]:
     """Run a command by OpenSSH's own client."""
-    options = ["-i", "/run/srprov-lab/id_ed25519", "-o", "UserKnownHostsFile=/run/srprov-lab/known_hosts"]
+    site = find(NAME)
+    options = ["-i", str(site.key), "-o", f"UserKnownHostsFile={site.known_hosts}"]
     program = ["ssh", "-F", "none", "-o", "BatchMode=yes", *options, f"{user}@{address(robot)}", command]
     return subprocess.run(program, capture_output=True, text=True, timeout=20, stdin=subprocess.DEVNULL)
 
@@ -169,9 +171,10 @@ def test_ssh_is_late_by_the_round_trip(faulty: Lab) -> None:
 
 def transferred(lab: Lab, robot: str, script: str, act: Callable[[socket.socket], None]) -> float:
     """Give the seconds that a transfer takes between the controller and a script that connects to it."""
-    with socket.create_server(("10.213.0.1", 0)) as server:
+    controller = str(lab.site.controller)
+    with socket.create_server((controller, 0)) as server:
         server.settimeout(10)
-        far = f"exec 3<>/dev/tcp/10.213.0.1/{server.getsockname()[1]}; {script}"
+        far = f"exec 3<>/dev/tcp/{controller}/{server.getsockname()[1]}; {script}"
         command = begin_on(lab, robot, "bash", "-c", far)
         connection, _ = server.accept()
         with connection:
@@ -222,7 +225,9 @@ def test_the_docker_disk_is_small_and_fills_up(faulty: Lab) -> None:
     assert 100 <= size <= 128
     assert faulty.shell("robot4", "docker", "info", "--format", "{{.Driver}}").out.strip() == "overlay2"
     assert faulty.shell("robot4", "docker", "run", "--rm", "busybox", "echo", "fine").out.strip() == "fine"
-    done = faulty.shell("robot4", "docker", "pull", "10.213.0.1:5000/library/debian:bookworm", check=False)
+    done = faulty.shell(
+        "robot4", "docker", "pull", f"{faulty.site.controller}:5000/library/debian:bookworm", check=False
+    )
     assert done.code != 0
     assert "no space left on device" in done.out + done.err
 
@@ -257,8 +262,8 @@ def test_sshd_limits_startups_and_sessions(faulty: Lab) -> None:
 
     wait_until(lambda: ssh("robot6", "true").returncode == 0, 5, "sshd has forgotten the connections")
     with paramiko.SSHClient() as client:
-        client.load_host_keys("/run/srprov-lab/known_hosts")
-        client.connect(address("robot6"), username="root", key_filename="/run/srprov-lab/id_ed25519")
+        client.load_host_keys(str(faulty.site.known_hosts))
+        client.connect(address("robot6"), username="root", key_filename=str(faulty.site.key))
         transport = client.get_transport()
         assert transport is not None
         kept = [transport.open_session() for _ in range(2)]
@@ -299,7 +304,9 @@ def test_a_crashed_engine_comes_back_and_a_stopped_one_does_not(whole: Lab) -> N
 
     do(whole, "stop-docker", PLAIN)
     assert seen(whole)[PLAIN]["faults"] == ["docker stopped"]
-    time.sleep(3)
+    before = dockerd(whole, PEER)
+    do(whole, "kill", PEER, "--docker")
+    wait_until(lambda: dockerd(whole, PEER) not in ("", before), 20, "an engine that crashed later is back")
     assert dockerd(whole, PLAIN) == ""
     assert seen(whole)[PEER]["faults"] == []
     do(whole, "restart", PLAIN, "--docker")

@@ -59,13 +59,21 @@ def until_said(run: subprocess.Popen[str], words: str, seconds: float = 60) -> s
 
 
 def slow(path: Path, name: str, robots: Sequence[str], build_s: int) -> str:
-    """Write an experiment whose image takes some time to build on its first robot; give the EDF's path."""
-    lines = f"cdf: 1\nname: {name}\nbase: busybox\nrun: ['echo {name} {path.name}; sleep {build_s}']\n"
+    """Write an experiment whose first robot builds for so long, or until `release`; return the EDF's path."""
+    waits = f'timeout {build_s} sh -c "until test -e /go; do sleep 0.1; done" || true'
+    lines = f"cdf: 1\nname: {name}\nbase: busybox\nrun: ['echo {name} {path.name}; {waits}']\n"
     (path / f"{name}.cdf").write_text(lines, encoding="utf-8")
     command = {"command": ["sleep", "86400"], "stop_signal": "SIGKILL"}
     services = {f"s{i}": {"cdf": f"{name}.cdf", "robot": robot, **command} for i, robot in enumerate(robots)}
     (path / f"{name}.edf").write_text(edf(name, services), encoding="utf-8")
     return str(path / f"{name}.edf")
+
+
+def release(lab: Lab, robot: str) -> None:
+    """Let a `slow` build of a robot end: it runs in the robot's only running container."""
+    wait_until(lambda: bool(lab.containers(robot, running=True)), 20)
+    (build,) = lab.containers(robot, running=True).values()
+    lab.shell(robot, "docker", "exec", build, "touch", "/go")
 
 
 def nobody(lab: Lab, inventory: str) -> bool:
@@ -123,7 +131,7 @@ def test_locks_tells_who_and_waiting_finds_the_work_done(lab_of_module: Lab, tmp
     lab, robots = lab_of_module, ["robot4", "robot5"]
     inventory = part_of_lab(lab, robots, tmp_path / "lab.yml")
     more = part_of_lab(lab, [*robots, "robot6"], tmp_path / "more.yml")
-    path = slow(tmp_path, "slowly", robots, 15)
+    path = slow(tmp_path, "slowly", robots, 60)
     common = ("apply", path, "-i", inventory, "--yes", "--settle", "0.5")
     first = begin(lab, *common)
     until_said(first, "Step 1/")
@@ -154,6 +162,7 @@ def test_locks_tells_who_and_waiting_finds_the_work_done(lab_of_module: Lab, tmp
     assert impatient.returncode == 130 and "interrupted" in err, err
     assert time.monotonic() - begun < 5
 
+    release(lab, "robot4")
     _, err = first.communicate(timeout=120)
     assert first.returncode == 0, err
     out, err = waits.communicate(timeout=120)
@@ -229,11 +238,14 @@ def test_ctrl_c_once_frees_all(lab_of_module: Lab, tmp_path: Path) -> None:
     """The running step ends, no other begins, the report is made, all locks are free; the next apply goes on."""
     lab, robots = lab_of_module, ["robot11", "robot12"]
     inventory = part_of_lab(lab, robots, tmp_path / "lab.yml")
-    path = slow(tmp_path, "softly", robots, 6)
+    path = slow(tmp_path, "softly", robots, 60)
     common = ("apply", path, "-i", inventory, "--yes", "--settle", "0.5", "--json")
     run = begin(lab, *common)
     until_said(run, "Step 1/")
     run.send_signal(signal.SIGINT)
+    with pytest.raises(subprocess.TimeoutExpired):  # it waits for the step
+        run.wait(1)
+    release(lab, "robot11")
     out, err = run.communicate(timeout=60)
     assert run.returncode == 130, err
     report = json.loads(out)

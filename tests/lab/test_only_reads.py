@@ -61,8 +61,8 @@ class Told:
 class Tap:
     """A socket in the place of the engine's, which hands everything on and keeps what clients say, per connection."""
 
-    def __init__(self, robot: str) -> None:
-        booted = state.read_robot(robot)
+    def __init__(self, lab: Lab, robot: str) -> None:
+        booted = state.read_robot(lab.site, robot)
         assert booted is not None
         # a socket is found by its file, whatever namespace that is looked at from
         self.place = Path(f"/proc/{booted.init.pid}/root/run/docker.sock")
@@ -125,7 +125,7 @@ def listening(lab: Lab, tmp_path: Path) -> Iterator[Listening]:
     """Give root of one robot the listening shell, and its own one back afterwards."""
     done = lab.shell(ROBOT, "sh", "-c", SET_UP, base64.b64encode(LISTENER.encode()).decode())
     assert done.out.strip().endswith(":/usr/local/bin/listener"), done
-    tap = Tap(ROBOT)
+    tap = Tap(lab, ROBOT)
     try:
         yield Listening(lab, part_of_lab(lab, [ROBOT], tmp_path / "lab.yml"), tap)
     finally:

@@ -6,12 +6,12 @@ A few moments of it; `make soak` takes every one.
 from __future__ import annotations
 
 import subprocess
-import time
 from collections.abc import Iterator
 
 import pytest
 
 from tests.lab.conftest import Lab
+from tests.lab.looks import wait_until
 from tests.lab.survival import Survivor, counted, kill, prepare
 
 pytestmark = pytest.mark.lab
@@ -69,11 +69,9 @@ def test_a_robot_that_is_cut_off_in_the_middle_is_finished_later(survivor: Survi
 
 def wait_for_engine(lab: Lab, robot: str) -> None:
     """Wait until the robot's dockerd, which its supervisor starts again, answers."""
-    for _ in range(60):
-        if lab.shell(robot, "docker", "version", check=False).code == 0:
-            return
-        time.sleep(0.5)
-    raise AssertionError(f"dockerd of {robot} did not come back")
+    wait_until(
+        lambda: lab.shell(robot, "docker", "version", check=False).code == 0, 30, f"the engine of {robot} is back"
+    )
 
 
 def test_an_engine_that_crashes_in_the_middle_is_finished_later(survivor: Survivor) -> None:

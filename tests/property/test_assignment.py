@@ -16,6 +16,7 @@ from srprov.assignment.model import Assignment, Problem
 from srprov.definitions.model import Experiment, Placement, Weights
 from srprov.errors import NoAssignment
 from srprov.facts.model import Snapshot
+from tests.conftest import examples
 from tests.unit.assignment.worlds import GIB, experiment, found, robot, service
 
 TAGS = ("arm", "eye", "ear")
@@ -116,7 +117,7 @@ def units(world: World, names: Iterable[str], where: str, slot: int) -> int:
     return round(1_000_000 * sum(what.services[name].cost for name in names) * terms(1.0, beta, what.weights).total)
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=examples(400), deadline=None)
 @given(worlds(), st.booleans())
 def test_no_assignment_is_better_than_the_answer(world: World, reassign: bool) -> None:
     """In moves and cost, in the order that stickiness asks for; and `optimal` and `least` say how it is."""
@@ -135,7 +136,7 @@ def test_no_assignment_is_better_than_the_answer(world: World, reassign: bool) -
     assert abs(answer.least - least / 1e6) <= 1e-6 * 2 * len(answer.placed)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200), deadline=None)
 @given(worlds())
 def test_every_answer_is_a_legal_one(world: World) -> None:
     """Every service once, where it can run, groups together; what is told agrees with it."""
@@ -156,7 +157,7 @@ def test_every_answer_is_a_legal_one(world: World) -> None:
     assert explain.describe(answer)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200), deadline=None)
 @given(worlds(), st.randoms(use_true_random=False))
 def test_the_order_of_inputs_changes_nothing(world: World, random: Random) -> None:
     """Services, robots, slots and relations in another order give the same answer or the same refusal."""
@@ -185,7 +186,7 @@ def outcome(world: World) -> tuple[object, ...]:
     return repr(answer), *explain.describe(answer)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200), deadline=None)
 @given(worlds(), st.booleans())
 def test_solving_from_its_own_answer_moves_nothing(world: World, reassign: bool) -> None:
     """With and without `--reassign`."""
@@ -198,7 +199,7 @@ def test_solving_from_its_own_answer_moves_nothing(world: World, reassign: bool)
     assert second.moves == ()
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200), deadline=None)
 @given(worlds(), st.lists(st.sampled_from([0.0, 2.0, 4.0]), min_size=6, max_size=6))
 def test_a_sticky_answer_does_not_follow_the_load(world: World, loads: list[float]) -> None:
     """Whatever the robots' load becomes, what runs stays."""
@@ -223,7 +224,7 @@ def crowd(seed: int) -> World:
     return World(what=what, where=found(*facts), slots={name: random.randint(1, 2) for name in robots})
 
 
-@settings(max_examples=600, deadline=None)
+@settings(max_examples=examples(600), deadline=None)
 @given(st.one_of(worlds(), st.integers(0, 10**9).map(crowd)))
 def test_a_conflict_is_one_and_no_part_of_it_is(world: World) -> None:
     """Against trying everything: infeasible as it is, feasible without any one of its services."""

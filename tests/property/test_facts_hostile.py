@@ -18,6 +18,7 @@ from srprov.facts.host import host_queries, parse_host
 from srprov.facts.model import HostFacts
 from srprov.facts.probes import ENGINE, PROBES, Probe
 from srprov.wire import Reply
+from tests.conftest import examples
 
 HOST = Host(name="robot1", address="robot1.example")
 
@@ -114,7 +115,7 @@ def test_no_parser_raises(probe: object) -> None:
     parse: Callable[[str], object] = probe.parse  # type: ignore[attr-defined]
     name: str = probe.name  # type: ignore[attr-defined]
 
-    @settings(max_examples=60, deadline=None)
+    @settings(max_examples=examples(60), deadline=None)
     @given(out=plausible[name] | raw | latin | json_values.map(json.dumps))
     def check(out: str) -> None:
         parse(out)
@@ -122,7 +123,7 @@ def test_no_parser_raises(probe: object) -> None:
     check()
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=examples(150), deadline=None)
 @given(replies=all_replies, now=st.none() | st.floats(0, 4e9), later=st.none() | reply_to("traffic"))
 def test_facts_are_plain_and_bounded(replies: tuple[Reply, ...], now: float | None, later: Reply | None) -> None:
     facts = parse_host(HOST, replies, None, now=now, later=later)

@@ -24,6 +24,7 @@ from hypothesis import strategies as st
 
 from srprov.execution import RunOptions, conditions
 from srprov.planning.text import plan_text
+from tests.conftest import examples
 from tests.fakes import Behaviour, Fault, World
 from tests.worlds import (
     CHECK,
@@ -46,7 +47,7 @@ ONE = RunOptions(settle_s=0.0, wait_timeout_s=3.0, forks=1)
 LIMITS = settings(
     derandomize=True,
     deadline=None,
-    max_examples=40,
+    max_examples=examples(40),
     suppress_health_check=[Hypothesis.too_slow, Hypothesis.data_too_large],
 )
 

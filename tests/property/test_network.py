@@ -21,6 +21,7 @@ from srprov.network.layout import layout
 from srprov.network.model import Overlay
 from srprov.network.record import PlacementRecord, read_record, record
 from srprov.resource import Observed
+from tests.conftest import examples
 from tests.unit.assignment.worlds import experiment, found, robot, service
 
 NAME = st.from_regex(r"[a-z0-9-]{1,8}", fullmatch=True)
@@ -163,7 +164,7 @@ hostile = st.fixed_dictionaries(
 )
 
 
-@settings(deadline=None, max_examples=300)
+@settings(deadline=None, max_examples=examples(300))
 @given(experiments(), hostile, st.booleans())
 def test_no_record_makes_a_bad_overlay(
     world: tuple[Experiment, dict[str, str]], value: dict[str, object], ours: bool

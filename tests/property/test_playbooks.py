@@ -18,11 +18,12 @@ from srprov.definitions.playbookmodel import ADDED, AFTER, BEFORE, Playbook
 from srprov.execution import RunOptions
 from srprov.planning.plan import Plan
 from srprov.planning.text import plan_text
+from tests.conftest import examples
 from tests.fakes import Fault, World
 from tests.worlds import Experiment, experiment, plan_for, run, service
 
 FAST = RunOptions(settle_s=0.0, forks=1)
-LIMITS = settings(derandomize=True, deadline=None, max_examples=40)
+LIMITS = settings(derandomize=True, deadline=None, max_examples=examples(40))
 PLACES = {BEFORE: "first.yml", ADDED: "35-mine.yml", AFTER: "last.yml"}
 
 

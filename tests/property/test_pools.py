@@ -21,17 +21,18 @@ from srprov.assignment.solve_pools import solve_table
 from srprov.assignment.table import NEVER, ProblemTable
 from srprov.definitions.containermodel import Requirements, Runtime
 from srprov.errors import NoAssignment
+from tests.conftest import examples
 from tests.property.pooled_worlds import World, every_answer, keeps_apart, without, world
 from tests.unit.assignment.worlds import GIB, robot, service
 
 BLOCKS = range(20)
-PER_BLOCK = 100
+PER_BLOCK = 100  # two thousand worlds in the long profile
 
 
 @pytest.mark.parametrize("block", BLOCKS)
 def test_no_answer_is_better(block: int) -> None:
-    """Two thousand worlds up to 6x6: least moves and cost in the order asked for, and `optimal` is true of it."""
-    for seed in range(block * PER_BLOCK, (block + 1) * PER_BLOCK):
+    """Worlds up to 6x6: least moves and cost in the order asked for, and `optimal` is true of it."""
+    for seed in range(block * PER_BLOCK, block * PER_BLOCK + examples(PER_BLOCK)):
         one, reassign = world(seed), bool(seed % 2)
         every = [(moves, cost) for _, moves, cost in every_answer(one)]
         try:
@@ -60,7 +61,7 @@ def answers(seeds: range) -> list[tuple[World, Assignment]]:
 
 def test_every_answer_keeps_the_rules() -> None:
     """same_robot, different_robot and slots hold; what a pool saves is in the terms."""
-    for one, answer in answers(range(300)):
+    for one, answer in answers(range(examples(300))):
         assert sorted(answer.placed) == sorted(one.what.services)
         assert all(len({answer.placed[name] for name in group}) == 1 for group in one.what.same_robot)
         assert keeps_apart(one, answer.placed)
@@ -73,7 +74,7 @@ def test_every_answer_keeps_the_rules() -> None:
 
 def test_the_order_of_services_robots_and_pools_changes_nothing() -> None:
     """The same answer, word for word, or the same refusal."""
-    for seed in range(150):
+    for seed in range(examples(150)):
         one, random = world(seed), Random(seed)
         mixed = replace(
             one,
@@ -106,7 +107,7 @@ def outcome(one: World) -> object:
 
 def test_a_second_solve_from_its_own_result_moves_nothing() -> None:
     """Sticky or not, with pools together or apart, after services had moved or not."""
-    for one, answer in answers(range(300)):
+    for one, answer in answers(range(examples(300))):
         for reassign in (False, True):
             first = one.solve(reassign=reassign)
             second = replace(one, previous=first.placed).solve(reassign=reassign)
@@ -117,7 +118,7 @@ def test_a_second_solve_from_its_own_result_moves_nothing() -> None:
 def test_a_conflict_is_one_and_none_of_it_can_be_left_out() -> None:
     """Against brute force: infeasible as it is, feasible without any one of its services, and a hint is given."""
     seen = 0
-    for seed in range(700):
+    for seed in range(examples(700)):
         one = world(seed)
         found = conflict.smallest_conflict(one.problem())
         names = {name for node in found for name in node}
@@ -130,7 +131,7 @@ def test_a_conflict_is_one_and_none_of_it_can_be_left_out() -> None:
         error = explain.no_assignment(one.problem())
         assert error.hint
         assert sorted(error.misses) == sorted(names)
-    assert seen > 50
+    assert seen > examples(700) // 14
 
 
 def possible(one: World) -> bool:
@@ -298,7 +299,7 @@ def test_capabilities_agree_with_what_is_said_to_be_missing() -> None:
 
 def test_fairness_moves_nothing_that_runs_and_costs_are_told_as_they_are() -> None:
     """With everything placed, no history and no setting changes anything; cost is the sum of the terms."""
-    for one, answer in answers(range(100)):
+    for one, answer in answers(range(examples(100))):
         placement = replace(one.what.placement, fairness=0.7, sticky=True)
         later = replace(
             one,
@@ -326,6 +327,6 @@ def test_the_pareto_front_rises_in_cost_and_evenness() -> None:
 
 def test_brute_force_and_problem_mean_the_same_experiment() -> None:
     """The worlds are worth something only when their pools are sometimes together and sometimes apart."""
-    pools = [how for _, answer in answers(range(300)) for how in answer.pools.values()]
-    assert min(pools.count("together"), pools.count("apart")) > 50
+    pools = [how for _, answer in answers(range(examples(300))) for how in answer.pools.values()]
+    assert min(pools.count("together"), pools.count("apart")) > examples(300) // 6
     assert problem.build(world(1).what, {}, world(1).where, {}).nodes

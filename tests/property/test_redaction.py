@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from srprov.secret import MASK, SHORTEST, Secret, forget, redact, redacted
+from tests.conftest import examples
 
 # a value with `*` in it could be made anew by the mask and its neighbours, which says nothing of the value
 CHARACTERS = st.characters(exclude_categories=["Cs"], exclude_characters="*")
@@ -38,7 +39,7 @@ def _none_left() -> Iterator[None]:
     forget()
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=examples(400), deadline=None)
 @given(value=VALUES, before=AROUND, after=AROUND, encode=st.sampled_from(ENCODINGS))
 def test_no_form_of_a_value_comes_through(value: str, before: str, after: str, encode: Callable[[str], str]) -> None:
     """Between any two texts, the encoded value is gone and the texts are not."""
@@ -49,7 +50,7 @@ def test_no_form_of_a_value_comes_through(value: str, before: str, after: str, e
     assert shown not in result and MASK in result
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200), deadline=None)
 @given(values=st.lists(VALUES, min_size=1, max_size=4), data=st.data())
 def test_several_secrets_in_one_text(values: list[str], data: st.DataObject) -> None:
     """Next to each other, overlapping or not, none comes through."""
@@ -61,7 +62,7 @@ def test_several_secrets_in_one_text(values: list[str], data: st.DataObject) -> 
     assert not [value for value in values if value in result]
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200), deadline=None)
 @given(value=VALUES, shift=st.binary(max_size=5), after=st.binary(max_size=5))
 def test_base64_of_more_than_the_value(value: str, shift: bytes, after: bytes) -> None:
     """Whatever stands before it in the encoded text, no run of the value's own characters is left."""
@@ -83,7 +84,7 @@ def shape(value: object) -> object:
     return "" if isinstance(value, str) else value
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200), deadline=None)
 @given(value=VALUES, document=st.recursive(st.integers() | st.booleans() | AROUND | VALUES, st.lists))
 def test_json_keeps_its_shape(value: str, document: object) -> None:
     """Only texts change, and only those that hold the secret: numbers and lists stay, so it is JSON as before."""

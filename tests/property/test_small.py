@@ -16,10 +16,11 @@ from srprov.assignment.model import Choice, Problem
 from srprov.assignment.solve import solve
 from srprov.definitions.model import Placement, Weights
 from srprov.errors import NoAssignment
+from tests.conftest import examples
 from tests.unit.assignment.worlds import GIB, experiment, found, robot, service
 
 BLOCKS = range(20)
-PER_BLOCK = 200
+PER_BLOCK = 200  # four thousand problems in the long profile
 
 
 def task(seed: int, most: int = 8, random: Random | None = None) -> Problem:
@@ -90,8 +91,8 @@ def worth(one: Problem, chosen: tuple[Choice, ...]) -> tuple[int, int]:
 
 @pytest.mark.parametrize("block", BLOCKS)
 def test_it_is_as_good_as_the_flow(block: int) -> None:
-    """Four thousand problems up to 8x8: feasible alike, equal in cost, in moves and in what the cheapest would save."""
-    for seed in range(block * PER_BLOCK, (block + 1) * PER_BLOCK):
+    """Problems up to 8x8: feasible alike, equal in cost, in moves and in what the cheapest would save."""
+    for seed in range(block * PER_BLOCK, block * PER_BLOCK + examples(PER_BLOCK)):
         one = task(seed)
         assert solve_small.small(one)
         mine, flow = solve_small.decide(one), solve_arrays.decide(one)
@@ -105,7 +106,7 @@ def test_it_is_as_good_as_the_flow(block: int) -> None:
 
 def test_what_is_said_of_it_is_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     """Cost, moves, least and optimal of the whole answer; or the same refusal, word for word."""
-    for seed in range(600):
+    for seed in range(examples(600)):
         one = task(seed)
         words, numbers = said(one)
         with monkeypatch.context() as patch:
@@ -128,7 +129,7 @@ def said(one: Problem) -> tuple[object, list[float]]:
 def test_of_equal_placements_it_takes_the_first_in_name_order() -> None:
     """Against trying all: the first service has the first place that any best placement gives it, and so on."""
     ties = 0
-    for seed in range(700):
+    for seed in range(examples(700)):
         one = task(seed, most=4)
         every = sorted(every_choice(one), key=lambda chosen: (order(one, chosen), [c[1:] for c in chosen]))
         mine = solve_small.decide(one)
@@ -136,7 +137,7 @@ def test_of_equal_placements_it_takes_the_first_in_name_order() -> None:
         if mine is not None:
             assert mine.chosen == every[0], seed
             ties += len(every) > 1 and order(one, every[0]) == order(one, every[1])
-    assert ties > 100
+    assert ties > examples(700) // 7
 
 
 def every_choice(one: Problem) -> list[tuple[Choice, ...]]:
@@ -157,7 +158,7 @@ def order(one: Problem, chosen: tuple[Choice, ...]) -> tuple[int, int]:
 
 def test_the_order_of_inputs_changes_nothing() -> None:
     """Services, robots, slots, groups and what runs, in any order."""
-    for seed in range(500):
+    for seed in range(examples(500)):
         assert solve_small.decide(task(seed, random=Random(seed))) == solve_small.decide(task(seed)), seed
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from srprov.lab.machine import IMAGE_PACKAGES, PACKAGES
+from tests import conftest as effort
 from tools.soak import faults, races
 from tools.soak.results import Result, write
 from tools.soak.tests import Outcome, collected
@@ -53,6 +54,20 @@ def test_the_configured_paths_find_every_test() -> None:
     folders = {path for pattern in json.loads(configured[1]) for path in ROOT.glob(pattern)}
     tests = {path for path in (ROOT / "tests").rglob("test_*.py") if "cases" not in path.parts}
     assert [path for path in sorted(tests) if not folders & {path, *path.parents}] == []
+
+
+def test_the_files_that_two_processes_begin_with_are_there() -> None:
+    assert [name for name in effort.LONGEST if not (ROOT / "tests" / "lab" / f"{name}.py").exists()] == []
+
+
+@pytest.mark.parametrize(
+    ("profile", "most", "taken"), [("quick", 400, 100), ("quick", 60, 20), ("quick", 9, 9), ("long", 400, 400)]
+)
+def test_property_tests_take_few_examples_by_default(
+    monkeypatch: pytest.MonkeyPatch, profile: str, most: int, taken: int
+) -> None:
+    monkeypatch.setattr(effort, "PROFILE", profile)
+    assert effort.examples(most) == taken
 
 
 def test_the_soak_makes_every_fault_of_the_table_by_tests_of_the_files_that_it_names() -> None:

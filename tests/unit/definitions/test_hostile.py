@@ -17,10 +17,13 @@ from srprov.data import schema
 from srprov.definitions import check_files, load_inventory
 from srprov.errors import DefinitionError
 from srprov.yamldoc import loader
+from tests.conftest import examples
 from tests.unit.definitions.examples import BASE, CDF, EDF, INVENTORY, write_full
 
 QUICK = settings(
-    max_examples=100, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
+    max_examples=examples(100),
+    deadline=None,
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
 )
 PIECES = st.sampled_from(
     [
@@ -39,7 +42,7 @@ def _survives(path: Path, content: bytes) -> None:
 
 
 @pytest.mark.parametrize("name", ["e.edf", "t.cdf", "hosts.yml", "hosts", "Dockerfile", "hosts.ini"])
-@settings(QUICK, max_examples=60)
+@settings(QUICK, max_examples=examples(60))
 @given(content=st.binary(max_size=200))
 def test_random_bytes(tmp_path: Path, name: str, content: bytes) -> None:
     _survives(tmp_path / name, content)

@@ -15,6 +15,7 @@ import pytest
 
 from srprov.errors import DefinitionError
 from srprov.lab import config, delay, inventory, partition, users
+from srprov.lab.places import Site
 from srprov.lab.spec import Robot, Sshd, parse
 
 RTT_S = 0.2
@@ -86,15 +87,15 @@ def test_a_fault_asks_for_a_reboot() -> None:
 
 def test_nobody_but_robot_logs_in_where_that_is_all_there_is() -> None:
     assert inventory.user_of(Robot("robot1", unprivileged=True), "root") == "robot"
-    assert "PermitRootLogin no\n" in config.sshd(Robot("robot1", unprivileged=True))
+    assert "PermitRootLogin no\n" in config.sshd(Site(), Robot("robot1", unprivileged=True))
 
 
 def test_sshd_config_keeps_high_limits_but_where_others_are_asked_for() -> None:
-    plain = config.sshd(Robot("robot1"))
+    plain = config.sshd(Site(), Robot("robot1"))
     assert "Port 22\n" in plain
     assert "MaxStartups 500:30:1000\nMaxSessions 200\n" in plain
-    assert "MaxStartups 3\nMaxSessions 200\n" in config.sshd(Robot("robot1", sshd=Sshd(max_startups=3)))
-    assert "ListenAddress 10.213.0.11:2022\n" in config.sshd(Robot("robot1", ssh_latency_ms=1))
+    assert "MaxStartups 3\nMaxSessions 200\n" in config.sshd(Site(), Robot("robot1", sshd=Sshd(max_startups=3)))
+    assert "ListenAddress 10.213.0.11:2022\n" in config.sshd(Site(), Robot("robot1", ssh_latency_ms=1))
 
 
 def test_the_wrapper_changes_only_questions_for_the_time_of_now(tmp_path: Path) -> None:
@@ -134,12 +135,12 @@ SAVED = """\
 
 
 def test_the_bridges_rules_say_who_is_cut_off() -> None:
-    found = partition.parse(SAVED)
-    assert found == {*partition.rules("robot1", "all"), *partition.rules("robot3", "robot12")}
-    cut_off = {name: partition.cut_off(name, found) for name in ("robot1", "robot2", "robot3", "robot12")}
+    found = partition.parse(Site(), SAVED)
+    assert found == {*partition.rules(Site(), "robot1", "all"), *partition.rules(Site(), "robot3", "robot12")}
+    cut_off = {name: partition.cut_off(Site(), name, found) for name in ("robot1", "robot2", "robot3", "robot12")}
     assert cut_off == {"robot1": ["all"], "robot2": [], "robot3": ["robot12"], "robot12": ["robot3"]}
-    both = {*partition.rules("robot1", "controller"), *partition.rules("robot1", "robot2")}
-    assert partition.cut_off("robot1", both) == ["controller", "robot2"]
+    both = {*partition.rules(Site(), "robot1", "controller"), *partition.rules(Site(), "robot1", "robot2")}
+    assert partition.cut_off(Site(), "robot1", both) == ["controller", "robot2"]
 
 
 @contextlib.asynccontextmanager

@@ -8,6 +8,7 @@ import yaml
 from srprov.errors import DefinitionError
 from srprov.lab import inventory, places, trust, users
 from srprov.lab.figures import Amount, loadavg, meminfo
+from srprov.lab.places import Site
 from srprov.lab.spec import Robot, parse
 
 GIB = 2**30
@@ -116,14 +117,14 @@ def test_only_options_of_the_boot_ask_for_a_reboot() -> None:
 
 
 def test_names_and_addresses() -> None:
-    assert str(places.address("robot1")) == "10.213.0.11"
+    assert str(Site().address("robot1")) == "10.213.0.11"
     assert places.robot_number("robot200") == 200
     assert [places.robot_number(name) for name in ("robot0", "robot01", "robot201", "x")] == [None] * 4
 
 
 def test_inventory_says_only_what_the_spec_says() -> None:
     robots = [Robot("robot1", tags=("on",), slots=0), Robot("robot2", user="robot")]
-    found = yaml.safe_load(inventory.as_text(robots, None))["all"]
+    found = yaml.safe_load(inventory.as_text(Site(), robots, None))["all"]
     assert found["hosts"] == {
         "robot1": {
             "ansible_host": "10.213.0.11",
@@ -137,7 +138,7 @@ def test_inventory_says_only_what_the_spec_says() -> None:
 
 
 def test_the_user_of_the_command_line_wins() -> None:
-    text = inventory.as_text([Robot("robot1", user="robot")], "root")
+    text = inventory.as_text(Site(), [Robot("robot1", user="robot")], "root")
     assert yaml.safe_load(text)["all"]["hosts"]["robot1"]["ansible_user"] == "root"
 
 

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from srprov.definitions.containermodel import HealthCheck, Mount, Runtime
 from srprov.modules import MODULES
 from srprov.resource import Action, Resource
+from tests.conftest import examples
 from tests.fakes import World
 from tests.worlds import experiment, plan_for, service
 
@@ -84,7 +85,7 @@ def test_what_is_not_the_containers_makes_no_difference(fields: dict[str, Any]) 
     assert labels(wanted()) == labels(wanted(**fields))
 
 
-@settings(max_examples=50, derandomize=True, deadline=None)
+@settings(max_examples=examples(50), derandomize=True, deadline=None)
 @given(st.dictionaries(st.text(min_size=1), st.text(), max_size=5), st.randoms())
 def test_the_order_of_maps_says_nothing(environment: dict[str, str], random: Any) -> None:
     """The order in which variables are written does not reach the hash."""

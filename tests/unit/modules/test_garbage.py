@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from srprov.modules import MODULES
 from srprov.resource import Change
 from srprov.wire import Reply
+from tests.conftest import examples
 from tests.resources import resource
 from tests.unit.modules.test_cases import CASES, KINDS, blobs_of
 
@@ -80,7 +81,7 @@ def survives(kind: str, replies: list[Reply]) -> None:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@settings(max_examples=150, derandomize=True, deadline=None)
+@settings(max_examples=examples(150), derandomize=True, deadline=None)
 @given(data=st.data())
 def test_junk_in_a_real_answer_never_raises(kind: str, data: st.DataObject) -> None:
     """A real answer in which any one value is something else is read without an error."""
@@ -94,7 +95,7 @@ def test_junk_in_a_real_answer_never_raises(kind: str, data: st.DataObject) -> N
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@settings(max_examples=60, derandomize=True, deadline=None)
+@settings(max_examples=examples(60), derandomize=True, deadline=None)
 @given(data=st.data())
 def test_any_text_never_raises(kind: str, data: st.DataObject) -> None:
     """Text that is no answer at all, with any status, is read as nothing of ours or as little."""

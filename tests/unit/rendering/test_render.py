@@ -15,6 +15,7 @@ from srprov.errors import RenderError
 from srprov.modules import MODULES
 from srprov.rendering import render
 from srprov.resource import Need, Resource
+from tests.conftest import examples
 from tests.fakes import World
 from tests.worlds import CHECK, experiment, plan_for, service
 
@@ -103,7 +104,7 @@ def refused(text: str, **context: Any) -> RenderError:
     return caught.value
 
 
-@settings(max_examples=300, derandomize=True, deadline=None)
+@settings(max_examples=examples(300), derandomize=True, deadline=None)
 @given(JSON)
 def test_values_arrive_as_they_were(value: object) -> None:
     """Any JSON value, whatever its text looks like to YAML or Jinja2, is the same behind a playbook."""
@@ -113,7 +114,7 @@ def test_values_arrive_as_they_were(value: object) -> None:
     assert resource.params.also == [value, {"a": value}]
 
 
-@settings(max_examples=100, derandomize=True, deadline=None)
+@settings(max_examples=examples(100), derandomize=True, deadline=None)
 @given((TEXT.filter(bool) | HOSTILE).filter(lambda text: "\0" not in text))
 def test_names_and_needs_arrive_as_they_were(name: str) -> None:
     """A resource's name may be any text, too, that can be a word of a shell."""

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from srprov.transport.shell.frames import Frames, batch, ready_line, start_command
 from srprov.wire import quote
+from tests.conftest import examples
 
 NONCE = "0123456789abcdef" * 2
 SHELLS = [["dash"], ["busybox", "sh"], ["bash", "--posix"]]
@@ -72,7 +73,7 @@ def test_ten_mib_are_cut_in_linear_time() -> None:
 
 
 @pytest.mark.parametrize("shell", SHELLS, ids=lambda shell: shell[0])
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 @given(st.lists(st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=30), max_size=8))
 def test_quote_and_batch_give_back_any_words(shell: list[str], words: list[str]) -> None:
     """Every word passes `quote` twice: once in its command, and the whole command once more on its way into `eval`."""
