@@ -92,6 +92,7 @@ FILES: Mapping[str, Room] = {
     "assignment/arrays.py": ARRAYS,
     "assignment/rows.py": ARRAYS,
     "assignment/solve_pools.py": ARRAYS,
+    "assignment/pool_prices.py": ARRAYS,
     "assignment/conflict.py": ARRAYS,
     "assignment/solve_flow.py": room("errors", "numpy ortools"),
     "assignment/solve_lp.py": room("errors", "numpy ortools"),

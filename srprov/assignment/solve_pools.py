@@ -1,7 +1,7 @@
 """Pools and relations: the exact method where the flow alone is not the model.
 
-Takes a Table, gives an Outcome, or None when not every node can be covered. Pure and deterministic (a time limit can
-cut it short; then the Outcome says by how much it may be off).
+Takes a ProblemTable, gives a Selection, or None when not every node can be covered. Pure and deterministic (a time
+limit can cut it short; then the Selection says by how much it may be off).
 
 What makes it fast is that hardly any of the (item, place) pairs matter:
 
@@ -30,17 +30,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from srprov.assignment.cuts import odd_cycles
-from srprov.assignment.rows import ConstraintRows, disjoint, smallest
-from srprov.assignment.solve_flow import assign, potentials
+from srprov.assignment.pool_prices import PricedPairs, Prices
+from srprov.assignment.rows import disjoint, smallest
 from srprov.assignment.solve_lp import Growing, whole
-from srprov.assignment.table import NEVER, Array, Members, ProblemTable, Selection, outcome
+from srprov.assignment.table import NEVER, Array, ProblemTable, Selection, outcome
 
-_FINER = 4096
-"""Prices are whole numbers of 1/4096 unit, so that rounding them costs less than a unit of the bound."""
 _AWAY = 4.0
 """What nowhere costs in the relaxation to begin with, in largest costs; more only if it is still chosen then."""
-_ROUNDS = 60
-"""Of Bellman-Ford for the first prices, which need not be exact."""
 _MOST_CUTS = 1000
 _PER_ITEM, _PER_PLACE = 8, 4
 """Pairs that begin, and that join at a time."""
@@ -57,66 +53,40 @@ def solve_table(table: ProblemTable, seconds: float | None = None) -> Selection 
     return search.answer()
 
 
-@dataclass(kw_only=True)
-class _Prices:
-    """Dual values in fine units, whole numbers: u [N], v [P] <= 0, w [anti-affinity rows] <= 0; and their bound."""
-
-    u: Array
-    v: Array
-    w: Array
-    bound: int
-
-
 @dataclass
-class _Search:
+class _Search(PricedPairs):
     """The state between the steps: pairs in the relaxation, the best prices, the best choice."""
 
-    table: ProblemTable
-    until: float | None
-    members: Members = field(init=False)
-    fine: int = field(init=False)
-    nowhere: int = field(init=False)
-    """Fine units."""
-    rows: ConstraintRows = field(init=False)
-    cost: Array = field(init=False)
-    """int64 [K, P + 1] in fine units; the last place is nowhere."""
+    until: float | None = None
+    """By time.monotonic(); None: no limit."""
     best: tuple[int, Array] | None = None
     """Fine cost of the best choice so far, and its pairs."""
-    prices: _Prices | None = None
+    prices: Prices | None = None
     bound: int = 0
     """Fine units: no choice costs less."""
     have: Array = field(init=False)
     """bool [K * (P + 1)]: pairs in the relaxation."""
 
     def __post_init__(self) -> None:
-        """Lay out costs and rows."""
-        table = self.table
-        items, places = table.cost.shape
-        largest = int(table.cost[table.allowed].max(initial=0)) * max(1, table.nodes) + 1
-        self.fine = max(1, min(_FINER, NEVER // (8 * max(1, table.nodes) * largest)))
-        self.nowhere = largest * self.fine
-        self.members = Members(table.items, table.nodes)
-        self.rows = ConstraintRows(table)
-        self.cost = np.full((items, places + 1), NEVER, dtype=np.int64)
-        self.cost[:, :places] = np.where(table.allowed, table.cost * self.fine, NEVER)
-        self.cost[: table.nodes, places] = self.nowhere
+        """Lay out costs and rows; nothing is in the relaxation yet."""
+        super().__post_init__()
         self.have = np.zeros(self.cost.size, dtype=bool)
 
     def begin(self) -> None:
         """Find first prices and a first choice; put the pairs that look good under them into the relaxation."""
         nodes, width = self.table.nodes, self.cost.shape[1]
-        found, u, v = self._flow(np.arange(nodes))
-        bundles = self._gainful(u, v)
+        found, u, v = self.flow(np.arange(nodes))
+        bundles = self.gainful(u, v)
         if bundles:
             taken = {node for bundle in bundles for node in self.table.items[bundle]}
             chosen = np.array([node for node in range(nodes) if node not in taken] + bundles, dtype=np.int64)
-            places, per_item, v = self._flow(chosen)
+            places, per_item, v = self.flow(chosen)
             self._offer(chosen * width + places)
-            u = self._split(chosen, per_item, v)
+            u = self.split(chosen, per_item, v)
         self._offer(np.arange(nodes) * width + found)
-        self.prices = self._prove(u, np.zeros(self.rows.anti_affinity))
-        reduced = self._reduced(u, v, np.zeros(self.rows.anti_affinity, dtype=np.int64))
-        first = [smallest(reduced, _PER_ITEM, 1), smallest(reduced, _PER_PLACE, 0), self._nowhere_pairs()]
+        self.prices = self.prove(u, np.zeros(self.rows.anti_affinity))
+        reduced = self.reduced(u, v, np.zeros(self.rows.anti_affinity, dtype=np.int64))
+        first = [smallest(reduced, _PER_ITEM, 1), smallest(reduced, _PER_PLACE, 0), self.nowhere_pairs()]
         first += [self.best[1]] if self.best is not None else [np.arange(nodes) * width + found]
         pairs = np.unique(np.concatenate(first))
         self._first = pairs[self.cost.ravel()[pairs] < NEVER]
@@ -135,12 +105,12 @@ class _Search:
             keys = np.concatenate([keys, fresh])
             least, chosen, dual = program.solve()
             u, v, w = self.rows.split(np.rint(dual * scale).astype(np.int64))
-            found = self._prove(u, w)
+            found = self.prove(u, w)
             if self.prices is None or found.bound > self.prices.bound:
                 self.prices = found
             if self._late() or (self._somewhere(keys, chosen) and least * scale - self.prices.bound < self.fine / 2):
                 break
-            fresh = self._negative(self._reduced(u, v, w), scale)
+            fresh = self._negative(self.reduced(u, v, w), scale)
             if len(fresh) or self._cut(program, keys, chosen):
                 continue
             if away >= most or self._somewhere(keys, chosen):
@@ -154,7 +124,7 @@ class _Search:
         assert self.prices is not None
         prices, reach = self.prices, 0
         self.bound = prices.bound
-        reduced = self._reduced(prices.u, prices.v, prices.w).ravel()
+        reduced = self.reduced(prices.u, prices.v, prices.w).ravel()
         while not self._proved() and not self._late():
             assert self.best is not None
             gap = self.best[0] - prices.bound
@@ -186,51 +156,6 @@ class _Search:
         if (place == self.cost.shape[1] - 1).any():
             return None
         return outcome(self.table, item, place, -(-self.bound // self.fine))
-
-    def _flow(self, chosen: Array) -> tuple[Array, Array, Array]:
-        """Place items that cover every node, without anti-affinity: the place of each, and their prices u and v [P]."""
-        places = self.cost.shape[1] - 1
-        own: Array = np.full((len(chosen), len(chosen)), NEVER, dtype=np.int64)
-        np.fill_diagonal(own, self.nowhere * self.members.sizes[chosen])
-        cost = np.hstack([self.cost[chosen, :places], own])
-        found = assign(cost, cost < NEVER)
-        assert found is not None, "everything can go nowhere"
-        u, v = potentials(cost, found, _ROUNDS)
-        return np.minimum(found, places), u, v[:places]
-
-    def _gainful(self, u: Array, v: Array) -> list[int]:
-        """Return disjoint bundles in the order of what they gain under prices."""
-        nodes = self.table.nodes
-        priced = np.minimum(self.cost[nodes:, :-1], NEVER // 4) - v
-        gains = priced.min(axis=1, initial=NEVER // 4) - self.members.sums(u)[nodes:]
-        order = [nodes + int(index) for index in np.argsort(gains, kind="stable") if gains[index] < 0]
-        return disjoint(order, self.table)
-
-    def _split(self, chosen: Array, per_item: Array, v: Array) -> Array:
-        """Return prices per node [N] from those per chosen item; a bundle's is split by what its nodes would cost."""
-        alone = np.minimum(self.cost[: self.table.nodes, :-1], NEVER // 4) - v
-        u = np.minimum(alone.min(axis=1, initial=self.nowhere), self.nowhere)
-        for item, price in zip(chosen.tolist(), per_item.tolist(), strict=True):
-            inside = list(self.table.items[item])
-            total = int(u[inside].sum())
-            u[inside] = (
-                (u[inside] * (price / total)).astype(np.int64) if item >= self.table.nodes and total else u[inside]
-            )
-        return u
-
-    def _prove(self, u: Array, w: Array) -> _Prices:
-        """Return the best bound that prices per node and per anti-affinity row allow, with the prices that prove it."""
-        u = np.minimum(u, self.nowhere)
-        w = np.minimum(w, 0).astype(np.int64)
-        v = np.minimum(0, self._reduced(u, np.zeros(self.cost.shape[1] - 1, dtype=np.int64), w)[:, :-1].min(axis=0))
-        return _Prices(u=u, v=v, w=w, bound=int(u.sum()) + int(v.sum()) + self.rows.worth(w))
-
-    def _reduced(self, u: Array, v: Array, w: Array) -> Array:
-        """Return int64 [K, P + 1]: the reduced cost of every pair."""
-        reduced = self.cost - self.members.sums(u)[:, None]
-        reduced[:, :-1] -= v
-        self.rows.subtract(reduced, w)
-        return reduced
 
     def _negative(self, reduced: Array, scale: float) -> Array:
         """Return pairs with negative reduced cost, a few per item and per place."""
@@ -265,7 +190,7 @@ class _Search:
         bundles = disjoint(order, self.table)
         taken = {node for bundle in bundles for node in self.table.items[bundle]}
         items = np.array([node for node in range(self.table.nodes) if node not in taken] + bundles, dtype=np.int64)
-        self._offer(items * self.cost.shape[1] + self._flow(items)[0])
+        self._offer(items * self.cost.shape[1] + self.flow(items)[0])
 
     def _offer(self, pairs: Array) -> None:
         """Keep a choice when it is allowed and better than the best."""
@@ -280,13 +205,10 @@ class _Search:
         """Return whether the relaxation leaves no node out."""
         return bool((chosen[keys % self.cost.shape[1] == self.rows.places] < 1e-9).all())
 
-    def _nowhere_pairs(self) -> Array:
-        return np.arange(self.table.nodes) * self.cost.shape[1] + self.cost.shape[1] - 1
-
     def _proved(self) -> bool:
         """Return whether nothing a whole unit better is left."""
         if self.best is None:
-            self._offer(self._nowhere_pairs())
+            self._offer(self.nowhere_pairs())
         assert self.best is not None
         return self.best[0] - self.bound < self.fine
 
