@@ -129,10 +129,10 @@ def test_any_inventory(tmp_path: Path, value: dict[str, object], host: object, v
     ids=["lists", "maps", "dashes", "aliases", "deep aliases", "many keys", "question marks"],
 )
 def test_limits_hold_before_memory_or_stack_run_out(text: str) -> None:
-    begin = time.monotonic()
+    begin = time.process_time()
     with pytest.raises(DefinitionError):
         loader.parse(text, "x")
-    assert time.monotonic() - begin < 10
+    assert time.process_time() - begin < 10
 
 
 def test_a_file_that_is_too_large_is_refused(tmp_path: Path) -> None:
@@ -144,6 +144,6 @@ def test_a_file_that_is_too_large_is_refused(tmp_path: Path) -> None:
 def test_many_robots_load_quickly(tmp_path: Path) -> None:
     hosts = "".join(f"    robot{i}: {{srprov_slots: 2, ansible_host: 10.0.0.1}}\n" for i in range(1000))
     (tmp_path / "i.yml").write_text(f"robots:\n  vars: {{ansible_user: x}}\n  hosts:\n{hosts}")
-    begin = time.monotonic()
+    begin = time.process_time()
     assert len(load_inventory([tmp_path / "i.yml"]).hosts) == 1000
-    assert time.monotonic() - begin < 5
+    assert time.process_time() - begin < 5
