@@ -14,7 +14,7 @@ import json
 import re
 import types
 from collections.abc import Mapping
-from typing import Any, Literal, NewType, TypeVar, cast, get_args, get_origin, get_type_hints
+from typing import Any, Literal, NewType, TypeVar, get_args, get_origin, get_type_hints
 
 P = TypeVar("P")
 
@@ -25,6 +25,7 @@ Mode = NewType("Mode", int)
 NOT_WRITTEN = {"written": False}
 """Metadata of a field that is no parameter of a playbook."""
 
+_Options = tuple[tuple[Any, Any, tuple[Any, ...]], ...]
 _JSON: dict[Any, tuple[type | tuple[type, ...], str]] = {
     str: (str, "text"),
     AnyText: (str, "text"),
@@ -34,7 +35,7 @@ _JSON: dict[Any, tuple[type | tuple[type, ...], str]] = {
     int: (int, "a whole number"),
     float: ((int, float), "a number"),
     tuple: (list, "a list"),
-    Mapping: (Mapping, "a map"),
+    Mapping: (dict, "a map"),
     type(None): (type(None), "null"),
     Any: (object, "a value"),
 }
@@ -74,55 +75,71 @@ def check_text(text: str, at: str, *, nul: bool = False) -> str:
     """Return a text that can be sent to a robot, and unless it may hold NUL, as a word of its shell too."""
     if "\0" in text and not nul:
         raise ParameterError(at, f"{at} holds a NUL, which no shell word can")
-    if re.search("[\ud800-\udfff]", text):
+    if not text.isascii() and re.search("[\ud800-\udfff]", text):
         raise ParameterError(at, f"{at} holds half a character, which is no UTF-8")
     return text
 
 
 @functools.cache
-def _fields(kind: type[Any]) -> dict[str, tuple[str, Any, bool]]:
+def _fields(kind: type[Any]) -> dict[str, tuple[str, _Options, bool]]:
     """Return parameter -> field, its type, and whether it must be given; of a dataclass."""
     hints, none = get_type_hints(kind), dataclasses.MISSING
-    return {
-        field.name.rstrip("_"): (field.name, hints[field.name], field.default is none and field.default_factory is none)
-        for field in dataclasses.fields(kind)
-        if field.metadata != NOT_WRITTEN
-    }
+    fields = {}
+    for field in dataclasses.fields(kind):
+        required = field.default is none and field.default_factory is none
+        if field.metadata != NOT_WRITTEN:
+            fields[field.name.rstrip("_")] = (field.name, _options(hints[field.name]), required)
+    return fields
 
 
-def _value(hint: Any, value: Any, at: str, blobs: Mapping[str, bytes]) -> Any:  # noqa: ANN401 - any type, any JSON
-    options = get_args(hint) if get_origin(hint) is types.UnionType else (hint,)
-    hint = next((one for one in options if _fits(_base(one), value)), None)
-    if hint is None:
-        wanted = " or ".join(_JSON[_base(one)][1] for one in options)
-        raise ParameterError(at, f"{at}: expected {wanted}, not {json.dumps(value)[:60]}")
-    base, inner = _base(hint), get_args(hint)
-    if dataclasses.is_dataclass(hint):
-        return read_params(cast("type[Any]", hint), value, blobs, at=f"{at}.")
-    if base is bytes and value not in blobs:
-        raise ParameterError(at, f"there is no blob {value!r}")
+@functools.cache
+def _options(hint: Any) -> _Options:  # noqa: ANN401 - any type
+    """Return the options of a type, each with its key in the table and its own parameters."""
+    found = []
+    for one in get_args(hint) if get_origin(hint) is types.UnionType else (hint,):
+        origin = get_origin(one)
+        base = str if origin is Literal else Mapping if dataclasses.is_dataclass(one) else origin or one
+        found.append((one, base, get_args(one)))
+    return tuple(found)
+
+
+def _value(options: _Options, value: Any, at: str, blobs: Mapping[str, bytes]) -> Any:  # noqa: ANN401 - any JSON
+    for option, base, inner in options:
+        # to Python, true is a number
+        if isinstance(value, _JSON[base][0]) and (value.__class__ is not bool or base in (bool, Any)):
+            return _converted(option, base, inner, value, at, blobs)
+    wanted = " or ".join(_JSON[base][1] for _, base, _ in options)
+    raise ParameterError(at, f"{at}: expected {wanted}, not {json.dumps(value)[:60]}")
+
+
+def _converted(
+    hint: Any,  # noqa: ANN401 - any type
+    base: Any,  # noqa: ANN401 - any type
+    inner: tuple[Any, ...],
+    value: Any,  # noqa: ANN401 - any JSON
+    at: str,
+    blobs: Mapping[str, bytes],
+) -> Any:  # noqa: ANN401 - any value
+    if base in (str, AnyText):
+        if inner and value not in inner:
+            raise ParameterError(at, f"{at}: expected one of {', '.join(inner)}, not {value!r}")
+        return check_text(value, at, nul=base is AnyText)
+    if base is Mode:
+        if not re.fullmatch("[0-7]{3,4}", value):
+            raise ParameterError(at, f"{at}: expected octal digits such as 0644, not {value!r}")
+        return int(value, 8)
+    if base is bytes:
+        if value not in blobs:
+            raise ParameterError(at, f"there is no blob {value!r}")
+        return blobs[value]
     if base is tuple:
         hints = inner[:1] * len(value) if inner[1:] == (...,) else inner
         if len(hints) != len(value):
             raise ParameterError(at, f"{at}: expected {len(hints)} values, not {len(value)}")
-        return tuple(_value(hints[index], one, f"{at}.{index}", blobs) for index, one in enumerate(value))
-    if base is Mapping:
-        return {check_text(str(key), at): _value(inner[1], one, f"{at}.{key}", blobs) for key, one in value.items()}
-    if get_origin(hint) is Literal and value not in inner:
-        raise ParameterError(at, f"{at}: expected one of {', '.join(inner)}, not {value!r}")
-    if base in (str, AnyText):
-        return check_text(value, at, nul=base is AnyText)
-    return blobs[value] if base is bytes else int(value, 8) if base is Mode else value
-
-
-def _base(hint: Any) -> Any:  # noqa: ANN401 - any type
-    """Return the key of a type in the table."""
-    origin = get_origin(hint)
-    return str if origin is Literal else Mapping if dataclasses.is_dataclass(hint) else origin or hint
-
-
-def _fits(base: Any, value: object) -> bool:  # noqa: ANN401 - any type
-    if base is Mode:
-        return isinstance(value, str) and re.fullmatch("[0-7]{3,4}", value) is not None
-    # to Python, true is a number
-    return isinstance(value, _JSON[base][0]) and (not isinstance(value, bool) or base in (bool, Any))
+        return tuple(_value(_options(hints[index]), one, f"{at}.{index}", blobs) for index, one in enumerate(value))
+    if base is Mapping and inner:
+        return {
+            check_text(str(key), at): _value(_options(inner[1]), one, f"{at}.{key}", blobs)
+            for key, one in value.items()
+        }
+    return read_params(hint, value, blobs, at=f"{at}.") if base is Mapping else value

@@ -308,7 +308,7 @@ def test_the_shipped_playbooks_render() -> None:
         ("- file: x\n  content: y\n  mod: '0644'\n", "there is no parameter 'mod', only content, mode, in_place"),
         ("- file: x\n  content: 5\n", "content: expected text, not 5"),
         ("- file: x\n  content: y\n  in_place: 1\n", "in_place: expected true or false, not 1"),
-        ("- file: x\n  content: y\n  mode: rw\n", 'mode: expected octal digits such as 0644, not "rw"'),
+        ("- file: x\n  content: y\n  mode: rw\n", "mode: expected octal digits such as 0644, not 'rw'"),
         ("- file: x\n  content: {{ half }}\n", "content holds half a character"),
         ("- file: {{ nul }}\n  content: y\n", "its name holds a NUL"),
         ("- volume: v\n  instance: {{ nul }}\n  source: s\n", "instance holds a NUL"),
