@@ -152,6 +152,6 @@ def mappings(value: object, *, most: int = 65_536) -> list[Mapping[str, Any]]:
     return [item for item in value if isinstance(item, Mapping)][:most] if isinstance(value, list) else []
 
 
-def labels(value: object) -> dict[str, str]:
+def string_map(value: object) -> dict[str, str]:
     """Return a map of texts, such as the labels of a Docker object; anything else is empty."""
     return {string(name): string(one) for name, one in mapping(value).items()}

@@ -12,9 +12,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from srprov.modules.module import Module, as_int
+from srprov.modules.module import Module
 from srprov.modules.params import ParameterError
 from srprov.resource import Action, Change, Observed, State
+from srprov.untrusted import integer
 from srprov.wire import AnyQuery, Command, Query, Reply, Run, sh
 
 CHECK_S = 10
@@ -68,7 +69,7 @@ class CommandModule(Module[CommandParams]):
 
     def probed(self, name: str, want: CommandParams, replies: Sequence[Reply]) -> Observed:
         """Read the exit code."""
-        code = as_int(replies[0].out.strip(), _NO_ANSWER)
+        code = integer(replies[0].out.strip(), default=_NO_ANSWER)
         # the code is told, but two different ones are the same to a plan that is kept: the command is due
         return Observed(module=self.kind, name=name, instance="", state={"holds": code == 0, "status": code})
 

@@ -25,14 +25,11 @@ from srprov.modules.module import (
     SOURCE,
     STOP_GRACE,
     Module,
-    as_int,
-    as_labels,
-    as_list,
-    as_text,
     canonical,
     digest,
 )
 from srprov.resource import Action, Change, Observed, State
+from srprov.untrusted import integer, mappings, string, string_map
 from srprov.wire import AnyQuery, Command, EngineCall, EngineQuery, Query, Reply, sh
 
 _EXITED = re.compile(r"^Exited \((-?[0-9]{1,9})\)")
@@ -58,7 +55,7 @@ class ContainerModule(Module[ContainerParams]):
         """Read the list; the exit code and the health stand in Docker's status text."""
         if not replies[0].ok:
             return ()
-        return tuple(found for item in as_list(replies[0].json()) if (found := _parse_one(item)))
+        return tuple(found for item in mappings(replies[0].json()) if (found := _parse_one(item)))
 
     def check(self, name: str, want: ContainerParams, found: State | None) -> Change | None:
         """Compare by hash, then by what the process does."""
@@ -146,23 +143,23 @@ def _stop_and_remove(name: str, state: State) -> tuple[Command, ...]:
 
 
 def _parse_one(item: Mapping[str, Any]) -> Observed | None:
-    labels = as_labels(item.get("Labels"))
+    labels = string_map(item.get("Labels"))
     names = item.get("Names")
     # whoever runs an image that was committed from a container of ours inherits its labels, but not its name
     name = container_name(labels.get(INSTANCE, ""), labels.get(SERVICE, ""))
     if INSTANCE not in labels or not isinstance(names, list) or f"/{name}" not in names:
         return None
-    status = as_text(item.get("Status"))
+    status = string(item.get("Status"))
     exited, health = _EXITED.match(status), _HEALTH.search(status)
     state: dict[str, Any] = {
         "service": labels.get(SERVICE, ""),
         "source": labels.get(SOURCE, ""),
         "hash": labels.get(CONFIG_HASH, ""),
         "parts": dict(part.split("=", 1) for part in labels.get(CONFIG_PARTS, "").split(",") if "=" in part),
-        "stop_grace": as_int(labels.get(STOP_GRACE, "10"), 10),
-        "image": as_text(item.get("Image")),
-        "id": as_text(item.get("Id"))[:12],
-        "state": as_text(item.get("State")),
+        "stop_grace": integer(labels.get(STOP_GRACE, "10"), default=10),
+        "image": string(item.get("Image")),
+        "id": string(item.get("Id"))[:12],
+        "state": string(item.get("State")),
         "status": status,
         "exit_code": int(exited.group(1)) if exited else None,
         "health": health.group(1).replace("health: ", "") if health else "",
@@ -177,7 +174,7 @@ def _ends(settings: object, key: str) -> dict[str, str]:
     networks = settings.get("Networks") if isinstance(settings, Mapping) else None
     if not isinstance(networks, Mapping):
         return {}
-    return {str(name): as_text(end.get(key)) for name, end in networks.items() if isinstance(end, Mapping)}
+    return {str(name): string(end.get(key)) for name, end in networks.items() if isinstance(end, Mapping)}
 
 
 def _hashes(want: ContainerParams) -> tuple[str, dict[str, str]]:

@@ -12,9 +12,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from srprov.modules.module import Module, as_labels, as_list, as_text
+from srprov.modules.module import Module
 from srprov.modules.params import ParameterError
 from srprov.resource import Action, Change, Observed, State
+from srprov.untrusted import mappings, string, string_map
 from srprov.wire import AnyQuery, Command, CopyImage, EngineCall, EngineQuery, Reply
 
 _LONG_S = 1800.0
@@ -56,8 +57,8 @@ class ImageModule(Module[ImageParams]):
         if not replies[0].ok:
             return ()
         found = []
-        for item in as_list(replies[0].json()):
-            state = {"id": as_text(item.get("Id")), "labels": as_labels(item.get("Labels"))}
+        for item in mappings(replies[0].json()):
+            state = {"id": string(item.get("Id")), "labels": string_map(item.get("Labels"))}
             for names in (item.get("RepoTags"), item.get("RepoDigests")):
                 for name in names if isinstance(names, list) else ():
                     if "<none>" not in str(name):

@@ -18,7 +18,6 @@ from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any, Generic, Protocol, runtime_checkable
 
-from srprov import untrusted
 from srprov.modules.params import P
 from srprov.resource import Change, Observed, State
 from srprov.wire import AnyQuery, Command, EngineQuery, Query, Reply
@@ -135,14 +134,6 @@ def canonical(value: object) -> str:
 def digest(value: object, length: int = 64) -> str:
     """Return the sha256 of a JSON value in hex, shortened to `length` digits."""
     return hashlib.sha256(canonical(value).encode()).hexdigest()[:length]
-
-
-as_list, as_text, as_labels = untrusted.mappings, untrusted.string, untrusted.labels
-
-
-def as_int(text: str, default: int = 0) -> int:
-    """Return a whole number that came from a robot as text."""
-    return untrusted.integer(text, default=default)
 
 
 LABEL_FILTER = canonical({"label": [INSTANCE]})

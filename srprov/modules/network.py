@@ -14,20 +14,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from srprov.modules.module import (
-    CONFIG_HASH,
-    INSTANCE,
-    LABEL_FILTER,
-    SOURCE,
-    Module,
-    as_int,
-    as_labels,
-    as_list,
-    as_text,
-    canonical,
-    digest,
-)
+from srprov.modules.module import CONFIG_HASH, INSTANCE, LABEL_FILTER, SOURCE, Module, canonical, digest
 from srprov.resource import Action, Change, Observed, State
+from srprov.untrusted import integer, mappings, string, string_map
 from srprov.wire import AnyQuery, Command, EngineCall, EngineQuery, Reply, Run, quote
 
 _VNI = "srprov.vni"
@@ -66,25 +55,25 @@ class NetworkModule(Module[NetworkParams]):
     def parse(self, replies: Sequence[Reply]) -> tuple[Observed, ...]:
         """Read options, addresses and labels."""
         found = []
-        for item in as_list(replies[0].json() if replies[0].ok else None):
-            labels, options = as_labels(item.get("Labels")), as_labels(item.get("Options"))
+        for item in mappings(replies[0].json() if replies[0].ok else None):
+            labels, options = string_map(item.get("Labels")), string_map(item.get("Options"))
             ipam = item.get("IPAM")
-            pools = as_list(ipam.get("Config")) if isinstance(ipam, Mapping) else []
+            pools = mappings(ipam.get("Config")) if isinstance(ipam, Mapping) else []
             pool: Mapping[str, Any] = pools[0] if pools else {}
             if INSTANCE not in labels:
                 continue
             state = {
-                "id": as_text(item.get("Id")),
+                "id": string(item.get("Id")),
                 "hash": labels.get(CONFIG_HASH, ""),
                 "source": labels.get(SOURCE, ""),
-                "vni": as_int(labels.get(_VNI, "")),
-                "port": as_int(labels.get(_PORT, "")),
+                "vni": integer(labels.get(_VNI, "")),
+                "port": integer(labels.get(_PORT, "")),
                 "bridge": options.get(_BRIDGE_OPTION, ""),
-                "mtu": as_int(options.get(_MTU_OPTION, "")),
-                "subnet": as_text(pool.get("Subnet")),
-                "gateway": as_text(pool.get("Gateway")),
+                "mtu": integer(options.get(_MTU_OPTION, "")),
+                "subnet": string(pool.get("Subnet")),
+                "gateway": string(pool.get("Gateway")),
             }
-            name = as_text(item.get("Name"))
+            name = string(item.get("Name"))
             found.append(Observed(module="network", name=name, instance=labels[INSTANCE], state=state))
         return tuple(found)
 
@@ -140,7 +129,7 @@ def _leftover_bridge(found: State) -> tuple[Command, ...]:
 
     So it is after the engine crashed between the two, and the next apply made the network on the bridge that was left.
     """
-    bridge = as_text(found.get("bridge"))
+    bridge = string(found.get("bridge"))
     if not bridge.startswith(_PREFIX):
         return ()
     name = quote(bridge)

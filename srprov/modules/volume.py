@@ -8,8 +8,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from srprov.modules.module import INSTANCE, LABEL_FILTER, SOURCE, Module, as_labels, as_list, as_text, canonical
+from srprov.modules.module import INSTANCE, LABEL_FILTER, SOURCE, Module, canonical
 from srprov.resource import Action, Change, Observed, State
+from srprov.untrusted import mappings, string, string_map
 from srprov.wire import AnyQuery, Command, EngineCall, EngineQuery, Reply
 
 
@@ -36,11 +37,11 @@ class VolumeModule(Module[VolumeParams]):
         """Return names and owners."""
         body = replies[0].json() if replies[0].ok else None
         found = []
-        for item in as_list(body.get("Volumes") if isinstance(body, dict) else None):
-            labels = as_labels(item.get("Labels"))
+        for item in mappings(body.get("Volumes") if isinstance(body, dict) else None):
+            labels = string_map(item.get("Labels"))
             if INSTANCE in labels:
                 state = {"source": labels.get(SOURCE, "")}
-                name = as_text(item.get("Name"))
+                name = string(item.get("Name"))
                 found.append(Observed(module="volume", name=name, instance=labels[INSTANCE], state=state))
         return tuple(found)
 

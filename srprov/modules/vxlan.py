@@ -14,8 +14,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from srprov.modules.module import Module, as_list, as_text
+from srprov.modules.module import Module
 from srprov.resource import Action, Change, Observed, State
+from srprov.untrusted import mappings, string
 from srprov.wire import AnyQuery, Command, Query, Reply, Run, quote, sh
 
 FLOOD = "00:00:00:00:00:00"
@@ -56,12 +57,12 @@ class VxlanModule(Module[VxlanParams]):
 
     def parse(self, replies: Sequence[Reply]) -> tuple[Observed, ...]:
         """Return our links with their entries; a link of our name without alias is one that was half made."""
-        every, entries = (as_list(_json(reply)) for reply in replies)
+        every, entries = (mappings(_json(reply)) for reply in replies)
         links, bridges = ([item for item in every if _kind(item) == kind] for kind in ("vxlan", "bridge"))
-        snooping = {as_text(item.get("ifname")): _data(item).get("mcast_snooping") for item in bridges}
+        snooping = {string(item.get("ifname")): _data(item).get("mcast_snooping") for item in bridges}
         found = []
         for item in links:
-            name, alias = as_text(item.get("ifname")), as_text(item.get("ifalias"))
+            name, alias = string(item.get("ifname")), string(item.get("ifalias"))
             if not (alias.startswith(_ALIAS) or name.startswith(_PREFIX)):
                 continue
             state = _link_state(item, entries)
@@ -132,7 +133,7 @@ def _json(reply: Reply) -> object:
 
 def _kind(item: Mapping[str, Any]) -> str:
     info = item.get("linkinfo")
-    return as_text(info.get("info_kind")) if isinstance(info, Mapping) else ""
+    return string(info.get("info_kind")) if isinstance(info, Mapping) else ""
 
 
 def _data(item: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -142,19 +143,19 @@ def _data(item: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def _link_state(item: Mapping[str, Any], entries: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    data, name = _data(item), as_text(item.get("ifname"))
+    data, name = _data(item), string(item.get("ifname"))
     flags = item.get("flags")
     fdb = sorted(
-        [as_text(entry.get("mac")), as_text(entry.get("dst"))]
+        [string(entry.get("mac")), string(entry.get("dst"))]
         for entry in entries
         if entry.get("ifname") == name and entry.get("dst")
     )
     return {
         "vni": data.get("id", 0),
-        "local": as_text(data.get("local") or data.get("local6")),
+        "local": string(data.get("local") or data.get("local6")),
         "port": data.get("port", 0),
         "learning": bool(data.get("learning", False)),
-        "bridge": as_text(item.get("master")),
+        "bridge": string(item.get("master")),
         "mtu": item.get("mtu", 0),
         "up": "UP" in flags if isinstance(flags, list) else False,
         "fdb": fdb,

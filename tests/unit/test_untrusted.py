@@ -16,7 +16,7 @@ from srprov.execution.locks import Holder, parse_holder
 from srprov.facts.gather import _placements
 from srprov.planning.planfile import is_plan, load
 from srprov.transport.engine.answers import message_of
-from srprov.untrusted import json_or_none, labels, mappings, parse_json, string
+from srprov.untrusted import json_or_none, mappings, parse_json, string, string_map
 from srprov.wire import Reply
 
 DEEP = "[" * 5000
@@ -103,8 +103,8 @@ def test_broken_json_is_none_and_never_an_error(source: str) -> None:
 
 def test_values_of_the_wrong_kind_are_empty() -> None:
     assert [string(value) for value in (None, 7, True, {}, ["x"])] == [""] * 5
-    assert labels({"a": "1", "b": None, "c": {}}) == {"a": "1", "b": "", "c": ""}
-    assert labels(["a"]) == {}
+    assert string_map({"a": "1", "b": None, "c": {}}) == {"a": "1", "b": "", "c": ""}
+    assert string_map(["a"]) == {}
     assert mappings([1, {"a": 1}, None]) == [{"a": 1}]
     assert mappings("x") == []
 
