@@ -22,22 +22,8 @@ from srprov.facts.gather import _PLACEMENTS
 from srprov.facts.probes import PROBES
 from srprov.modules import MODULES
 from srprov.secret import Vault
-from srprov.wire import (
-    AnyQuery,
-    Command,
-    CopyImage,
-    EngineCall,
-    EngineQuery,
-    Measures,
-    Progress,
-    Pulse,
-    Put,
-    Query,
-    Reply,
-    Run,
-    Traffic,
-    no_progress,
-)
+from srprov.session import Measures, Progress, Pulse, Traffic, no_progress
+from srprov.wire import AnyQuery, Command, CopyImage, EngineCall, EngineQuery, Put, Query, Reply, Run
 from tests.fake_engine import Behaviour, Container, Engine
 from tests.fake_kernel import Disk, Kernel, shell_reply
 

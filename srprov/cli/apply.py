@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from srprov.controller.plan import Planned
     from srprov.planning.planfile import PlanFile
     from srprov.secret import Vault
-    from srprov.wire import Pulse
+    from srprov.session import Pulse
 
 
 @click.command()

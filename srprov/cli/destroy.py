@@ -13,7 +13,7 @@ from srprov.cli.output import err
 from srprov.cli.plan import show_plan
 from srprov.controller.watcher import Phases
 from srprov.errors import visible
-from srprov.wire import Pulse
+from srprov.session import Pulse
 
 
 @click.command()

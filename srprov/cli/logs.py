@@ -13,7 +13,7 @@ from srprov.cli import inputs, options
 from srprov.cli.output import err, out
 from srprov.cli.streams import lost
 from srprov.errors import TransportError, visible
-from srprov.wire import Session
+from srprov.session import Session
 
 UNREACHABLE = 4
 

@@ -12,7 +12,7 @@ import click
 
 from srprov.controller.request import SEARCH_LIMIT_S, PlanRequest
 from srprov.errors import UsageError
-from srprov.wire import Pulse
+from srprov.session import Pulse
 
 _F = TypeVar("_F", bound=Callable[..., Any])
 

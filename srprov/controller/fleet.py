@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from srprov.definitions.model import Experiment, Inventory
     from srprov.facts.gather import Detail, Gathering
     from srprov.facts.model import Snapshot
+    from srprov.session import Session
     from srprov.transport.pool import Sessions
-    from srprov.wire import Session
 
 
 @dataclass(frozen=True, slots=True)

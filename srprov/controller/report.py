@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from srprov.controller.watcher import Phases
 from srprov.execution import Outcome, RunResult
 from srprov.planning.plan import Plan
-from srprov.wire import Session
+from srprov.session import Session
 
 if TYPE_CHECKING:
     from srprov.images.plan import ImagePlan

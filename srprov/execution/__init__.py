@@ -16,7 +16,7 @@ from srprov.execution.outcome import Event, Listener, Outcome, RunResult, StepRe
 
 if TYPE_CHECKING:
     from srprov.planning.plan import Plan
-    from srprov.wire import Session
+    from srprov.session import Session
 
 __all__ = ["Event", "Listener", "Outcome", "RunOptions", "RunResult", "StepResult", "run_plan"]
 

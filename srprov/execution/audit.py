@@ -15,7 +15,8 @@ from dataclasses import dataclass
 from srprov.errors import TransportError
 from srprov.execution.outcome import Outcome, StepResult
 from srprov.execution.robot import RobotExecutor
-from srprov.wire import Reply, Run, Session, quote
+from srprov.session import Session
+from srprov.wire import Reply, Run, quote
 
 AUDIT_LOG = "/var/log/srprov.log"
 _TIMEOUT_S = 10.0

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from srprov.modules import RUNNING
 from srprov.resource import Need
-from srprov.wire import Session
+from srprov.session import Session
 
 _FIRST_PAUSE_S = 0.15
 _LONGEST_PAUSE_S = 1.0

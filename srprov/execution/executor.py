@@ -22,7 +22,7 @@ from srprov.execution.outcome import Event, Listener, Outcome, RunResult, StepRe
 from srprov.execution.robot import RobotExecutor, round_trip_size
 from srprov.execution.settle import settle
 from srprov.planning.plan import Plan, Step
-from srprov.wire import Session
+from srprov.session import Session
 
 
 def walk(

@@ -18,7 +18,7 @@ from types import TracebackType
 from srprov.errors import LockHeld, TransportError
 from srprov.execution.locks import SCRIPT, Claim, Holder, parse_holder
 from srprov.execution.outcome import Event, Listener
-from srprov.wire import LockChannel, Pulse, Session
+from srprov.session import LockChannel, Pulse, Session
 
 _GRACE_S = 1.0
 """For a lock that is only being tested, or released by a controller that lost a race."""

@@ -21,8 +21,9 @@ from dataclasses import dataclass
 
 from srprov.errors import TransportError
 from srprov.owner import owner
+from srprov.session import Reader
 from srprov.untrusted import integer, json_or_none, mapping, text
-from srprov.wire import Query, Reader, quote
+from srprov.wire import Query, quote
 
 PLACES = ("/run/srprov", "/tmp/srprov")  # noqa: S108 - the fallback is used only when root owns it
 """Folders for lock and holder: the first that root can write to, and that root owns."""

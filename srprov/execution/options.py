@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from srprov.wire import Pulse
+from srprov.session import Pulse
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

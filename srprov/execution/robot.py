@@ -23,7 +23,8 @@ from srprov.facts.observe import observe_queries, parse_observed, parse_probed, 
 from srprov.modules import MODULES, PROBING, RUNNING
 from srprov.planning.plan import Step
 from srprov.resource import Action, Change, Observed
-from srprov.wire import Command, EngineCall, Put, Reply, Run, Session
+from srprov.session import Session
+from srprov.wire import Command, EngineCall, Put, Reply, Run
 
 _Key = tuple[str, str]
 _MOST_BYTES = 256 * 1024

@@ -9,29 +9,17 @@ from __future__ import annotations
 import concurrent.futures
 import dataclasses
 import enum
-import time
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass
 from typing import Any
 
-from srprov.definitions.model import Host, Inventory
+from srprov.definitions.model import Inventory
 from srprov.errors import TransportError
-from srprov.facts.host import host_queries, later_query, parse_host
+from srprov.facts.first_look import Answers, Readers, ask
 from srprov.facts.model import HostFacts, Snapshot
-from srprov.facts.observe import observe_queries, parse_observed, parse_probed, probe_queries
-from srprov.facts.probes import INFO
+from srprov.facts.observe import parse_probed, probe_queries
 from srprov.modules import PROBING
-from srprov.modules.module import STATE_ROOT
 from srprov.resource import Observed, Resource
-from srprov.untrusted import json_or_none, mapping, text
-from srprov.wire import EngineQuery, Measures, Query, Reader, Reply
-
-_PLACEMENTS = Query(command=f'for f in {STATE_ROOT}/*/placement.json; do test -f "$f" && cat "$f" && echo; done; :')
-_SIZE_LIMIT = 1_000_000
-
-Readers = Callable[[str], Reader]
-"""Robot's name -> reader; raises TransportError when it cannot be reached."""
 
 
 class Detail(enum.Enum):
@@ -62,7 +50,7 @@ class Gathering:
         self.inventory, self._readers, self._engine = inventory, readers, engine
         self._pool = concurrent.futures.ThreadPoolExecutor(max(1, min(forks, len(inventory.hosts))))
         hosts = inventory.hosts.items()
-        self._futures = {name: self._pool.submit(_ask, host, readers, engine) for name, host in hosts}
+        self._futures = {name: self._pool.submit(ask, host, readers, engine) for name, host in hosts}
 
     def first(self, *, keep_mute: bool = False) -> Snapshot:
         """Wait for the first answers.
@@ -123,32 +111,7 @@ def gather(
         return look.closer(detail, keep_mute=keep_mute)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class _Look:
-    """What one robot said."""
-
-    host: Host
-    replies: Sequence[Reply]
-    measures: Measures | None
-    asked_at: float
-    """Seconds since the epoch."""
-    facts: HostFacts
-    observed: tuple[Observed, ...]
-    placements: list[Mapping[str, Any]]
-
-    def closer(self, readers: Readers, engine: bool, traffic: bool) -> HostFacts:
-        """Ask the engine of itself; read the counters again, some time after the first reading: both at once."""
-        queries = [INFO] * engine + [later_query(self.replies)] * traffic
-        answers = list(readers(self.host.name).ask(queries))
-        later = answers.pop() if traffic else None
-        replies = [*self.replies, *answers]
-        seen = parse_host(self.host, replies, measures=self.measures, now=self.asked_at, later=later)
-        if self.facts.docker is None:
-            seen = dataclasses.replace(seen, docker=None, docker_problem=self.facts.docker_problem)
-        return seen
-
-
-def _put_together(futures: Mapping[str, Future[_Look]]) -> Snapshot:
+def _put_together(futures: Mapping[str, Future[Answers]]) -> Snapshot:
     """Return what the robots said, each of which was waited for."""
     facts: dict[str, HostFacts] = {}
     observed: dict[str, tuple[Observed, ...]] = {}
@@ -156,12 +119,12 @@ def _put_together(futures: Mapping[str, Future[_Look]]) -> Snapshot:
     records: dict[str, Mapping[str, Any]] = {}
     for name, future in sorted(futures.items()):
         try:
-            look = future.result()
+            said = future.result()
         except TransportError as error:
             unreachable[name] = _said(error)
             continue
-        facts[name], observed[name] = look.facts, look.observed
-        for record in look.placements:
+        facts[name], observed[name] = said.facts, said.observed
+        for record in said.placements:
             best = records.get(record["instance"])
             if best is None or record["serial"] > best["serial"]:
                 records[record["instance"]] = record
@@ -214,37 +177,3 @@ def _holds_services(robot: str, records: Mapping[str, Mapping[str, Any]]) -> boo
     placed = (record.get("services") for record in records.values())
     entries = [entry for services in placed if isinstance(services, Mapping) for entry in services.values()]
     return any(isinstance(entry, Mapping) and entry.get("robot") == robot for entry in entries)
-
-
-def _ask(host: Host, readers: Readers, engine: bool) -> _Look:
-    reader = readers(host.name)
-    mine = host_queries(info=engine)
-    ours = observe_queries()
-    asked_at = time.time()  # the robot's clock is read first of all
-    replies = reader.ask([*mine, *ours, _PLACEMENTS])
-    measures, asked = reader.measure(), replies[: len(mine)]
-    facts = parse_host(host, asked, measures=measures, now=asked_at)
-    seen = replies[len(mine) : -1]
-    mute = [reply for query, reply in zip(ours, seen, strict=True) if isinstance(query, EngineQuery) and not reply.ok]
-    if mute and facts.docker is not None:
-        # an engine that says its version but not what it runs is as good as none
-        facts = dataclasses.replace(facts, docker=None, docker_problem=text(mute[0].err) or f"status {mute[0].status}")
-    return _Look(
-        host=host,
-        replies=asked,
-        measures=measures,
-        asked_at=asked_at,
-        facts=facts,
-        observed=parse_observed(seen),
-        placements=_placements(replies[-1]),
-    )
-
-
-def _placements(reply: Reply) -> list[Mapping[str, Any]]:
-    """Read one JSON document per line; a record that is not of the right shape is as good as none."""
-    found: list[Mapping[str, Any]] = []
-    for line in reply.out[:_SIZE_LIMIT].splitlines():
-        record = mapping(json_or_none(line))
-        if isinstance(record.get("instance"), str) and isinstance(record.get("serial"), int):
-            found.append(record)
-    return found

@@ -20,8 +20,9 @@ from srprov.facts.hardware import detect_tags
 from srprov.facts.links import Underlay, find_underlay
 from srprov.facts.model import HostFacts, Link
 from srprov.facts.probes import ENGINE, PING, PROBES, counters
+from srprov.session import Measures
 from srprov.untrusted import decimal, integer, text
-from srprov.wire import EngineQuery, Measures, Query, Reply
+from srprov.wire import EngineQuery, Query, Reply
 
 _MOST_BYTES = 2**60
 _ARCHITECTURES = {

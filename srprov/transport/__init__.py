@@ -21,7 +21,7 @@ from srprov.transport.options import ConnectOptions, Peers
 
 if TYPE_CHECKING:
     from srprov.definitions.model import Host
-    from srprov.wire import Session
+    from srprov.session import Session
 
 __all__ = ["ConnectOptions", "Peers", "connect", "preload_engine", "preload_ssh"]
 

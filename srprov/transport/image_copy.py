@@ -6,7 +6,8 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from srprov.errors import TransportError
-from srprov.wire import CopyImage, Progress, Reply
+from srprov.session import Progress
+from srprov.wire import CopyImage, Reply
 
 if TYPE_CHECKING:
     from srprov.transport.engine.client import Engine

@@ -16,6 +16,7 @@ from urllib.parse import urlsplit
 
 from srprov.definitions.model import Host
 from srprov.errors import ConnectError
+from srprov.session import Measures, Traffic
 from srprov.transport.deadline import Deadline
 from srprov.transport.engine.link import EngineGone, EngineSocket
 from srprov.transport.session import BaseSession
@@ -23,7 +24,6 @@ from srprov.transport.shell.frames import start_command
 from srprov.transport.shell.pipes import PipeStreams
 from srprov.transport.shell.shell import Shell
 from srprov.transport.shell.startup import wait_ready
-from srprov.wire import Measures, Traffic
 
 if TYPE_CHECKING:
     from srprov.transport.options import ConnectOptions, Peers

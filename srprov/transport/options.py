@@ -11,7 +11,7 @@ from srprov.secret import Vault
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from srprov.wire import Session
+    from srprov.session import Session
 
 Peers = Callable[[str], "Session"]
 """Returns the session of another robot by its name, for `CopyImage`; raises TransportError when there is none."""

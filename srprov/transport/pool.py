@@ -17,9 +17,9 @@ from types import TracebackType
 
 from srprov.definitions.model import Host
 from srprov.errors import ConnectError, TransportError, UsageError
+from srprov.session import Session
 from srprov.transport import ConnectOptions, connect
 from srprov.transport.session import BaseSession
-from srprov.wire import Session
 
 _RATE_PER_S = 40.0
 

@@ -15,28 +15,13 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from srprov.errors import TransportError
+from srprov.session import Measures, Progress, Pulse, Traffic, no_progress
 from srprov.transport.background import background
 from srprov.transport.engine import EngineAccess, preload
 from srprov.transport.engine.link import EngineLink, EngineSocket
 from srprov.transport.shell.lock_channel import HeartbeatChannel
 from srprov.transport.shell.shell import Shell
-from srprov.wire import (
-    AnyQuery,
-    Command,
-    CopyImage,
-    EngineCall,
-    EngineQuery,
-    Measures,
-    Progress,
-    Pulse,
-    Put,
-    Query,
-    Reply,
-    Run,
-    Traffic,
-    no_progress,
-    sh,
-)  # fmt: skip
+from srprov.wire import AnyQuery, Command, CopyImage, EngineCall, EngineQuery, Put, Query, Reply, Run, sh
 
 if TYPE_CHECKING:
     from srprov.definitions.model import Host

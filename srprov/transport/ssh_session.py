@@ -14,6 +14,7 @@ import paramiko
 
 from srprov.definitions.model import Host
 from srprov.errors import TransportError
+from srprov.session import Traffic
 from srprov.transport.background import background
 from srprov.transport.deadline import Deadline
 from srprov.transport.engine.link import EngineGone, EngineSocket
@@ -24,7 +25,6 @@ from srprov.transport.session import BaseSession
 from srprov.transport.shell.frames import FIND_CONNECTION, ready_line, start_command
 from srprov.transport.shell.shell import Shell
 from srprov.transport.shell.startup import wait_ready
-from srprov.wire import Traffic
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -26,10 +26,11 @@ from srprov.errors import LockHeld, TransportError
 from srprov.execution import locks as locks_room
 from srprov.execution.lock_set import LockOptions, LockSet
 from srprov.execution.locks import SCRIPT, Claim, Holder, holders, who_holds
+from srprov.session import Pulse, Session
 from srprov.transport import ConnectOptions, connect
 from srprov.transport.shell import lock_channel as channel_file
 from srprov.transport.shell.frames import FIND_CONNECTION
-from srprov.wire import Pulse, Query, Run, Session
+from srprov.wire import Query, Run
 
 from .sshd import Sshd, usable
 

@@ -20,13 +20,14 @@ import pytest
 
 from srprov.definitions.model import Host
 from srprov.errors import AuthError, ConnectError, DeadlineError, HostKeyError, TransportError
+from srprov.session import Session
 from srprov.transport import ConnectOptions, connect
 from srprov.transport.openssh.early_dial import dial_early
 from srprov.transport.openssh.resolve import resolve
 from srprov.transport.openssh.sockets import dial
 from srprov.transport.pool import Sessions
 from srprov.transport.ssh_session import SshSession
-from srprov.wire import EngineCall, EngineQuery, Put, Query, Run, Session
+from srprov.wire import EngineCall, EngineQuery, Put, Query, Run
 
 from .sshd import Sshd, free_port, keygen, public, usable
 

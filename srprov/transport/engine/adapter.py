@@ -12,8 +12,8 @@ import requests.adapters
 import urllib3
 import urllib3.connection
 
+from srprov.session import Traffic
 from srprov.transport.engine.link import Dial
-from srprov.wire import Traffic
 
 MAX_CHANNELS = 4
 """Each may be a session of sshd, whose MaxSessions is 10 by default, and the shells need two."""

@@ -11,9 +11,10 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Protocol
 
+from srprov.session import Progress
 from srprov.transport.engine.link import EngineGone
 from srprov.untrusted import json_or_none, mapping, string
-from srprov.wire import Progress, Reply
+from srprov.wire import Reply
 
 _LAST_LINES = 15
 _LONGEST_LINE = 1 << 20

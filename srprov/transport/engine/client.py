@@ -19,10 +19,11 @@ from docker.constants import DEFAULT_DOCKER_API_VERSION, MINIMUM_DOCKER_API_VERS
 from docker.errors import DockerException
 
 from srprov.errors import TransportError
+from srprov.session import Progress
 from srprov.transport.engine.adapter import EngineAdapter
 from srprov.transport.engine.answers import demultiplexed, follow, lines, message_of, quoted, within
 from srprov.transport.engine.link import EngineGone, EngineLink
-from srprov.wire import EngineCall, Progress, Reply
+from srprov.wire import EngineCall, Reply
 
 _HERE = "tcp://engine:2375"
 """Any address that the SDK accepts: the adapter has one destination only."""

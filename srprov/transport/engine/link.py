@@ -14,8 +14,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from srprov.errors import TransportError
+from srprov.session import Traffic
 from srprov.transport.deadline import Deadline
-from srprov.wire import Reply, Traffic
+from srprov.wire import Reply
 
 if TYPE_CHECKING:
     import socket

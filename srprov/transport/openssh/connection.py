@@ -19,6 +19,7 @@ import paramiko
 
 from srprov.definitions.model import Host
 from srprov.errors import ConnectError, DeadlineError, TransportError
+from srprov.session import Traffic
 from srprov.transport.deadline import Deadline
 from srprov.transport.openssh import host_keys, sockets
 from srprov.transport.openssh.algorithms import transport_for
@@ -26,7 +27,6 @@ from srprov.transport.openssh.auth import Login
 from srprov.transport.openssh.local_stream import LocalStreamTransport
 from srprov.transport.openssh.resolve import resolve
 from srprov.transport.openssh.settings import SshSettings
-from srprov.wire import Traffic
 
 _log = logging.getLogger("paramiko")
 _log.addHandler(logging.NullHandler())

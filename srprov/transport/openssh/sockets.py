@@ -15,8 +15,8 @@ import threading
 from typing import IO, Any
 
 from srprov.errors import ConnectError, DeadlineError
+from srprov.session import Traffic
 from srprov.transport.deadline import Deadline
-from srprov.wire import Traffic
 
 KEEPALIVE_S = 5
 _DEAD_AFTER_MS = 20_000

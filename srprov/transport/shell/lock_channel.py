@@ -15,7 +15,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from srprov.errors import TransportError
-from srprov.wire import Pulse, Traffic
+from srprov.session import Pulse, Traffic
 
 if TYPE_CHECKING:
     from srprov.transport.shell.streams import Streams

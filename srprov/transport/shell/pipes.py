@@ -8,7 +8,7 @@ import select
 import signal
 import subprocess
 
-from srprov.wire import Traffic
+from srprov.session import Traffic
 
 _CHUNK = 1 << 16
 

@@ -15,8 +15,9 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from srprov.errors import DeadlineError, TransportError
+from srprov.session import Progress, Traffic
 from srprov.transport.shell.frames import Frames, batch
-from srprov.wire import Progress, Query, Reply, Traffic
+from srprov.wire import Query, Reply
 
 if TYPE_CHECKING:
     from srprov.transport.shell.streams import Streams

@@ -21,7 +21,7 @@ from srprov.cli.status import table
 from srprov.errors import RefusedError, visible
 from srprov.execution import Event
 from srprov.secret import forget
-from srprov.wire import Session
+from srprov.session import Session
 from tests.hostile import WORDS, texts, unprintable
 
 

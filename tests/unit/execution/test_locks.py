@@ -15,7 +15,7 @@ from srprov.errors import LockHeld
 from srprov.execution import Outcome, RunOptions, lock_set, run_plan
 from srprov.execution.lock_set import LockOptions, LockSet
 from srprov.execution.locks import Claim, Holder, age, parse_holder
-from srprov.wire import Pulse
+from srprov.session import Pulse
 from tests.fakes import FakeLockChannel, World
 from tests.worlds import QUICK, events, experiment, plan_for, run, service
 

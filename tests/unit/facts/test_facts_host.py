@@ -21,7 +21,8 @@ from robot_outputs import (
 
 from srprov.definitions.model import Host
 from srprov.facts.host import docker_arch, host_queries, parse_host
-from srprov.wire import EngineQuery, Measures, Query, Reply
+from srprov.session import Measures
+from srprov.wire import EngineQuery, Query, Reply
 
 HOST = Host(name="robot1", address="robot1.example")
 KIB = 1024

@@ -17,10 +17,11 @@ import pytest
 
 from srprov.definitions.model import Host
 from srprov.errors import DeadlineError, TransportError
+from srprov.session import Session, Traffic
 from srprov.transport import connect
 from srprov.transport.engine.client import Engine
 from srprov.transport.engine.link import EngineLink, EngineSocket
-from srprov.wire import CopyImage, EngineCall, EngineQuery, Query, Run, Session, Traffic
+from srprov.wire import CopyImage, EngineCall, EngineQuery, Query, Run
 
 pytestmark = pytest.mark.skipif(os.geteuid() != 0, reason="needs root, as the shell is root's")
 MIB = 1 << 20

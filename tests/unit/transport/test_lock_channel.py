@@ -7,9 +7,9 @@ from collections.abc import Iterator
 import pytest
 
 from srprov.errors import TransportError
+from srprov.session import Pulse, Traffic
 from srprov.transport.shell import lock_channel as channel_file
 from srprov.transport.shell.lock_channel import HeartbeatChannel
-from srprov.wire import Pulse, Traffic
 
 PULSE = Pulse(beat_s=19.0, controller_s=20.0, robot_s=30)
 

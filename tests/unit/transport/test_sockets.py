@@ -6,8 +6,8 @@ import socket
 import threading
 import time
 
+from srprov.session import Traffic
 from srprov.transport.openssh.sockets import CountedSocket
-from srprov.wire import Traffic
 
 
 def test_what_came_at_once_is_given_in_pieces() -> None:
