@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from srprov.errors import TransportError
-from srprov.facts.gather import _PLACEMENTS
+from srprov.facts.first_look import _PLACEMENTS
 from srprov.facts.probes import PROBES
 from srprov.modules import MODULES
 from srprov.secret import Vault

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from srprov.execution.locks import who_holds
-from srprov.facts.gather import _PLACEMENTS
+from srprov.facts.first_look import _PLACEMENTS
 from srprov.facts.host import host_queries
 from srprov.facts.observe import observe_queries
 from srprov.facts.preconditions import precondition_queries

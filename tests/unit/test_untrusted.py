@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from srprov import untrusted
 from srprov.errors import UsageError
 from srprov.execution.locks import Holder, parse_holder
-from srprov.facts.gather import _placements
+from srprov.facts.first_look import _placements
 from srprov.planning.planfile import is_plan, load
 from srprov.transport.engine.answers import message_of
 from srprov.untrusted import json_or_none, mappings, parse_json, string, string_map
