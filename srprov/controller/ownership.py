@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 
 from srprov.errors import RefusedError
 from srprov.facts.model import Snapshot
+from srprov.modules import RUNNING
 from srprov.network.identity import link_names
 from srprov.network.record import read_record
 from srprov.resource import Observed
@@ -24,8 +25,8 @@ def previous_robots(snapshot: Snapshot, instance: str) -> dict[str, str]:
     seen: dict[str, tuple[int, str]] = {}
     for host, items in snapshot.observed.items():
         for item in items:
-            if item.module == "container" and item.instance == instance and item.state["service"]:
-                service = item.state["service"]
+            if item.instance == instance and item.service:
+                service = item.service
                 recorded = bool(known and known.robots.get(service) == host)
                 rank = (0 if item.state["state"] == "running" else 1) * 2 + (0 if recorded else 1)
                 seen[service] = min(seen.get(service, (9, "")), (rank, host))
@@ -35,10 +36,10 @@ def previous_robots(snapshot: Snapshot, instance: str) -> dict[str, str]:
 def absent(snapshot: Snapshot, instance: str, known: Mapping[str, str], services: Iterable[str]) -> list[str]:
     """Return the services that are new, or whose container is gone from a robot that can be seen."""
     there = {
-        (host, item.state["service"])
+        (host, item.service)
         for host, items in snapshot.observed.items()
         for item in items
-        if item.module == "container" and item.instance == instance
+        if item.module in RUNNING and item.instance == instance
     }
     gone = {name for name, host in known.items() if host in snapshot.facts and (host, name) not in there}
     return [name for name in services if name not in known or name in gone]
@@ -52,7 +53,7 @@ def check_source(snapshot: Snapshot, instance: str, source: str, *, adopt: bool)
             item.state["source"]
             for items in snapshot.observed.values()
             for item in items
-            if item.module == "container" and item.instance == instance and item.state["source"]
+            if item.module in RUNNING and item.instance == instance and item.state["source"]
         }
     )
     owners = [known.source] if known and known.source else labelled
@@ -69,7 +70,7 @@ def owned(snapshot: Snapshot, instance: str) -> Mapping[str, tuple[Observed, ...
     names = link_names(instance)
 
     def claimed(item: Observed) -> Observed:
-        half_made = item.module == "vxlan" and not item.instance and item.name in names
+        half_made = not item.instance and item.name in names
         return dataclasses.replace(item, instance=instance) if half_made else item
 
     return {host: tuple(claimed(item) for item in items) for host, items in snapshot.observed.items()}

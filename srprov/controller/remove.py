@@ -7,8 +7,9 @@ from srprov.controller.ownership import check_source, owned
 from srprov.controller.plan import Planned
 from srprov.facts.gather import Detail
 from srprov.facts.model import Snapshot
+from srprov.modules import MODULES
 from srprov.network.record import read_record
-from srprov.planning.diff import Removal, removal_plan
+from srprov.planning.diff import removal_plan
 from srprov.planning.plan import Plan
 
 
@@ -28,14 +29,14 @@ def make_removal(fleet: Fleet, instance: str, *, volumes: bool, source: str = ""
     snapshot = fleet.gather(Detail.NO)
     if source:
         check_source(snapshot, instance, source, adopt=adopt)
-    steps = removal_plan(owned(snapshot, instance), instance, Removal(volumes=volumes))
+    steps = removal_plan(owned(snapshot, instance), instance, volumes=volumes)
     known = read_record(snapshot.placements.get(instance))
     away = sorted({robot for robot in (known.robots.values() if known else ()) if robot in snapshot.unreachable})
     notes = [
         f"{robot} holds services of this instance and cannot be reached; destroy again when it is back"
         for robot in away
     ]
-    kept = _volumes(snapshot, instance)
+    kept = _data(snapshot, instance)
     if kept and not volumes:
         notes.append(f"{len(kept)} data volume(s) stay: {', '.join(sorted(set(kept)))}; --volumes removes them")
     plan = Plan(
@@ -55,6 +56,6 @@ def other_instances(snapshot: Snapshot, instance: str, source: str) -> list[str]
     return sorted(owners - {instance, ""})
 
 
-def _volumes(snapshot: Snapshot, instance: str) -> list[str]:
+def _data(snapshot: Snapshot, instance: str) -> list[str]:
     every = (item for items in snapshot.observed.values() for item in items)
-    return [item.name for item in every if item.module == "volume" and item.instance == instance]
+    return [item.name for item in every if MODULES[item.module].holds_data and item.instance == instance]

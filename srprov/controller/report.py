@@ -59,7 +59,7 @@ def failures(result: RunResult, images: Mapping[str, ImagePlan]) -> list[str]:
     for one in result.results:
         if one.outcome not in (Outcome.CHANGED, Outcome.UNCHANGED):
             lines.append(f"{one.outcome.value}: #{one.step.number} {one.step.id}: {one.message}")
-            image = images.get(one.step.name) if one.step.module == "image" else None
+            image = images.get(one.step.name)
             if image and one.outcome is Outcome.FAILED:
                 from srprov.images.tag import locate_failure  # only a failed build needs it
 

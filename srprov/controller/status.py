@@ -7,6 +7,7 @@ from typing import Any
 
 from srprov.errors import UsageError
 from srprov.facts.model import Snapshot
+from srprov.modules import RUNNING
 
 
 def status_rows(snapshot: Snapshot, instance: str) -> list[dict[str, Any]]:
@@ -19,8 +20,8 @@ def status_rows(snapshot: Snapshot, instance: str) -> list[dict[str, Any]]:
     rows = []
     for host, items in snapshot.observed.items():
         for item in items:
-            if item.module == "container" and instance in ("", item.instance):
-                rows.append(_row(item.instance, item.state["service"], host, item.state))
+            if item.module in RUNNING and instance in ("", item.instance):
+                rows.append(_row(item.instance, item.service, host, item.state))
     for name, record in snapshot.placements.items():
         services = record.get("services")
         if instance in ("", name) and isinstance(services, Mapping):
@@ -51,10 +52,10 @@ def containers_of(snapshot: Snapshot, instance: str, services: Sequence[str]) ->
         UsageError: A service has no container on any robot, and no robot is out of reach.
     """
     there = sorted(
-        (item.state["service"], host, item.name)
+        (item.service, host, item.name)
         for host, items in snapshot.observed.items()
         for item in items
-        if item.module == "container" and item.instance == instance
+        if item.module in RUNNING and item.instance == instance
     )
     known = [service for service, _, _ in there]
     unknown = sorted(set(services) - set(known))

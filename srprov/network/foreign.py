@@ -45,7 +45,7 @@ def foreign_uses(
             yield _of_another(where, placement.get("subnet"), placement.get("vni"), placement.get("port"))
     for robot, things in sorted(snapshot.observed.items()):
         for thing in things:
-            if thing.module == "network" and thing.instance != instance:
+            if "subnet" in thing.state and thing.instance != instance:
                 where = f"network '{thing.name}' on {robot}"
                 yield _of_another(where, thing.state.get("subnet"), thing.state.get("vni"), thing.state.get("port"))
     for robot, facts in sorted(snapshot.facts.items()):

@@ -149,7 +149,7 @@ def _in_use(instance: str, snapshot: Snapshot, record: PlacementRecord) -> tuple
         thing.state
         for things in snapshot.observed.values()
         for thing in things
-        if thing.module == "network" and thing.instance == instance
+        if "subnet" in thing.state and thing.instance == instance
     ]
     hosts = [to_network(facts.underlay_address) for facts in snapshot.facts.values()]
     subnets = [

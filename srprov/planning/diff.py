@@ -13,7 +13,6 @@ from __future__ import annotations
 import dataclasses
 import heapq
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 
 from srprov.errors import PlanError
 from srprov.modules import MODULES, PROBING
@@ -24,13 +23,6 @@ from srprov.resource import Action, Condition, Need, Observed, Resource, resourc
 
 Snapshot = Mapping[str, Sequence[Observed]]
 """Robot -> everything of ours there, of every instance."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Removal:
-    """What a removal may take: data only when the user says so."""
-
-    volumes: bool = False
 
 
 def diff(desired: Iterable[Resource], snapshot: Snapshot, instance: str) -> tuple[tuple[Step, ...], int]:
@@ -67,13 +59,13 @@ def _asked_again(steps: Sequence[Step], wanted: Mapping[str, Resource], there: T
     return again
 
 
-def removal_plan(snapshot: Snapshot, instance: str, removal: Removal) -> tuple[Step, ...]:
+def removal_plan(snapshot: Snapshot, instance: str, *, volumes: bool) -> tuple[Step, ...]:
     """Return the steps that remove all of an instance; what holds data only when `removal` says so."""
     mine = [(host, item, MODULES[item.module]) for host, item in _owned(snapshot, instance)]
     steps = [
         removal_step(host, item, "destroy", destructive=module.holds_data)
         for host, item, module in mine
-        if removal.volumes or not module.holds_data
+        if volumes or not module.holds_data
     ]
     return _in_order(steps, {})
 

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from srprov.errors import PlanError
-from srprov.planning.diff import Removal, diff, removal_plan
+from srprov.planning.diff import diff, removal_plan
 from srprov.planning.limit import limited
 from srprov.planning.plan import Plan, Step, plan_json
 from srprov.planning.text import plan_text, summary
@@ -136,8 +136,8 @@ def test_a_removal_takes_containers_first_and_links_before_bridges() -> None:
 def test_a_removal_without_volumes_keeps_them() -> None:
     """Volumes go only when the user says so, and then the step says that data is lost."""
     found = {"r1": [there("volume", "data"), there("volume", "foreign", "other")]}
-    assert removal_plan(found, "hello", Removal()) == ()
-    (step,) = removal_plan(found, "hello", Removal(volumes=True))
+    assert removal_plan(found, "hello", volumes=False) == ()
+    (step,) = removal_plan(found, "hello", volumes=True)
     assert (step.name, step.change.destructive, step.change.action) == ("data", True, Action.DELETE)
     plan = Plan(instance="hello", source="s", steps=(step,))
     assert "DATA IS LOST" in plan_text(plan)
