@@ -28,7 +28,10 @@ def parse_observed(replies: Sequence[Reply], kinds: Iterable[str] = tuple(MODULE
 def probe_queries(wants: Iterable[Resource]) -> tuple[AnyQuery, ...]:
     """Return what to ask for those of the wanted resources that do not show by themselves."""
     return tuple(
-        query for want in wants if want.module in PROBING for query in PROBING[want.module].probes(want.params)
+        query
+        for want in wants
+        if want.module in PROBING
+        for query in PROBING[want.module].probes(want.name, want.params)
     )
 
 
@@ -38,7 +41,7 @@ def parse_probed(replies: Sequence[Reply], wants: Iterable[Resource]) -> tuple[O
     start = 0
     for want in wants:
         if want.module in PROBING:
-            count = len(PROBING[want.module].probes(want.params))
+            count = len(PROBING[want.module].probes(want.name, want.params))
             found.append(PROBING[want.module].probed(want.name, want.params, replies[start : start + count]))
             start += count
     return tuple(found)

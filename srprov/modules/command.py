@@ -62,7 +62,7 @@ class CommandModule(Module[CommandParams]):
         """Find nothing."""
         return ()
 
-    def probes(self, want: CommandParams) -> tuple[Query, ...]:
+    def probes(self, name: str, want: CommandParams) -> tuple[Query, ...]:
         """Run the check and print its exit code; it reads nothing, and what it says is dropped."""
         bounded = sh("timeout", "-k", "2", str(CHECK_S), "sh", "-c", _check(want))
         return (Query(command=f"{bounded} </dev/null >/dev/null 2>&1; echo $?", timeout_s=CHECK_S + 2.0 * _GRACE_S),)

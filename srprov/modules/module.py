@@ -105,7 +105,7 @@ class Module(ABC, Generic[P]):
 class Probing(Protocol):
     """A kind whose resources cannot be found by looking around, only by asking for one that is wanted."""
 
-    def probes(self, want: Any, /) -> tuple[Query, ...]:  # noqa: ANN401 - its own parameters
+    def probes(self, name: str, want: Any, /) -> tuple[Query, ...]:  # noqa: ANN401 - its own parameters
         """Return what to ask to see whether this one is right."""
 
     def probed(self, name: str, want: Any, replies: Sequence[Reply], /) -> Observed:  # noqa: ANN401 - its own parameters

@@ -28,7 +28,7 @@ def test_case(path: Path) -> None:
     want = merged(yaml.safe_load((CASES / "defaults.yaml").read_text())["want"], case.get("want", {}))
     name, params = want["name"], resource("command", want["name"], want["params"]).params
     module, probing = MODULES["command"], PROBING["command"]
-    asks = probing.probes(params)
+    asks = probing.probes(name, params)
     if "asks" in case:
         assert [query.command for query in asks] == case["asks"]
     assert all(isinstance(query, Query) for query in asks)
