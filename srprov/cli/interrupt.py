@@ -2,7 +2,8 @@
 
 A KeyboardInterrupt may be raised at any line of the main thread, and would take the report of what was done with it.
 So while robots are changed, the first one only sets an event. Anywhere else SIGTERM is a KeyboardInterrupt too, so that
-connections are closed and locks are free when the program is gone.
+connections are closed and locks are free when the program is gone. In the middle of an import neither is raised at
+once: importlib would be left with its lock held, and all threads that import anything would hang.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import contextlib
 import os
 import signal
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
@@ -20,14 +22,34 @@ _SAID = b"\ninterrupted: running steps end, no new one begins; once more to leav
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
+_AGAIN_S = 0.01
+
+
 def as_interrupt() -> None:
     """Let SIGTERM end the program as Ctrl-C does; elsewhere than in the main thread, do nothing."""
-
-    def leave(_number: int, _frame: FrameType | None) -> None:
-        raise KeyboardInterrupt
-
     if threading.current_thread() is threading.main_thread():
-        signal.signal(signal.SIGTERM, leave)
+        for number in _SIGNALS:
+            signal.signal(number, _leave)
+
+
+def _leave(number: int, frame: FrameType | None) -> None:
+    """Raise KeyboardInterrupt, as soon as no import is under way in the main thread."""
+    if not _importing(frame):
+        raise KeyboardInterrupt
+    _thread.start_new_thread(_send_again, (number,))
+
+
+def _importing(frame: FrameType | None) -> bool:
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            return True
+        frame = frame.f_back
+    return False
+
+
+def _send_again(number: int) -> None:
+    time.sleep(_AGAIN_S)
+    os.kill(os.getpid(), number)
 
 
 @contextmanager
@@ -39,9 +61,10 @@ def soft_interrupt(stop: threading.Event) -> Iterator[None]:
 
     asked: list[int] = []
 
-    def ask(number: int, _frame: FrameType | None) -> None:
+    def ask(number: int, frame: FrameType | None) -> None:
         if asked or stop.is_set():
-            raise KeyboardInterrupt
+            _leave(number, frame)
+            return
         asked.append(number)
         # This thread may be inside `stop.wait()` and hold its lock, or start a thread: to set it here would hang then.
         _thread.start_new_thread(stop.set, ())

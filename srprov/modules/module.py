@@ -46,7 +46,10 @@ class Module(ABC, Generic[P]):
     shared = False
     """Other instances may use it too: it is never removed for one of them."""
     shares_round_trip = False
-    """What makes one right is one short script or file for the shell, which may share a round trip with others."""
+    """What makes one right is one short script or file for the shell, which may share a round trip with others.
+
+    Not for a kind with `Probing`: whether a step of one came true is asked by itself.
+    """
     rebuilds_users = False
     """It cannot be replaced while it is in use: what needs it is removed before and made again after."""
     root = ""

@@ -66,3 +66,26 @@ with soft_interrupt(stop):
 """
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False, timeout=30)
     assert (done.returncode, done.stdout) == (0, "left\n"), done.stderr
+
+
+def test_a_signal_in_the_middle_of_an_import_waits_for_its_end(tmp_path: Path) -> None:
+    """An import that is left in its middle leaves importlib's lock held, and whoever imports next waits for ever."""
+    (tmp_path / "slow.py").write_text(
+        "import os, signal, time\nos.kill(os.getpid(), signal.SIGTERM)\ntime.sleep(0.3)\n"
+    )
+    script = """
+import sys, time
+from srprov.cli.interrupt import as_interrupt
+as_interrupt()
+try:
+    import slow
+    print("imported", flush=True)
+    time.sleep(20)
+except KeyboardInterrupt:
+    print("left")
+"""
+    env = {**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}"}
+    done = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=False, timeout=15, env=env
+    )
+    assert (done.returncode, done.stdout) == (0, "imported\nleft\n"), done.stderr
