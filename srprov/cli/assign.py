@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 
 from srprov.cli import inputs, options
-from srprov.cli.output import err, out, out_json
+from srprov.cli.output import err, out, out_json, tell_unreachable
 from srprov.cli.stdout_guard import answers_only
 from srprov.controller.request import PlanRequest
 from srprov.errors import NoAssignment, UsageError
@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     from srprov.assignment.model import Assignment, Problem
     from srprov.definitions.model import Inventory
     from srprov.facts.model import Snapshot
-
-UNREACHABLE = 4
 
 
 @click.command()
@@ -70,9 +68,7 @@ def assign(
     for target in (svg, png):
         if target:
             _draw(answer, front, target, "svg" if target is svg else "png")
-    for host, reason in sorted(snapshot.unreachable.items()):
-        err(f"unreachable: {host}: {reason}")
-    return UNREACHABLE if snapshot.unreachable else 0
+    return tell_unreachable(snapshot.unreachable)
 
 
 def _solved(

@@ -8,33 +8,26 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from srprov.cli import inputs, options
-from srprov.cli.output import err, out, out_json
+from srprov.cli.codes import FAILED
+from srprov.cli.output import out, out_json, tell_unreachable
 from srprov.errors import TransportError
 
 if TYPE_CHECKING:
     from srprov.facts.preconditions import Check
 
-FAILED = 3
-UNREACHABLE = 4
-
 
 @click.command()
 @options.robots
-@options.LIMIT
-@options.EXCLUDE
+@options.chosen
 def doctor(inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, limit: str, exclude: str) -> int:
     """Check what every robot must have, and say how to get what is missing.
 
     Exits with 3 when something that is needed is missing, with 4 when a robot cannot be reached; warnings alone are 0.
     """
-    import dataclasses
-
     from srprov.facts.gather import Detail
     from srprov.facts.preconditions import Verdict, judge, precondition_queries
 
-    whole = inputs.load_inventory(inventories)
-    chosen = inputs.selected(whole, limit, exclude)
-    inventory = dataclasses.replace(whole, hosts={name: host for name, host in whole.hosts.items() if name in chosen})
+    inventory = inputs.load_chosen(inventories, limit, exclude)
     with inputs.connect(inventory, timeout, forks) as fleet:
         snapshot = fleet.gather(Detail.ENGINE, keep_mute=True)
         unreachable = dict(snapshot.unreachable)
@@ -53,11 +46,10 @@ def doctor(inventories: tuple[str, ...], as_json: bool, forks: int, timeout: flo
         out_json(doctor_json(checks, unreachable))
     else:
         out(doctor_text(checks))
-    for host, reason in sorted(unreachable.items()):
-        err(f"unreachable: {host}: {reason}")
+    code = tell_unreachable(unreachable)
     if any(check.verdict is Verdict.FAILED for robot in checks.values() for check in robot):
         return FAILED
-    return UNREACHABLE if unreachable else 0
+    return code
 
 
 def doctor_text(checks: dict[str, tuple[Check, ...]]) -> str:

@@ -51,6 +51,13 @@ def _with_become_password(inventory: Inventory) -> Inventory:
     return dataclasses.replace(inventory, hosts=hosts)
 
 
+def load_chosen(paths: tuple[str, ...], limit: str, exclude: str) -> Inventory:
+    """Read the inventory and return it with the chosen robots alone."""
+    whole = load_inventory(paths)
+    chosen = selected(whole, limit, exclude)
+    return dataclasses.replace(whole, hosts={name: host for name, host in whole.hosts.items() if name in chosen})
+
+
 def load_experiment(path: str) -> Definitions:
     """Read an EDF and its CDFs."""
     from srprov.definitions import load_experiment as load

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from srprov.cli import inputs, options
-from srprov.cli.output import err, out, out_json
+from srprov.cli.output import out, out_json, tell_unreachable
 from srprov.cli.status import table
 
 if TYPE_CHECKING:
     from srprov.execution.locks import Holder
 
-UNREACHABLE = 4
 _KEYS = ("owner", "pid", "purpose", "run", "since", "age_s")
 
 
@@ -33,9 +32,7 @@ def locks(inventories: tuple[str, ...], as_json: bool, forks: int, timeout: floa
         out(table(rows(held), ("robot", "owner", "pid", "purpose", "since", "for", "run")))
     else:
         out("nobody holds a robot")
-    for host, reason in sorted(unreachable.items()):
-        err(f"unreachable: {host}: {reason}")
-    return UNREACHABLE if unreachable else 0
+    return tell_unreachable(unreachable)
 
 
 def document(held: Mapping[str, Holder | None], unreachable: Mapping[str, str]) -> dict[str, Any]:

@@ -10,12 +10,11 @@ from collections.abc import Sequence
 import click
 
 from srprov.cli import inputs, options
-from srprov.cli.output import err, out
+from srprov.cli.codes import UNREACHABLE
+from srprov.cli.output import err, out, tell_unreachable
 from srprov.cli.streams import lost
 from srprov.errors import TransportError, visible
 from srprov.session import Session
-
-UNREACHABLE = 4
 
 
 @click.command()
@@ -37,12 +36,11 @@ def logs(
     name = inputs.named_instance(file, instance)[0]
     with inputs.connect(inventory, timeout, forks) as fleet:
         snapshot = fleet.gather(Detail.NO)
-        for host, reason in sorted(snapshot.unreachable.items()):
-            err(f"unreachable: {host}: {reason}")
+        code = tell_unreachable(snapshot.unreachable)
         chosen = containers_of(snapshot, name, services)
         show = _Lines(max((len(visible(service)) for service, _, _ in chosen), default=0))
         show.all([(fleet.sessions.get(host), service, container) for service, host, container in chosen], tail, follow)
-    return UNREACHABLE if snapshot.unreachable or show.lost else 0
+    return UNREACHABLE if show.lost else code
 
 
 class _Lines:

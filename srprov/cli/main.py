@@ -14,6 +14,7 @@ import click
 
 from srprov import __version__
 from srprov.cli import output
+from srprov.cli.codes import BUG, INTERRUPTED, USAGE
 from srprov.cli.config import default_map
 from srprov.cli.interrupt import as_interrupt
 from srprov.cli.output import Answer, err, print_uncaught
@@ -34,9 +35,6 @@ _VERBS = {
     "lab": "The embedded lab: robots on this machine.",
     "schema": "Print a JSON Schema.",
 }
-INTERRUPTED = 130
-USAGE = 5
-BUG = 1
 
 
 class _LazyGroup(click.Group):

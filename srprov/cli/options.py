@@ -176,6 +176,14 @@ def quietly_robots(function: _F) -> _F:
     return function
 
 
+def chosen(function: _F) -> _F:
+    """Add the options of a verb that looks at some of the robots."""
+    only = "Only these robots (Ansible pattern; @FILE: a list)."
+    limit = click.option("--limit", default="", metavar="PATTERN", help=only)
+    exclude = click.option("--exclude", default="", metavar="PATTERN", help="Not these robots.")
+    return limit(exclude(function))
+
+
 def robots(function: _F) -> _F:
     """Add the options of every verb that talks to robots."""
     for option in (ASK_BECOME, TIMEOUT, FORKS, JSON, INVENTORY):

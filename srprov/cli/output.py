@@ -14,12 +14,13 @@ import sys
 import threading
 import traceback
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any, TextIO
 
 import click
 
+from srprov.cli.codes import UNREACHABLE
 from srprov.secret import redact, redacted
 
 _CONTROL = re.compile(
@@ -94,6 +95,13 @@ def printed_by(printer: Callable[[str, str | None], None]) -> Iterator[None]:
         yield
     finally:
         _print_err = before
+
+
+def tell_unreachable(unreachable: Mapping[str, str]) -> int:
+    """Print a line for every robot that could not be reached, and return the exit code that follows from them."""
+    for host, reason in sorted(unreachable.items()):
+        err(f"unreachable: {host}: {reason}")
+    return UNREACHABLE if unreachable else 0
 
 
 def wants_color(stream: TextIO) -> bool:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from srprov.cli import inputs, options
+from srprov.cli.codes import DIFFERENCES, UNREACHABLE
 from srprov.cli.output import err, out, out_json
 from srprov.cli.output_options import writable
 from srprov.cli.stdout_guard import answers_only
@@ -20,9 +21,6 @@ from srprov.secret import Vault, redact
 if TYPE_CHECKING:
     from srprov.planning.plan import Plan
     from srprov.planning.planfile import PlanFile
-
-DIFFERENCES = 2
-UNREACHABLE = 4
 
 
 @click.command()

@@ -8,10 +8,8 @@ from typing import Any
 import click
 
 from srprov.cli import inputs, options
-from srprov.cli.output import err, out, out_json
+from srprov.cli.output import out, out_json, tell_unreachable
 from srprov.errors import visible
-
-UNREACHABLE = 4
 
 
 @click.command()
@@ -36,9 +34,7 @@ def status(
         out(table(rows, ("instance", "service", "robot", "state", "health", "address", "image")))
     else:
         out(f"nothing of {name or 'srprov'} on these robots")
-    for host, reason in sorted(snapshot.unreachable.items()):
-        err(f"unreachable: {host}: {reason}")
-    return UNREACHABLE if snapshot.unreachable else 0
+    return tell_unreachable(snapshot.unreachable)
 
 
 def table(rows: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> str:

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import click
 
+from srprov.cli.codes import USAGE
 from srprov.cli.output import err, out
-
-INVALID = 5
 
 
 @click.command()
@@ -33,4 +32,4 @@ def validate(files: tuple[str, ...], form: str) -> int:
     checked = f"{len(files)} file{'s' if len(files) != 1 else ''}"
     summary = f"{count} problem{'s' if count != 1 else ''} in {checked}" if count else f"{checked} valid"
     (out if form == "text" else err)(summary)
-    return INVALID if problems else 0
+    return USAGE if problems else 0

@@ -14,12 +14,13 @@ from dataclasses import replace
 from typing import Any
 
 from srprov.definitions.model import Host
-from srprov.facts.answers import Counters, Files, OsIdentity, parse_traffic
+from srprov.facts.answers import Files, OsIdentity
 from srprov.facts.engine import engine_disk, read_engine
 from srprov.facts.hardware import detect_tags
-from srprov.facts.links import Underlay, find_underlay
-from srprov.facts.model import HostFacts, Link
+from srprov.facts.links import find_underlay
+from srprov.facts.model import HostFacts
 from srprov.facts.probes import ENGINE, PING, PROBES, counters
+from srprov.facts.speeds import traffic_mbit, with_speeds
 from srprov.session import Measures
 from srprov.untrusted import decimal, integer, text
 from srprov.wire import EngineQuery, Query, Reply
@@ -88,16 +89,14 @@ def parse_host(
     files: Files = said["files"]
     docker, problem = read_engine(replies)
     arch = _arch(identity)
-    links = _with_speeds(said["links"], files, said["wireless"], measures)
+    links = with_speeds(said["links"], files, said["wireless"], measures)
     underlay = find_underlay(host, links, said["routes"], identity.reached_at)
     devices = said["devices"]
     disk = engine_disk(said["disk"].mounts, (docker.root if docker else "") or said["disk"].root)
     facts = HostFacts(
         name=host.name,
-        hostname=_first_line(files, "/proc/sys/kernel/hostname"),
         arch=arch,
-        kernel=_first_line(files, "/proc/sys/kernel/osrelease"),
-        os=_os_name(files),
+        **_words(files),
         tags=tuple(detect_tags(devices, files, links, tuple(said["wireless"]), arch)),
         devices=(*devices.known, *devices.aliases),
         docker=docker,
@@ -110,7 +109,7 @@ def parse_host(
         underlay_address=underlay.address,
         underlay_mtu=underlay.mtu,
         speed_mbit=next((link.speed_mbit for link in links if link.name == underlay.link), 0.0),
-        traffic_mbit=_traffic_mbit(_traffic(files, later), underlay, underlay.link in said["wireless"]),
+        traffic_mbit=traffic_mbit(files, later, underlay, underlay.link in said["wireless"]),
         slots=host.slots if host.slots is not None else 1,
         clock_offset_s=round(identity.clock_s - now, 3) if now is not None and identity.clock_s is not None else 0.0,
         user=identity.user or host.user or "",
@@ -135,6 +134,15 @@ def _read(replies: Sequence[Reply]) -> dict[str, Any]:
     shell = replies[: len(PROBES)]
     outs = [shell[i].out if i < len(shell) else "" for i in range(len(PROBES))]
     return {probe.name: probe.parse(out) for probe, out in zip(PROBES, outs, strict=True)}
+
+
+def _words(files: Files) -> dict[str, Any]:
+    """Return facts that are a word or a line of a file."""
+    return {
+        "hostname": _first_line(files, "/proc/sys/kernel/hostname"),
+        "kernel": _first_line(files, "/proc/sys/kernel/osrelease"),
+        "os": _os_name(files),
+    }
 
 
 def _first_line(files: Files, path: str) -> str:
@@ -203,41 +211,7 @@ def _online(files: Files) -> int:
     return total
 
 
-def _with_speeds(
-    links: Sequence[Link], files: Files, wireless: Mapping[str, float], measures: Measures | None
-) -> tuple[Link, ...]:
-    """Return the links with their speeds: psutil's, else that of the radio, else what the kernel says."""
-    measured = measures.link_speed_mbit if measures else {}
-    speeds = {**_speeds(files), **{k: v for k, v in (*wireless.items(), *measured.items()) if v > 0}}
-    return tuple(replace(link, speed_mbit=speeds.get(link.name, 0.0)) for link in links)
-
-
-def _speeds(files: Files) -> dict[str, float]:
-    """Return Mbit/s by interface; -1 means unknown, and so does 4294967295, the same in old drivers."""
-    found = {}
-    for path, lines in files.items():
-        if name := re.fullmatch(r"/sys/class/net/([^/]{1,15})/speed", path):
-            speed = integer(lines[0], low=-1, high=2**40, default=-1)
-            found[name[1]] = float(speed) if 0 < speed < 10_000_000 else 0.0
-    return found
-
-
 def _arch(identity: OsIdentity) -> str:
     """Return what containers run: on a 32-bit system with a 64-bit kernel, as Raspberry Pi OS has it, 32-bit ones."""
     half = _HALVES.get(identity.machine, "") if identity.bits == 32 else ""
     return docker_arch(half or identity.machine)
-
-
-def _traffic(files: Files, later: Reply | None) -> Mapping[str, Counters]:
-    """Return bytes per second between the two readings."""
-    first = [line for path in ("/proc/uptime", "/proc/net/dev") for line in files.get(path, ())]
-    return parse_traffic("\n".join([*first, later.out])) if later is not None else {}
-
-
-def _traffic_mbit(counters: Mapping[str, Counters], underlay: Underlay, shared_air: bool) -> float:
-    """Return Mbit/s on the underlay: the busier direction of a cable, or both of a radio, which share the air."""
-    seen = counters.get(underlay.link)
-    if seen is None:
-        return 0.0
-    both = (seen.received_bps, seen.sent_bps)
-    return round(min((sum(both) if shared_air else max(both)) * 8 / 1e6, 1e6), 3)

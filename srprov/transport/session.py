@@ -102,7 +102,7 @@ class BaseSession(abc.ABC):
                 engine_replies = background(lambda: self._ask_engine(engine, alongside_shell=True))
                 replies = self._ask_shell(shell) | engine_replies.result()
             else:
-                replies = self._ask_engine(engine) or self._ask_shell(shell)
+                replies = self._ask_engine(engine) if engine else self._ask_shell(shell)
         self._traffic.asked_s += time.monotonic() - begun
         return [replies[at] for at in same]
 

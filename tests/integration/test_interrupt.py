@@ -70,9 +70,8 @@ with soft_interrupt(stop):
 
 def test_a_signal_in_the_middle_of_an_import_waits_for_its_end(tmp_path: Path) -> None:
     """An import that is left in its middle leaves importlib's lock held, and whoever imports next waits for ever."""
-    (tmp_path / "slow.py").write_text(
-        "import os, signal, time\nos.kill(os.getpid(), signal.SIGTERM)\ntime.sleep(0.3)\n"
-    )
+    code = "import os, signal, time\nos.kill(os.getpid(), signal.SIGTERM)\ntime.sleep(0.3)\n"
+    (tmp_path / "slow.py").write_text(code)
     script = """
 import sys, time
 from srprov.cli.interrupt import as_interrupt
