@@ -98,7 +98,7 @@ def _end_orphans(mine: set[int]) -> tuple[float, float]:
 
 
 def _environment(more: Mapping[str, str]) -> dict[str, str]:
-    """Return environment of what is measured: every tool may keep its compiled modules, as it does for its users."""
+    """Return the environment of a measured command: tools may keep compiled modules, as they do for users."""
     return {**{key: value for key, value in os.environ.items() if key != "PYTHONDONTWRITEBYTECODE"}, **more}
 
 

@@ -52,7 +52,7 @@ class Tool:
         return ""
 
     def prepare_robots(self) -> None:
-        """Return fresh robots what the tool needs there; once per lab, not measured."""
+        """Give fresh robots what the tool needs there; once per lab, not measured."""
 
     def begin(self) -> None:
         """Set up on the robots what isn't part of the job; not measured with it."""

@@ -114,7 +114,7 @@ class Problem:
         return tuple(robot for bit, robot in enumerate(self.loads) if able >> bit & 1)
 
     def able(self, services: Iterable[str]) -> int:
-        """Return row of services that share a robot: bit i is set where the i-th of `loads` lacks nothing for any."""
+        """Return the row of services that share a robot: bit i is set if the i-th of `loads` lacks nothing for any."""
         return reduce(and_, (self.capable[name] for name in services), (1 << len(self.loads)) - 1)
 
     def moved(self, node: ServiceGroup, robot: str) -> int:

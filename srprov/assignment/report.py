@@ -26,7 +26,7 @@ def reasons(problem: Problem, service: str) -> dict[str, str]:
 
 
 def runners_up(problem: Problem, chosen: Sequence[Choice], discounts: Mapping[str, float]) -> Mapping[str, RunnerUp]:
-    """Return best other robot of each service, in its first slot that is free; in its very first when it is full."""
+    """Return the best other robot of each service, in its first free slot, or its very first when it is full."""
     used: dict[str, int] = {}
     for _, robot, _ in chosen:
         used[robot] = used.get(robot, 0) + 1

@@ -20,7 +20,7 @@ def normalise(text: str) -> str:
 
 
 def image_of(parts: RenderInputs, service: Service) -> str:
-    """Return image that a service runs: the one it names, the one its CDF names, or the content tag of its build."""
+    """Return the image that a service runs: the one it names, the one its CDF names, or its build's content tag."""
     if service.image:
         return normalise(service.image)
     if service.cdf in parts.images:

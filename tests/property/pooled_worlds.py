@@ -150,7 +150,7 @@ def partitions(nodes: Sequence[tuple[str, ...]]) -> Iterator[list[tuple[str, ...
 
 
 def alpha(world: World, part: Sequence[str]) -> float | None:
-    """Return least alpha of services in one slot, None when they may not share one: pools must hold them together."""
+    """Return the least alpha of services in one slot, None when no pool lets them share it."""
     nodes = [node for node in nodes_of(world) if set(node) <= set(part)]
     pools = [pool for pool in world.what.pools if set(pool.services) <= set(part)]
     best: float | None = None
