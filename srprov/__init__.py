@@ -1,10 +1,10 @@
 """srprov: an agentless, declarative provisioner for multi-robot experiments.
 
-User files and robots are read into values, values become a plan, the plan is executed, everything is reported. The
+User files and robots are read into values, values become a plan, the plan is executed, everything is recorded. The
 rooms stand in that order; `tests/test_rooms.py` holds them to it:
 
-    cli/          one small file per verb; the only room that prints, asks or exits
-    controller    the flow on one screen; the only file that knows the order of the rooms
+    cli/          one small file per verb; the only room that prints, asks the user or exits
+    controller/   the flow; the only room that knows the order of the others
     yamldoc/      YAML text -> values that know file, line and column; the one reader
     definitions/  user files -> Inventory, Experiment (EDF), ContainerDefinition (CDF)
     transport/    SSH, the engine over the same connection, and the controller itself; the only room with sockets
@@ -18,6 +18,9 @@ rooms stand in that order; `tests/test_rooms.py` holds them to it:
     execution/    Plan and sessions -> RunResult; the only room that changes robots
     record/       the folder on the controller that keeps a run: inputs, facts, plan, events, result
     lab/          the embedded lab: robots on this machine
+
+Beside them stand values that rooms share: wire.py, session.py, resource.py, errors.py, secret.py, untrusted.py.
+docs/architecture.md has the flow as a picture, and a glossary.
 """
 
 __version__ = "0.1.0"
