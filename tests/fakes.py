@@ -1,6 +1,6 @@
 """Robots in memory: what modules ask is answered as a real robot answers, what they command is really done.
 
-`FakeRobot` implements `wire.Session`, so the modules' own queries, parsers, scripts and engine bodies are what is
+`FakeRobot` implements `session.Session`, so the modules' own queries, parsers, scripts and engine bodies are what is
 tested. A `World` holds several robots and one log of everything that was asked and done, in order; it also notes when a
 service runs twice. Faults are injected by number: "the third command on this robot fails". Whatever the fake does not
 know raises.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
@@ -12,8 +11,9 @@ from srprov.cli import inputs, options, output_options
 from srprov.cli.execute import carry_out, confirm, refuse_without_terminal
 from srprov.cli.plan import show_plan
 from srprov.cli.stdout_guard import answers_only
+from srprov.controller.fleet import Preparing
 from srprov.controller.request import PlanRequest
-from srprov.controller.watcher import Phases
+from srprov.controller.watcher import Phases, Watcher
 from srprov.definitions.model import Definitions
 from srprov.errors import UsageError
 
@@ -58,7 +58,7 @@ def apply(
     from srprov.controller.source import read_source
 
     refuse_without_terminal(yes)
-    phases = _Phases()
+    phases = Phases()
     source = read_source(file)
     request = _fitting(request, source)
     vault = read_secrets(source, request.allowed)
@@ -70,8 +70,7 @@ def apply(
         output_options.note(f"asking {len(inventory.hosts)} robots for facts")
         phases.begin("facts")
         lock_wait = inputs.waited(fleet, name, lock_wait)
-        phases.prepare(fleet, chosen)
-        planned = _planned(source, fleet, request, vault, phases).limited(chosen)
+        planned = _planned(source, fleet, request, vault, Preparing(fleet, chosen, phases)).limited(chosen)
         if not as_json and not (yes and output_options.is_quiet()):
             show_plan(planned.plan, None, verbose=verbose)
         from srprov.controller.permissions import permit_run
@@ -87,25 +86,6 @@ def apply(
         return carry_out(
             planned, fleet, run_options, phases, as_json=as_json, events=events, color=not no_color, runs=runs
         )
-
-
-class _Phases(Phases):
-    """The run's clock, which also gets robots ready that will likely be changed."""
-
-    def __init__(self) -> None:
-        """Nobody is to be made ready yet."""
-        super().__init__()
-        self._fleet: Fleet | None = None
-        self._chosen: frozenset[str] = frozenset()
-
-    def prepare(self, fleet: Fleet, chosen: frozenset[str]) -> None:
-        """Say which robots may be changed."""
-        self._fleet, self._chosen = fleet, chosen
-
-    def likely(self, robots: Collection[str]) -> None:
-        """Use the time in which the others are looked at."""
-        if self._fleet:
-            self._fleet.get_ready(self._chosen.intersection(robots))
 
 
 def _fitting(request: PlanRequest, source: Definitions | PlanFile) -> PlanRequest:
@@ -132,7 +112,7 @@ def _instance(source: Definitions | PlanFile, request: PlanRequest) -> str:
 
 
 def _planned(
-    source: Definitions | PlanFile, fleet: Fleet, request: PlanRequest, vault: Vault, phases: Phases
+    source: Definitions | PlanFile, fleet: Fleet, request: PlanRequest, vault: Vault, watcher: Watcher
 ) -> Planned:
     """Make the plan, or check that the one from a file still holds."""
     if not isinstance(source, Definitions):
@@ -142,4 +122,4 @@ def _planned(
     with fleet.look(source.experiment) as look, answers_only():
         from srprov.controller.plan import make_plan  # a tenth of a second of imports, while the robots are asked
 
-        return make_plan(source, look, request, vault, phases)
+        return make_plan(source, look, request, vault, watcher)

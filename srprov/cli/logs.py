@@ -35,7 +35,7 @@ def logs(
     inventory = inputs.load_inventory(inventories)
     name = inputs.named_instance(file, instance)[0]
     with inputs.connect(inventory, timeout, forks) as fleet:
-        snapshot = fleet.gather(Detail.NO)
+        snapshot = fleet.gather(Detail.BASIC)
         code = tell_unreachable(snapshot.unreachable)
         chosen = containers_of(snapshot, name, services)
         show = _Lines(max((len(visible(service)) for service, _, _ in chosen), default=0))

@@ -26,7 +26,7 @@ def status(
     inventory = inputs.load_inventory(inventories)
     name = inputs.named_instance(file, instance)[0] if file or instance else ""
     with inputs.connect(inventory, timeout, forks) as fleet:
-        snapshot = fleet.gather(Detail.NO)
+        snapshot = fleet.gather(Detail.BASIC)
     rows = status_rows(snapshot, name)
     if as_json:
         out_json({"services": rows, "unreachable": dict(snapshot.unreachable)})

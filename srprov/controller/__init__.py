@@ -6,7 +6,7 @@ Takes what the user asked for (`PlanRequest`), definitions and a connected `Flee
     request      what the user asks for beside the files      fleet        the robots and the sessions with them
     plan         make_plan: a straight list of calls           choice       what is left to decide after the first look
     source       an EDF, or a plan from a file                 saved        plans in files
-    remove       make_removal                                  inputs       what contexts are made of
+    remove       make_removal                                  render_inputs  what contexts are made of
     run          lock, do, record, report                      report       a run as JSON and as lines
     permissions  what the user must allow                      secrets      their values
     ownership    what robots say of an instance                robot_images a robot's images in a context

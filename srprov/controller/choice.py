@@ -41,7 +41,7 @@ class Choice:
         pinned = [name for name in self.new if self.experiment.services[name].robot]
         if self.free or len(pinned) < len(self.new):
             return Detail.TRAFFIC
-        return Detail.ENGINE if self.new else Detail.NO
+        return Detail.ENGINE if self.new else Detail.BASIC
 
     @property
     def likely(self) -> frozenset[str]:

@@ -10,9 +10,9 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from srprov.controller.inputs import RenderInputs
+from srprov.controller.render_inputs import RenderInputs
 from srprov.controller.robot_images import robot_images
 from srprov.controller.services import service_context, tree_path, volume_name
 from srprov.definitions.containermodel import Mount
@@ -23,33 +23,30 @@ from srprov.modules.secret import secret_path
 from srprov.network.hosts import hosts_file
 from srprov.network.model import Overlay
 
-if TYPE_CHECKING:
-    pass
-
 _WITNESSES = 2
 """Robots without a service that keep the placement record."""
 _FLOOD = "00:00:00:00:00:00"
 
 
-def contexts(parts: RenderInputs) -> tuple[dict[str, dict[str, Any]], dict[str, bytes]]:
+def contexts(inputs: RenderInputs) -> tuple[dict[str, dict[str, Any]], dict[str, bytes]]:
     """Return robot -> context, for reachable robots with a part in the experiment, and all blobs by sha256."""
     blobs: dict[str, bytes] = {}
-    trees = {mount.source: _tree(mount.source, blobs) for mount in _mounts(parts, "tree")}
-    images = robot_images(parts, blobs)
-    members = {robot for robot in parts.placed.values() if robot in parts.snapshot.facts}
-    hosts = members | set(images) | set(_witnesses(parts, members))
-    return {host: _one(parts, host, images.get(host, []), trees) for host in sorted(hosts)}, blobs
+    trees = {mount.source: _tree(mount.source, blobs) for mount in _mounts(inputs, "tree")}
+    images = robot_images(inputs, blobs)
+    members = {robot for robot in inputs.placed.values() if robot in inputs.snapshot.facts}
+    hosts = members | set(images) | set(_witnesses(inputs, members))
+    return {host: _one(inputs, host, images.get(host, []), trees) for host in sorted(hosts)}, blobs
 
 
-def _witnesses(parts: RenderInputs, members: Collection[str]) -> list[str]:
+def _witnesses(inputs: RenderInputs, members: Collection[str]) -> list[str]:
     """Return robots beyond the members that keep the placement record too.
 
     When all members are out of reach, they are who knows that services may still run there. Those that keep it already
     go on doing so; then names decide.
     """
-    path = _record_path(parts.instance)
-    keepers = {host for host, items in parts.snapshot.observed.items() if any(item.name == path for item in items)}
-    others = [host for host, facts in parts.snapshot.facts.items() if host not in members and facts.docker is not None]
+    path = _record_path(inputs.instance)
+    keepers = {host for host, items in inputs.snapshot.observed.items() if any(item.name == path for item in items)}
+    others = [host for host, facts in inputs.snapshot.facts.items() if host not in members and facts.docker is not None]
     return sorted(others, key=lambda host: (host not in keepers, host))[:_WITNESSES]
 
 
@@ -67,29 +64,30 @@ def _tree(path: str, blobs: dict[str, bytes]) -> dict[str, str]:
 
 
 def _one(
-    parts: RenderInputs, host: str, images: Sequence[Mapping[str, Any]], trees: Mapping[str, Mapping[str, str]]
+    inputs: RenderInputs, host: str, images: Sequence[Mapping[str, Any]], trees: Mapping[str, Mapping[str, str]]
 ) -> dict[str, Any]:
-    services = [parts.experiment.services[name] for name, robot in sorted(parts.placed.items()) if robot == host]
-    overlay = _overlay(parts.overlay, host)
-    facts = parts.snapshot.facts[host]
+    services = [inputs.experiment.services[name] for name, robot in sorted(inputs.placed.items()) if robot == host]
+    overlay = _overlay(inputs.overlay, host)
+    facts = inputs.snapshot.facts[host]
     used = {mount.source for service in services for mount in service.runtime.mounts if mount.kind == "tree"}
     volumes = {m.source for service in services for m in service.runtime.mounts if m.kind == "volume"}
     return {
         "host": host,
-        "folder": f"{STATE_ROOT}/{parts.instance}",
+        "folder": f"{STATE_ROOT}/{inputs.instance}",
         "robot": _robot(facts),
-        "instance": parts.instance,
-        "source": parts.source,
+        "instance": inputs.instance,
+        "source": inputs.source,
         "api": facts.docker.api_version if facts.docker else "1.41",
         "overlay": overlay,
         "images": list(images),
-        "files": _files(parts, member=bool(services)),
+        "files": _files(inputs, member=bool(services)),
         "trees": [
-            {"path": tree_path(parts.instance, trees[source]), "blob": trees[source]["blob"]} for source in sorted(used)
+            {"path": tree_path(inputs.instance, trees[source]), "blob": trees[source]["blob"]}
+            for source in sorted(used)
         ],
-        "volumes": [volume_name(parts.instance, name) for name in sorted(volumes)],
-        "secrets": _secrets(parts.instance, services),
-        "services": [service_context(parts, service, overlay, trees) for service in services],
+        "volumes": [volume_name(inputs.instance, name) for name in sorted(volumes)],
+        "secrets": _secrets(inputs.instance, services),
+        "services": [service_context(inputs, service, overlay, trees) for service in services],
     }
 
 
@@ -99,12 +97,12 @@ def _robot(facts: HostFacts) -> dict[str, Any]:
     return {**lasting, "os": facts.os, "tags": list(facts.tags), "devices": list(facts.devices)}
 
 
-def _files(parts: RenderInputs, *, member: bool) -> list[dict[str, Any]]:
+def _files(inputs: RenderInputs, *, member: bool) -> list[dict[str, Any]]:
     """Return the record of the whole placement, and for a robot that runs something the hosts file."""
-    path, content = _record_path(parts.instance), canonical(parts.record) + "\n"
+    path, content = _record_path(inputs.instance), canonical(inputs.record) + "\n"
     record = {"path": path, "content": content, "mode": "0644", "in_place": False}
-    hosts = f"{STATE_ROOT}/{parts.instance}/hosts"
-    names = {"path": hosts, "content": hosts_file(parts.overlay), "mode": "0644", "in_place": True}
+    hosts = f"{STATE_ROOT}/{inputs.instance}/hosts"
+    names = {"path": hosts, "content": hosts_file(inputs.overlay), "mode": "0644", "in_place": True}
     return [names, record] if member else [record]
 
 
@@ -132,5 +130,5 @@ def _overlay(overlay: Overlay, host: str) -> dict[str, Any] | None:
     }
 
 
-def _mounts(parts: RenderInputs, kind: str) -> list[Mount]:
-    return [m for service in parts.experiment.services.values() for m in service.runtime.mounts if m.kind == kind]
+def _mounts(inputs: RenderInputs, kind: str) -> list[Mount]:
+    return [m for service in inputs.experiment.services.values() for m in service.runtime.mounts if m.kind == kind]

@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from srprov.controller.watcher import Phases, Watcher
 from srprov.secret import Vault
 
 if TYPE_CHECKING:
@@ -62,6 +63,22 @@ class Fleet:
         del srprov
 
 
+class Preparing(Watcher):
+    """Passes phases on to a clock, and gets robots ready that will likely change while the others are looked at."""
+
+    def __init__(self, fleet: Fleet, chosen: frozenset[str], phases: Phases) -> None:
+        """Take the robots that may be changed."""
+        self._fleet, self._chosen, self._phases = fleet, chosen, phases
+
+    def begin(self, phase: str) -> None:
+        """Pass it on."""
+        self._phases.begin(phase)
+
+    def likely(self, robots: Collection[str]) -> None:
+        """Get those ready that may be changed."""
+        self._fleet.get_ready(self._chosen.intersection(robots))
+
+
 @contextmanager
 def connect(
     inventory: Inventory, *, timeout_s: float, forks: int, changing: bool = False, vault: Vault | None = None
@@ -89,6 +106,6 @@ def connect(
 
 def _import_record() -> None:
     """Import what records a run, while connections come up."""
-    from srprov.record.documents import controller
+    from srprov.record.documents import this_machine
 
-    controller()
+    this_machine()

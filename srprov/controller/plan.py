@@ -17,10 +17,10 @@ from srprov.assignment import solve
 from srprov.assignment.model import Assignment
 from srprov.controller.choice import choice_of, idle_notes, settled
 from srprov.controller.context import contexts
-from srprov.controller.inputs import RenderInputs
 from srprov.controller.ownership import check_source, owned
 from srprov.controller.permissions import permit_planning
 from srprov.controller.playbooks import playbooks
+from srprov.controller.render_inputs import RenderInputs
 from srprov.controller.request import PlanRequest
 from srprov.controller.watcher import Watcher
 from srprov.definitions.containermodel import ContainerDefinition
@@ -85,9 +85,10 @@ def make_plan(
         NoAssignment: There is no feasible placement.
         UsageError, RenderError, PlanError: as their rooms say.
     """
-    instance, source = _named(definitions, look.inventory, request)
+    _check_plannable(definitions, look.inventory, request)
+    instance = request.instance or definitions.experiment.name
+    source = source_of(definitions.experiment.file)
     watcher = watcher or Watcher()
-    watcher.begin("facts")
     snapshot = look.first()
     check_source(snapshot, instance, source, adopt=request.adopt)
     choice = choice_of(definitions, look.inventory, snapshot, instance, request)
@@ -103,7 +104,7 @@ def make_plan(
     inputs = _inputs(definitions, choice.experiment, placed, overlay, snapshot, source)
     theirs = (*choice.experiment.playbooks, *request.playbooks)
     desired = _desired(inputs, theirs, vault)
-    snapshot = look.at(snapshot, desired)
+    snapshot = look.probe(snapshot, desired)
     steps, unchanged = diff(desired, owned(snapshot, instance), instance)
     return Planned(
         plan=_plan(definitions, dataclasses.replace(inputs, snapshot=snapshot), placed, theirs, steps, unchanged),
@@ -116,14 +117,13 @@ def make_plan(
     )
 
 
-def _named(definitions: Definitions, inventory: Inventory, request: PlanRequest) -> tuple[str, str]:
-    """Return the instance and its source; or refuse what cannot or must not be planned, before a robot is shown it."""
+def _check_plannable(definitions: Definitions, inventory: Inventory, request: PlanRequest) -> None:
+    """Refuse what cannot or must not be planned, before anything of it is shown to a robot."""
     if definitions.unsupported:
         raise DefinitionError(definitions.unsupported)
     if unknown := unknown_pins(definitions.experiment, inventory):
         raise DefinitionError(unknown)
     permit_planning(definitions.experiment, request.allowed)
-    return request.instance or definitions.experiment.name, source_of(definitions.experiment.file)
 
 
 def _inputs(

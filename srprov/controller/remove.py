@@ -26,7 +26,7 @@ def make_removal(fleet: Fleet, instance: str, *, volumes: bool, source: str = ""
     Raises:
         RefusedError: `source` is given and another source made the instance.
     """
-    snapshot = fleet.gather(Detail.NO)
+    snapshot = fleet.gather(Detail.BASIC)
     if source:
         check_source(snapshot, instance, source, adopt=adopt)
     steps = removal_plan(owned(snapshot, instance), instance, volumes=volumes)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from typing import Any
 
-from srprov.controller.inputs import RenderInputs
+from srprov.controller.render_inputs import RenderInputs
 from srprov.definitions.model import Service
 from srprov.facts.model import HostFacts, Snapshot
 from srprov.image_reference import Reference, parse_reference
@@ -19,33 +19,33 @@ def normalise(text: str) -> str:
     return Reference(reference.domain, reference.path, tag, reference.digest).familiar
 
 
-def image_of(parts: RenderInputs, service: Service) -> str:
+def image_of(inputs: RenderInputs, service: Service) -> str:
     """Return the image that a service runs: the one it names, the one its CDF names, or its build's content tag."""
     if service.image:
         return normalise(service.image)
-    if service.cdf in parts.images:
-        return parts.images[service.cdf].tag
-    return normalise(parts.references[service.cdf])
+    if service.cdf in inputs.images:
+        return inputs.images[service.cdf].tag
+    return normalise(inputs.references[service.cdf])
 
 
-def robot_images(parts: RenderInputs, blobs: dict[str, bytes]) -> dict[str, list[dict[str, Any]]]:
+def robot_images(inputs: RenderInputs, blobs: dict[str, bytes]) -> dict[str, list[dict[str, Any]]]:
     """Return robot -> its images; one to build comes from a robot that has it, else the first of its architecture."""
     wanted: dict[str, dict[str, dict[str, Any]]] = {}
-    present = {(h, e.name) for h, items in parts.snapshot.observed.items() for e in items if e.module == "image"}
-    plans = {plan.tag: plan for plan in parts.images.values()}
-    for name, host in sorted(parts.placed.items()):
-        facts = parts.snapshot.facts.get(host)
+    present = {(h, e.name) for h, items in inputs.snapshot.observed.items() for e in items if e.module == "image"}
+    plans = {plan.tag: plan for plan in inputs.images.values()}
+    for name, host in sorted(inputs.placed.items()):
+        facts = inputs.snapshot.facts.get(host)
         if facts is None:
             continue
-        image = image_of(parts, parts.experiment.services[name])
+        image = image_of(inputs, inputs.experiment.services[name])
         if image not in plans:
             wanted.setdefault(host, {})[image] = {"name": image, "source": "pull", "needs": []}
             continue
         if (host, image) in present:
             wanted.setdefault(host, {}).setdefault(image, _copied(image, host))
             continue
-        holder = next((h for h in _alike(parts.snapshot, facts) if (h, image) in present), None)
-        builder = holder or _alike(parts.snapshot, facts)[0]
+        holder = next((h for h in _alike(inputs.snapshot, facts) if (h, image) in present), None)
+        builder = holder or _alike(inputs.snapshot, facts)[0]
         if holder is None:
             plan = plans[image]
             digest = hashlib.sha256(plan.context).hexdigest()

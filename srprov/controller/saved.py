@@ -65,7 +65,7 @@ def check_plan(saved: PlanFile, fleet: Fleet, vault: Vault) -> Planned:
     hosts = {name: fleet.inventory.hosts[name] for name in sorted(saved.fingerprints)}
     part = dataclasses.replace(fleet.inventory, hosts=hosts)
     with Gathering(part, fleet.sessions.get, engine=True, forks=fleet.forks) as look:
-        snapshot = look.at(look.closer(Detail.ENGINE), [step.want for step in saved.plan.steps if step.want])
+        snapshot = look.probe(look.closer(Detail.ENGINE), [step.want for step in saved.plan.steps if step.want])
     now = fingerprints(saved.plan, snapshot)
     moved = [
         f"{host}: {difference}"

@@ -1,7 +1,8 @@
 """The values of secrets, read only where the user allowed it.
 
 Takes what a run starts from, an experiment or a plan from a file; gives a Vault. Reads variables, files and the output
-of programs of the controller.
+of programs of the controller. The vault goes into wanted resources, for their hashes (`with_value`), and into sessions,
+which write the values.
 """
 
 from __future__ import annotations

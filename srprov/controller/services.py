@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
-from srprov.controller.inputs import RenderInputs
+from srprov.controller.render_inputs import RenderInputs
 from srprov.controller.robot_images import image_of
 from srprov.definitions.containermodel import Mount, Runtime
 from srprov.definitions.model import Service
@@ -18,35 +18,35 @@ from srprov.resource import resource_id
 
 
 def service_context(
-    parts: RenderInputs, service: Service, overlay: Mapping[str, Any] | None, trees: Mapping[str, Mapping[str, str]]
+    inputs: RenderInputs, service: Service, overlay: Mapping[str, Any] | None, trees: Mapping[str, Mapping[str, str]]
 ) -> dict[str, Any]:
     """Return a service as the playbooks see it; `trees` has path -> blob and top name of each shipped folder."""
-    image = image_of(parts, service)
-    mounts = [_mount(parts.instance, mount, trees) for mount in service.runtime.mounts]
+    image = image_of(inputs, service)
+    mounts = [_mount(inputs.instance, mount, trees) for mount in service.runtime.mounts]
     needs: list[Any] = [f"image:{image}"]
     for use in service.secrets:
-        place = secret_path(parts.instance, use.source, use.mode)
+        place = secret_path(inputs.instance, use.source, use.mode)
         mounts.append({"Type": "bind", "Source": place, "Target": use.target, "ReadOnly": True})
         needs.append(f"secret:{place}")
     if service.network != "none":
-        hosts = f"{STATE_ROOT}/{parts.instance}/hosts"
+        hosts = f"{STATE_ROOT}/{inputs.instance}/hosts"
         mounts.append({"Type": "bind", "Source": hosts, "Target": "/etc/hosts", "ReadOnly": True})
         needs.append(f"file:{hosts}")
     if service.network == "overlay" and overlay:
         needs += [f"network:{overlay['network']}", f"vxlan:{overlay['link']}"]
-    needs += [f"tree:{tree_path(parts.instance, trees[m.source])}" for m in service.runtime.mounts if m.kind == "tree"]
-    needs += [f"volume:{volume_name(parts.instance, m.source)}" for m in service.runtime.mounts if m.kind == "volume"]
-    needs += [_dependency(parts, other, condition) for other, condition in sorted(service.depends_on.items())]
+    needs += [f"tree:{tree_path(inputs.instance, trees[m.source])}" for m in service.runtime.mounts if m.kind == "tree"]
+    needs += [f"volume:{volume_name(inputs.instance, m.source)}" for m in service.runtime.mounts if m.kind == "volume"]
+    needs += [_dependency(inputs, other, condition) for other, condition in sorted(service.depends_on.items())]
     return {
         "name": service.name,
-        "container": container_name(parts.instance, service.name),
+        "container": container_name(inputs.instance, service.name),
         "image": image,
         # Docker refuses a hostname beside the host's network
         "hostname": "" if service.network == "host" else service.name,
         "job": service.runtime.job,
         "run": _run(service.runtime),
         "mounts": mounts,
-        "network": _network(parts, service, overlay),
+        "network": _network(inputs, service, overlay),
         "needs": needs,
     }
 
@@ -61,19 +61,19 @@ def volume_name(instance: str, name: str) -> str:
     return f"srprov.{instance}.{name}"
 
 
-def _dependency(parts: RenderInputs, other: str, condition: str) -> dict[str, str]:
-    name = container_name(parts.instance, other)
-    return {"id": resource_id(parts.placed[other], "container", name), "condition": condition}
+def _dependency(inputs: RenderInputs, other: str, condition: str) -> dict[str, str]:
+    name = container_name(inputs.instance, other)
+    return {"id": resource_id(inputs.placed[other], "container", name), "condition": condition}
 
 
-def _network(parts: RenderInputs, service: Service, overlay: Mapping[str, Any] | None) -> dict[str, str]:
+def _network(inputs: RenderInputs, service: Service, overlay: Mapping[str, Any] | None) -> dict[str, str]:
     if service.network != "overlay" or not overlay:
         return {"mode": service.network}
     return {
         "mode": "overlay",
         "name": overlay["network"],
-        "ip": str(parts.overlay.addresses[service.name]),
-        "mac": parts.overlay.macs[service.name],
+        "ip": str(inputs.overlay.addresses[service.name]),
+        "mac": inputs.overlay.macs[service.name],
         "hash": network_hash(overlay),
     }
 

@@ -10,7 +10,7 @@ class Watcher:
     """Told what happens; does nothing with it. Subclasses use what they want to know."""
 
     def begin(self, phase: str) -> None:
-        """A phase begins: `facts`, `assignment`, `plan`, `apply`, `destroy`."""
+        """A phase begins: `assignment`, `plan`."""
 
     def likely(self, robots: Collection[str]) -> None:
         """Something is new, and will likely be on these robots; told at most once, before it is decided."""

@@ -1,10 +1,10 @@
 """One lock per robot: what it is there, who holds it, and how that is read.
 
 The lock is a `flock` on the robot, taken by a script that lives on the controller's own connection
-(`wire.LockChannel`). The kernel frees it with the script's process, so a lock whose holder died cannot exist; the file
-`holder` beside it only tells people whose lock it is. When the controller is gone (end of input) or was silent for too
-long, the script first kills what the controller's session still runs on the robot, then lets go: nobody acts on a robot
-without its lock.
+(`session.LockChannel`). The kernel frees it with the script's process, so a lock whose holder died cannot exist; the
+file `holder` beside it only tells people whose lock it is. When the controller is gone (end of input) or was silent for
+too long, the script first kills what the controller's session still runs on the robot, then lets go: nobody acts on a
+robot without its lock.
 
 Takes and returns values; `lock_set.py` acquires the locks of a run.
 """

@@ -25,7 +25,7 @@ from srprov.resource import Observed, Resource
 class Detail(enum.Enum):
     """What is asked beyond what tells whether all is as it was; each includes the one before it."""
 
-    NO = "no"
+    BASIC = "basic"
     ENGINE = "engine"
     """What each engine says of itself, which makes it start two programs."""
     TRAFFIC = "traffic"
@@ -35,7 +35,7 @@ class Detail(enum.Enum):
 class Gathering:
     """Questions to all robots of an inventory, asked from the moment it is made; a context manager.
 
-    `first` waits for the first answers, `closer` asks for more, `at` asks for what only shows to who knows the wish.
+    `first` waits for the first answers, `closer` asks for more, `probe` asks about single resources that are wanted.
     """
 
     def __init__(self, inventory: Inventory, readers: Readers, *, engine: bool = False, forks: int = 64) -> None:
@@ -66,7 +66,7 @@ class Gathering:
     def closer(self, detail: Detail, *, keep_mute: bool = False) -> Snapshot:
         """Ask every robot that answered for more, and return all that is known then."""
         snapshot = self.first(keep_mute=keep_mute)
-        traffic, engine = detail is Detail.TRAFFIC, detail is not Detail.NO and not self._engine
+        traffic, engine = detail is Detail.TRAFFIC, detail is not Detail.BASIC and not self._engine
         if not (traffic or engine):
             return snapshot
         again = {
@@ -76,8 +76,10 @@ class Gathering:
         snapshot = _with_facts(snapshot, again)
         return snapshot if keep_mute else _without_mute(snapshot)
 
-    def at(self, snapshot: Snapshot, wants: Iterable[Resource]) -> Snapshot:
-        """Return the snapshot with what only shows when a wanted resource is asked for; one round trip per robot.
+    def probe(self, snapshot: Snapshot, wants: Iterable[Resource]) -> Snapshot:
+        """Ask about wanted resources that cannot be listed, only checked one by one, such as commands.
+
+        Return the snapshot with them; one round trip per robot.
 
         A robot that fails meanwhile is noted as unreachable; what it said before stays.
         """
@@ -107,7 +109,7 @@ def gather(
     inventory: Inventory, readers: Readers, *, detail: Detail, forks: int = 64, keep_mute: bool = False
 ) -> Snapshot:
     """Ask every robot of the inventory, as `Gathering` does, and return what was found."""
-    with Gathering(inventory, readers, engine=detail is not Detail.NO, forks=forks) as look:
+    with Gathering(inventory, readers, engine=detail is not Detail.BASIC, forks=forks) as look:
         return look.closer(detail, keep_mute=keep_mute)
 
 

@@ -37,7 +37,7 @@ def allocate(
     robots: Iterable[str],
     used: PlacementRecord | None = None,
 ) -> Addresses:
-    """Return every service an IP and a MAC, and every robot a gateway address.
+    """Return an IP and a MAC for every service, and a gateway address for every robot.
 
     Args:
         instance: The instance id.

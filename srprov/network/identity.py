@@ -1,7 +1,7 @@
 """The identity of an instance's overlay: VNI, UDP port, link names, Docker network and subnet.
 
-Takes the instance id, the EDF's settings and all robots as they are; gives an Identity that stays the same for the
-instance's life. Pure: the controller alone decides, robots agree on nothing at run time.
+Takes the instance id, the EDF's settings and all robots as they are; gives an `InstanceIdentity` that stays the same
+for the instance's life. Pure: the controller alone decides, robots agree on nothing at run time.
 
 Source: VXLAN, RFC 7348 (a VNI has 24 bits). Who decides, first hit wins: the EDF; what the instance uses already; a
 hash, and the next candidate while that is taken on any robot. The hash is `number(kind, instance, name)`, documented in

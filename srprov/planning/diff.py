@@ -21,21 +21,21 @@ from srprov.planning.rebuild import rebuild_stranded, rebuild_users
 from srprov.planning.steps import Key, There, due_step, new_step, order_key, removal_step
 from srprov.resource import Action, Condition, Need, Observed, Resource, resource_id
 
-Snapshot = Mapping[str, Sequence[Observed]]
+ObservedByRobot = Mapping[str, Sequence[Observed]]
 """Robot -> everything of ours there, of every instance."""
 
 
-def diff(desired: Iterable[Resource], snapshot: Snapshot, instance: str) -> tuple[tuple[Step, ...], int]:
+def diff(desired: Iterable[Resource], observed: ObservedByRobot, instance: str) -> tuple[tuple[Step, ...], int]:
     """Return the steps that make `desired` true, and the number of resources that are right already.
 
     Raises:
         PlanError: Two resources with one id, or needs that form a circle.
     """
     wanted = _by_id(desired)
-    there = {(host, item.module, item.name): item for host, items in snapshot.items() for item in items}
+    there = {(host, item.module, item.name): item for host, items in observed.items() for item in items}
     due = [due_step(one, there.get((one.host, one.module, one.name))) for one in wanted.values()]
     steps = [step for step in due if step is not None]
-    orphans = _orphans(wanted, snapshot, instance)
+    orphans = _orphans(wanted, observed, instance)
     rebuilt, taken = rebuild_users(steps, orphans, wanted, there)
     changing = [*rebuild_stranded(rebuilt, there), *orphans]
     again = _asked_again(changing, wanted, there)
@@ -59,9 +59,9 @@ def _asked_again(steps: Sequence[Step], wanted: Mapping[str, Resource], there: T
     return again
 
 
-def removal_plan(snapshot: Snapshot, instance: str, *, volumes: bool) -> tuple[Step, ...]:
-    """Return the steps that remove all of an instance; what holds data only when `removal` says so."""
-    mine = [(host, item, MODULES[item.module]) for host, item in _owned(snapshot, instance)]
+def removal_plan(observed: ObservedByRobot, instance: str, *, volumes: bool) -> tuple[Step, ...]:
+    """Return the steps that remove all of an instance; what holds data only with `volumes`."""
+    mine = [(host, item, MODULES[item.module]) for host, item in _owned(observed, instance)]
     steps = [
         removal_step(host, item, "destroy", destructive=module.holds_data)
         for host, item, module in mine
@@ -70,9 +70,9 @@ def removal_plan(snapshot: Snapshot, instance: str, *, volumes: bool) -> tuple[S
     return _in_order(steps, {})
 
 
-def _owned(snapshot: Snapshot, instance: str) -> Iterator[tuple[str, Observed]]:
+def _owned(observed: ObservedByRobot, instance: str) -> Iterator[tuple[str, Observed]]:
     """Return what is an instance's own, robot by robot."""
-    for host, items in snapshot.items():
+    for host, items in observed.items():
         for item in items:
             if item.instance == instance and not MODULES[item.module].shared:
                 yield host, item
@@ -91,11 +91,11 @@ def _by_id(desired: Iterable[Resource]) -> dict[str, Resource]:
     return wanted
 
 
-def _orphans(wanted: Mapping[str, Resource], snapshot: Snapshot, instance: str) -> list[Step]:
+def _orphans(wanted: Mapping[str, Resource], observed: ObservedByRobot, instance: str) -> list[Step]:
     homes = {one.service: one.host for one in wanted.values() if one.service}
     return [
         removal_step(host, item, _orphan_cause(item, homes, host in homes.values()))
-        for host, item in _owned(snapshot, instance)
+        for host, item in _owned(observed, instance)
         if not MODULES[item.module].holds_data and resource_id(host, item.module, item.name) not in wanted
     ]
 

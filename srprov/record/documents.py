@@ -103,12 +103,12 @@ def environment(run: RunInputs, begun: dt.datetime) -> dict[str, Any]:
         "begun": begun.isoformat(timespec="seconds"),
         "owner": run.owner,
         "srprov": run.version,
-        **controller(),
+        **this_machine(),
     }
 
 
 @functools.lru_cache(maxsize=1)
-def controller() -> dict[str, Any]:
+def this_machine() -> dict[str, Any]:
     """Return this machine's Python, platform and libraries; worth calling early, as it takes a few milliseconds."""
     system = os.uname()
     return {

@@ -151,7 +151,7 @@ class BaseSession(abc.ABC):
         return command.script if isinstance(command, Run) else command.script()
 
     def open_lock_channel(self, script: str, words: Sequence[str], pulse: Pulse) -> HeartbeatChannel:
-        """Run a script in a second shell and keep it alive by a heartbeat; see `wire.Session`.
+        """Run a script in a second shell and keep it alive by a heartbeat; see `session.Session`.
 
         Raises:
             TransportError: It cannot be started.

@@ -1,7 +1,7 @@
 """A script on a robot that is kept alive by a heartbeat, and a controller that notices when it is not heard any more.
 
-Takes the streams of a session's second shell, implements `wire.LockChannel`. A thread sends `b` every few seconds and
-waits for its echo. What counts is when the last echoed beat was *sent*: the robot heard it later and waits
+Takes the streams of a session's second shell, implements `session.LockChannel`. A thread sends `b` every few seconds
+and waits for its echo. What counts is when the last echoed beat was *sent*: the robot heard it later and waits
 longer, so the controller has stopped before the robot's end gives up. The clock is one that goes on while this machine
 sleeps, as the robot's does.
 """

@@ -11,8 +11,8 @@ import pytest
 from jsonschema import Draft202012Validator
 
 from srprov.controller import plan
-from srprov.controller.inputs import RenderInputs
 from srprov.controller.playbooks import playbooks
+from srprov.controller.render_inputs import RenderInputs
 from srprov.data import schema
 from srprov.definitions import playbook as reading
 from srprov.definitions.playbookmodel import ADDED, AFTER, BEFORE, REPLACES, Playbook
