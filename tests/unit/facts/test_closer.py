@@ -142,3 +142,16 @@ def test_a_container_that_is_gone_is_new_to_its_robot(world: World) -> None:
 def test_a_plan_file_holds_engines_to_what_they_say_of_themselves(world: World) -> None:
     apply(world, PINNED)
     assert asked(world, PINNED, exact=True) == (2, 0)
+
+
+@pytest.mark.parametrize("closely", [False, True])
+def test_a_robot_whose_engine_is_silent_counts_as_out_of_reach_when_services_were_placed_there(
+    world: World, closely: bool
+) -> None:
+    """Its containers may well run: what cannot be seen must not pass for gone, however closely robots are looked at."""
+    apply(world, PINNED)
+    world.robots["a"].engine.down = True
+    made = plan_for(world, PINNED, reassign=closely)
+    assert set(made.unreachable) == {"a"}
+    assert "its Docker Engine does not answer" in made.unreachable["a"]
+    assert made.assignment["talker"] == "a"
