@@ -51,7 +51,7 @@ def step(number: int, module: str, *commands: Command, needs: tuple[int, ...] = 
         ([step(1, "file", FILE), step(2, "file", Put(path="/x", content=b"x" * (1 << 20), mode=0o644))], 1),
     ],
 )
-def test_which_steps_are_done_round_trip_size(steps: list[Step], count: int) -> None:
+def test_which_steps_share_a_round_trip(steps: list[Step], count: int) -> None:
     assert round_trip_size(steps) == count
 
 
