@@ -1,7 +1,8 @@
 """The flow: the only room that knows the order of the others.
 
-Takes what the user asked for (`PlanRequest`), definitions and a connected `Fleet`; gives a `Planned`, then a
-`RunReport`. Prints nothing and asks nothing. A dry run is not a flag: it is not calling `run`.
+Takes what the user asked for (`PlanRequest`), definitions, and the questions that a connected `Fleet` has begun to
+ask; gives a `Planned`, then a `RunReport`. Prints nothing and asks the user nothing. A dry run is not a flag: it is not
+calling `run`.
 
     request      what the user asks for beside the files      fleet        the robots and the sessions with them
     plan         make_plan: a straight list of calls           choice       what is left to decide after the first look

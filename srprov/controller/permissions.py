@@ -6,12 +6,11 @@ against what the user allowed.
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from typing import TYPE_CHECKING
 
-from srprov.definitions.model import Experiment
 from srprov.errors import UsageError
-from srprov.planning.policy import ASKED_FIRST, KINDS, permissions, require
+from srprov.planning.policy import ASKED_FIRST, KINDS, Permission, require
 
 if TYPE_CHECKING:
     from srprov.planning.plan import Plan
@@ -28,13 +27,13 @@ def check_kinds(allowed: Collection[str]) -> None:
         raise UsageError(f"--allow knows no kind {', '.join(unknown)}", hint=f"known: {', '.join(KINDS)}, all")
 
 
-def permit_planning(experiment: Experiment, allowed: Collection[str]) -> None:
+def permit_planning(asked: Iterable[Permission], allowed: Collection[str]) -> None:
     """Refuse what even a plan must not do without permission: read secrets, render a stranger's playbook.
 
     Raises:
         RefusedError: Names all of it, and the flags that would allow it.
     """
-    require([one for one in permissions(experiment) if one.kind in ASKED_FIRST], allowed)
+    require([one for one in asked if one.kind in ASKED_FIRST], allowed)
 
 
 def permit_run(plan: Plan, allowed: Collection[str]) -> None:

@@ -123,7 +123,7 @@ def _check_plannable(definitions: Definitions, inventory: Inventory, request: Pl
         raise DefinitionError(definitions.unsupported)
     if unknown := unknown_pins(definitions.experiment, inventory):
         raise DefinitionError(unknown)
-    permit_planning(definitions.experiment, request.allowed)
+    permit_planning(permissions(definitions.experiment), request.allowed)
 
 
 def _inputs(

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from srprov.controller.permissions import permit_planning
 from srprov.definitions.model import Definitions
 from srprov.definitions.secretvalues import resolve, used
-from srprov.planning.policy import ASKED_FIRST, require
+from srprov.planning.policy import permissions
 from srprov.secret import Vault
 
 if TYPE_CHECKING:
@@ -29,11 +29,11 @@ def read_secrets(source: Definitions | PlanFile, allowed: Collection[str]) -> Va
         DefinitionError: With every variable, file and command that gave no value.
     """
     if not isinstance(source, Definitions):
-        require([one for one in source.plan.permissions if one.kind in ASKED_FIRST], allowed)
+        permit_planning(source.plan.permissions, allowed)
         return resolve(secret_sources(source))
     if source.unsupported:
         return Vault()  # refused as soon as a plan is made, with all that is not built
-    permit_planning(source.experiment, allowed)
+    permit_planning(permissions(source.experiment), allowed)
     return resolve(used(source.experiment))
 
 

@@ -6,6 +6,7 @@ import pytest
 
 from srprov.controller.permissions import check_kinds, permit_planning, permit_run
 from srprov.errors import RefusedError, UsageError
+from srprov.planning.policy import permissions
 from tests.fakes import World
 from tests.worlds import experiment, plan_for, service
 
@@ -26,7 +27,7 @@ def test_a_plan_may_be_done_with_it(allowed: tuple[str, ...]) -> None:
 
 
 def test_a_plan_may_be_made_without_what_only_doing_it_needs() -> None:
-    permit_planning(HOST, ())
+    permit_planning(permissions(HOST), ())
 
 
 def test_a_kind_that_is_none_is_no_permission() -> None:
