@@ -4,6 +4,10 @@ A KeyboardInterrupt may be raised at any line of the main thread, and would take
 So while robots are changed, the first one only sets an event. Anywhere else SIGTERM is a KeyboardInterrupt too, so that
 connections are closed and locks are free when the program is gone. In the middle of an import neither is raised at
 once: importlib would be left with its lock held, and all threads that import anything would hang.
+
+CPython runs handlers in the main thread only, and a signal that comes just before that thread goes to sleep, or that
+another thread receives, does not wake it: the handler would run when the wait is over, perhaps a minute later. So a
+thread reads the interpreter's wakeup descriptor, which is written at once, and wakes the main thread.
 """
 
 from __future__ import annotations
@@ -23,6 +27,8 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 _AGAIN_S = 0.01
+_WAKE = signal.SIGURG  # ignored by default, so it cannot end a child process that has not set its own handlers yet
+_WAKE_AFTER_S = (0.02, 0.1, 0.5)  # the first may come too early as well
 
 
 def as_interrupt() -> None:
@@ -30,6 +36,20 @@ def as_interrupt() -> None:
     if threading.current_thread() is threading.main_thread():
         for number in _SIGNALS:
             signal.signal(number, _leave)
+        signal.signal(_WAKE, lambda number, frame: None)
+        woken, wakes = os.pipe()
+        os.set_blocking(wakes, False)
+        signal.set_wakeup_fd(wakes, warn_on_full_buffer=False)
+        threading.Thread(target=_wake_main_thread, args=(woken,), name="signals", daemon=True).start()
+
+
+def _wake_main_thread(woken: int) -> None:
+    main = threading.main_thread().ident
+    while received := os.read(woken, 1):
+        if main is not None and received[0] in _SIGNALS:
+            for pause in _WAKE_AFTER_S:
+                time.sleep(pause)
+                signal.pthread_kill(main, _WAKE)
 
 
 def _leave(number: int, frame: FrameType | None) -> None:

@@ -88,3 +88,29 @@ except KeyboardInterrupt:
         [sys.executable, "-c", script], capture_output=True, text=True, check=False, timeout=15, env=env
     )
     assert (done.returncode, done.stdout) == (0, "imported\nleft\n"), done.stderr
+
+
+def test_a_signal_that_another_thread_receives_wakes_the_main_thread() -> None:
+    """It is the same as one that comes just before the main thread sleeps: nothing interrupts its wait."""
+    script = """
+import signal, threading, time
+from srprov.cli.interrupt import as_interrupt, soft_interrupt
+as_interrupt()
+stop = threading.Event()
+def receive():
+    time.sleep(0.3)
+    signal.pthread_kill(threading.get_ident(), signal.SIGINT)
+    time.sleep(20)
+threading.Thread(target=receive, daemon=True).start()
+with soft_interrupt(stop):
+    print("stopped" if stop.wait(10) else "nobody noticed", flush=True)
+threading.Thread(target=receive, daemon=True).start()
+try:
+    time.sleep(10)
+except KeyboardInterrupt:
+    print("left")
+"""
+    begun = time.monotonic()
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False, timeout=30)
+    assert (done.returncode, done.stdout) == (0, "stopped\nleft\n"), done.stderr
+    assert time.monotonic() - begun < 8

@@ -141,6 +141,20 @@ def only_the_record(instance: str) -> dict[str, list[str]]:
     return {**NOTHING, "files": [folder, f"{folder}/placement.json"]}
 
 
+BEGUN: list[subprocess.Popen[str]] = []
+
+
+@pytest.fixture(autouse=True)
+def _none_outlives_its_test() -> Iterator[None]:
+    """Kill what a test began in the background and left running: its locks would fail the tests after it."""
+    before = len(BEGUN)
+    yield
+    for run in BEGUN[before:]:
+        if run.poll() is None:
+            run.kill()
+            run.wait()
+
+
 @pytest.fixture(scope="session")
 def lab_session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
     """Bring the lab up once for all tests, and down after them."""

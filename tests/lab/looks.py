@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, TypeVar
 
-from tests.lab.conftest import ROOT, Lab
+from tests.lab.conftest import BEGUN, ROOT, Lab
 
 _T = TypeVar("_T")
 
@@ -57,7 +57,7 @@ def networks(lab: Lab, robot: str) -> dict[str, dict[str, Any]]:
 
 def begin(lab: Lab, *arguments: str) -> subprocess.Popen[str]:
     """Start `srprov` and go on; it gets Ctrl-C only from the test, whatever the terminal does."""
-    return subprocess.Popen(
+    run = subprocess.Popen(
         [sys.executable, "-m", "srprov", *arguments],
         cwd=lab.folder,
         env={**os.environ, "PYTHONPATH": str(ROOT)},
@@ -67,6 +67,8 @@ def begin(lab: Lab, *arguments: str) -> subprocess.Popen[str]:
         text=True,
         start_new_session=True,
     )
+    BEGUN.append(run)
+    return run
 
 
 def begin_on(lab: Lab, robot: str, *words: str) -> subprocess.Popen[str]:
