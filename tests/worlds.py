@@ -11,7 +11,6 @@ from srprov.controller import plan
 from srprov.controller.fleet import Fleet
 from srprov.controller.remove import make_removal
 from srprov.controller.request import PlanRequest
-from srprov.controller.watcher import Watcher
 from srprov.definitions.containermodel import HealthCheck, Mount, Runtime
 from srprov.definitions.model import Definitions, Experiment, Host, Inventory, NetworkSettings, Placement, Service
 from srprov.execution import Event, RunOptions, RunResult, run_plan
@@ -52,20 +51,18 @@ def inventory(world: World) -> Inventory:
 def plan_for(world: World, what: Experiment, **wishes: Any) -> Plan:
     """Make the plan of an experiment on a world."""
     definitions = Definitions(experiment=what, containers={})
-    watcher = wishes.pop("watcher", None)
     request = PlanRequest(**wishes)
     with mock.patch.object(plan, "source_of", return_value=f"lab@desk:{what.file}"):
-        return made(world, definitions, request, watcher=watcher).plan
+        return made(world, definitions, request).plan
 
 
 def made(
     world: World, definitions: Definitions, request: PlanRequest = AS_IT_IS, vault: Vault | None = None,
-    watcher: Watcher | None = None,
 ) -> plan.Planned:  # fmt: skip
     """Make a plan with all that led to it."""
     engine = request.exact or any(one.requires.disk for one in definitions.experiment.services.values())
     with Gathering(inventory(world), world.reader, engine=engine) as look:
-        return plan.make_plan(definitions, look, request, vault or Vault(), watcher)
+        return plan.make_plan(definitions, look, request, vault or Vault())
 
 
 def fleet(world: World) -> Fleet:

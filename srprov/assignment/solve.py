@@ -34,13 +34,6 @@ def solve(problem: Problem, seconds: float | None = None) -> Assignment:
     return _assignment(problem, decision)
 
 
-def guess(problem: Problem) -> dict[str, str]:
-    """Return service -> robot where that is cheap: pinned services, and all of a small feasible problem."""
-    decision = solve_small.decide(problem) if solve_small.small(problem) else None
-    chosen = {name: robot for names, robot, _ in decision.chosen for name in names} if decision else {}
-    return {**problem.fixed, **chosen}
-
-
 def _by_arrays(problem: Problem, seconds: float | None) -> Decision | None:
     from srprov.assignment import solve_arrays  # heavy: numpy and OR-Tools
 

@@ -11,9 +11,8 @@ from srprov.cli import inputs, options, output_options
 from srprov.cli.execute import carry_out, confirm, refuse_without_terminal
 from srprov.cli.plan import show_plan
 from srprov.cli.stdout_guard import answers_only
-from srprov.controller.fleet import Preparing
+from srprov.controller.phases import Phases
 from srprov.controller.request import PlanRequest
-from srprov.controller.watcher import Phases, Watcher
 from srprov.definitions.model import Definitions
 from srprov.errors import UsageError
 
@@ -70,7 +69,7 @@ def apply(
         output_options.note(f"asking {len(inventory.hosts)} robots for facts")
         phases.begin("facts")
         lock_wait = inputs.waited(fleet, name, lock_wait)
-        planned = _planned(source, fleet, request, vault, Preparing(fleet, chosen, phases)).limited(chosen)
+        planned = _planned(source, fleet, request, vault, phases).limited(chosen)
         if not as_json and not (yes and output_options.is_quiet()):
             show_plan(planned.plan, None, verbose=verbose)
         from srprov.controller.permissions import permit_run
@@ -112,7 +111,7 @@ def _instance(source: Definitions | PlanFile, request: PlanRequest) -> str:
 
 
 def _planned(
-    source: Definitions | PlanFile, fleet: Fleet, request: PlanRequest, vault: Vault, watcher: Watcher
+    source: Definitions | PlanFile, fleet: Fleet, request: PlanRequest, vault: Vault, phases: Phases
 ) -> Planned:
     """Make the plan, or check that the one from a file still holds."""
     if not isinstance(source, Definitions):
@@ -122,4 +121,4 @@ def _planned(
     with fleet.look(source.experiment) as look, answers_only():
         from srprov.controller.plan import make_plan  # a tenth of a second of imports, while the robots are asked
 
-        return make_plan(source, look, request, vault, watcher)
+        return make_plan(source, look, request, vault, phases)

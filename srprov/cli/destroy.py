@@ -11,7 +11,7 @@ from srprov.cli import inputs, options, output_options
 from srprov.cli.execute import carry_out, confirm, refuse_without_terminal
 from srprov.cli.output import err
 from srprov.cli.plan import show_plan
-from srprov.controller.watcher import Phases
+from srprov.controller.phases import Phases
 from srprov.errors import visible
 from srprov.session import Pulse
 

@@ -18,8 +18,8 @@ from srprov.errors import RefusedError
 
 if TYPE_CHECKING:
     from srprov.controller.fleet import Fleet
+    from srprov.controller.phases import Phases
     from srprov.controller.plan import Planned
-    from srprov.controller.watcher import Phases
     from srprov.execution import RunOptions
     from srprov.planning.plan import Plan
 

@@ -12,7 +12,7 @@ calling `run`.
     permissions  what the user must allow                      secrets      their values
     ownership    what robots say of an instance                robot_images a robot's images in a context
     context      what playbooks are rendered with              services     a service in it
-    watcher      who is told how it goes
+    phases       the clock of a run
     status       what of an instance runs where                waiting      for another run of the instance
     history      earlier runs, for fairness                    playbooks    srprov's own, and the user's
 

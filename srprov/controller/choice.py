@@ -43,14 +43,6 @@ class Choice:
             return Detail.TRAFFIC
         return Detail.ENGINE if self.new else Detail.BASIC
 
-    @property
-    def likely(self) -> frozenset[str]:
-        """The robots that something new will likely be on, as far as that is cheap to know."""
-        pinned = {name: robot for name in self.new if (robot := self.experiment.services[name].robot)}
-        guessed = {**solve.guess(self.problem), **pinned}
-        due = [robot for name, robot in guessed.items() if name in self.new or robot != self.previous.get(name)]
-        return frozenset(robot for robot in due if robot in self.problem.facts)
-
 
 def choice_of(
     definitions: Definitions, inventory: Inventory, snapshot: Snapshot, instance: str, request: PlanRequest

@@ -7,12 +7,11 @@ with the block.
 from __future__ import annotations
 
 import threading
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from srprov.controller.watcher import Phases, Watcher
 from srprov.secret import Vault
 
 if TYPE_CHECKING:
@@ -51,32 +50,6 @@ class Fleet:
         from srprov.facts.gather import gather
 
         return gather(self.inventory, self.sessions.get, detail=detail, forks=self.forks, keep_mute=keep_mute)
-
-    def get_ready(self, robots: Collection[str]) -> None:
-        """Begin to import what changes robots, and to start on these what only a change needs."""
-        from srprov.transport import preload_engine
-
-        preload_engine()
-        self.sessions.prepare(sorted(robots))
-        import srprov.execution.executor
-
-        del srprov
-
-
-class Preparing(Watcher):
-    """Passes phases on to a clock, and gets robots ready that will likely change while the others are looked at."""
-
-    def __init__(self, fleet: Fleet, chosen: frozenset[str], phases: Phases) -> None:
-        """Take the robots that may be changed."""
-        self._fleet, self._chosen, self._phases = fleet, chosen, phases
-
-    def begin(self, phase: str) -> None:
-        """Pass it on."""
-        self._phases.begin(phase)
-
-    def likely(self, robots: Collection[str]) -> None:
-        """Get those ready that may be changed."""
-        self._fleet.get_ready(self._chosen.intersection(robots))
 
 
 @contextmanager

@@ -19,10 +19,10 @@ from srprov.controller.choice import choice_of, idle_notes, settled
 from srprov.controller.context import contexts
 from srprov.controller.ownership import check_source, owned
 from srprov.controller.permissions import permit_planning
+from srprov.controller.phases import Phases
 from srprov.controller.playbooks import playbooks
 from srprov.controller.render_inputs import RenderInputs
 from srprov.controller.request import PlanRequest
-from srprov.controller.watcher import Watcher
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.model import Definitions, Experiment, Inventory
 from srprov.definitions.pins import unknown_pins
@@ -73,11 +73,11 @@ class Planned:
 
 
 def make_plan(
-    definitions: Definitions, look: Gathering, request: PlanRequest, vault: Vault, watcher: Watcher | None = None
+    definitions: Definitions, look: Gathering, request: PlanRequest, vault: Vault, phases: Phases | None = None
 ) -> Planned:
     """Read the robots and say what would make the experiment true.
 
-    `look` has begun to ask them; `vault` has the values of the experiment's secrets; `watcher` is told what happens.
+    `look` has begun to ask them; `vault` has the values of the experiment's secrets; `phases` is the clock of the run.
 
     Raises:
         DefinitionError: The files ask for what is not built yet, or for robots that are not in the inventory.
@@ -88,18 +88,17 @@ def make_plan(
     _check_plannable(definitions, look.inventory, request)
     instance = request.instance or definitions.experiment.name
     source = source_of(definitions.experiment.file)
-    watcher = watcher or Watcher()
+    phases = phases or Phases()
     snapshot = look.first()
     check_source(snapshot, instance, source, adopt=request.adopt)
     choice = choice_of(definitions, look.inventory, snapshot, instance, request)
     placed, choice = settled(choice, request.search_limit_s)
     if placed is None:
-        watcher.likely(choice.likely)
         snapshot = look.closer(choice.detail)
         choice = choice_of(definitions, look.inventory, snapshot, instance, request)
-        watcher.begin("assignment")
+        phases.begin("assignment")
         placed = solve.solve(choice.problem, request.search_limit_s)
-    watcher.begin("plan")
+    phases.begin("plan")
     overlay = layout(choice.experiment, placed.placed, snapshot, instance=instance)
     inputs = _inputs(definitions, choice.experiment, placed, overlay, snapshot, source)
     theirs = (*choice.experiment.playbooks, *request.playbooks)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-from srprov.controller.watcher import Phases
+from srprov.controller.phases import Phases
 from srprov.execution import Outcome, RunResult
 from srprov.planning.plan import Plan
 from srprov.session import Session

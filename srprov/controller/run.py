@@ -15,10 +15,10 @@ from typing import Any
 
 from srprov import __version__
 from srprov.controller.fleet import Fleet
+from srprov.controller.phases import Phases
 from srprov.controller.plan import Planned
 from srprov.controller.report import failures, run_json
 from srprov.controller.saved import plan_file
-from srprov.controller.watcher import Phases
 from srprov.execution import Event, Listener, RunOptions, RunResult, run_plan
 from srprov.owner import owner
 from srprov.record import RunFolder, RunInputs, default_root, event_json, run_id, write_inputs

@@ -16,14 +16,13 @@ import sys
 import threading
 from typing import TYPE_CHECKING
 
-from srprov.transport.engine import preload as preload_engine
 from srprov.transport.options import ConnectOptions, Peers
 
 if TYPE_CHECKING:
     from srprov.definitions.model import Host
     from srprov.session import Session
 
-__all__ = ["ConnectOptions", "Peers", "connect", "preload_engine", "preload_ssh"]
+__all__ = ["ConnectOptions", "Peers", "connect", "preload_ssh"]
 
 _loading = threading.Lock()
 
@@ -42,18 +41,10 @@ def connect(host: Host, *, options: ConnectOptions | None = None, peers: Peers |
         from srprov.transport.local_session import LocalSession
 
         return LocalSession.open(host, chosen, peers)
-    from srprov.transport.openssh.early_dial import dial_early
+    preload_ssh()
+    from srprov.transport.ssh_session import SshSession
 
-    dialled = dial_early(host, chosen.connect_timeout_s, chosen.ssh_config)
-    try:
-        preload_ssh()
-        from srprov.transport.ssh_session import SshSession
-
-        return SshSession.open(host, chosen, peers, dialled)
-    except BaseException:
-        if dialled:
-            dialled.sock.close()
-        raise
+    return SshSession.open(host, chosen, peers)
 
 
 def preload_ssh() -> None:

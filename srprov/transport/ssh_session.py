@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from concurrent.futures import Future
 
-    from srprov.transport.openssh.early_dial import Dialled
     from srprov.transport.openssh.scripting import OpenConnection
     from srprov.transport.options import ConnectOptions, Peers
 
@@ -60,20 +59,16 @@ class SshSession(BaseSession):
         self._docker_options = ""
 
     @classmethod
-    def open(
-        cls, host: Host, options: ConnectOptions, peers: Peers | None = None, early: Dialled | None = None
-    ) -> SshSession:
+    def open(cls, host: Host, options: ConnectOptions, peers: Peers | None = None) -> SshSession:
         """Connect and start the shell.
 
         Raises:
             TransportError: As `srprov.transport.connect`.
         """
         settings = resolve(host, ssh_config=options.ssh_config)
-        dialled = early.fitting(settings) if early else None
-        seconds = settings.connect_timeout_s or options.connect_timeout_s
-        deadline = early.deadline if early and dialled else Deadline(seconds)
+        deadline = Deadline(settings.connect_timeout_s or options.connect_timeout_s)
         traffic = Traffic()
-        connection = open_connection(settings, deadline, traffic, options.attempts, dialled)
+        connection = open_connection(settings, deadline, traffic, options.attempts)
         try:
             mark = secrets.token_hex(16)
             channel, nonce = _start(connection, host, "sh", deadline, mark)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import os
 import socket
 import subprocess
@@ -13,7 +12,6 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
-from unittest import mock
 
 import paramiko
 import pytest
@@ -22,8 +20,6 @@ from srprov.definitions.model import Host
 from srprov.errors import AuthError, ConnectError, DeadlineError, HostKeyError, TransportError
 from srprov.session import Session
 from srprov.transport import ConnectOptions, connect
-from srprov.transport.openssh.early_dial import dial_early
-from srprov.transport.openssh.resolve import resolve
 from srprov.transport.openssh.sockets import dial
 from srprov.transport.pool import Sessions
 from srprov.transport.ssh_session import SshSession
@@ -540,40 +536,6 @@ def test_include_and_match_are_resolved_by_openssh(server: Sshd, tmp_path: Path)
     connect(by_name(server, "bot"), options=write_config(tmp_path, text)).close()
 
 
-def test_a_robot_is_dialled_ahead_only_where_the_inventory_alone_says_where(server: Sshd, tmp_path: Path) -> None:
-    host = server.host()
-
-    def ahead(text: str, **more: object) -> bool:
-        options = write_config(tmp_path, text)
-        found = dial_early(dataclasses.replace(host, **more), 5.0, options.ssh_config)  # type: ignore[arg-type]
-        if found:
-            assert found.place == ("127.0.0.1", server.port)
-            found.sock.close()
-        return found is not None
-
-    assert ahead("")
-    assert ahead(f"Include {tmp_path}/nothing*\nHost *\n  ForwardAgent no\n  SendEnv LANG\n")
-    for text in (
-        "HostName 10.9.9.9",
-        "  hostname=x",
-        "Port 1",
-        "ProxyJump a",
-        "ProxyCommand nc %h %p",
-        "Match all",
-        "AddressFamily inet6",
-        "BindAddress 10.0.0.1",
-        "ConnectTimeout 1",
-        f"Include {tmp_path}/ssh_config",
-    ):
-        assert not ahead(f"Host *\n{text}\n"), text
-    assert not ahead("", ssh_options=(("proxycommand", "nc %h %p"),))
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("srprov.transport.openssh.early_dial.config_texts", mock.Mock(side_effect=PermissionError))
-        assert not ahead(""), "whoever reads the file properly says that it cannot be read"
-    with pytest.raises(ConnectError, match="connection refused"):
-        dial_early(dataclasses.replace(host, port=free_port()), 5.0, Path("/dev/null"))
-
-
 def test_a_dial_counts_against_the_timeout(server: Sshd, monkeypatch: pytest.MonkeyPatch) -> None:
     def slow(*args: Any) -> socket.socket:
         time.sleep(0.4)
@@ -585,36 +547,6 @@ def test_a_dial_counts_against_the_timeout(server: Sshd, monkeypatch: pytest.Mon
         with pytest.raises(DeadlineError, match=r"within 0\.8 s"):
             connect(server.host(port=silent.getsockname()[1]), options=quick(connect_timeout_s=0.8))
         assert time.monotonic() - begun < 1.15
-
-
-def test_what_was_dialled_ahead_is_closed_when_the_settings_cannot_be_read(
-    server: Sshd, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    made: list[socket.socket] = []
-
-    def noted(*args: Any) -> socket.socket:
-        made.append(dial(*args))
-        return made[-1]
-
-    monkeypatch.setattr("srprov.transport.openssh.sockets.dial", noted)
-    monkeypatch.setattr("srprov.transport.ssh_session.resolve", mock.Mock(side_effect=ConnectError("r", "no", hint="")))
-    with pytest.raises(ConnectError):
-        connect(server.host(), options=quick())
-    assert [one.fileno() for one in made] == [-1]
-
-
-def test_what_was_dialled_ahead_is_used_once_and_only_for_its_place(server: Sshd) -> None:
-    settings = resolve(server.host(), ssh_config=Path("/dev/null"))
-    for changed, used in (
-        ({}, True), ({"port": 1}, False), ({"hostname": "::1"}, False), ({"proxy_jump": ("a",)}, False),
-        ({"proxy_command": "nc"}, False), ({"address_family": socket.AF_INET6}, False),
-    ):  # fmt: skip
-        found = dial_early(server.host(), 5.0, Path("/dev/null"))
-        assert found
-        fitting = found.fitting(dataclasses.replace(settings, **changed))  # type: ignore[arg-type]
-        assert (fitting is found.sock) == used, changed
-        assert (found.sock.fileno() >= 0) == used, "what is not used is closed"
-        found.sock.close()
 
 
 def test_to_connect_imports_neither_fabric_nor_what_it_needs(server: Sshd) -> None:

@@ -11,7 +11,6 @@ import functools
 import logging
 import random
 import re
-import socket
 import time
 from typing import Any, cast
 
@@ -56,16 +55,14 @@ class StrictConnection:
         deadline: Deadline,
         traffic: Traffic,
         trail: tuple[str, ...] = (),
-        dialled: socket.socket | None = None,
     ) -> None:
-        """Take where to connect to and by when, which jump hosts lie behind it, and a socket that is there already."""
+        """Take where to connect to and by when, and which jump hosts lie behind it."""
         self.settings, self.deadline, self.traffic = settings, deadline, traffic
         self.trail = trail
         self.client = paramiko.SSHClient()
         self.jump: StrictConnection | None = None
         self.proxy: sockets.ProxyProcess | None = None
         self.wire: sockets.CountedSocket | None = None
-        self._dialled = dialled
         self.transport: LocalStreamTransport
         """What channels are opened on, once `open()` is through."""
 
@@ -83,8 +80,8 @@ class StrictConnection:
         )
         self.client.set_missing_host_key_policy(_Policy(self.settings, known))
         try:
-            left = self.deadline.left(0.05)
             self.wire = sockets.CountedSocket(self._socket(), self.traffic)
+            left = self.deadline.left(0.05)
             self.client.connect(
                 self.settings.hostname, self.settings.port, self.settings.user,
                 sock=cast(Any, self.wire),
@@ -110,8 +107,6 @@ class StrictConnection:
             self.proxy = sockets.ProxyProcess(settings.name, settings.proxy_command)
             return self.proxy.socket
         if not settings.proxy_jump:
-            if self._dialled:
-                return self._dialled
             return sockets.dial(settings.name, settings.hostname, settings.port, self.deadline, settings.address_family)
         self.jump = jump_host(settings, self.deadline, self.trail)
         try:
@@ -199,20 +194,14 @@ def parse_hop(text: str) -> tuple[str | None, str, int | None]:
     return user or None, found[1] or found[3] or found[5], int(port) if port else None
 
 
-def open_connection(
-    settings: SshSettings,
-    deadline: Deadline,
-    traffic: Traffic,
-    attempts: int,
-    dialled: socket.socket | None = None,
-) -> StrictConnection:
-    """Connect, first over a socket that is there already; again when sshd dropped the connection before the login.
+def open_connection(settings: SshSettings, deadline: Deadline, traffic: Traffic, attempts: int) -> StrictConnection:
+    """Connect; again when sshd dropped the connection before the login.
 
     Raises:
         TransportError: As `StrictConnection.open`.
     """
     for attempt in range(1, attempts + 1):
-        connection = StrictConnection(settings, deadline, traffic, dialled=dialled if attempt == 1 else None)
+        connection = StrictConnection(settings, deadline, traffic)
         try:
             connection.open()
         except Dropped:

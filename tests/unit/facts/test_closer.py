@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 
 import pytest
 
-from srprov.controller.watcher import Watcher
 from srprov.definitions.containermodel import Requirements
 from srprov.definitions.model import Placement
 from srprov.errors import NoAssignment
@@ -73,26 +72,6 @@ def test_a_size_of_disk_asks_the_engines_which_disk_is_theirs_at_once(world: Wor
     large = experiment(service("talker", robot="a", requires=Requirements(disk=1 << 20)))
     apply(world, large)
     assert asked(world, large) == (2, 0)
-
-
-def test_whoever_prepares_changes_is_told_the_likely_robots_once_and_only_when_something_is_new(world: World) -> None:
-    told: list[frozenset[str]] = []
-
-    class Told(Watcher):
-        def likely(self, robots: Collection[str]) -> None:
-            told.append(frozenset(robots))
-
-    plan_for(world, PINNED, watcher=Told())
-    assert told == [frozenset({"a", "b"})]
-    apply(world, PINNED)
-    plan_for(world, PINNED, watcher=Told())
-    assert len(told) == 1
-    third = experiment(service("talker", robot="a"), service("third"))
-    placed = plan_for(world, third, watcher=Told()).assignment
-    assert told[1:] == [frozenset({placed["third"]})]
-    with pytest.raises(NoAssignment):
-        plan_for(world, experiment(service("huge", requires=Requirements(cpus=99))), watcher=Told())
-    assert told[2:] == [frozenset()]
 
 
 def rootless(world: World, name: str) -> None:

@@ -1,22 +1,12 @@
-"""Who is told how planning goes, and the clock that measures it."""
+"""The clock of a run: seconds per phase."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 
 
-class Watcher:
-    """Told what happens; does nothing with it. Subclasses use what they want to know."""
-
-    def begin(self, phase: str) -> None:
-        """A phase begins: `assignment`, `plan`."""
-
-    def likely(self, robots: Collection[str]) -> None:
-        """Something is new, and will likely be on these robots; told at most once, before it is decided."""
-
-
-class Phases(Watcher):
+class Phases:
     """Seconds per phase, from one clock."""
 
     def __init__(self) -> None:
