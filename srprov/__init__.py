@@ -19,7 +19,8 @@ rooms stand in that order; `tests/test_rooms.py` holds them to it:
     record/       the folder on the controller that keeps a run: inputs, facts, plan, events, result
     lab/          the embedded lab: robots on this machine
 
-Beside them stand values that rooms share: wire.py, session.py, resource.py, errors.py, secret.py, untrusted.py.
+Beside them stand values that rooms share: wire.py, session.py, resource.py, errors.py, names.py, private.py, secret.py,
+untrusted.py.
 docs/architecture.md has the flow as a picture, and a glossary.
 """
 

@@ -43,7 +43,8 @@ ROOMS: Mapping[str, Room] = {
     "__main__": room("cli"),
     # Options, questions and output; a verb may also import the room that it fronts: see FILES.
     "cli": room(
-        "errors secret untrusted wire session controller definitions.+ definitions.model record.+", "click rich tomli"
+        "errors names private secret untrusted wire session controller definitions.+ definitions.model record.+",
+        "click rich tomli",
     ),
     "controller": room(
         "errors wire session resource secret data disk owner untrusted image_reference definitions transport facts"
@@ -54,26 +55,30 @@ ROOMS: Mapping[str, Room] = {
     "image_reference": room(),
     "untrusted": room(),
     "yamldoc": room("errors", "yaml"),
-    "definitions": room("errors untrusted secret data owner image_reference yamldoc", "jsonschema jinja2"),
+    "definitions": room(
+        "errors names private untrusted secret data owner image_reference yamldoc", "jsonschema jinja2"
+    ),
     "transport": room(
         "errors wire session untrusted secret definitions.model",
         "paramiko fabric invoke docker requests urllib3 psutil",
     ),
-    "facts": room("errors wire session untrusted resource modules definitions.model"),
+    "facts": room("errors names wire session untrusted resource modules definitions.model"),
     "assignment": room("errors definitions.containermodel definitions.model facts.model"),
-    "network": room("errors untrusted definitions.model facts.model"),
+    "network": room("errors names untrusted definitions.model facts.model"),
     "images": room("errors wire image_reference definitions.containermodel definitions.model", "jinja2"),
     "rendering": room("errors resource data definitions modules yamldoc", "jinja2 yaml"),
     "modules": room("errors wire untrusted resource secret definitions.model definitions.containermodel"),
     "planning": room(
-        "errors untrusted resource wire secret modules facts.model definitions.containermodel definitions.model"
+        "errors names untrusted resource wire secret modules facts.model definitions.containermodel definitions.model"
         " definitions.secretmodel"
     ),
     "execution": room("errors untrusted resource wire session modules planning facts owner"),
-    "record": room("errors resource secret definitions.model facts planning execution"),
+    "record": room("errors private resource secret definitions.model facts planning execution"),
     "lab": room("errors yamldoc", "yaml"),
     "data": room("errors"),
     "errors": room(),
+    "names": room("errors"),
+    "private": room(),
     "secret": room(),
     "wire": room("errors untrusted resource"),
     "session": room("errors wire"),
@@ -107,7 +112,7 @@ FILES: Mapping[str, Room] = {
     "cli/execute.py": cli_file("planning execution"),
     "cli/destroy.py": cli_file("execution"),
     "cli/facts.py": cli_file("facts"),
-    "cli/facts_ranges.py": cli_file("facts data", "jsonschema"),
+    "cli/facts_ranges.py": cli_file("facts data definitions.schema", "jsonschema"),
     "cli/facts_table.py": cli_file("facts"),
     "cli/lab.py": cli_file("lab"),
     "cli/locks.py": cli_file("execution"),

@@ -15,10 +15,13 @@ def check_ranges(robots: Mapping[str, Any]) -> None:
     Raises:
         UsageError: A value is out of its range; the message names the robot and the field.
     """
-    from jsonschema import Draft202012Validator
+    from jsonschema import Draft202012Validator, validators
     from jsonschema.exceptions import best_match
 
-    validator = Draft202012Validator(_ranges())
+    from srprov.definitions.schema import pattern
+
+    exact: Any = validators.extend(Draft202012Validator, validators={"pattern": pattern})  # type: ignore[no-untyped-call]  # jsonschema does not type it
+    validator = exact(_ranges())
     for name, values in sorted(robots.items()):
         error = best_match(validator.iter_errors(values))
         if error is not None:

@@ -10,6 +10,7 @@ from typing import Any, TypeVar, cast
 
 import click
 
+from srprov import names
 from srprov.controller.request import SEARCH_LIMIT_S, PlanRequest
 from srprov.errors import UsageError
 from srprov.session import Pulse
@@ -22,7 +23,16 @@ INVENTORY = click.option(
 FORKS = click.option(
     "-f", "--forks", type=click.IntRange(min=1), default=64, show_default=True, help="Robots at the same time."
 )
-INSTANCE = click.option("--instance", default="", metavar="ID", help="Instance id (default: the experiment's name).")
+
+
+def _instance(_context: click.Context, _option: click.Parameter, name: str) -> str:
+    """Hold --instance to the rule for names: it becomes folders, here and on robots."""
+    return names.checked("instance", name, hint="name it as an EDF would, e.g. --instance trial-2") if name else ""
+
+
+INSTANCE = click.option(
+    "--instance", default="", metavar="ID", callback=_instance, help="Instance id (default: the experiment's name)."
+)
 JSON = click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout, all else on stderr.")
 TIMEOUT = click.option(
     "--timeout",

@@ -9,6 +9,7 @@ from __future__ import annotations
 import ipaddress
 from collections.abc import Mapping
 
+from srprov import names
 from srprov.definitions import relations
 from srprov.definitions.container import Container, known_healthcheck
 from srprov.definitions.model import Service
@@ -42,6 +43,7 @@ def check(
 ) -> None:
     """Add everything that is wrong beyond the schema."""
     known = service_maps(root)
+    _reserved(root, known, findings)
     _references(root, known, findings)
     _cycles(known, findings)
     for name, one in services.items():
@@ -51,6 +53,12 @@ def check(
     relations.check(root, known, same_robot_groups(root), findings)
     _weights(root, findings)
     _subnet(root, len(known), findings)
+
+
+def _reserved(root: Map, known: Mapping[str, Map], findings: Findings) -> None:
+    """Check names that the hosts file has for others; what the schema says of a name it has said already."""
+    for name in sorted(names.RESERVED & set(known)):
+        findings.add(service_key(root, name), names.fault("service", name), ("services", name), "rename the service")
 
 
 def _references(root: Map, known: Mapping[str, Map], findings: Findings) -> None:

@@ -87,7 +87,7 @@ def _instances(service: Service, tags: Mapping[str, set[str]], previous: Mapping
 
 def _named(service: str, robot: str) -> str:
     """Return an instance's name; it is a host name and part of a container's, so a robot's name is made to fit."""
-    return f"{service}-{re.sub(r'[^a-z0-9_.-]', '-', robot.lower()).strip('-._') or 'robot'}"
+    return f"{service}-{re.sub(r'[^a-z0-9_-]', '-', robot.lower()).strip('-_') or 'robot'}"
 
 
 def _check(experiment: Experiment, instances: Mapping[str, Sequence[Service]]) -> None:

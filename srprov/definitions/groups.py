@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from srprov import names as names_rule
 from srprov.definitions import ranges
 from srprov.yamldoc import nodes
 from srprov.yamldoc.nodes import Findings, Map, Node, Scalar
@@ -61,10 +62,9 @@ class HostTree:
             self.findings.add(place, str(error))
             return
         for name in names:
-            if not name or any(letter.isspace() or letter in "[]" for letter in name):
-                self.findings.add(
-                    place, f"'{place.text[:60]}' is not a host's name", (), "a range is written robot[1:4]"
-                )
+            if wrong := names_rule.fault("robot", name):
+                hint = "a range is written robot[1:4]" if "[" in name else ""
+                self.findings.add(place, wrong, (), hint)
                 return
             host = self.hosts.setdefault(name, HostEntry(name, place))
             if port is not None:

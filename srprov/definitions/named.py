@@ -9,11 +9,11 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from srprov import names
 from srprov.errors import DefinitionError, UsageError
 from srprov.yamldoc import loader
 from srprov.yamldoc.nodes import Map, Scalar
 
-_VALID = re.compile(r"[a-z0-9-]{1,32}")
 _LINE = re.compile(
     r"^name\s*:\s*(?:([a-z0-9-]{1,32})|\"([a-z0-9-]{1,32})\"|'([a-z0-9-]{1,32})')\s*(?:#.*)?$", re.MULTILINE
 )
@@ -31,7 +31,7 @@ def experiment_name(path: str) -> str:
     except OSError as error:
         raise UsageError(f"cannot read {path}: {error.strerror}", hint="name an EDF, or --instance ID") from error
     name = _as_yaml(text, path)
-    if _VALID.fullmatch(name):
+    if names.valid("instance", name):
         return name
     found = _LINE.search(text)
     if found is None:

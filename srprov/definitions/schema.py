@@ -8,6 +8,7 @@ the document in which a scalar is its source text and still knows its node, so a
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Any
@@ -93,7 +94,7 @@ def _validator(kind: str) -> Any:  # noqa: ANN401 - a class that jsonschema make
         "boolean": lambda _, value: _is_text(value) and nodes.as_bool(value.node) is not None,
         "null": lambda _, value: _is_text(value) and nodes.is_null(value.node),
     }
-    keywords: dict[str, Any] = {name: _bound(name) for name in _BOUNDS} | {"const": _const}
+    keywords: dict[str, Any] = {name: _bound(name) for name in _BOUNDS} | {"const": _const, "pattern": pattern}
     extended: Any = validators.extend(  # type: ignore[no-untyped-call]  # jsonschema does not type it
         Draft202012Validator, validators=keywords, type_checker=TypeChecker(types)
     )
@@ -124,6 +125,18 @@ def _bound(name: str) -> Any:  # noqa: ANN401 - a keyword function of jsonschema
             yield ValidationError(f"{instance} is {words} {limit}")
 
     return keyword
+
+
+def pattern(validator: Any, wanted: str, instance: Any, _schema: Any) -> Iterator[Any]:  # noqa: ANN401
+    """Hold a text to a pattern as ECMAScript does, in which `$` is the end alone; Python's fits before a line feed too.
+
+    All patterns of our schemas have their `$` at the end, or none.
+    """
+    from jsonschema import ValidationError
+
+    exact = wanted.removesuffix("$") + r"\Z" if wanted.endswith("$") else wanted
+    if validator.is_type(instance, "string") and not re.search(exact, instance):
+        yield ValidationError(f"{str(instance)!r} does not match {wanted!r}")
 
 
 def _const(_validator: Any, wanted: Any, instance: Any, _schema: Any) -> Iterator[Any]:  # noqa: ANN401

@@ -11,6 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from srprov import names
 from srprov.definitions.model import Host
 from srprov.facts.host import host_queries, later_query, parse_host
 from srprov.facts.model import HostFacts
@@ -87,6 +88,6 @@ def _placements(reply: Reply) -> list[Mapping[str, Any]]:
     found: list[Mapping[str, Any]] = []
     for line in reply.out[:_SIZE_LIMIT].splitlines():
         record = mapping(json_or_none(line))
-        if isinstance(record.get("instance"), str) and isinstance(record.get("serial"), int):
+        if names.valid("instance", record.get("instance")) and isinstance(record.get("serial"), int):
             found.append(record)
     return found

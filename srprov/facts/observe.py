@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+from srprov import names
 from srprov.modules import MODULES, PROBING
 from srprov.resource import Observed, Resource
 from srprov.wire import AnyQuery, Reply
@@ -20,7 +21,9 @@ def parse_observed(replies: Sequence[Reply], kinds: Iterable[str] = tuple(MODULE
     start = 0
     for kind in kinds:
         count = len(MODULES[kind].queries())
-        found += MODULES[kind].parse(replies[start : start + count])
+        # the label of an instance that cannot be is not ours: names become paths and containers
+        seen = MODULES[kind].parse(replies[start : start + count])
+        found += (one for one in seen if not one.instance or names.valid("instance", one.instance))
         start += count
     return tuple(found)
 

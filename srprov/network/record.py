@@ -16,6 +16,7 @@ from ipaddress import IPv4Address, ip_address
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from srprov import names
 from srprov.definitions.model import Experiment
 from srprov.untrusted import integer, mapping, string
 
@@ -94,8 +95,9 @@ def read_record(value: Mapping[str, Any] | None) -> PlacementRecord | None:
     if value is None:
         return None
     services, robots = _maps(value, "services"), _maps(value, "robots")
+    placed = {name: string(entry.get("robot")) for name, entry in services.items()}
     return PlacementRecord(
-        robots={name: robot for name, entry in services.items() if (robot := string(entry.get("robot")))},
+        robots={name: robot for name, robot in placed.items() if names.valid("robot", robot)},
         addresses={name: ip for name, entry in services.items() if (ip := _ipv4(entry.get("ip")))},
         macs={name: mac for name, entry in services.items() if _MAC.fullmatch(mac := string(entry.get("mac")))},
         vteps={name: vtep for name, entry in robots.items() if _is_address(vtep := string(entry.get("vtep")))},

@@ -16,6 +16,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from srprov import names
 from srprov.definitions.secretmodel import SecretSource
 from srprov.errors import Location, UsageError
 from srprov.modules import MODULES
@@ -105,7 +106,7 @@ def _load(read: Mapping[str, Any], name: str) -> PlanFile:
         if hashlib.sha256(data).hexdigest() != sha:
             raise UsageError(f"{name}: the bytes of {sha[:12]} were changed", hint="make the plan again")
     plan = Plan(
-        instance=read["instance"],
+        instance=names.checked("instance", read["instance"]),
         source=read["source"],
         steps=tuple(_step_in(step, blobs) for step in read["steps"]),
         unchanged=read["unchanged"],

@@ -1,0 +1,58 @@
+r"""Names of instances, services and robots: one rule for each, held wherever a name enters.
+
+Names become folders, file names, containers, host names and words of commands, on robots and here. They enter by user
+files, options, plan files and what robots say. Pure. `fullmatch` everywhere: `$` also fits before a last line feed.
+"""
+
+from __future__ import annotations
+
+import re
+
+from srprov.errors import UsageError
+
+RESERVED = frozenset({"localhost", "ip6-localhost", "ip6-loopback", "ip6-allnodes", "ip6-allrouters"})
+"""Names that a hosts file gives to other addresses."""
+
+_RULES = {
+    "instance": (re.compile(r"[a-z0-9-]{1,32}"), "lower-case letters, digits and '-', 32 at most"),
+    # no dot: it enters a hosts file, where `example.com` would take the place of another host
+    "service": (
+        re.compile(r"[a-z0-9]([a-z0-9_-]{0,61}[a-z0-9])?"),
+        "lower-case letters, digits, '_' and '-', 63 at most, starting and ending with a letter or digit",
+    ),
+    "robot": (
+        re.compile(r"\w[\w.:@%+-]{0,252}"),
+        "letters, digits and any of . _ - : @ % +, 253 at most, starting with a letter or digit",
+    ),
+}
+
+
+def fault(kind: str, name: str) -> str:
+    """Return what is wrong with the name of an `instance`, a `service` or a `robot`, or nothing.
+
+    An experiment's name is that of its instance.
+    """
+    rule, words = _RULES[kind]
+    if kind == "service" and name in RESERVED:
+        return f"'{name}' already means something in every hosts file"
+    return "" if rule.fullmatch(name) else f"{name[:60]!r} cannot be the name of {_article(kind)}: {words}"
+
+
+def valid(kind: str, name: object) -> bool:
+    """Return whether something that a robot or a file says is such a name."""
+    return isinstance(name, str) and not fault(kind, name)
+
+
+def checked(kind: str, name: str, hint: str = "") -> str:
+    """Return the name.
+
+    Raises:
+        UsageError: It cannot be one.
+    """
+    if wrong := fault(kind, name):
+        raise UsageError(wrong, hint=hint)
+    return name
+
+
+def _article(kind: str) -> str:
+    return f"an {kind}" if kind == "instance" else f"a {kind}"
