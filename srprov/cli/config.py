@@ -5,82 +5,172 @@
     ./srprov.toml                   the project's
     ./pyproject.toml                the project's, in its table [tool.srprov]
 
-A key is an option's long name with `_` for `-`; a table named like a verb holds for that verb alone. A flag on the
-command line wins, then `SRPROV_<VERB>_<OPTION>` in the environment, then the project, then the user.
+A key is an option's long name; a table named like a verb holds for that verb alone. A flag on the command line wins,
+then `SRPROV_<VERB>_<OPTION>` in the environment, then the project, then the user.
 
-A project's file may come from a stranger: what gives permission (`allow`, `yes`, `adopt`, `volumes`) counts only in
-the user's own.
+A project's file may come from a stranger: it may set PROJECT_KEYS and nothing else. None of them runs or writes
+anything, gives permission, or names an instance. The inventory that it names lies in its folder and runs nothing, see
+`inputs.load_inventory`.
 """
 
 from __future__ import annotations
 
 import importlib
+import os
+import re
+import stat
 import sys
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from srprov.errors import UsageError
+from srprov.errors import UsageError, did_you_mean
 
-PERMISSIONS = ("allow", "yes", "adopt", "volumes")
+PROJECT_KEYS = frozenset(
+    ("inventory", "forks", "timeout", "wait-timeout", "settle", "lock-wait", "time-limit", "max-fail", "format",
+     "verbose", "explain", "timings", "no-color", "tail")
+)  # fmt: skip
+OWN_KEYS = PROJECT_KEYS | {
+    *("allow", "yes", "adopt", "volumes", "unreachable", "reassign", "ask-become-pass", "limit", "exclude"),
+    *("instance", "runs", "events", "out", "svg", "png", "history", "facts"),
+    *("quiet", "json", "detailed-exitcode", "pareto", "follow"),
+}
+PARAMETERS = {"inventory": "inventories", "json": "as_json", "format": "form", "out": "target", "facts": "stored"}
+"""Options that have another name in the code."""
+_LISTS = ("inventory", "allow")
+_MOST_BYTES = 1 << 20
+_HEADER = re.compile(r"\s*\[([^\[\]]+)\]\s*(?:#.*)?")
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class _File:
+    """One configuration file, and which of its keys count."""
+
+    path: Path
+    table: str = ""
+    """The table of a shared file that is ours; empty: all of it."""
+    own: bool = False
+    """The user's, not a project's."""
 
 
 def default_map(verbs: Mapping[str, Any], folder: Path, environ: Mapping[str, str]) -> dict[str, dict[str, Any]]:
     """Return click's default map: verb -> option -> value.
 
     Raises:
-        UsageError: A file that cannot be read as TOML, or a project's file that gives permission.
+        UsageError: A file that is no TOML, that somebody else could have written, or that sets what it may not.
     """
-    own = user_folder(environ) / "srprov.toml"
     defaults: dict[str, dict[str, Any]] = {verb: {} for verb in verbs}
-    for path, table, trusted in (
-        (own, _read(own), True),
-        (folder / "pyproject.toml", _tool(_read(folder / "pyproject.toml")), False),
-        (folder / "srprov.toml", _read(folder / "srprov.toml"), False),
+    for file in (
+        _File(path=user_folder(environ) / "srprov.toml", own=True),
+        _File(path=folder / "pyproject.toml", table="tool.srprov"),
+        _File(path=folder / "srprov.toml"),
     ):
-        if not trusted:
-            _check_project(path, table, verbs)
+        table = _read(file, verbs)
         everywhere = {key: value for key, value in table.items() if not isinstance(value, dict)}
         for verb, chosen in defaults.items():
-            section = table.get(verb)
-            here = {**everywhere, **(section if isinstance(section, dict) else {})}
-            chosen.update({_parameter(key): value for key, value in here.items()})
+            here = {**everywhere, **table.get(verb, {})}
+            chosen.update({_parameter(key): _value(key, value, file) for key, value in here.items()})
     return defaults
 
 
 def user_folder(environ: Mapping[str, str]) -> Path:
     """Return the user's own folder for srprov: `~/.config/srprov`, or below XDG_CONFIG_HOME."""
-    return Path(environ.get("XDG_CONFIG_HOME") or Path(environ.get("HOME", "/")) / ".config") / "srprov"
+    given = environ.get("XDG_CONFIG_HOME", "")
+    # the specification ignores a relative path; it would lie in the folder of a project
+    return (Path(given) if os.path.isabs(given) else Path(environ.get("HOME", "/")) / ".config") / "srprov"
 
 
 def _parameter(key: str) -> str:
-    """Return click's parameter of an option's name; three options have another name in the code."""
-    return {"inventory": "inventories", "json": "as_json", "format": "form"}.get(key, key.replace("-", "_"))
+    """Return click's parameter of an option's name."""
+    return PARAMETERS.get(key, key.replace("-", "_"))
 
 
-def _tool(document: Mapping[str, Any]) -> dict[str, Any]:
-    tool = document.get("tool")
-    ours = tool.get("srprov") if isinstance(tool, dict) else None
-    return ours if isinstance(ours, dict) else {}
+def _value(key: str, value: object, file: _File) -> object:
+    """Return a value as click takes it; the inventory that a project names must lie with the project."""
+    if key not in _LISTS:
+        return value
+    words = [value] if isinstance(value, str) else value
+    if key != "inventory" or not isinstance(words, list):
+        return words
+    paths = [os.path.expanduser(str(word)) if file.own else str(word) for word in words]
+    root = os.path.realpath(file.path.parent)
+    for path in () if file.own else paths:
+        if os.path.isabs(path) or os.path.commonpath((root, os.path.realpath(file.path.parent / path))) != root:
+            raise UsageError(
+                f"{file.path}: the inventory '{path}' is not in the project's folder",
+                hint="name it on the command line: -i FILE",
+            )
+    return paths
 
 
-def _read(path: Path) -> dict[str, Any]:
-    if not path.is_file():
+def _read(file: _File, verbs: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a file sets; an empty table where there is none."""
+    if not file.path.is_file():
         return {}
     # tomllib came with Python 3.11; tomli is the same library for 3.10
     toml = importlib.import_module("tomllib" if sys.version_info >= (3, 11) else "tomli")
     try:
-        document = toml.loads(path.read_text(encoding="utf-8"))
-        return document if isinstance(document, dict) else {}
-    except (OSError, ValueError) as error:
-        raise UsageError(f"cannot read {path}: {error}", hint="fix it, or move it away") from error
+        with file.path.open("rb") as stream:
+            about = os.fstat(stream.fileno())
+            text = stream.read(_MOST_BYTES).decode("utf-8")
+        table: Any = toml.loads(text)
+    except (OSError, ValueError, RecursionError) as error:
+        raise UsageError(f"cannot read {file.path}: {error}", hint="fix it, or move it away") from error
+    for name in filter(None, file.table.split(".")):
+        table = table.get(name, {}) if isinstance(table, dict) else {}
+    if not isinstance(table, dict) or not table:
+        return {}
+    _check_owner(file.path, about)
+    if faults := list(_faults(file, table, verbs, text)):
+        hint = "say it on the command line" + ("" if file.own else ", or in your own ~/.config/srprov/srprov.toml")
+        raise UsageError("\n".join(faults), hint=hint)
+    return table
 
 
-def _check_project(path: Path, table: Mapping[str, Any], verbs: Mapping[str, Any]) -> None:
-    sections = [table, *(table[verb] for verb in verbs if isinstance(table.get(verb), dict))]
-    given = sorted({key for section in sections for key in section if key in PERMISSIONS})
-    if given:
+def _check_owner(path: Path, about: os.stat_result) -> None:
+    if about.st_uid not in (0, os.geteuid()):
         raise UsageError(
-            f"{path} gives permission ({', '.join(given)}), and a project's file may come from a stranger",
-            hint="say it on the command line, or in your own ~/.config/srprov/srprov.toml",
+            f"{path} belongs to another user, who could change what srprov does",
+            hint=f"look at it, then make it yours: chown {os.geteuid()} {path}",
         )
+    if stat.S_IMODE(about.st_mode) & 0o022:
+        raise UsageError(f"{path} can be written by other users", hint=f"look at it, then: chmod go-w {path}")
+
+
+def _faults(file: _File, table: Mapping[str, Any], verbs: Mapping[str, Any], text: str) -> Iterator[str]:
+    """Name each key that the file cannot set, with its line."""
+    for key, value in table.items():
+        if isinstance(value, dict):
+            if file.own and key == "lab":
+                continue  # it has verbs of its own
+            for inner in value if key in verbs and key != "lab" else ():
+                yield from _fault(file, f"{file.table}.{key}".lstrip("."), inner, text)
+            if key not in verbs or key == "lab":
+                why = "a project's file cannot set anything of" if key == "lab" else "there is no verb"
+                yield f"{file.path}:{_line(text, f'{file.table}.{key}'.lstrip('.'), '')}: {why} '{key[:60]}'"
+        else:
+            yield from _fault(file, file.table, key, text)
+
+
+def _fault(file: _File, table: str, key: str, text: str) -> Iterator[str]:
+    if key in (OWN_KEYS if file.own else PROJECT_KEYS):
+        return
+    place = f"{file.path}:{_line(text, table, key)}"
+    if key in OWN_KEYS:
+        yield f"{place}: a project's file cannot set '{key}': it may come from a stranger"
+    else:
+        yield f"{place}: there is no option '{key[:60]}' to set; {did_you_mean(key, OWN_KEYS)}".removesuffix("; ")
+
+
+def _line(text: str, table: str, key: str) -> int:
+    """Return the line of a key in a table, or with an empty key of the table's header; 1 where it cannot be told."""
+    current = ""
+    for number, line in enumerate(text.splitlines(), 1):
+        if header := _HEADER.fullmatch(line):
+            current = header[1].strip()
+            if current == table and not key:
+                return number
+        elif key and current == table and re.match(rf"""\s*["']?{re.escape(key)}["']?\s*[.=]""", line):
+            return number
+    return 1

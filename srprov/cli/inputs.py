@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+from click.core import ParameterSource
 
 from srprov.cli.config import user_folder
 from srprov.cli.options import asked_for_become
@@ -26,10 +27,16 @@ if TYPE_CHECKING:
 
 
 def load_inventory(paths: tuple[str, ...]) -> Inventory:
-    """Read the inventory; an empty one is an error. Asks for sudo's password when the user said so."""
+    """Read the inventory; an empty one is an error. Asks for sudo's password when the user said so.
+
+    An inventory may run programs here only when the user named it: on the command line, in the environment, or by an
+    absolute path in his own configuration. A relative one of a configuration lies in whatever folder this is.
+    """
     from srprov.definitions import load_inventory as load
 
-    inventory = load(list(paths))
+    context = click.get_current_context(silent=True)
+    configured = context and context.get_parameter_source("inventories") is ParameterSource.DEFAULT_MAP
+    inventory = load(list(paths), unnamed=[path for path in paths if configured and not os.path.isabs(path)])
     if not inventory.hosts:
         raise UsageError(f"no robots in {', '.join(paths)}", hint="add hosts to the inventory")
     return _with_become_password(inventory) if asked_for_become() else inventory

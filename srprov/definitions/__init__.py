@@ -9,6 +9,7 @@ field means is in `schemas/` and in docs/definitions.md.
     merging, runtime       one definition over another -> run-time part
     container, dockerfile  CDF        service, envfile, checks, unsupported, experiment, pins  EDF
     template, playbook, playbookmodel  playbooks that users write
+    taken                  what comes from outside of the experiment's folder
     secrets, secretmodel, secretvalues  where secrets come from, and what they are
     inventory, inifile, script, hostvars, ranges, patterns  the robots
 """
@@ -35,9 +36,13 @@ def load_experiment(path: str | Path, environ: Mapping[str, str] | None = None) 
     Raises:
         DefinitionError: With everything that is wrong.
     """
-    from srprov.definitions import experiment
+    from srprov.definitions import experiment, paths
 
-    return experiment.load(str(path), os.environ if environ is None else environ)
+    folder = os.path.dirname(os.path.abspath(path))
+    try:
+        return experiment.load(str(path), os.environ if environ is None else environ)
+    except DefinitionError as error:
+        raise DefinitionError(paths.hide_outside(error.problems, folder)) from None
 
 
 def load_container(path: str | Path, environ: Mapping[str, str] | None = None) -> ContainerDefinition:
@@ -46,21 +51,26 @@ def load_container(path: str | Path, environ: Mapping[str, str] | None = None) -
     Raises:
         DefinitionError: With everything that is wrong.
     """
-    from srprov.definitions import container
+    from srprov.definitions import container, paths
 
     folder = _experiment_folder(os.path.dirname(os.path.abspath(path)))
-    return container.load(str(path), folder, os.environ if environ is None else environ).definition
+    try:
+        return container.load(str(path), folder, os.environ if environ is None else environ).definition
+    except DefinitionError as error:
+        raise DefinitionError(paths.hide_outside(error.problems, folder)) from None
 
 
-def load_inventory(paths: Sequence[str | Path]) -> Inventory:
+def load_inventory(paths: Sequence[str | Path], unnamed: Collection[str] = ()) -> Inventory:
     """Read the robots from one or more inventories as Ansible has them; later ones win.
+
+    One of `unnamed`, which the user did not name himself, may not make srprov run anything here.
 
     Raises:
         DefinitionError: With everything that is wrong.
     """
     from srprov.definitions import inventory
 
-    return inventory.load([str(path) for path in paths])
+    return inventory.load([str(path) for path in paths], unnamed)
 
 
 def select(inventory: Inventory, pattern: str, failed: Callable[[], Collection[str]] | None = None) -> tuple[str, ...]:

@@ -8,23 +8,27 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from types import MappingProxyType
 
 from srprov.definitions import hostvars, inifile, schema, script
 from srprov.definitions.groups import Group, HostEntry, HostTree, Variables, variables_of
 from srprov.definitions.model import Inventory
-from srprov.errors import DefinitionError, did_you_mean
+from srprov.definitions.paths import hide_outside
+from srprov.errors import DefinitionError, Diagnostic, Location, did_you_mean
 from srprov.yamldoc import loader, nodes
 from srprov.yamldoc.nodes import Map, Node, Scalar, Source
 
 _NOT_INVENTORIES = ("~", ".orig", ".bak", ".cfg", ".retry", ".pyc", ".pyo", ".swp", ".md", ".rst", ".txt")
 _LOOKS_LIKE_YAML = re.compile(r"---|[{%]|.*:(\s|$)|-\s")
+_NAME_IT = "if you trust it, name it on the command line: -i FILE"
 _GROUP_KEYS = ("hosts", "vars", "children")
 
 
-def load(paths: Sequence[str]) -> Inventory:
+def load(paths: Sequence[str], unnamed: Collection[str] = ()) -> Inventory:
     """Read inventories; of two that say different things the later wins.
+
+    One of `unnamed` was not named by the user himself: it may not be a program, nor reach robots by one.
 
     Raises:
         DefinitionError: With everything that is wrong, in every file.
@@ -33,15 +37,16 @@ def load(paths: Sequence[str]) -> Inventory:
     for path in paths:
         for part in _files(path, tree):
             try:
-                _read(part, tree)
+                _read(part, tree, may_run=part == path and path not in unnamed)
             except DefinitionError as error:
                 tree.findings.extend(error.problems)
-    for folder in dict.fromkeys(_folder(path) for path in paths):
+    folders = tuple(dict.fromkeys(_folder(path) for path in paths))
+    for folder in folders:
         _read_variables(folder, tree)
-    return _finish(tree, os.path.abspath(paths[0]) if paths else "")
+    return _finish(tree, os.path.abspath(paths[0]) if paths else "", folders, may_run=not unnamed)
 
 
-def _finish(tree: HostTree, source: str) -> Inventory:
+def _finish(tree: HostTree, source: str, folders: Sequence[str], *, may_run: bool) -> Inventory:
     for variables in _scopes(tree):
         _check_own(variables, tree)
     depths, members = tree.depths(), tree.members()
@@ -51,8 +56,12 @@ def _finish(tree: HostTree, source: str) -> Inventory:
         shown = tuple(sorted(groups - {"all", "ungrouped"}))
         effective = tree.effective(tree.hosts[name], groups, depths)
         hosts[name] = hostvars.host(name, effective, shown, tree.hosts[name].place, tree.findings)
+        if not may_run and (hosts[name].ssh_options or hosts[name].connection == "local"):
+            message = f"'{name}' is reached by ssh options, or is this machine, in an inventory that you did not name"
+            tree.findings.add(tree.hosts[name].place, message, (), _NAME_IT)
     if tree.findings.problems:
-        raise DefinitionError([nodes.without_secrets(one) for one in tree.findings.problems])
+        problems = (nodes.without_secrets(one) for one in tree.findings.problems)
+        raise DefinitionError(hide_outside(problems, *folders))
     by_group = {name: tuple(sorted(inside)) for name, inside in sorted(members.items())}
     return Inventory(hosts=MappingProxyType(hosts), groups=MappingProxyType(by_group), source=source)
 
@@ -76,9 +85,12 @@ def _files(path: str, tree: HostTree) -> list[str]:
     return [os.path.join(path, name) for name in names if os.path.isfile(os.path.join(path, name))]
 
 
-def _read(path: str, tree: HostTree) -> None:
-    """Add one inventory file, whatever its kind."""
+def _read(path: str, tree: HostTree, *, may_run: bool) -> None:
+    """Add one inventory file, whatever its kind; a program runs only when the user named this very file."""
     if script.is_program(path):
+        if not may_run:
+            message = "is a program, and an inventory that you did not name yourself is not run"
+            raise DefinitionError([Diagnostic(Location(path), message, hint=_NAME_IT)])
         script.read(path, tree)
         return
     text = loader.read_text(path)

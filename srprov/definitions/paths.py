@@ -9,7 +9,9 @@ also inside a folder.
 from __future__ import annotations
 
 import os
+from collections.abc import Iterable
 
+from srprov.errors import Diagnostic, Location
 from srprov.yamldoc.nodes import Findings, Path, Scalar
 
 _MOST_ENTRIES = 20_000
@@ -25,6 +27,23 @@ def inside(path: str, folder: str) -> bool:
     """Return whether a path, links followed, lies in a folder (or is it)."""
     real, root = os.path.realpath(path), os.path.realpath(folder)
     return real == root or real.startswith(root.rstrip("/") + "/")
+
+
+def hide_outside(problems: Iterable[Diagnostic], *folders: str) -> list[Diagnostic]:
+    """Return problems without what a file outside of some folders holds: a stranger's EDF may name any file as its CDF.
+
+    Of such a file one problem is left, which says nothing but that there is one.
+    """
+    shown = []
+    for one in problems:
+        file = os.path.abspath(one.location.file)
+        if not one.location.file or any(inside(file, folder) for folder in folders):
+            shown.append(one)
+        else:
+            message = f"is not valid; what is wrong is not shown of a file outside of {_name(folders[0])}"
+            hint = f"see `srprov validate {os.path.realpath(file)}`, or copy it into the folder"
+            shown.append(Diagnostic(Location(one.location.file), message, hint=hint))
+    return list(dict.fromkeys(shown))
 
 
 def root_for(folder: str, experiment_folder: str) -> str:

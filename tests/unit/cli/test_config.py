@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import importlib
+import os
 from pathlib import Path
 
+import click
 import pytest
 
-from srprov.cli.config import PERMISSIONS, default_map
+from srprov.cli.config import OWN_KEYS, PARAMETERS, PROJECT_KEYS, default_map, user_folder
+from srprov.cli.main import _VERBS, run
 from srprov.errors import UsageError
 
 VERBS = {"plan": "", "apply": ""}
@@ -16,6 +20,7 @@ def write(path: Path, text: str) -> None:
     """Write a file and the folders above it."""
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text, encoding="utf-8")
+    path.chmod(0o644)
 
 
 def test_without_files_there_are_no_defaults(tmp_path: Path) -> None:
@@ -36,13 +41,13 @@ def test_the_project_wins_over_the_user_and_a_verb_over_all(tmp_path: Path) -> N
     assert found["apply"] == {**common, "forks": 5, "wait_timeout": 60}
 
 
-@pytest.mark.parametrize("word", PERMISSIONS)
+@pytest.mark.parametrize("word", sorted(OWN_KEYS - PROJECT_KEYS))
 @pytest.mark.parametrize("text", ["{word} = true\n", "[apply]\n{word} = true\n"])
-def test_a_projects_file_gives_no_permission(tmp_path: Path, word: str, text: str) -> None:
-    """What a stranger may have written cannot allow anything."""
+def test_a_projects_file_sets_only_what_is_listed(tmp_path: Path, word: str, text: str) -> None:
+    """What a stranger may have written cannot allow, write, run or name anything; the line is named."""
     write(tmp_path / "srprov.toml", text.format(word=word))
 
-    with pytest.raises(UsageError, match=word):
+    with pytest.raises(UsageError, match=rf"srprov\.toml:{text.count(chr(10))}: .*'{word}'"):
         default_map(VERBS, tmp_path, {"HOME": str(tmp_path / "home")})
 
 
@@ -52,3 +57,153 @@ def test_a_broken_file_is_named(tmp_path: Path) -> None:
 
     with pytest.raises(UsageError, match=r"srprov\.toml"):
         default_map(VERBS, tmp_path, {"HOME": str(tmp_path / "home")})
+
+
+def own(tmp_path: Path) -> dict[str, str]:
+    """Return an environment whose user has no configuration."""
+    return {"HOME": str(tmp_path / "home")}
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("forsk = 3\n", r"srprov\.toml:1: there is no option 'forsk' to set; did you mean 'forks'\?"),
+        ("# a\n\n[plan]\n\nsource = 1\n", r":5: there is no option 'source'"),
+        ("[deploy]\nforks = 3\n", r":1: there is no verb 'deploy'"),
+        ("forks = 3\n[lab.up]\nrobots = 3\n", r"cannot set anything of 'lab'"),
+        ("[plan]\nforks = 3\n[apply]\nevents = '/x'\n", r":4: a project's file cannot set 'events'"),
+        ("plan.out = '/x'\n", r"cannot set 'out'"),
+        ("inventory = {a = 1}\n", r"there is no verb 'inventory'"),
+    ],
+)
+def test_an_unknown_key_is_an_error_with_its_line(tmp_path: Path, text: str, said: str) -> None:
+    """A typing mistake must not pass for a setting."""
+    write(tmp_path / "srprov.toml", text)
+
+    with pytest.raises(UsageError, match=said):
+        default_map({**VERBS, "lab": ""}, tmp_path, own(tmp_path))
+
+
+def test_an_unknown_key_in_the_users_own_file_is_an_error_too(tmp_path: Path) -> None:
+    """Of a shared file only our table counts."""
+    write(tmp_path / "home" / ".config" / "srprov" / "srprov.toml", "alow = ['env']\n")
+
+    with pytest.raises(UsageError, match=r"'alow' to set; did you mean 'allow'"):
+        default_map(VERBS, tmp_path, own(tmp_path))
+
+
+def test_of_a_shared_file_only_our_table_counts(tmp_path: Path) -> None:
+    """Other tools write what they like, and may leave the file open to others when we have no part in it."""
+    write(tmp_path / "pyproject.toml", "[tool.other]\nallow = ['all']\n")
+    (tmp_path / "pyproject.toml").chmod(0o666)
+    assert default_map(VERBS, tmp_path, own(tmp_path)) == {"plan": {}, "apply": {}}
+    write(tmp_path / "pyproject.toml", "[tool.other]\nallow = ['all']\n[tool.srprov.plan]\nallow = ['all']\n")
+    (tmp_path / "pyproject.toml").chmod(0o644)
+    with pytest.raises(UsageError, match=r"pyproject\.toml:4: a project's file cannot set 'allow'"):
+        default_map(VERBS, tmp_path, own(tmp_path))
+
+
+@pytest.mark.parametrize("mode", [0o664, 0o646, 0o777])
+def test_a_file_that_others_can_write_is_refused(tmp_path: Path, mode: int) -> None:
+    """The hint says the command."""
+    write(tmp_path / "srprov.toml", "forks = 3\n")
+    (tmp_path / "srprov.toml").chmod(mode)
+
+    with pytest.raises(UsageError, match="can be written by other users") as refused:
+        default_map(VERBS, tmp_path, own(tmp_path))
+    assert f"chmod go-w {tmp_path}/srprov.toml" in refused.value.hint
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can give files away")
+def test_a_file_of_another_user_is_refused(tmp_path: Path) -> None:
+    """Whoever owns it can write it at any time."""
+    write(tmp_path / "srprov.toml", "forks = 3\n")
+    os.chown(tmp_path / "srprov.toml", 4711, 4711)
+
+    with pytest.raises(UsageError, match="belongs to another user"):
+        default_map(VERBS, tmp_path, own(tmp_path))
+
+
+@pytest.mark.parametrize("inventory", ["/etc/hosts", "../lab.yml", "link.yml"])
+def test_a_projects_inventory_lies_in_its_folder(tmp_path: Path, inventory: str) -> None:
+    """Errors show lines of it, so it may not be just any file."""
+    (tmp_path / "lab").mkdir()
+    (tmp_path / "lab.yml").write_text("all: {hosts: {r1: }}\n")
+    (tmp_path / "lab" / "link.yml").symlink_to(tmp_path / "lab.yml")
+    write(tmp_path / "lab" / "srprov.toml", f"inventory = '{inventory}'\n")
+
+    with pytest.raises(UsageError, match="not in the project's folder"):
+        default_map(VERBS, tmp_path / "lab", own(tmp_path))
+
+
+def test_a_relative_folder_for_configuration_is_ignored(tmp_path: Path) -> None:
+    """It would be one of the project, with the rights of the user's own."""
+    write(tmp_path / "config" / "srprov" / "srprov.toml", "yes = true\n")
+    assert user_folder({"XDG_CONFIG_HOME": "config", "HOME": "/home/ada"}) == Path("/home/ada/.config/srprov")
+
+
+def test_every_option_has_its_place_in_the_lists() -> None:
+    """A new option has to be put into one of them; keys reach the option of that name."""
+    hidden = {"heartbeat", "help"}
+    found = {}
+    for verb in _VERBS.keys() - {"lab"}:
+        command = getattr(importlib.import_module(f"srprov.cli.{verb}"), verb)
+        for option in (one for one in command.params if isinstance(one, click.Option)):
+            found[max(option.opts, key=len).lstrip("-")] = option.name
+    assert found.keys() - hidden == OWN_KEYS
+    for key, name in found.items():
+        assert key in hidden or name == PARAMETERS.get(key, key.replace("-", "_"))
+
+
+PROGRAM = '#!/bin/sh\ntouch ran\necho \'{"all": {"hosts": ["r1"]}}\'\n'
+PROXY = '-o ProxyCommand="touch ran; false"'
+BY_PROXY = f"all: {{hosts: {{r1: {{ansible_host: 192.0.2.1, ansible_ssh_common_args: '{PROXY}'}}}}}}\n"
+HERE = "all: {hosts: {r1: {ansible_connection: local}}}\n"
+
+
+@pytest.mark.parametrize("named", [False, True])
+@pytest.mark.parametrize("inventory", [PROGRAM, BY_PROXY, HERE])
+def test_only_an_inventory_that_the_user_named_runs_anything_here(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], named: bool, inventory: str
+) -> None:
+    """A program, a ProxyCommand and this machine itself; asked by a verb that only looks."""
+    write(tmp_path / "inv", inventory)
+    (tmp_path / "inv").chmod(0o755)
+    write(tmp_path / "srprov.toml", "inventory = 'inv'\ntimeout = 1\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+
+    code = run(["status", *(["-i", "inv"] if named else [])])
+
+    said = capsys.readouterr().err
+    if named:
+        assert (tmp_path / "ran").exists() or inventory == HERE, said
+    else:
+        assert code == 5, said
+        assert "name it on the command line" in said
+        assert not (tmp_path / "ran").exists()
+
+
+def test_a_program_in_a_folder_is_not_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Nor is one at a relative path of the user's own configuration; one at an absolute path is."""
+    write(tmp_path / "lab" / "inv", PROGRAM.replace("touch ran", f"touch {tmp_path}/ran"))
+    (tmp_path / "lab" / "inv").chmod(0o755)
+    assert run(["locks", "-i", str(tmp_path / "lab")]) == 5
+    assert "is not run" in capsys.readouterr().err
+    assert not (tmp_path / "ran").exists()
+
+
+@pytest.mark.parametrize("absolute", [False, True])
+def test_the_users_own_configuration_names_a_program_by_its_absolute_path(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, absolute: bool
+) -> None:
+    """A relative path would be looked for in whatever folder this is."""
+    write(tmp_path / "inv", PROGRAM.replace("touch ran", f"touch {tmp_path}/ran; exit 3"))
+    (tmp_path / "inv").chmod(0o755)
+    write(tmp_path / "home" / ".config" / "srprov" / "srprov.toml", f"inventory = '{'~/../' if absolute else ''}inv'\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    monkeypatch.delenv("XDG_CONFIG_HOME", raising=False)
+
+    assert run(["locks"]) == 5
+    assert (tmp_path / "ran").exists() is absolute

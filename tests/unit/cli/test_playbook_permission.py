@@ -59,7 +59,7 @@ def test_a_project_gives_none(here: Path, capsys: pytest.CaptureFixture[str]) ->
     """Its configuration may come from the same stranger."""
     (here / "srprov.toml").write_text('allow = ["playbook"]\n')
     assert run(["plan", "e.edf", "-i", "inv.yml"]) == 5
-    assert "gives permission (allow)" in capsys.readouterr().err
+    assert "srprov.toml:1: a project's file cannot set 'allow'" in capsys.readouterr().err
 
 
 def test_validate_needs_no_permission(here: Path) -> None:
