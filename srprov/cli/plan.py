@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from srprov import private
 from srprov.cli import inputs, options
 from srprov.cli.codes import DIFFERENCES, UNREACHABLE
 from srprov.cli.output import err, out, out_json
@@ -71,7 +72,7 @@ def plan(
 
     made = planned.plan
     if target:
-        write_plan(target, plan_file(planned), vault)
+        write_plan(target, plan_file(planned), vault, definitions.variables)
     if form == "markdown" and not as_json:
         out(plan_markdown(made).rstrip())
     else:
@@ -81,12 +82,13 @@ def plan(
     return DIFFERENCES if detailed_exitcode and not made.empty else 0
 
 
-def write_plan(target: str, file: PlanFile, vault: Vault) -> None:
-    """Write a plan file. It is done as it stands there, so a secret in it cannot be replaced, only refused.
+def write_plan(target: str, file: PlanFile, vault: Vault, variables: Vault | None = None) -> None:
+    """Write a plan file, for its owner alone. It is done as it stands, so a secret in it can only be refused.
 
     Raises:
         UsageError: The file cannot be written.
-        RefusedError: The value of a secret stands in what the plan does: in another field of the user's files.
+        RefusedError: The value of a secret stands in what the plan does: in another field of the user's files; or that
+            of one of `variables`, which come from the controller's environment.
     """
     from srprov.planning.planfile import dump
 
@@ -96,8 +98,11 @@ def write_plan(target: str, file: PlanFile, vault: Vault) -> None:
         raise RefusedError(
             f"the value of the secret '{name}' stands in the plan itself; no file was written", hint=hint
         )
+    if variables and (name := variables.holds(text)):
+        hint = "make it a secret of the experiment (docs/secrets.md), or apply the EDF itself"
+        raise RefusedError(f"the value of the variable '{name}' stands in the plan; no file was written", hint=hint)
     try:
-        Path(target).write_text(text, encoding="utf-8")
+        private.write_file(target, text)
     except OSError as error:
         raise UsageError(f"cannot write {target}: {error.strerror}", hint="name another file") from error
 

@@ -30,6 +30,8 @@ class Container:
 
     definition: ContainerDefinition
     layer: Map
+    files: tuple[str, ...] = ()
+    """Absolute paths of the CDF and of those that it extends."""
     unsupported: tuple[Diagnostic, ...] = ()
 
     @property
@@ -58,6 +60,7 @@ def load(path: str, folder: str, environ: Mapping[str, str], shown: str = "") ->
     return Container(
         definition=definition,
         layer=merging.select(layer, runtime.RUNTIME_FIELDS),
+        files=tuple(reader.files),
         unsupported=tuple(unsupported.problems),
     )
 
@@ -69,10 +72,12 @@ class _ExtendsReader:
         self.environ = environ
         self.findings = findings
         self.unsupported = unsupported
+        self.files: list[str] = []
 
     def read(self, path: str, shown: str, trail: tuple[str, ...]) -> Map | None:
         """Return the merged layer, or None when something is wrong (it is in the findings)."""
         own = Findings()
+        self.files.append(path)
         try:
             if dockerfile.is_dockerfile(path):
                 return _as_layer(path, shown)

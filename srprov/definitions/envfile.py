@@ -16,9 +16,14 @@ _NAME = re.compile(r"(?:export\s+)?(?P<name>[A-Za-z_][A-Za-z0-9_.-]*)\s*(?P<sign
 _ESCAPES = {"n": "\n", "t": "\t", "r": "\r", '"': '"', "\\": "\\", "$": "$"}
 
 
-def parse(text: str, file: str, environ: Mapping[str, str]) -> tuple[dict[str, str], list[Diagnostic]]:
-    """Read every variable; a bare NAME takes its value from `environ` and is left out where that has none."""
+def parse(text: str, file: str, environ: Mapping[str, str]) -> tuple[dict[str, str], set[str], list[Diagnostic]]:
+    """Read every variable; a bare NAME takes its value from `environ` and is left out where that has none.
+
+    Returns:
+        Names with values; the names whose value is `environ`'s; and what is wrong.
+    """
     found: dict[str, str] = {}
+    bare_names: set[str] = set()
     problems: list[Diagnostic] = []
     lines = text.splitlines()
     number = 0
@@ -35,8 +40,11 @@ def parse(text: str, file: str, environ: Mapping[str, str]) -> tuple[dict[str, s
             problems.append(Diagnostic(place, "is not NAME=value", "", line, "a name has letters, digits and '_'"))
             continue
         if not match["sign"]:
-            found |= {match["name"]: environ[match["name"]]} if match["name"] in environ else {}
+            if match["name"] in environ:
+                found[match["name"]] = environ[match["name"]]
+                bare_names.add(match["name"])
             continue
+        bare_names.discard(match["name"])
         rest = line.lstrip()[match.end() :]
         if rest[:1] in ("'", '"'):
             while (end := _end_of_quote(rest)) < 0 and number < len(lines):
@@ -50,7 +58,7 @@ def parse(text: str, file: str, environ: Mapping[str, str]) -> tuple[dict[str, s
             found[match["name"]] = inner if rest[0] == "'" else re.sub(r"\\(.)", _unescape, inner, flags=re.DOTALL)
         else:
             found[match["name"]] = re.split(r"(?:^|\s)#", rest, maxsplit=1)[0].strip()
-    return found, problems
+    return found, bare_names, problems
 
 
 def _end_of_quote(text: str) -> int:

@@ -12,7 +12,18 @@ from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
-from srprov.definitions import checks, container, merging, paths, playbook, relations, schema, secrets, service
+from srprov.definitions import (
+    checks,
+    container,
+    merging,
+    paths,
+    playbook,
+    relations,
+    schema,
+    secrets,
+    service,
+    taken,
+)  # fmt: skip
 from srprov.definitions.container import Container
 from srprov.definitions.model import Definitions, Experiment, NetworkSettings, Placement, Service, Weights
 from srprov.definitions.unsupported import note_unsupported
@@ -40,26 +51,45 @@ def load(path: str, environ: Mapping[str, str]) -> Definitions:
     schema.check_tags(root, findings, merging.RUNTIME_MERGED)
     entries = checks.service_maps(root)
     containers = _containers(entries, folder, environ, findings)
-    services = {}
-    for name in sorted(entries):
-        key = _cdf_key(entries[name])
-        if not findings.broken(("services", name)):
-            place = checks.service_key(root, name)
-            built = service.build(place, entries[name], containers.get(key), folder, environ, findings)
-            services[name] = secrets.with_secrets(built, entries[name], root, findings)
+    services, bare = _services(root, containers, folder, environ, findings)
     sources = secrets.sources(root, folder, findings)
     playbooks = playbook.from_experiment(root, folder, findings)
-    checks.check(root, services, {name: containers.get(_cdf_key(entries[name])) for name in services}, findings)
+    by_service = {name: containers.get(_cdf_key(entries[name])) for name in services}
+    checks.check(root, services, by_service, findings)
     note_unsupported(root, unsupported)
     for one in containers.values():
         unsupported.extend(one.unsupported)
     if findings.problems:
         raise DefinitionError(findings.problems)
-    return Definitions(
-        experiment=replace(_experiment(root, path, services), secrets=sources, playbooks=playbooks),
-        containers=MappingProxyType({key: one.definition for key, one in sorted(containers.items())}),
-        unsupported=tuple(sorted(unsupported.problems)),
+    experiment = replace(
+        _experiment(root, path, services),
+        secrets=sources,
+        playbooks=playbooks,
+        outside=taken.outside(path, folder, services, by_service),
+        environment=bare,
     )
+    return Definitions(
+        experiment=experiment,
+        containers=MappingProxyType({key: one.definition for key, one in sorted(containers.items())}),
+        unsupported=tuple(sorted(paths.hide_outside(unsupported.problems, folder))),
+        variables=taken.variables(experiment.environment, environ),
+    )
+
+
+def _services(
+    root: Map, containers: Mapping[str, Container], folder: str, environ: Mapping[str, str], findings: Findings
+) -> tuple[dict[str, Service], taken.Taken]:
+    """Return every service whose entry fits the schema, and (service, variable) of what they take from `environ`."""
+    services: dict[str, Service] = {}
+    bare: list[tuple[str, str]] = []
+    for name, entry in sorted(checks.service_maps(root).items()):
+        if not findings.broken(("services", name)):
+            container_of = containers.get(_cdf_key(entry))
+            place = checks.service_key(root, name)
+            built, variables = service.build(place, entry, container_of, folder, environ, findings)
+            bare += [(name, variable) for variable in variables]
+            services[name] = secrets.with_secrets(built, entry, root, findings)
+    return services, tuple(bare)
 
 
 def _cdf_key(entry: Map) -> str:

@@ -9,6 +9,9 @@ from __future__ import annotations
 
 from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq
 
+FROM_CONTROLLER = "!controller"
+"""The tag of a value that the controller's environment gave; in a file it means nothing and is refused."""
+
 REPLACED_LISTS = frozenset({"command", "entrypoint", "test", "authors", "arch"})
 """Lists that are one value: they replace."""
 
@@ -74,7 +77,8 @@ def _as_map(node: Node, environ: dict[str, str], findings: Findings, path: Path)
             hint = f"write {name}=value, or set {name} where srprov runs"
             findings.add(item, f"the controller's environment has no '{name}'", (*path, index), hint)
         words = value if given else environ.get(name, "")
-        entries[name] = Scalar(item.source, item.line, item.column, words, plain=False)
+        tag = "" if given else FROM_CONTROLLER
+        entries[name] = Scalar(item.source, item.line, item.column, words, plain=False, tag=tag)
         keys[name] = item
     return Map(node.source, node.line, node.column, entries, keys, node.tag)
 

@@ -15,7 +15,7 @@ from srprov.definitions.containermodel import ContainerDefinition, Requirements,
 from srprov.definitions.playbookmodel import Playbook
 from srprov.definitions.secretmodel import SecretSource, SecretUse
 from srprov.errors import Diagnostic, Location
-from srprov.secret import Secret
+from srprov.secret import Secret, Vault
 
 _NOWHERE = Location("")
 
@@ -142,6 +142,10 @@ class Experiment:
     secrets: Mapping[str, SecretSource] = field(default_factory=lambda: MappingProxyType({}))
     playbooks: tuple[Playbook, ...] = ()
     """Those that come with the EDF, in its order."""
+    outside: tuple[tuple[str, str], ...] = ()
+    """(service, path of the controller) of what it reads or ships from outside of its folder."""
+    environment: tuple[tuple[str, str], ...] = ()
+    """(service, variable) of what it takes from the controller's environment."""
     same_robot: tuple[tuple[str, ...], ...] = ()
     different_robot: tuple[tuple[str, ...], ...] = ()
     """Groups of which no two services run on one robot."""
@@ -161,3 +165,5 @@ class Definitions:
     experiment: Experiment
     containers: Mapping[str, ContainerDefinition]
     unsupported: tuple[Diagnostic, ...] = ()
+    variables: Vault = field(default_factory=Vault)
+    """The values that come from the controller's environment, but for those too short to be hidden."""

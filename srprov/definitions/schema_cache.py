@@ -14,6 +14,7 @@ import stat
 from functools import cache
 from pathlib import Path
 
+from srprov import private
 from srprov.yamldoc import nodes
 
 _MOST_BYTES = 64 * 1024
@@ -29,10 +30,9 @@ def add(digest: str) -> None:
     """Add a digest; when the file is full, it starts again with this one."""
     path = _path()
     with contextlib.suppress(OSError):
-        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        private.make_folder(path.parent)
         full = path.exists() and path.stat().st_size > _MOST_BYTES - _LINE
-        with path.open("w" if full else "a", encoding="ascii") as file:
-            file.write(f"{digest}\n")
+        private.write_file(path, f"{digest}\n", os.O_TRUNC if full else os.O_APPEND)
     _lines.cache_clear()
 
 

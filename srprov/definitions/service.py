@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
-from srprov.definitions import envfile, images, merging, paths, runtime
+from srprov.definitions import envfile, images, merging, paths, runtime, taken
 from srprov.definitions.container import Container
 from srprov.definitions.containermodel import Requirements
 from srprov.definitions.model import Service
@@ -29,8 +29,12 @@ _CONDITIONS = {
 
 def build(
     key: Scalar, node: Map, container: Container | None, folder: str, environ: Mapping[str, str], findings: Findings
-) -> Service:
-    """Merge one service; `node` passed the schema, `container` is None for an image (or a CDF that is wrong)."""
+) -> tuple[Service, tuple[str, ...]]:
+    """Merge one service; `node` passed the schema, `container` is None for an image (or a CDF that is wrong).
+
+    Returns:
+        The service, and the names of the variables that it takes from `environ`.
+    """
     name = key.text
     path: Path = ("services", name)
     own = merging.normalise(merging.select(node, runtime.RUNTIME_FIELDS), dict(environ), findings, path)
@@ -39,7 +43,7 @@ def build(
     files = _env_files(node.entries.get("env_file"), folder, environ, findings, (*path, "env_file"))
     merged = merging.merge(merging.merge(below, files), own) if files.entries else merging.merge(below, own)
     assert isinstance(merged, Map)
-    return Service(
+    built = Service(
         name=name,
         cdf=container.definition.file if container is not None else "",
         image=text(node.entries.get("image")),
@@ -53,6 +57,9 @@ def build(
         per_robot=_per_robot(node.entries.get("per_robot")),
         location=nodes.location(key),
     )
+    # what is built into the image is taken as well, whatever the service says of that variable
+    into_image = container.layer if container is not None and container.definition.build_environment else None
+    return built, tuple(sorted({*taken.environment(merged), *taken.environment(into_image)}))
 
 
 def depends_on(node: Node | None) -> dict[str, str]:
@@ -106,13 +113,13 @@ def _env_files(node: Node | None, folder: str, environ: Mapping[str, str], findi
             continue
         try:
             shown = paths.shown_beside(item.source.file, item.text)
-            found, problems = envfile.parse(loader.read_text(real, shown), shown, environ)
+            found, bare, problems = envfile.parse(loader.read_text(real, shown), shown, environ)
         except DefinitionError as error:
-            found, problems = {}, list(error.problems)
+            found, bare, problems = {}, set(), list(error.problems)
         findings.extend(map(nodes.without_secrets, problems))
-        entries |= {
-            key: Scalar(item.source, item.line, item.column, value, plain=False) for key, value in found.items()
-        }
+        for name, words in found.items():
+            tag = merging.FROM_CONTROLLER if name in bare else ""
+            entries[name] = Scalar(item.source, item.line, item.column, words, plain=False, tag=tag)
     first = given[0]
     keys = {key: Scalar(first.source, value.line, value.column, key) for key, value in entries.items()}
     variables = Map(first.source, first.line, first.column, entries, keys)

@@ -25,10 +25,12 @@ KINDS = (
     "capability",
     "sysctl",
     "security-opt",
+    "outside",
+    "env",
     "secret",
     "playbook",
 )
-ASKED_FIRST = ("secret", "playbook")
+ASKED_FIRST = ("outside", "env", "secret", "playbook")
 """Kinds that `plan` must not serve without permission either: to plan is to read, render or ask what they say."""
 _SOCKETS = ("/var/run/docker.sock", "/run/docker.sock")
 
@@ -50,6 +52,10 @@ def permissions(experiment: Experiment) -> tuple[Permission, ...]:
             # whoever writes an EDF could name any variable, file or program of the controller
             what = f"{use.source}, from {experiment.secrets[use.source].origin}"
             found.append(Permission(kind="secret", service=service.name, what=what))
+    # what leaves the controller lies in the experiment's folder, or is named here
+    found += (Permission(kind="outside", service=service, what=path) for service, path in experiment.outside)
+    taken = ((service, f"{name}, from the controller's environment") for service, name in experiment.environment)
+    found += (Permission(kind="env", service=service, what=what) for service, what in taken)
     listed = sorted(found, key=lambda one: (KINDS.index(one.kind), one.service, one.what))
     for playbook in experiment.playbooks:
         # a playbook may state anything, as root: no list of modules would make one from a stranger harmless

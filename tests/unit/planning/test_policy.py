@@ -51,7 +51,7 @@ def test_what_is_asked(fields: dict[str, Any], asked: list[tuple[str, str]]) -> 
 
 def test_every_kind_is_asked_by_something() -> None:
     """The list of kinds that a user can allow holds nothing that is never asked."""
-    assert {kind for _, asked in ASKS for kind, _ in asked} | {"secret", "playbook"} == set(KINDS)
+    assert {kind for _, asked in ASKS for kind, _ in asked} | {"secret", "playbook", "env", "outside"} == set(KINDS)
 
 
 def test_reading_a_secret_of_the_controller_is_asked() -> None:

@@ -1,0 +1,71 @@
+"""What an experiment takes from the controller beyond its own folder: files that lie elsewhere, and variables.
+
+Takes an EDF's containers and services; gives (service, what) pairs that `planning.policy` makes permissions of. Looks
+where links lead.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator, Mapping
+
+from srprov.definitions.container import Container
+from srprov.definitions.merging import FROM_CONTROLLER
+from srprov.definitions.model import Service
+from srprov.definitions.paths import inside
+from srprov.secret import Secret, Vault
+from srprov.yamldoc.nodes import Map
+
+Taken = tuple[tuple[str, str], ...]
+
+
+def outside(
+    edf: str, folder: str, services: Mapping[str, Service], containers: Mapping[str, Container | None]
+) -> Taken:
+    """Return service -> path, links followed, of everything read or shipped that is not in the experiment's folder.
+
+    Args:
+        edf: Path of the EDF; one that is a link out of its folder counts for the service "experiment".
+        folder: The experiment's folder.
+        services: By name.
+        containers: By the name of the service; None for an image.
+    """
+    found = {("experiment", os.path.realpath(edf))} if not inside(edf, folder) else set()
+    for name, service in services.items():
+        paths = [mount.source for mount in service.runtime.mounts if mount.kind == "tree"]
+        paths += _of_container(containers.get(name))
+        found |= {(name, _named(path)) for path in paths if not inside(path, folder)}
+    return tuple(sorted(found))
+
+
+def _of_container(container: Container | None) -> Iterator[str]:
+    if container is None:
+        return
+    yield from container.files
+    if container.definition.dockerfile:
+        yield container.definition.dockerfile
+        yield os.path.dirname(container.definition.dockerfile)  # the build context
+    for file in container.definition.files:
+        yield file.source
+
+
+def _named(path: str) -> str:
+    real = os.path.realpath(path)
+    return f"{real}/" if os.path.isdir(real) else real
+
+
+def environment(layer: Map | None) -> tuple[str, ...]:
+    """Return the names of the variables in a merged layer whose values are the controller's."""
+    given = layer.entries.get("environment") if layer is not None else None
+    entries = given.entries if isinstance(given, Map) else {}
+    return tuple(sorted(name for name, value in entries.items() if value.tag == FROM_CONTROLLER))
+
+
+def variables(taken: Taken, environ: Mapping[str, str]) -> Vault:
+    """Return the values of variables; from now on nothing shows them, but for those too short to be hidden."""
+    values = {}
+    for _, name in taken:
+        with contextlib.suppress(ValueError, KeyError):
+            values[name] = Secret(environ[name])
+    return Vault(values)

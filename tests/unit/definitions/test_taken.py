@@ -1,0 +1,180 @@
+"""What leaves the controller lies in the experiment's folder, or is listed and has to be allowed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from srprov.cli.main import run
+from srprov.definitions import check_files, load_experiment, load_inventory
+from srprov.errors import DefinitionError
+from srprov.planning.policy import permissions
+from srprov.secret import forget, redact
+
+MARK = "hunter2-in-a-line-of-a-foreign-file"
+
+
+@pytest.fixture(autouse=True)
+def _forget() -> None:
+    forget()
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a folder with an experiment's folder `exp`, and beside it somebody's project with a decoy."""
+    victim = tmp_path / "victim"
+    victim.mkdir()
+    (victim / "id").write_text(f"{MARK}: [\n")
+    (victim / "Dockerfile").write_text("FROM busybox\nCOPY . /\n")
+    (victim / "x.cdf").write_text("cdf: 1\nbase: busybox\nfiles: [{src: id, dest: /id}]\nvolumes: ['./sub:/sub']\n")
+    (victim / "sub").mkdir()
+    (victim / "sub" / "file").write_text("x")
+    (tmp_path / "exp").mkdir()
+    monkeypatch.chdir(tmp_path / "exp")
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    (tmp_path / "exp" / "inv.yml").write_text("all: {hosts: {r1: {ansible_host: 127.0.0.1, ansible_port: 1}}}\n")
+    return tmp_path
+
+
+def edf(here: Path, service: str, top: str = "") -> Path:
+    """Write an EDF of one service."""
+    path = here / "exp" / "e.edf"
+    path.write_text(f"edf: 1\nname: demo\nservices:\n  a: {service}\n{top}")
+    return path
+
+
+def asked(path: Path, **environ: str) -> set[tuple[str, str]]:
+    """Return what an experiment asks for: (kind, what)."""
+    return {(one.kind, one.what) for one in permissions(load_experiment(path, environ).experiment)}
+
+
+def test_a_dockerfile_elsewhere_takes_its_whole_folder(here: Path) -> None:
+    path = edf(here, f"{{cdf: {here}/victim/Dockerfile}}")
+    assert asked(path) == {("outside", f"{here}/victim/Dockerfile"), ("outside", f"{here}/victim/")}
+
+
+def test_each_file_that_a_cdf_elsewhere_takes_is_listed(here: Path) -> None:
+    path = edf(here, "{cdf: ../victim/x.cdf}")
+    victim = here / "victim"
+    assert asked(path) == {("outside", str(one)) for one in (victim / "x.cdf", victim / "id", f"{victim}/sub/")}
+
+
+def test_a_cdf_that_extends_one_elsewhere_takes_what_that_takes(here: Path) -> None:
+    (here / "exp" / "t.cdf").write_text("cdf: 1\nextends: ../victim/x.cdf\n")
+    assert ("outside", f"{here}/victim/x.cdf") in asked(edf(here, "{cdf: t.cdf}"))
+
+
+@pytest.mark.parametrize("link", ["x.cdf", "."])
+def test_links_count_as_what_they_lead_to(here: Path, link: str) -> None:
+    (here / "exp" / "in").symlink_to(here / "victim" / link)
+    name = "in" if link == "x.cdf" else "in/x.cdf"
+    (here / "victim" / "x.cdf").write_text("cdf: 1\nimage: busybox\n")
+    assert asked(edf(here, f"{{cdf: {name}}}")) == {("outside", f"{here}/victim/x.cdf")}
+
+
+def test_an_edf_that_is_a_link_out_of_its_folder_is_one_from_outside(here: Path) -> None:
+    (here / "victim" / "e.edf").write_text("edf: 1\nname: demo\nservices: {a: {image: busybox}}\n")
+    (here / "exp" / "e.edf").symlink_to(here / "victim" / "e.edf")
+    assert asked(here / "exp" / "e.edf") == {("outside", f"{here}/victim/e.edf")}
+
+
+def test_what_lies_in_the_folder_asks_for_nothing(here: Path) -> None:
+    (here / "exp" / "sub").mkdir()
+    (here / "exp" / "sub" / "Dockerfile").write_text("FROM busybox\n")
+    (here / "exp" / "v.env").write_text("A=1\nNOT_SET\n")
+    (here / "exp" / "link.cdf").symlink_to("sub/Dockerfile")
+    path = edf(here, "{cdf: sub/Dockerfile, env_file: v.env, environment: [A=1], volumes: ['./sub:/sub']}")
+    assert asked(path, A="2") == set()
+
+
+@pytest.mark.parametrize("verb", [["plan"], ["apply", "--yes"], ["plan", "--allow", "env", "--allow", "secret"]])
+def test_without_permission_nothing_from_outside_is_planned(
+    here: Path, capsys: pytest.CaptureFixture[str], verb: list[str]
+) -> None:
+    """Exit 9, path by path, before a robot is tried; with permission the robot is."""
+    edf(here, "{cdf: ../victim/x.cdf}")
+    assert run([*verb, "e.edf", "-i", "inv.yml"]) == 9
+    said = capsys.readouterr().err
+    assert f"a: outside ({here}/victim/id)" in said and "--allow outside" in said
+    assert "unreachable" not in said and MARK not in said
+    assert run(["plan", "e.edf", "-i", "inv.yml", "--allow", "outside"]) != 9
+
+
+@pytest.mark.parametrize("service", ["{cdf: ../victim/id}", "{cdf: in}", "{cdf: t.cdf}", "{cdf: ../victim/w.cdf}"])
+@pytest.mark.parametrize("verb", [["validate"], ["validate", "--format", "json"], ["plan", "-i", "inv.yml"]])
+def test_no_word_of_a_file_outside_is_shown(
+    here: Path, capsys: pytest.CaptureFixture[str], service: str, verb: list[str]
+) -> None:
+    """A key, a syntax error, an unknown field: one sentence says that something is wrong, and where to see it."""
+    (here / "exp" / "in").symlink_to(here / "victim" / "id")
+    (here / "exp" / "t.cdf").write_text("cdf: 1\nextends: ../victim/id\n")
+    (here / "victim" / "w.cdf").write_text(f"cdf: 1\nbase: busybox\n{MARK}: {MARK}\nports: ['{MARK}']\n")
+    edf(here, service)
+    assert run([*verb, "e.edf"]) == 5
+    done = capsys.readouterr()
+    assert MARK not in done.out + done.err
+    assert "what is wrong is not shown" in done.out + done.err
+    assert f"srprov validate {here}/victim/" in done.out + done.err
+    run(["validate", str(here / "victim" / "w.cdf")])
+    assert MARK in capsys.readouterr().out
+
+
+def test_what_is_not_built_yet_of_a_file_outside_is_not_shown_either(here: Path) -> None:
+    (here / "victim" / "w.cdf").write_text(f"cdf: 1\nbase: busybox\npackages: {{npm: [{MARK}]}}\n")
+    read = load_experiment(edf(here, "{cdf: ../victim/w.cdf}"), {})
+    assert read.unsupported and all(MARK not in repr(one) for one in read.unsupported)
+
+
+def test_variables_of_hosts_that_are_links_elsewhere_are_not_shown(here: Path) -> None:
+    (here / "exp" / "host_vars").mkdir()
+    (here / "exp" / "host_vars" / "r1.yml").symlink_to(here / "victim" / "id")
+    with pytest.raises(DefinitionError) as refused:
+        load_inventory(["inv.yml"])
+    assert MARK not in repr(refused.value.problems)
+    assert check_files(["inv.yml"])
+
+
+@pytest.mark.parametrize(
+    "service",
+    [
+        "{image: busybox, environment: [CLOUD_KEY, OTHER]}",
+        "{image: busybox, environment: [OTHER=x], env_file: v.env}",
+        "{cdf: t.cdf, environment: [OTHER=x]}",
+        "{cdf: built.cdf, environment: [CLOUD_KEY=mine]}",
+    ],
+)
+def test_a_bare_name_is_listed_and_its_value_is_a_secret(here: Path, service: str) -> None:
+    """From the EDF, an env_file, a CDF; also when it is only built into the image."""
+    (here / "exp" / "v.env").write_text("CLOUD_KEY\n")
+    (here / "exp" / "t.cdf").write_text("cdf: 1\nimage: busybox\nenvironment: [CLOUD_KEY]\n")
+    (here / "exp" / "built.cdf").write_text("cdf: 1\nbase: busybox\nenvironment: [CLOUD_KEY]\n")
+    found = asked(edf(here, service), CLOUD_KEY="key-of-the-cloud", OTHER="other-word")
+    assert ("env", "CLOUD_KEY, from the controller's environment") in found
+    assert redact("got key-of-the-cloud") == "got ***"
+
+
+def test_a_name_that_is_given_a_value_takes_none(here: Path) -> None:
+    (here / "exp" / "t.cdf").write_text("cdf: 1\nimage: busybox\nenvironment: [CLOUD_KEY]\n")
+    path = edf(here, "{cdf: t.cdf, environment: {CLOUD_KEY: mine}}")
+    assert asked(path, CLOUD_KEY="key-of-the-cloud") == set()
+
+
+def test_without_permission_no_variable_is_taken(
+    here: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Exit 9 names the variable and not its value; validate needs no permission."""
+    monkeypatch.setenv("CLOUD_KEY", "key-of-the-cloud")
+    edf(here, "{image: busybox, environment: [CLOUD_KEY]}")
+    assert run(["plan", "e.edf", "-i", "inv.yml"]) == 9
+    said = capsys.readouterr().err
+    assert "a: env (CLOUD_KEY, from the controller's environment)" in said and "--allow env" in said
+    assert run(["validate", "e.edf"]) == 0
+    assert run(["plan", "e.edf", "-i", "inv.yml", "--allow", "env"]) != 9
+    assert "key-of-the-cloud" not in said + capsys.readouterr().err
+
+
+def test_a_tag_of_a_file_does_not_pass_for_a_value_of_the_controller(here: Path) -> None:
+    """The mark for such values means nothing in a file."""
+    with pytest.raises(DefinitionError):
+        load_experiment(edf(here, "{image: busybox, environment: {A: !controller x}}"), {})
