@@ -15,6 +15,7 @@ from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
 
+from srprov import private
 from srprov.secret import redact, redacted
 
 _PATIENCE_S = 10.0
@@ -96,7 +97,7 @@ class RunFolder:
                 os.close(self._events)
 
     def _make(self) -> None:
-        self.root.mkdir(mode=0o700, parents=True, exist_ok=True)
+        private.make_folder(self.root)
         for twin in range(1, _MOST_TWINS):
             path = self.root / (self.name if twin == 1 else f"{self.name}-{twin}")
             with contextlib.suppress(FileExistsError):
