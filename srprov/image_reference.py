@@ -62,6 +62,8 @@ def parse_reference(text: str) -> Reference:
     name, tag = _split_tag(rest)
     if tag is not None and not _TAG.fullmatch(tag):
         raise ValueError(f"'{shown}' has no valid tag")
+    if name == "sha256":
+        raise ValueError(f"'{shown}' is an id, not a name: it says nothing of where the image comes from")
     domain, path = _split_domain(name)
     if not _DOMAIN.fullmatch(domain):
         raise ValueError(f"'{shown}' has no valid registry name")

@@ -90,8 +90,10 @@ class Engine:
             }
             return _answer(info)
         if path == "/containers/json":
-            assert dict(query.params).get("all") == "true", "a stopped container counts too"
+            every = dict(query.params).get("all") == "true"
+            assert every or not wanted, "a stopped container counts too"
             shown = [c for c in self.containers.values() if _has(c.body.get("Labels"), wanted)]
+            shown = [c for c in shown if every or c.state == "running"]
             return _answer([self._listed(one) for one in shown])
         if path == "/networks":
             return _answer([_network(n, b) for n, b in self.networks.items() if _has(b.get("Labels"), wanted)])
@@ -135,7 +137,7 @@ class Engine:
             "ImageID": "sha256:" + identity(one.body["Image"]),
             "Command": " ".join(one.body.get("Cmd") or ["sh"]),
             "Created": 1700000000,
-            "Ports": [],
+            "Ports": _published(one),
             "Labels": one.body.get("Labels", {}),
             "State": one.state,
             "Status": self._status(one),
@@ -343,6 +345,20 @@ class Engine:
 def _ports(body: Mapping[str, Any]) -> set[str]:
     bindings = body["HostConfig"].get("PortBindings", {})
     return {binding["HostPort"] for several in bindings.values() for binding in several}
+
+
+def _published(one: Container) -> list[dict[str, Any]]:
+    bindings = one.body["HostConfig"].get("PortBindings", {}) if one.state == "running" else {}
+    return [
+        {
+            "IP": binding["HostIp"] or "0.0.0.0",
+            "PrivatePort": int(inside.split("/")[0]),
+            "PublicPort": int(binding["HostPort"]),
+            "Type": inside.split("/")[1],
+        }
+        for inside, several in bindings.items()
+        for binding in several
+    ]
 
 
 def _has(labels: Mapping[str, str] | None, wanted: list[str]) -> bool:

@@ -29,6 +29,7 @@ from tests.fake_kernel import Disk, Kernel, shell_reply
 
 __all__ = ["Behaviour", "Entry", "FakeRobot", "Fault", "World"]
 
+_THERE = re.compile(r"\[ -e (\S+) \] \|\| echo ([0-9]+)")
 _LOGS = re.compile(r"docker logs --tail (\d+) (\S+) 2>&1")
 
 
@@ -178,6 +179,8 @@ class FakeRobot:
         )
         self.fault: Fault | None = None
         self.commands = 0
+        self.listening: list[str] = []
+        """Lines of `ss`."""
         self.gone = False
         self.holder: FakeLockChannel | None = None
         self.busy = False
@@ -256,6 +259,12 @@ class FakeRobot:
             one = self.engine.containers.get(match[2])
             text = self.engine.behaviours.get(one.service, Behaviour()).log if one else ""
             return shell_reply("" if one else f"Error: No such container: {match[2]}", text)
+        if command.startswith("ss "):
+            return Reply(status=0, out="".join(f"{line}\n" for line in self.listening))
+        if asked := _THERE.findall(command):
+            return Reply(status=0, out="".join(f"{n}\n" for path, n in asked if not self.disk.exists(path)))
+        if command == ":":
+            return Reply(status=0)
         if command.startswith("first="):
             return Reply(status=0, out="")
         if command.startswith("timeout -k 2 10 sh -c "):

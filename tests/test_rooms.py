@@ -69,7 +69,8 @@ ROOMS: Mapping[str, Room] = {
     "rendering": room("errors resource data definitions modules yamldoc", "jinja2 yaml"),
     "modules": room("errors wire untrusted resource secret definitions.model definitions.containermodel"),
     "planning": room(
-        "errors names untrusted resource wire secret modules facts.model definitions.containermodel definitions.model"
+        "errors names untrusted resource wire secret image_reference modules facts.model definitions.containermodel"
+        " definitions.model"
         " definitions.secretmodel"
     ),
     "execution": room("errors untrusted resource wire session modules planning facts owner"),

@@ -61,7 +61,8 @@ def made(
 ) -> plan.Planned:  # fmt: skip
     """Make a plan with all that led to it."""
     engine = request.exact or any(one.requires.disk for one in definitions.experiment.services.values())
-    with Gathering(inventory(world), world.reader, engine=engine) as look:
+    ports = any(one.runtime.ports or one.runtime.expose for one in definitions.experiment.services.values())
+    with Gathering(inventory(world), world.reader, engine=engine, ports=ports) as look:
         return plan.make_plan(definitions, look, request, vault or Vault())
 
 

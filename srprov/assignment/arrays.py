@@ -84,7 +84,7 @@ def arrays(problem: Problem) -> Arrays:
         UsageError: Too many ways to combine pools with same_robot.
     """
     node_of = {service: index for index, node in enumerate(problem.nodes) for service in node}
-    groups = [tuple(sorted({node_of[name] for name in group if name in node_of})) for group in problem.anti_affinity]
+    groups = [tuple(sorted({node_of[name] for name in group if name in node_of})) for group in problem.kept_apart]
     anti_affinity = tuple(group for group in groups if len(group) > 1)
     found = tuple(items(problem.nodes, problem.pools, problem.alphas, anti_affinity))
     names = tuple(tuple(sorted(name for node in item.nodes for name in problem.nodes[node])) for item in found)

@@ -103,7 +103,7 @@ def _none_in_vain(problem: Problem, names: list[str]) -> list[str]:
 
 def _hall(problem: Problem) -> tuple[ServiceGroup, ...]:
     """Return a conflict of nodes in the plain model, the smallest that inserting one after another shows; or none."""
-    if problem.pools or problem.anti_affinity:
+    if problem.pools or problem.kept_apart:
         return ()
     eligible = {node: problem.eligible(node) for node in problem.nodes}
     holds: dict[str, list[ServiceGroup]] = {robot: [] for robot in problem.slots}

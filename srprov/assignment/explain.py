@@ -86,7 +86,7 @@ def _message(problem: Problem, conflict: Sequence[ServiceGroup]) -> str:
 def _apart_too(problem: Problem) -> str:
     """Name the relations that would stand in the way however many slots the robots had."""
     one_each = replace(problem, slots=dict.fromkeys(problem.slots, 1), anti_affinity=(), pools=())
-    parts = [_apart(group) for group in _groups(problem) if not feasible(cut(one_each, group))]
+    parts = [_apart(problem, group) for group in _groups(problem) if not feasible(cut(one_each, group))]
     return f"; and {'; '.join(parts)}" if parts else ""
 
 
@@ -96,13 +96,16 @@ def _groups(problem: Problem) -> list[list[str]]:
     return [both for group in problem.anti_affinity if len(both := sorted(names & set(group))) > 1]
 
 
-def _apart(group: Sequence[str]) -> str:
+def _apart(problem: Problem, group: Sequence[str]) -> str:
+    port = next((port for names, port in problem.ports.items() if set(group) <= set(names)), "")
+    if port:
+        return f"{quoted(group)} {'both' if len(group) == 2 else 'all'} publish {port}"
     return f"{quoted(group)} must run on different robots"
 
 
 def _because(problem: Problem) -> str:
     """Say which relations and pools take part in a conflict that is no mere lack of slots."""
-    parts = [_apart(group) for group in _groups(problem)]
+    parts = [_apart(problem, group) for group in _groups(problem)]
     parts += [
         f"the pool {quoted(pool.services)} can only share a slot on a robot that can run all of it"
         for pool in problem.pools

@@ -87,6 +87,8 @@ class Problem:
     pools: tuple[Pool, ...] = ()
     anti_affinity: tuple[tuple[str, ...], ...] = ()
     """Groups of services of which a robot runs one at most."""
+    ports: Mapping[ServiceGroup, str] = field(default_factory=lambda: MappingProxyType({}))
+    """Those of `anti_affinity` that have a port of their robot in common -> that port, such as `8080/tcp`."""
     weights: Weights = field(default_factory=Weights)
     previous: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     """Service -> the robot it runs on now."""
@@ -98,6 +100,12 @@ class Problem:
     """Moving nothing comes before a lower cost."""
     fairness: Fairness = field(default_factory=Fairness)
     facts: Mapping[str, HostFacts] = field(default_factory=lambda: MappingProxyType({}))
+
+    @property
+    def kept_apart(self) -> tuple[tuple[str, ...], ...]:
+        """Return `anti_affinity` as far as it matters: robots of one slot keep everything apart but pools."""
+        crowded = self.pools or max(self.slots.values(), default=0) > 1
+        return self.anti_affinity if crowded else ()
 
     @property
     def alphas(self) -> dict[str, float]:

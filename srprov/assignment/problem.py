@@ -11,27 +11,31 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
-from srprov.assignment import capability
+from srprov.assignment import capability, ports
 from srprov.assignment.cost import Load, at_slot, load
 from srprov.assignment.model import Fairness, LazyMapping, Problem, ServiceGroup
 from srprov.assignment.requirements import UnmetRequirement, missing, pinned_elsewhere
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.model import Experiment
 from srprov.errors import UsageError
-from srprov.facts.model import Snapshot
+from srprov.facts.model import Snapshot, TakenPort
+
+_NOTHING: Mapping[str, Sequence[TakenPort]] = MappingProxyType({})
 
 
 def build(
     experiment: Experiment, containers: Mapping[str, ContainerDefinition], snapshot: Snapshot,
     previous: Mapping[str, str], *, slots: Mapping[str, int] | None = None, reassign: bool = False,
     reassign_unreachable: bool = False, history: Sequence[Mapping[str, float]] = (),
+    taken: Mapping[str, Sequence[TakenPort]] = _NOTHING,
 ) -> Problem:  # fmt: skip
     """Return the assignment problem of an experiment.
 
-    `containers` has CDFs by the key that `Service.cdf` holds; `previous`, where services run now, by labels and for
-    robots out of reach by the placement record; `slots`, robots whose inventory says `srprov_slots`; `history`, what
-    earlier runs allocated to robots. `reassign` lets services move; `reassign_unreachable` those out of reach.
+    `containers` has CDFs by the key of `Service.cdf`; `previous`, where services run now, by labels and for robots out
+    of reach by the placement record; `slots`, robots with `srprov_slots`; `history`, what earlier runs allocated to
+    robots; `taken`, the ports that others have. `reassign` lets services move; `reassign_unreachable` those out of reach.
 
     Raises:
         UsageError: A kernel bound that cannot be read, or relations that contradict each other.
@@ -43,17 +47,16 @@ def build(
     groups = tuple(_contract((name for name in services if name not in fixed), experiment.same_robot))
     _check_anti_affinity(groups, experiment.different_robot)
     frozen = {} if reassign_unreachable else _freeze(groups, before, snapshot.unreachable)
-    taken = tuple(frozen.values())  # what is fixed takes no slot
+    away = tuple(frozen.values())  # what is fixed takes no slot
     frozen |= {name: robot for name, robot in fixed.items() if robot in snapshot.unreachable}
     total = {robot: (slots or {}).get(robot, experiment.placement.slots_per_robot) for robot in sorted(snapshot.facts)}
-    free = _free_slots(total, taken, len(groups))
-    reference = experiment.placement.bandwidth_reference_mbit
+    free = _free_slots(total, away, len(groups))
     made = Problem(
         services=services,
         nodes=tuple(group for group in groups if not frozen.keys() & set(group)),
         robots=tuple(sorted({*snapshot.facts, *snapshot.unreachable})),
         slots=free,
-        loads={robot: _per_slot(load(snapshot.facts[robot], reference), free[robot], total[robot]) for robot in free},
+        loads=_loads(experiment, snapshot, free, total),
         capable=capability.matrix(services, platforms, [snapshot.facts[robot] for robot in free]),
         misses={},
         pools=experiment.pools,
@@ -66,16 +69,37 @@ def build(
         fairness=_fairness(experiment.placement.fairness, history),
         facts=snapshot.facts,
     )
-    return _with_misses(made, groups, platforms, snapshot.unreachable)
+    return _with_ports(made, groups, platforms, snapshot.unreachable, taken)
+
+
+def _with_ports(
+    problem: Problem, groups: Sequence[ServiceGroup], platforms: Mapping[str, Sequence[str]],
+    unreachable: Mapping[str, str], taken: Mapping[str, Sequence[TakenPort]],
+) -> Problem:  # fmt: skip
+    """Return the problem with the robots' ports as something that only one service of a robot can have."""
+    held = ports.holders(problem.services, {**problem.fixed, **problem.frozen}, taken)
+    shared = ports.exclusive(problem.services)
+    for group in groups:
+        for names, port in shared.items():
+            if len(both := sorted(set(group) & set(names))) > 1:
+                message = f"'{both[0]}' and '{both[1]}' must share a robot, and both publish {port}"
+                raise UsageError(message, hint="give one of them another port, or take it out of same_robot")
+    exclusive = replace(
+        problem,
+        anti_affinity=tuple(dict.fromkeys((*problem.anti_affinity, *shared))),
+        ports=shared,
+        capable=ports.without_taken(problem.capable, problem.services, tuple(problem.loads), held),
+    )
+    return _with_misses(exclusive, groups, platforms, unreachable, held)
 
 
 def _with_misses(
     problem: Problem, groups: Sequence[ServiceGroup], platforms: Mapping[str, Sequence[str]],
-    unreachable: Mapping[str, str],
+    unreachable: Mapping[str, str], held: ports.Holders,
 ) -> Problem:  # fmt: skip
     """Return the problem with what robots lack, worked out when it is asked for: few answers need all of it."""
     names = tuple(problem.services)
-    own = LazyMapping(names, lambda name: _own(problem, name, platforms.get(name, ()), unreachable))
+    own = LazyMapping(names, lambda name: _own(problem, name, platforms.get(name, ()), unreachable, held))
     mates = {name: group for group in groups for name in group}
     return replace(problem, misses=LazyMapping(names, lambda name: _with_group(own, name, mates.get(name, (name,)))))
 
@@ -116,6 +140,13 @@ def _free_slots(total: Mapping[str, int], frozen: Sequence[str], nodes: int) -> 
     return {robot: max(0, min(nodes, count - frozen.count(robot))) for robot, count in total.items()}
 
 
+def _loads(
+    experiment: Experiment, snapshot: Snapshot, free: Mapping[str, int], total: Mapping[str, int]
+) -> dict[str, tuple[Load, ...]]:
+    reference = experiment.placement.bandwidth_reference_mbit
+    return {robot: _per_slot(load(snapshot.facts[robot], reference), free[robot], total[robot]) for robot in free}
+
+
 def _per_slot(idle: Load, free: int, slots: int) -> tuple[Load, ...]:
     """Return the load in every free slot; at least the first, since the cost matrix shows what that would cost."""
     return tuple(at_slot(idle, slot, slots) for slot in range(max(1, free)))
@@ -130,12 +161,12 @@ def _fairness(weight: float, history: Sequence[Mapping[str, float]]) -> Fairness
 
 
 def _own(
-    problem: Problem, name: str, platforms: Sequence[str], unreachable: Mapping[str, str]
+    problem: Problem, name: str, platforms: Sequence[str], unreachable: Mapping[str, str], held: ports.Holders
 ) -> dict[str, tuple[UnmetRequirement, ...]]:
     """Return robot -> what it lacks for a service alone; nothing for a robot that lacks nothing."""
     service, able = problem.services[name], problem.capable[name]
     lacks = {
-        robot: missing(service, platforms, problem.facts[robot])
+        robot: (*missing(service, platforms, problem.facts[robot]), *ports.missing_ports(service, robot, held))
         for bit, robot in enumerate(problem.loads)
         if not able >> bit & 1
     }

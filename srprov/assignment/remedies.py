@@ -126,7 +126,11 @@ def _relations(problem: Problem) -> Iterator[str]:
     for group in problem.anti_affinity:
         rest = tuple(other for other in problem.anti_affinity if other != group)
         if len(names & set(group)) > 1 and feasible(replace(problem, anti_affinity=rest)):
-            yield f"take {quoted(in_edf(problem, sorted(names & set(group))))} out of relations.different_robot"
+            named = quoted(in_edf(problem, sorted(names & set(group))))
+            if port := problem.ports.get(group):
+                yield f"publish {port} of {named} once at most"
+            else:
+                yield f"take {named} out of relations.different_robot"
     for node in problem.nodes:
         parts = tuple(sorted((*(other for other in problem.nodes if other != node), *((name,) for name in node))))
         if len(node) > 1 and feasible(replace(problem, nodes=parts)):

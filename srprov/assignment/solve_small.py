@@ -32,11 +32,11 @@ _Pair = tuple[int, int]
 
 
 def small(problem: Problem) -> bool:
-    """Return whether a problem is this solver's: no pool to decide, nothing to keep apart, no fairness, not large."""
+    """Return whether a problem is this solver's: no pool to decide, nobody to keep apart, no fairness, not large."""
     node_of = {name: index for index, node in enumerate(problem.nodes) for name in node}
     if any(len(pool.services) > 1 and node_of.keys() >= set(pool.services) for pool in problem.pools):
         return False
-    if any(len({node_of[name] for name in group if name in node_of}) > 1 for group in problem.anti_affinity):
+    if any(len({node_of[name] for name in group if name in node_of}) > 1 for group in problem.kept_apart):
         return False
     if problem.fairness.weight > 0 and any(problem.previous.keys().isdisjoint(node) for node in problem.nodes):
         return False

@@ -75,7 +75,7 @@ def apply(
         from srprov.controller.permissions import permit_run
         from srprov.execution import RunOptions
 
-        permit_run(planned.plan, request.allowed)
+        permit_run(planned.plan, request.allowed, inventory, request.policies)
         confirm(planned.plan, yes)
         phases.begin("apply")
         run_options = RunOptions(

@@ -4,17 +4,23 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import click
 
 from srprov import names
+from srprov.cli.config import user_folder
 from srprov.controller.request import SEARCH_LIMIT_S, PlanRequest
 from srprov.errors import UsageError
 from srprov.session import Pulse
 
+if TYPE_CHECKING:
+    from srprov.controller.labpolicy import Policies
+
+_MACHINE_FOLDER = Path("/etc/srprov")
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 INVENTORY = click.option(
@@ -146,12 +152,35 @@ def planning(function: _F) -> _F:
         from srprov.controller.permissions import check_kinds
 
         check_kinds(allow)
+        policies, allowed = _lab_policies(allow)
         request = dataclasses.replace(
-            request, adopt=adopt, reassign_unreachable=unreachable == "reassign", allowed=frozenset(allow)
+            request, adopt=adopt, reassign_unreachable=unreachable == "reassign", allowed=allowed, policies=policies
         )
         return function(request=request, unreachable=unreachable, **more)
 
     return cast("_F", deciding(_ADOPT(_UNREACHABLE(_ALLOW(with_request)))))
+
+
+def _lab_policies(allow: tuple[str, ...]) -> tuple[Policies, frozenset[str]]:
+    """Return the policies of this machine and this user, and what is left of the permissions that the user gives."""
+    own = user_folder(os.environ)
+    if not any(_there(folder / "policy.yml") for folder in (_MACHINE_FOLDER, own)):
+        return (), frozenset(allow)  # nothing of it is imported then
+    from srprov.controller.labpolicy import narrowed, read_policies
+
+    policies = read_policies(own, _MACHINE_FOLDER)
+    return policies, narrowed(allow, policies)
+
+
+def _there(path: Path) -> bool:
+    """Return whether there is something; what cannot be looked at counts, and is told by who reads it."""
+    try:
+        path.stat()
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+    except OSError:
+        return True
+    return True
 
 
 MAX_FAIL = click.option(

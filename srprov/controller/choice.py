@@ -13,6 +13,7 @@ from srprov.assignment import problem, solve
 from srprov.assignment.model import Assignment, Problem
 from srprov.controller.ownership import absent, previous_robots
 from srprov.controller.request import PlanRequest
+from srprov.controller.robot_room import of_others
 from srprov.definitions.expand import expand, nowhere
 from srprov.definitions.model import Definitions, Experiment, Inventory
 from srprov.definitions.pins import unknown_pins
@@ -66,6 +67,7 @@ def choice_of(
             reassign=request.reassign,
             reassign_unreachable=request.reassign_unreachable,
             history=request.history,
+            taken=of_others(snapshot, instance, experiment, previous),
         ),
         free=request.reassign or request.reassign_unreachable or not experiment.placement.sticky,
         new=frozenset(absent(snapshot, instance, previous, experiment.services)),

@@ -43,7 +43,8 @@ class Fleet:
         from srprov.facts.gather import Gathering
 
         engine = exact or any(service.requires.disk for service in experiment.services.values())
-        return Gathering(self.inventory, self.sessions.get, engine=engine, forks=self.forks)
+        ports = any(service.runtime.ports or service.runtime.expose for service in experiment.services.values())
+        return Gathering(self.inventory, self.sessions.get, engine=engine, ports=ports, forks=self.forks)
 
     def gather(self, detail: Detail, *, keep_mute: bool = False) -> Snapshot:
         """Ask every robot once and return what was found; see `srprov.facts.gather.gather`."""

@@ -6,13 +6,15 @@ against what the user allowed.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from srprov.errors import UsageError
 from srprov.planning.policy import ASKED_FIRST, KINDS, Permission, require
 
 if TYPE_CHECKING:
+    from srprov.definitions.labpolicy import LabPolicy
+    from srprov.definitions.model import Inventory
     from srprov.planning.plan import Plan
 
 
@@ -36,10 +38,16 @@ def permit_planning(asked: Iterable[Permission], allowed: Collection[str]) -> No
     require([one for one in asked if one.kind in ASKED_FIRST], allowed)
 
 
-def permit_run(plan: Plan, allowed: Collection[str]) -> None:
-    """Refuse to do a plan that asks for what the user did not allow.
+def permit_run(
+    plan: Plan, allowed: Collection[str], inventory: Inventory | None = None, policies: Sequence[LabPolicy] = ()
+) -> None:
+    """Refuse to do a plan that asks for what the user did not allow, or what a lab's policy does not allow at all.
 
     Raises:
-        RefusedError: Names all of it, and the flags that would allow it.
+        RefusedError: Names all of it, and the flags that would allow it; or the policy's file and line.
     """
+    if policies and inventory:
+        from srprov.controller.labpolicy import enforce
+
+        enforce(plan, inventory, policies)
     require(plan.permissions, allowed)

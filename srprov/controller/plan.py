@@ -17,12 +17,14 @@ from srprov.assignment import solve
 from srprov.assignment.model import Assignment
 from srprov.controller.choice import choice_of, idle_notes, settled
 from srprov.controller.context import contexts
+from srprov.controller.labpolicy import enforce, with_limits
 from srprov.controller.ownership import check_source, owned
 from srprov.controller.permissions import permit_planning
 from srprov.controller.phases import Phases
 from srprov.controller.playbooks import playbooks
 from srprov.controller.render_inputs import RenderInputs
 from srprov.controller.request import PlanRequest
+from srprov.controller.robot_room import check_room
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.model import Definitions, Experiment, Inventory
 from srprov.definitions.pins import unknown_pins
@@ -81,11 +83,11 @@ def make_plan(
 
     Raises:
         DefinitionError: The files ask for what is not built yet, or for robots that are not in the inventory.
-        RefusedError: The instance belongs to another source; or the experiment has playbooks that were not allowed.
+        RefusedError: The instance belongs to another source, or asks for what the user or the lab does not allow.
         NoAssignment: There is no feasible placement.
         UsageError, RenderError, PlanError: as their rooms say.
     """
-    _check_plannable(definitions, look.inventory, request)
+    definitions = _plannable(definitions, look.inventory, request)
     instance = request.instance or definitions.experiment.name
     source = source_of(definitions.experiment.file)
     phases = phases or Phases()
@@ -105,8 +107,11 @@ def make_plan(
     desired = _desired(inputs, theirs, vault)
     snapshot = look.probe(snapshot, desired)
     steps, unchanged = diff(desired, owned(snapshot, instance), instance)
+    notes = check_room(steps, choice, instance, snapshot, look, playbooks=bool(theirs))
+    made = _plan(definitions, dataclasses.replace(inputs, snapshot=snapshot), placed, theirs, steps, unchanged, notes)
+    enforce(made, look.inventory, request.policies)
     return Planned(
-        plan=_plan(definitions, dataclasses.replace(inputs, snapshot=snapshot), placed, theirs, steps, unchanged),
+        plan=made,
         snapshot=snapshot,
         definitions=definitions,
         assignment=placed,
@@ -116,13 +121,17 @@ def make_plan(
     )
 
 
-def _check_plannable(definitions: Definitions, inventory: Inventory, request: PlanRequest) -> None:
-    """Refuse what cannot or must not be planned, before anything of it is shown to a robot."""
+def _plannable(definitions: Definitions, inventory: Inventory, request: PlanRequest) -> Definitions:
+    """Return the definitions with the limits of the lab's policy.
+
+    What cannot or must not be planned is refused, before anything of it is shown to a robot.
+    """
     if definitions.unsupported:
         raise DefinitionError(definitions.unsupported)
     if unknown := unknown_pins(definitions.experiment, inventory):
         raise DefinitionError(unknown)
-    permit_planning(permissions(definitions.experiment), request.allowed)
+    permit_planning(permissions(definitions.experiment, definitions.containers), request.allowed)
+    return with_limits(definitions, request.policies)
 
 
 def _inputs(
@@ -164,7 +173,7 @@ def _desired(inputs: RenderInputs, theirs: Sequence[Playbook], vault: Vault) -> 
 
 def _plan(
     definitions: Definitions, inputs: RenderInputs, placed: Assignment, theirs: Sequence[Playbook],
-    steps: tuple[Step, ...], unchanged: int,
+    steps: tuple[Step, ...], unchanged: int, notes: tuple[str, ...],
 ) -> Plan:  # fmt: skip
     experiment = inputs.experiment
     return Plan(
@@ -175,9 +184,9 @@ def _plan(
         assignment=placed.placed,
         cost=placed.cost,
         costs={service: terms.total for service, terms in placed.terms.items()},
-        permissions=permissions(experiment),
+        permissions=permissions(experiment, definitions.containers),
         secrets=used(experiment),
-        notes=(*_notes(placed), *idle_notes(definitions, experiment, inputs.snapshot)),
+        notes=(*_notes(placed), *idle_notes(definitions, experiment, inputs.snapshot), *notes),
         unreachable=inputs.snapshot.unreachable,
         playbooks=tuple(PlaybookUse(name=one.name, file=one.file, place=one.place) for one in theirs),
     )

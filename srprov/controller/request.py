@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from srprov.definitions.labpolicy import LabPolicy
     from srprov.definitions.playbookmodel import Playbook
 
 SEARCH_LIMIT_S = 30.0
@@ -33,5 +34,7 @@ class PlanRequest:
     """The user's own, from his folder."""
     allowed: frozenset[str] = frozenset()
     """Kinds of permission that the user gave."""
+    policies: tuple[LabPolicy, ...] = ()
+    """The machine's and the user's own: what is allowed at all."""
     search_limit_s: float | None = SEARCH_LIMIT_S
     """Of each search for a placement; None: no limit."""

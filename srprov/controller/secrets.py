@@ -33,7 +33,7 @@ def read_secrets(source: Definitions | PlanFile, allowed: Collection[str]) -> Va
         return resolve(secret_sources(source))
     if source.unsupported:
         return Vault()  # refused as soon as a plan is made, with all that is not built
-    permit_planning(permissions(source.experiment), allowed)
+    permit_planning(permissions(source.experiment, source.containers), allowed)
     return resolve(used(source.experiment))
 
 

@@ -98,11 +98,12 @@ def _mount(instance: str, mount: Mount, trees: Mapping[str, Mapping[str, str]]) 
     if mount.kind == "tmpfs":
         return {"Type": "tmpfs", "Target": mount.target}
     if mount.kind == "volume":
-        source = {"Type": "volume", "Source": volume_name(instance, mount.source)}
+        source: dict[str, Any] = {"Type": "volume", "Source": volume_name(instance, mount.source)}
     elif mount.kind == "tree":
         tree = trees[mount.source]
         source = {"Type": "bind", "Source": f"{tree_path(instance, tree)}/{tree['top']}"}
     else:
-        source = {"Type": "bind", "Source": mount.source}
+        make = {"BindOptions": {"CreateMountpoint": True}} if mount.create_host_path else {}
+        source = {"Type": "bind", "Source": mount.source, **make}
     # shipped files are the experiment's own text: a container that wrote to them would make two robots differ
     return {**source, "Target": mount.target, "ReadOnly": mount.read_only or mount.kind == "tree"}

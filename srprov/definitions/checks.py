@@ -130,7 +130,8 @@ def _networks(entry: Map, one: Service, findings: Findings) -> None:
         why = "has no network to publish from" if one.network == "none" else "is on the robot's network already"
         place = nodes.key_or_value(entry, "ports" if "ports" in entry.entries else "network")
         message = f"ports are published, but a service with 'network: {one.network}' {why}"
-        findings.add(place, message, ("services", one.name, "ports"))
+        hint = "declare them with 'expose'" if one.network == "host" else ""
+        findings.add(place, message, ("services", one.name, "ports"), hint)
 
 
 def _conditions(

@@ -170,13 +170,17 @@ def _definition(layer: Map, path: str, folder: str, findings: Findings) -> Conta
     packages = get("packages")
     packed = packages.entries if isinstance(packages, Map) else {}
     run_time = runtime.parse(layer, folder, findings, ())
+    path_of_dockerfile, written = _dockerfile(get("dockerfile"), folder, findings)
+    named = tuple(name for key in ("base", "image") if (name := text(get(key))) not in ("", "scratch"))
     return ContainerDefinition(
         name=text(get("name")) or _stem(path),
         file=path,
         folder=os.path.dirname(path),
         base=text(get("base")),
         image=text(get("image")),
-        dockerfile=_dockerfile(get("dockerfile"), folder, findings),
+        dockerfile=path_of_dockerfile,
+        images=named + dockerfile.images_of(written),
+        fetches=dockerfile.fetches(written),
         description=text(get("description")),
         platforms=texts(get("platforms")),
         apt=texts(packed.get("apt")),
@@ -192,19 +196,21 @@ def _definition(layer: Map, path: str, folder: str, findings: Findings) -> Conta
     )
 
 
-def _dockerfile(node: Node | None, folder: str, findings: Findings) -> str:
-    """Return the absolute path of a CDF's Dockerfile, and check what stands in it."""
+def _dockerfile(node: Node | None, folder: str, findings: Findings) -> tuple[str, str]:
+    """Return the absolute path of a CDF's Dockerfile and its text, and check what stands in it."""
     if not isinstance(node, Scalar) or not (path := paths.resolve(node, folder, findings, ("dockerfile",))):
-        return ""
+        return "", ""
     if os.path.isdir(path):
         findings.add(node, f"'{node.text}' is a folder, not a Dockerfile", ("dockerfile",))
-        return path
+        return path, ""
     shown = paths.shown_beside(node.source.file, node.text)
     try:
-        findings.extend(dockerfile.check(loader.read_text(path, shown), shown))
+        written = loader.read_text(path, shown)
     except DefinitionError as error:
         findings.extend(error.problems)
-    return path
+        return path, ""
+    findings.extend(dockerfile.check(written, shown))
+    return path, written
 
 
 def _stem(path: str) -> str:

@@ -10,6 +10,18 @@ from srprov.errors import Location
 
 _NOWHERE = Location("")
 
+Port = tuple[str, int, int, str]
+"""(address or "", published port, container port, `tcp` or `udp`)"""
+
+EVERYWHERE = ("", "0.0.0.0", "::")
+"""Addresses that stand for all of a robot's."""
+
+
+def ports_meet(one: Port, other: Port) -> bool:
+    """Return whether two published ports cannot be had on one robot at the same time."""
+    same = one[0] == other[0] or one[0] in EVERYWHERE or other[0] in EVERYWHERE
+    return same and (one[1], one[3]) == (other[1], other[3])
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Requirements:
@@ -53,6 +65,8 @@ class Mount:
     """Tree: absolute path on the controller; bind: absolute path on the robot; volume: its bare name; tmpfs: empty."""
     target: str
     read_only: bool = False
+    create_host_path: bool = False
+    """Of a bind: make the folder on the robot where there is nothing."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -70,8 +84,9 @@ class Runtime:
     mounts: tuple[Mount, ...] = ()
     devices: tuple[tuple[str, str, str], ...] = ()
     """(path on the robot, path inside, `rwm`)"""
-    ports: tuple[tuple[str, int, int, str], ...] = ()
-    """(address or "", published port, container port, `tcp` or `udp`)"""
+    ports: tuple[Port, ...] = ()
+    expose: tuple[tuple[int, str], ...] = ()
+    """(port, `tcp` or `udp`) that the process listens on: with the robot's network, the robot's own"""
     ulimits: tuple[tuple[str, int, int], ...] = ()
     """(name, soft, hard)"""
     cap_add: tuple[str, ...] = ()
@@ -81,6 +96,10 @@ class Runtime:
     security_opt: tuple[str, ...] = ()
     device_cgroup_rules: tuple[str, ...] = ()
     tty: bool = False
+    mem_limit: int = 0
+    """bytes; 0: no limit"""
+    cpus: float = 0.0
+    pids_limit: int = 0
     shm_size: int = 0
     """bytes"""
     ipc: str = ""
@@ -117,6 +136,10 @@ class ContainerDefinition:
     image: str = ""
     dockerfile: str = ""
     """Absolute path of a Dockerfile."""
+    images: tuple[str, ...] = ()
+    """The images that it starts from or takes files of, as written; a variable in a name is not resolved."""
+    fetches: tuple[str, ...] = ()
+    """What its Dockerfile ADDs from a URL, or may: such a source is fetched by the engine itself."""
     description: str = ""
     platforms: tuple[str, ...] = ()
     apt: tuple[str, ...] = ()

@@ -14,6 +14,11 @@ from srprov.errors import Diagnostic, Location
 _FROM = re.compile(r"(?:--\S+\s+)*(?P<image>\S+)(?:\s+as\s+(?P<name>\S+))?", re.IGNORECASE)
 _EXPANDED = re.compile(r"[$\"'\\`]")
 """What the builder takes for variables, quotes or escapes in an image's name."""
+_FROM_LINE = re.compile(rf"\s*(?:ONBUILD\s+)*FROM\s+{_FROM.pattern}\s*", re.IGNORECASE)
+_FROM_OPTION = re.compile(r"\s--from=(\S+)")
+_ADD_LINE = re.compile(r"\s*(?:ONBUILD\s+)*ADD\b(?P<what>.*)", re.IGNORECASE)
+_LOCAL = re.compile(r"[\w./ \t\"\[\],=*?@+:-]*", re.ASCII)
+"""What cannot be a URL once `://` is not in it: no variable and no escape."""
 _HEREDOC = re.compile(r"<<-?([\"']?)([A-Za-z_][A-Za-z0-9_]*)\1")
 
 
@@ -57,6 +62,41 @@ def has_healthcheck(text: str) -> bool:
             found = rest.strip().upper() != "NONE"
         by_stage[name] = found
     return found
+
+
+def images_of(text: str) -> tuple[str, ...]:
+    """Return the images that any reading of the text starts from or takes files of, as written, sorted."""
+    found: set[str] = set()
+    for lines in _readings(text):
+        stages = {"scratch"}
+        for line in lines:
+            if start := _FROM_LINE.match(line):
+                if start["image"].lower() not in {*stages, "\\", "`"}:
+                    found.add(start["image"])
+                stages.add((start["name"] or "").lower())
+            for name in _FROM_OPTION.findall(line):
+                if name.lower() not in stages and not name.isdigit():
+                    found.add(name)
+    return tuple(sorted(found))
+
+
+def fetches(text: str) -> tuple[str, ...]:
+    """Return what any reading of the text ADDs that is not surely a file of the build's context, sorted.
+
+    A classic build's engine fetches a URL itself, in the robot's own network: its loopback, its metadata service.
+    """
+    added = {match["what"].strip() for lines in _readings(text) for line in lines if (match := _ADD_LINE.match(line))}
+    return tuple(sorted(what for what in added if not _LOCAL.fullmatch(what) or "://" in what or "git@" in what))
+
+
+def _readings(text: str) -> Iterator[list[str]]:
+    """Yield the lines as a builder may join them: at backslashes or, as `# escape` can say, at backticks.
+
+    Here-documents are not left out: the engine's classic builder takes their lines for instructions.
+    """
+    whole = text.lstrip("\ufeff").replace("\r\n", "\n")
+    for joint in ("\\\\", "`"):
+        yield re.sub(rf"{joint}[ \t]*\n(?:[ \t]*(?:#[^\n]*)?\n)*", "", whole).splitlines()
 
 
 def check(text: str, shown: str) -> list[Diagnostic]:

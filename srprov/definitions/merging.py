@@ -19,8 +19,8 @@ KEYED = ("environment", "sysctls")
 """Given as a map or as a list of NAME=value; merged as a map."""
 
 RUNTIME_MERGED = frozenset(
-    (*KEYED, "volumes", "devices", "ports", "ulimits", "cap_add", "group_add", "security_opt", "device_cgroup_rules")
-) | {"healthcheck"}
+    (*KEYED, "volumes", "devices", "ports", "expose", "ulimits", "cap_add", "group_add", "security_opt")
+) | {"device_cgroup_rules", "healthcheck"}
 """Run-time fields in which a service is merged with its CDF."""
 
 BUILD_MERGED = frozenset(

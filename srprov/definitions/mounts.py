@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import posixpath
 import re
+from dataclasses import replace
 
 from srprov.definitions import paths
 from srprov.definitions.containermodel import Mount
@@ -67,13 +68,21 @@ def _long(item: Map, folder: str, findings: Findings, path: Path) -> Mount | Non
     mount = _mount(source, target, modes, folder, findings, path)
     if mount is not None and (kind == "volume") != (mount.kind == "volume") and kind:
         findings.add(item, f"'{source.text}' is not the source of a {kind}", path)
+    options = item.entries.get("bind")
+    if isinstance(options, Map):
+        if mount is not None and mount.kind != "bind":
+            findings.add(item.keys["bind"], "'bind' is for an absolute path of the robot", path)
+        make = options.entries.get("create_host_path")
+        if mount is not None and isinstance(make, Scalar) and nodes.as_bool(make):
+            mount = replace(mount, create_host_path=True)
     return mount
 
 
 def _mount(source: Scalar, target: str, modes: set[str], folder: str, findings: Findings, path: Path) -> Mount | None:
     name, target = source.text, _target(source, target, findings, path)
     if name.startswith("/"):
-        return Mount(kind="bind", source=posixpath.normpath(name), target=target, read_only="ro" in modes)
+        clean = posixpath.normpath("/" + name.lstrip("/"))  # POSIX keeps two slashes at the beginning
+        return Mount(kind="bind", source=clean, target=target, read_only="ro" in modes)
     if name.startswith("~"):
         findings.add(source, "a robot's home differs from the controller's", path, "write an absolute path")
         return None

@@ -10,15 +10,15 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 from srprov.definitions import merging, mounts, values
-from srprov.definitions.containermodel import HealthCheck, Requirements, Runtime
-from srprov.definitions.values import Device, Port, text, text_map, texts
+from srprov.definitions.containermodel import HealthCheck, Port, Requirements, Runtime, ports_meet
+from srprov.definitions.values import Device, scalars, text, text_map, texts
 from srprov.yamldoc import nodes
 from srprov.yamldoc.fields import size_in_bytes
 from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar
 
 RUNTIME_FIELDS = merging.RUNTIME_MERGED | {
     *("command", "entrypoint", "working_dir", "user", "stop_signal", "stop_grace_period", "privileged", "tty", "job"),
-    *("shm_size", "ipc", "pid", "gpus", "restart", "pull_policy"),
+    *("mem_limit", "cpus", "pids_limit", "shm_size", "ipc", "pid", "gpus", "restart", "pull_policy"),
 }
 _T = TypeVar("_T")
 
@@ -43,6 +43,7 @@ def parse(layer: Map, folder: str, findings: Findings, path: Path) -> Runtime:
         mounts=mounts.parse(get("volumes"), folder, findings, (*path, "volumes")),
         devices=_devices(get("devices")),
         ports=_ports(get("ports"), findings, (*path, "ports")),
+        expose=_exposed(get("expose"), findings, (*path, "expose")),
         ulimits=_ulimits(get("ulimits"), findings, (*path, "ulimits")),
         cap_add=texts(get("cap_add")),
         privileged=_flag(get("privileged")),
@@ -51,6 +52,9 @@ def parse(layer: Map, folder: str, findings: Findings, path: Path) -> Runtime:
         security_opt=texts(get("security_opt")),
         device_cgroup_rules=texts(get("device_cgroup_rules")),
         tty=_flag(get("tty")),
+        mem_limit=read("mem_limit", lambda node: size_in_bytes(text(node)), 0),
+        cpus=(nodes.as_number(layer.entries["cpus"]) if "cpus" in layer.entries else 0.0) or 0.0,
+        pids_limit=(nodes.as_int(layer.entries["pids_limit"]) if "pids_limit" in layer.entries else 0) or 0,
         shm_size=read("shm_size", lambda node: size_in_bytes(text(node)), 0),
         ipc=text(get("ipc")),
         pid=text(get("pid")),
@@ -160,25 +164,26 @@ def _devices(node: Node | None) -> tuple[Device, ...]:
 
 
 def _ports(node: Node | None, findings: Findings, path: Path) -> tuple[Port, ...]:
-    taken: dict[tuple[str, int, str], Node] = {}
+    taken: dict[tuple[int, str], list[tuple[Port, Node]]] = {}
     every: list[Port] = []
     none: tuple[Port, ...] = ()
-    for item in values.scalars(node):
+    for item in scalars(node):
         for port in _guarded(lambda given: values.ports(text(given)), item, none, findings, path):
-            address, published, _, kind = port
-            clashes = [
-                key
-                for key in taken
-                if key[1:] == (published, kind) and (not key[0] or not address or key[0] == address)
-            ]
-            if clashes:
-                first = taken[clashes[0]]
-                message = f"port {published}/{kind} is published twice; already on line {first.line}"
+            others = taken.setdefault((port[1], port[3]), [])
+            first = next((place for other, place in others if ports_meet(port, other)), None)
+            if first is not None:
+                message = f"port {port[1]}/{port[3]} is published twice; already on line {first.line}"
                 findings.add(item, message, path)
                 break
-            taken[address, published, kind] = item
+            others.append((port, item))
             every.append(port)
     return tuple(every)
+
+
+def _exposed(node: Node | None, findings: Findings, path: Path) -> tuple[tuple[int, str], ...]:
+    none: tuple[tuple[int, str], ...] = ()
+    found = [_guarded(lambda given: values.exposed(text(given)), item, none, findings, path) for item in scalars(node)]
+    return tuple(dict.fromkeys(port for ports in found for port in ports))
 
 
 def _ulimits(node: Node | None, findings: Findings, path: Path) -> tuple[tuple[str, int, int], ...]:

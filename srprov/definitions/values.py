@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 import shlex
 
+from srprov.definitions.containermodel import Port
 from srprov.yamldoc.nodes import Map, Node, Scalar, Seq
 
 _DURATION = re.compile(r"([0-9]+(?:\.[0-9]+)?)(us|ms|s|m|h)", re.ASCII)
@@ -18,7 +19,6 @@ _PORT = re.compile(
     re.ASCII,
 )
 
-Port = tuple[str, int, int, str]
 Device = tuple[str, str, str]
 
 
@@ -82,8 +82,16 @@ def ports(spec: str) -> tuple[Port, ...]:
     if address:
         import ipaddress
 
-        ipaddress.ip_address(address)
+        given = ipaddress.ip_address(address)
+        # one address has one spelling, so that equal ones are seen to be
+        address = str(getattr(given, "ipv4_mapped", None) or given)
     return tuple((address, out, into, match["kind"] or "tcp") for out, into in zip(published, inside, strict=True))
+
+
+def exposed(spec: str) -> tuple[tuple[int, str], ...]:
+    """Read `port[-port][/protocol]`."""
+    numbers, _, kind = spec.partition("/")
+    return tuple((port, kind or "tcp") for port in _range(numbers))
 
 
 def _range(spec: str) -> range:

@@ -31,6 +31,8 @@ class OsIdentity:
     user: str = ""
     reached_at: str = ""
     """The address of the robot that the SSH connection ends at."""
+    client: str = ""
+    """The address that the SSH connection comes from."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -90,6 +92,7 @@ def parse_identity(out: str) -> OsIdentity:
         uid=integer(number, low=0, high=2**32, default=-1),
         user=text(words.get("user", name.partition(")")[0]), length=64),
         reached_at=connection[2] if len(connection) == 4 else "",
+        client=connection[0] if len(connection) == 4 else "",
     )
 
 

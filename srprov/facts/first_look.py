@@ -14,9 +14,10 @@ from typing import Any
 from srprov import names
 from srprov.definitions.model import Host
 from srprov.facts.host import host_queries, later_query, parse_host
-from srprov.facts.model import HostFacts
+from srprov.facts.model import HostFacts, TakenPort
 from srprov.facts.observe import observe_queries, parse_observed
 from srprov.facts.probes import INFO
+from srprov.facts.taken import QUERIES, taken_ports
 from srprov.modules.module import STATE_ROOT
 from srprov.resource import Observed
 from srprov.session import Measures, Reader
@@ -42,16 +43,22 @@ class Answers:
     observed: tuple[Observed, ...]
     placements: list[Mapping[str, Any]]
 
-    def closer(self, readers: Readers, engine: bool, traffic: bool) -> HostFacts:
-        """Ask the engine of itself; read the counters again, some time after the first reading: both at once."""
+    def closer(
+        self, readers: Readers, *, engine: bool, traffic: bool, ports: bool
+    ) -> tuple[HostFacts, tuple[TakenPort, ...]]:
+        """Ask for more, all at once: the engine of itself; the counters again, some time after the first reading; who
+        has which ports.
+        """
         queries = [INFO] * engine + [later_query(self.replies)] * traffic
-        answers = list(readers(self.host.name).ask(queries))
+        asked = [*(QUERIES if ports else ()), *queries]
+        answers = list(readers(self.host.name).ask(asked))
+        taken = taken_ports([answers.pop(0) for _ in QUERIES]) if ports else ()
         later = answers.pop() if traffic else None
         replies = [*self.replies, *answers]
         seen = parse_host(self.host, replies, measures=self.measures, now=self.asked_at, later=later)
         if self.facts.docker is None:
             seen = dataclasses.replace(seen, docker=None, docker_problem=self.facts.docker_problem)
-        return seen
+        return seen, taken
 
 
 def ask(host: Host, readers: Readers, engine: bool) -> Answers:

@@ -7,6 +7,7 @@ Takes an inventory and a way to get a Reader per robot; gives a `Snapshot`. A ro
 from __future__ import annotations
 
 import concurrent.futures
+import contextlib
 import dataclasses
 import enum
 from collections.abc import Iterable, Mapping, Sequence
@@ -16,10 +17,11 @@ from typing import Any
 from srprov.definitions.model import Inventory
 from srprov.errors import TransportError
 from srprov.facts.first_look import Answers, Readers, ask
-from srprov.facts.model import HostFacts, Snapshot
+from srprov.facts.model import HostFacts, Snapshot, TakenPort
 from srprov.facts.observe import parse_probed, probe_queries
 from srprov.modules import PROBING
 from srprov.resource import Observed, Resource
+from srprov.wire import AnyQuery, Reply
 
 
 class Detail(enum.Enum):
@@ -38,16 +40,20 @@ class Gathering:
     `first` waits for the first answers, `closer` asks for more, `probe` asks about single resources that are wanted.
     """
 
-    def __init__(self, inventory: Inventory, readers: Readers, *, engine: bool = False, forks: int = 64) -> None:
+    def __init__(
+        self, inventory: Inventory, readers: Readers, *, engine: bool = False, ports: bool = False, forks: int = 64
+    ) -> None:
         """Ask every robot in threads, as soon as it is connected.
 
         Args:
             inventory: The robots.
             readers: Gives each one's reader.
             engine: Ask the engines of themselves at once.
+            ports: Whoever looks closer wants to know who has which ports.
             forks: Robots asked at the same time.
         """
         self.inventory, self._readers, self._engine = inventory, readers, engine
+        self._ports = ports
         self._pool = concurrent.futures.ThreadPoolExecutor(max(1, min(forks, len(inventory.hosts))))
         hosts = inventory.hosts.items()
         self._futures = {name: self._pool.submit(ask, host, readers, engine) for name, host in hosts}
@@ -67,12 +73,14 @@ class Gathering:
         """Ask every robot that answered for more, and return all that is known then."""
         snapshot = self.first(keep_mute=keep_mute)
         traffic, engine = detail is Detail.TRAFFIC, detail is not Detail.BASIC and not self._engine
-        if not (traffic or engine):
+        ports = self._ports and detail is not Detail.BASIC
+        if not (traffic or engine or ports):
             return snapshot
-        again = {
-            name: self._pool.submit(self._futures[name].result().closer, self._readers, engine, traffic)
-            for name in snapshot.facts
-        }
+
+        def ask_again(name: str) -> tuple[HostFacts, tuple[TakenPort, ...]]:
+            return self._futures[name].result().closer(self._readers, engine=engine, traffic=traffic, ports=ports)
+
+        again = {name: self._pool.submit(ask_again, name) for name in snapshot.facts}
         snapshot = _with_facts(snapshot, again)
         return snapshot if keep_mute else _without_mute(snapshot)
 
@@ -95,6 +103,18 @@ class Gathering:
             except TransportError as error:
                 unreachable[host] = _said(error)
         return dataclasses.replace(snapshot, observed=observed, unreachable=unreachable) if asked else snapshot
+
+    def ask_each(self, questions: Mapping[str, Sequence[AnyQuery]]) -> dict[str, Sequence[Reply]]:
+        """Return the replies of each robot, asked in one round trip.
+
+        One that fails meanwhile is left out: what is planned there fails there, and says why.
+        """
+        futures = {host: self._pool.submit(_ask, self._readers, host, mine) for host, mine in questions.items()}
+        replies: dict[str, Sequence[Reply]] = {}
+        for host, future in sorted(futures.items()):
+            with contextlib.suppress(TransportError):
+                replies[host] = future.result()
+        return replies
 
     def __enter__(self) -> Gathering:
         """Return itself."""
@@ -155,20 +175,25 @@ def _without_mute(snapshot: Snapshot) -> Snapshot:
     )
 
 
-def _with_facts(snapshot: Snapshot, again: Mapping[str, Future[HostFacts]]) -> Snapshot:
+def _with_facts(snapshot: Snapshot, again: Mapping[str, Future[tuple[HostFacts, tuple[TakenPort, ...]]]]) -> Snapshot:
     """Return the snapshot with what the second look saw; a robot that went away meanwhile cannot be reached."""
     facts, observed, unreachable = dict(snapshot.facts), dict(snapshot.observed), dict(snapshot.unreachable)
+    taken: dict[str, tuple[TakenPort, ...]] = {}
     for name, future in sorted(again.items()):
         try:
-            facts[name] = future.result()
+            facts[name], taken[name] = future.result()
         except TransportError as error:
             unreachable[name] = _said(error)
             del facts[name], observed[name]
-    return dataclasses.replace(snapshot, facts=facts, observed=observed, unreachable=unreachable)
+    return dataclasses.replace(snapshot, facts=facts, observed=observed, unreachable=unreachable, taken=taken)
 
 
 def _said(error: TransportError) -> str:
     return error.message + (f"\n  {error.hint}" if error.hint else "")
+
+
+def _ask(readers: Readers, host: str, questions: Sequence[AnyQuery]) -> Sequence[Reply]:
+    return readers(host).ask(questions)
 
 
 def _probe(readers: Readers, host: str, wants: Sequence[Resource]) -> tuple[Observed, ...]:

@@ -17,6 +17,7 @@ from srprov.definitions.model import Host
 from srprov.facts.answers import Files, OsIdentity
 from srprov.facts.engine import engine_disk, read_engine
 from srprov.facts.hardware import detect_tags
+from srprov.facts.lifelines import lifelines
 from srprov.facts.links import find_underlay
 from srprov.facts.model import HostFacts
 from srprov.facts.probes import ENGINE, PING, PROBES, counters
@@ -105,6 +106,7 @@ def parse_host(
         disk_free=disk.free,
         links=links,
         routes=said["routes"].destinations,
+        relies_on=lifelines(files, identity.client, said["routes"].gateways),
         underlay_link=underlay.link,
         underlay_address=underlay.address,
         underlay_mtu=underlay.mtu,

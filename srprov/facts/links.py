@@ -92,13 +92,18 @@ class Routes:
     """As CIDR, sorted; the default route is `0.0.0.0/0`."""
     default_links: tuple[str, ...] = ()
     """Interfaces of default routes, best metric first."""
+    gateways: tuple[str, ...] = ()
+    """Addresses of whatever routes go through, as the robot says them."""
 
 
 def parse_routes(out: str) -> Routes:
     """Read `ip -j -4 route show`; entries that are no network are left out."""
     destinations: set[IPv4Network] = set()
     defaults: list[tuple[int, int, str]] = []
+    gateways: list[str] = []
     for item in mappings(json_or_none(out), most=LIST_LENGTH):
+        hops = (item, *mappings(item.get("nexthops"), most=LIST_LENGTH))
+        gateways += [gateway for hop in hops if (gateway := text(hop.get("gateway"), length=45))]
         target = item.get("dst")
         target = "0.0.0.0/0" if target == "default" else text(target, length=18)
         try:
@@ -111,6 +116,7 @@ def parse_routes(out: str) -> Routes:
     return Routes(
         destinations=tuple(str(network) for network in sorted(destinations)),
         default_links=tuple(link for _, _, link in sorted(defaults)),
+        gateways=tuple(gateways[:LIST_LENGTH]),
     )
 
 

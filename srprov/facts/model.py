@@ -71,6 +71,8 @@ class HostFacts:
     links: tuple[Link, ...] = ()
     routes: tuple[str, ...] = ()
     """Destinations of the main table, as CIDR."""
+    relies_on: tuple[str, ...] = ()
+    """IPv4 addresses of its SSH client, gateways, name servers and time servers, sorted."""
     underlay_link: str = ""
     underlay_address: str = ""
     """The address (no prefix) that other robots reach: the VTEP."""
@@ -88,6 +90,21 @@ class HostFacts:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class TakenPort:
+    """A port of a robot that something has, asked for only where an experiment wants ports."""
+
+    address: str
+    """Empty: all of the robot's."""
+    port: int
+    protocol: str
+    """`tcp` or `udp`"""
+    by: str
+    """In words: a container, or the program that listens."""
+    instance: str = ""
+    """Of srprov, when it is a container of one."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Snapshot:
     """All robots as they are."""
 
@@ -99,3 +116,5 @@ class Snapshot:
     """instance -> the newest placement record that any robot holds."""
     unreachable: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     """Robot -> reason."""
+    taken: Mapping[str, tuple[TakenPort, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    """Robot -> its ports that something has; only of robots that were asked."""

@@ -22,6 +22,7 @@ from srprov.facts.answers import (
     parse_identity,
     parse_wireless,
 )
+from srprov.facts.lifelines import NAME_FILES, TIME_FILES
 from srprov.facts.links import parse_links, parse_routes
 from srprov.wire import EngineQuery, Query
 
@@ -35,7 +36,7 @@ _FILES = (
     "/proc/loadavg /proc/meminfo /proc/sys/kernel/hostname /proc/sys/kernel/osrelease /proc/sys/kernel/version "
     "/sys/kernel/realtime /sys/devices/system/cpu/online /etc/os-release /usr/lib/os-release "
     "/sys/firmware/devicetree/base/model /proc/device-tree/model /sys/class/net/*/speed /sys/class/video4linux/*/name "
-    "/proc/uptime /proc/net/dev"
+    f"/proc/uptime /proc/net/dev {' '.join(NAME_FILES + TIME_FILES)}"
 )
 # The clock comes first: every later command would only add to its error. Linux 6.1 and later names its machine in
 # /proc, and root's name is known without a program that looks it up. sudo takes SSH_CONNECTION away, but itself still

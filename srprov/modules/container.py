@@ -29,8 +29,8 @@ from srprov.modules.module import (
     digest,
 )
 from srprov.resource import Action, Change, Observed, State
-from srprov.untrusted import integer, mappings, string, string_map
-from srprov.wire import AnyQuery, Command, EngineCall, EngineQuery, Query, Reply, sh
+from srprov.untrusted import integer, mapping, mappings, string, string_map
+from srprov.wire import AnyQuery, Command, EngineCall, EngineQuery, Query, Reply, Run, sh
 
 _EXITED = re.compile(r"^Exited \((-?[0-9]{1,9})\)")
 _HEALTH = re.compile(r"\((healthy|unhealthy|health: starting)\)")
@@ -120,10 +120,13 @@ def _create_and_start(name: str, want: ContainerParams) -> tuple[Command, ...]:
         CONFIG_PARTS: ",".join(f"{key}={value}" for key, value in sorted(parts.items())),
         STOP_GRACE: str(body["StopTimeout"]),
     }
+    # engines older than API 1.42 take CreateMountpoint without a word, and refuse the mount
+    made = [str(m.get("Source")) for m in want.mounts if mapping(m.get("BindOptions")).get("CreateMountpoint") is True]
+    folders = [Run(script=sh("mkdir", "-p", "--", path)) for path in made]
     create = EngineCall(
         method="POST", path="/containers/create", params=(("name", name),), body=canonical(body), accept=(201,)
     )
-    return create, EngineCall(method="POST", path=f"/containers/{name}/start")
+    return (*folders, create, EngineCall(method="POST", path=f"/containers/{name}/start"))
 
 
 def _replacement(name: str, want: ContainerParams, found: State, cause: str) -> Change:

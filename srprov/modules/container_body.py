@@ -15,6 +15,9 @@ from srprov.definitions.containermodel import HealthCheck
 from srprov.modules.container_params import ContainerParams
 
 _SECOND_NS = 1_000_000_000
+_PERIOD_US = 100_000
+_LIMITS = ("Memory", "CpuQuota", "PidsLimit")
+"""Part of the hash only where there is one, so that containers without any stay the same."""
 
 
 def engine_body(want: ContainerParams) -> dict[str, Any]:
@@ -37,7 +40,9 @@ def engine_body(want: ContainerParams) -> dict[str, Any]:
         "User": run.user,
         "StopSignal": run.stop_signal,
         "Healthcheck": _healthcheck(run.healthcheck) if run.healthcheck else None,
-        "ExposedPorts": {f"{inside}/{protocol}": {} for _, _, inside, protocol in run.ports},
+        "ExposedPorts": {
+            f"{port}/{protocol}": {} for port, protocol in (*((p[2], p[3]) for p in run.ports), *run.expose)
+        },
     }
     body.update({key: value for key, value in optional.items() if value})
     _add_network(body, want)
@@ -65,6 +70,7 @@ def parts_of(want: ContainerParams) -> dict[str, Any]:
         "options": [
             [body.get(k) for k in ("Hostname", "WorkingDir", "User", "StopSignal", "StopTimeout", "Tty")],
             [host.get(k) for k in ("RestartPolicy", "Ulimits", "ShmSize", "IpcMode", "Tmpfs")],
+            *([limits] if (limits := [host.get(key) for key in _LIMITS]) != [None] * len(_LIMITS) else []),
         ],
     }
 
@@ -88,6 +94,11 @@ def _host_config(want: ContainerParams) -> dict[str, Any]:
         "GroupAdd": list(run.group_add),
         "SecurityOpt": list(run.security_opt),
         "ShmSize": run.shm_size,
+        "Memory": run.mem_limit,
+        "MemorySwap": run.mem_limit,  # of memory and swap together: no swap
+        "CpuPeriod": _PERIOD_US if run.cpus else 0,
+        "CpuQuota": round(run.cpus * _PERIOD_US),  # NanoCpus would be refused by a robot with fewer
+        "PidsLimit": run.pids_limit,
         "IpcMode": run.ipc,
         "PidMode": run.pid,
     }

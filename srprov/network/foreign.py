@@ -70,16 +70,34 @@ def to_network(text: object) -> IPv4Network | None:
 
 def _on_robot(robot: str, facts: HostFacts, names: tuple[str, str], ours: IPv4Network | None) -> Iterator[ForeignUse]:
     """Return what a robot's links, routes and own address use; its routes over our own bridge do not count."""
-    own = {to_network(address) for link in facts.links if link.name in names for address in link.addresses} | {ours}
     for link in facts.links:
         if link.name not in names:
             where = f"link {link.name} on {robot}"
             yield ForeignUse(where, vni=link.vni, port=link.port)
             yield from (ForeignUse(where, to_network(address)) for address in link.addresses)
-    for route in facts.routes:
-        if (subnet := to_network(route)) is not None and subnet not in own:
+    for subnet in routes_of(facts, names):
+        if subnet != ours:
             yield ForeignUse(f"the route to {subnet} on {robot}", subnet)
     yield ForeignUse(f"the address of {robot}", to_network(facts.underlay_address))
+    for address in facts.relies_on:
+        where = f"{address}, which {robot} relies on (SSH client, gateway, name server or time server)"
+        yield ForeignUse(where, to_network(address))
+
+
+def routes_of(facts: HostFacts, names: tuple[str, str]) -> Iterator[IPv4Network]:
+    """Return where a robot routes to, but for what lies behind the links of these names."""
+    own = {to_network(address) for link in facts.links if link.name in names for address in link.addresses}
+    for route in facts.routes:
+        if (subnet := to_network(route)) is not None and subnet not in own:
+            yield subnet
+
+
+def lifelines(facts: HostFacts, names: tuple[str, str]) -> Iterator[IPv4Network]:
+    """Return the single addresses that a robot would be lost without: its own, and those that it relies on."""
+    own = (address.partition("/")[0] for link in facts.links if link.name not in names for address in link.addresses)
+    for text in (facts.underlay_address, *facts.relies_on, *own):
+        if (address := to_network(text)) is not None:
+            yield address
 
 
 def _of_another(where: str, subnet: object, vni: object, port: object) -> ForeignUse:

@@ -20,7 +20,7 @@ from typing import TypeGuard, TypeVar
 from srprov.definitions.model import NetworkSettings
 from srprov.errors import UsageError
 from srprov.facts.model import Snapshot
-from srprov.network.foreign import LARGEST, ForeignUse, foreign_uses, overlap, to_network
+from srprov.network.foreign import LARGEST, ForeignUse, foreign_uses, lifelines, overlap, routes_of, to_network
 from srprov.network.record import PlacementRecord
 
 POOL = IPv4Network("10.128.0.0/9")
@@ -80,7 +80,7 @@ def identify(
     """
     bridge, link = link_names(instance)
     _check_names(instance, (bridge, link), snapshot)
-    ours, vni = _in_use(instance, snapshot, record or PlacementRecord())
+    ours, vni = _in_use(instance, (bridge, link), snapshot, record or PlacementRecord())
     foreign = tuple(foreign_uses(instance, (bridge, link), snapshot, ours))
     return InstanceIdentity(
         instance=instance,
@@ -139,11 +139,13 @@ def _subnet(
     raise UsageError(f"no /{PREFIX} of {POOL} is free on all robots", hint="name one as network.subnet in the EDF")
 
 
-def _in_use(instance: str, snapshot: Snapshot, record: PlacementRecord) -> tuple[IPv4Network | None, int]:
+def _in_use(
+    instance: str, names: tuple[str, str], snapshot: Snapshot, record: PlacementRecord
+) -> tuple[IPv4Network | None, int]:
     """Return the subnet and VNI that the instance has now: by most of its Docker networks, else by the last placement.
 
-    What robots say is untrusted: a subnet that would swallow some robot's own address, and a VNI out of range, are not
-    used.
+    What robots say is untrusted: a subnet that would swallow an address that some robot has or relies on, and a VNI
+    out of range, are not used. Nor is a subnet that only a record knows, where some robot routes it elsewhere.
     """
     states = [
         thing.state
@@ -151,11 +153,13 @@ def _in_use(instance: str, snapshot: Snapshot, record: PlacementRecord) -> tuple
         for thing in things
         if "subnet" in thing.state and thing.instance == instance
     ]
-    hosts = [to_network(facts.underlay_address) for facts in snapshot.facts.values()]
+    kept = [network for facts in snapshot.facts.values() for network in lifelines(facts, names)]
+    if not states:
+        kept += [network for facts in snapshot.facts.values() for network in routes_of(facts, names)]
     subnets = [
         network
         for text in ([state.get("subnet") for state in states] or [record.subnet])
-        if _fits(network := to_network(text)) and not any(host and network.overlaps(host) for host in hosts)
+        if _fits(network := to_network(text)) and not any(network.overlaps(one) for one in kept)
     ]
     vnis = [v for v in ([state.get("vni") for state in states] or [record.vni]) if isinstance(v, int) and _is_vni(v)]
     return _most_frequent(subnets), _most_frequent(vnis) or 0

@@ -6,12 +6,16 @@ An EDF may come from a stranger. Everything that reaches the robot itself is a `
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+import posixpath
+import re
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 
-from srprov.definitions.containermodel import Runtime
+from srprov.definitions.containermodel import ContainerDefinition, Port, Runtime
 from srprov.definitions.model import Experiment, Service
 from srprov.errors import RefusedError
+from srprov.image_reference import parse_reference
 
 KINDS = (
     "privileged",
@@ -25,6 +29,11 @@ KINDS = (
     "capability",
     "sysctl",
     "security-opt",
+    "realtime",
+    "low-port",
+    "restart-always",
+    "built-image",
+    "engine-fetch",
     "outside",
     "env",
     "secret",
@@ -32,7 +41,16 @@ KINDS = (
 )
 ASKED_FIRST = ("outside", "env", "secret", "playbook")
 """Kinds that `plan` must not serve without permission either: to plan is to read, render or ask what they say."""
-_SOCKETS = ("/var/run/docker.sock", "/run/docker.sock")
+_SOCKETS = ("/var/run/docker.sock", "/run/docker.sock", "/run/containerd/containerd.sock")
+_REALTIME = ("memlock", "nice", "rtprio", "rttime")
+"""Limits that take memory or the processor away from everything else on the robot."""
+_OUTLIVES = ("always", "unless-stopped")
+"""Restart policies by which the engine starts a container when the robot boots, long after the experiment's end."""
+_FIRST_FREE_PORT = 1024
+_IMAGE_ID = re.compile(r"(sha256:)?[0-9a-f]+")
+_BUILT_HERE = "srprov/"
+"""Before the name of every image that srprov builds."""
+_NONE: Mapping[str, ContainerDefinition] = MappingProxyType({})
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -44,9 +62,12 @@ class Permission:
     what: str
 
 
-def permissions(experiment: Experiment) -> tuple[Permission, ...]:
-    """List what the experiment asks for, sorted by kind and service; playbooks last, in their order."""
+def permissions(
+    experiment: Experiment, containers: Mapping[str, ContainerDefinition] = _NONE
+) -> tuple[Permission, ...]:
+    """List what the experiment and its CDFs ask for, sorted by kind and service; playbooks last, in their order."""
     found = [one for service in experiment.services.values() for one in _of_service(service)]
+    found += [one for service in experiment.services.values() for one in _of_image(service, containers)]
     for service in experiment.services.values():
         for use in service.secrets:
             # whoever writes an EDF could name any variable, file or program of the controller
@@ -85,12 +106,52 @@ def require(asked: Collection[Permission], allowed: Collection[str]) -> None:
         )
 
 
+def mount_kind(source: str) -> tuple[str, str]:
+    """Return the kind of a bind mount, and why it is graver than it looks.
+
+    A folder that holds the engine's socket gives it away just so, and /proc leads to every file of the robot by another
+    name. Symbolic links of the robot are not known here: they need `host-path` in any case.
+    """
+    path = posixpath.normpath("/" + source.lstrip("/"))
+    if path in _SOCKETS:
+        return "docker-socket", ""
+    if path == "/proc" or path.startswith("/proc/"):
+        return "docker-socket", "leads to every file of the robot"
+    if any(socket.startswith(f"{path.rstrip('/')}/") for socket in _SOCKETS):
+        return "docker-socket", "holds the engine's socket"
+    return "host-path", ""
+
+
 def _of_service(service: Service) -> Iterator[Permission]:
     run = service.runtime
     if service.network in ("host", "both"):
         yield Permission(kind="host-network", service=service.name, what="the robot's network")
-    for kind, what in (*_namespaces(run), *_paths(run), *_hardware(run)):
+    for kind, what in (*_namespaces(run), *_paths(run), *_hardware(run), *_lasting(run)):
         yield Permission(kind=kind, service=service.name, what=what)
+
+
+def _of_image(service: Service, containers: Mapping[str, ContainerDefinition]) -> Iterator[Permission]:
+    cdf = containers.get(service.cdf)
+    for name in (service.image,) if service.image else cdf.images if cdf else ():
+        if why := _not_from_a_registry(name):
+            yield Permission(kind="built-image", service=service.name, what=f"{name}: {why}")
+    for source in cdf.fetches if cdf else ():
+        what = f"ADD {source}: the robot's engine fetches it, from the robot's own network"
+        yield Permission(kind="engine-fetch", service=service.name, what=what)
+
+
+def _not_from_a_registry(name: str) -> str:
+    """Return why an image may be one that the robot has for somebody else, or nothing."""
+    if "$" in name:
+        return "which image that is only the builder knows"
+    if _IMAGE_ID.fullmatch(name):
+        return "perhaps the id of an image that is on the robot"
+    try:
+        reference = parse_reference(name)
+    except ValueError:
+        return "which image that is only the builder knows"
+    built = reference.domain == "docker.io" and reference.path.startswith(_BUILT_HERE)
+    return "built by srprov, perhaps for another experiment" if built else ""
 
 
 def _namespaces(run: Runtime) -> Iterator[tuple[str, str]]:
@@ -111,8 +172,10 @@ def _namespaces(run: Runtime) -> Iterator[tuple[str, str]]:
 def _paths(run: Runtime) -> Iterator[tuple[str, str]]:
     for mount in run.mounts:
         if mount.kind == "bind":
-            kind = "docker-socket" if mount.source in _SOCKETS else "host-path"
-            yield kind, f"{mount.source}{' (read-only)' if mount.read_only else ''}"
+            kind, why = mount_kind(mount.source)
+            made = "made where it is not there" if mount.create_host_path else ""
+            notes = [note for note in ("read-only" if mount.read_only else "", made, why) if note]
+            yield kind, f"{mount.source}{' (' + '; '.join(notes) + ')' if notes else ''}"
 
 
 def _hardware(run: Runtime) -> Iterator[tuple[str, str]]:
@@ -122,3 +185,24 @@ def _hardware(run: Runtime) -> Iterator[tuple[str, str]]:
         yield "device", f"cgroup rule {rule}"
     if run.gpus:
         yield "gpu", f"gpus: {run.gpus}"
+
+
+def _lasting(run: Runtime) -> Iterator[tuple[str, str]]:
+    """Return what others on the robot feel: its processor and memory, its well-known ports, its next boot."""
+    for name, soft, hard in run.ulimits:
+        if name in _REALTIME:
+            yield "realtime", f"ulimit {name}={soft}:{hard}"
+    yield from (("low-port", what) for what in _low_ports(run.ports))
+    if run.restart in _OUTLIVES:
+        yield "restart-always", f"restart: {run.restart}, also when the robot boots after the experiment"
+
+
+def _low_ports(ports: Collection[Port]) -> Iterator[str]:
+    """Return published ports below 1024, neighbours as one range."""
+    low = sorted({(protocol, published) for _, published, _, protocol in ports if published < _FIRST_FREE_PORT})
+    first = 0
+    for index, (protocol, published) in enumerate(low):
+        if low[index + 1 : index + 2] != [(protocol, published + 1)]:
+            start = low[first][1]
+            yield f"{start if start == published else f'{start}-{published}'}/{protocol}"
+            first = index + 1

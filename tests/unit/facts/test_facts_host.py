@@ -50,10 +50,30 @@ def test_a_computer() -> None:
     assert (facts.underlay_link, facts.underlay_address, facts.underlay_mtu) == ("eth0", "192.0.2.2", 1400)
     assert (facts.speed_mbit, facts.traffic_mbit) == (1000.0, 20.0)
     assert facts.routes == ("0.0.0.0/0", "172.17.0.0/16", "192.0.2.0/24")
+    assert facts.relies_on == ("192.0.2.1",)
     assert facts.devices == ("/dev/kvm", "/dev/net/tun", "/dev/rplidar", "/dev/video0")
     assert facts.tags == ("amd64", "camera")
     assert facts.clock_offset_s == 2.25
     assert (facts.user, facts.privileged, facts.slots) == ("root", True, 1)
+
+
+def test_what_a_robot_relies_on() -> None:
+    """Its SSH client, its gateways, name servers and time servers; neither names nor loopback."""
+    files = """\
+/etc/resolv.conf:# nameserver 10.9.9.9
+/etc/resolv.conf:nameserver 10.0.0.53
+/run/systemd/resolve/resolv.conf:nameserver 127.0.0.53
+/etc/chrony/chrony.conf:pool 2.debian.pool.ntp.org iburst
+/etc/chrony/chrony.conf:server 10.0.0.123 iburst
+/etc/systemd/timesyncd.conf:NTP=10.0.0.124 time.lab 10.0.0.125
+/etc/os-release:nameserver 10.8.8.8
+"""
+    routes = [{"dst": "10.5.0.0/16", "nexthops": [{"gateway": "10.0.0.2"}, {"gateway": "nonsense"}]}]
+    identity = "connection ::ffff:10.0.0.77 5 ::ffff:10.0.0.5 22\n"
+    robot = {**PI, "identity": identity, "files": files, "routes": json.dumps(routes)}
+    relies_on = parse_host(HOST, replies(robot), None).relies_on
+    last = ("10.0.0.2", "10.0.0.53", "10.0.0.77", "10.0.0.123", "10.0.0.124", "10.0.0.125")
+    assert relies_on == last
 
 
 def test_links_say_what_the_overlay_must_know() -> None:

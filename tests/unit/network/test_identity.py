@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from dataclasses import replace
 from ipaddress import IPv4Network
 
 import pytest
@@ -137,6 +138,42 @@ def test_what_a_robot_says_is_not_believed_when_it_cannot_be(state: dict[str, ob
     there = found(robot("r1", underlay_address="192.168.0.7"), observed={"r1": (network("hello", **state),)})
     identity = identify("hello", NO_WISH, there)
     assert (identity.vni, identity.subnet) == (HELLO.vni, HELLO.subnet)
+
+
+VITAL = [{"relies_on": ("10.140.17.9",)}, {"links": (Link(name="eth1", addresses=("10.140.18.2/24",)),)},
+         {"underlay_address": "10.140.16.5"}]  # fmt: skip
+
+
+@pytest.mark.parametrize("facts", VITAL)
+def test_a_subnet_over_what_a_robot_needs_is_neither_taken_from_a_record_nor_from_a_network(
+    facts: dict[str, object],
+) -> None:
+    """Its own addresses, its SSH client, its gateways, its name and time servers: it would be cut off."""
+    record = PlacementRecord(subnet="10.140.16.0/20", vni=1234567)
+    used = network("hello", subnet="10.140.16.0/20", vni=1234567, port=4789)
+    for there in (found(robot("r1", **facts)), found(robot("r1", **facts), observed={"r1": (used,)})):
+        assert identify("hello", NO_WISH, there, record).subnet == HELLO.subnet
+
+
+def test_a_subnet_that_only_a_record_knows_gives_way_to_a_route() -> None:
+    record = PlacementRecord(subnet="10.140.16.0/20", vni=1234567)
+    there = found(robot("r1", routes=("10.140.24.0/24",)))
+    assert identify("hello", NO_WISH, there, record).subnet == HELLO.subnet
+
+
+def test_what_a_robot_relies_on_is_never_chosen() -> None:
+    there = found(robot("r1", relies_on=("10.231.115.4",)))
+    assert str(identify("hello", NO_WISH, there).subnet) == "10.231.128.0/20"
+
+
+@pytest.mark.parametrize("in_use", [False, True])
+def test_a_wish_for_what_a_robot_relies_on_is_refused(in_use: bool) -> None:
+    """Also when the instance has it already: the address may be new."""
+    there = found(robot("r1", relies_on=("172.30.0.9",)))
+    if in_use:
+        there = replace(there, observed={"r1": (network("hello", subnet="172.30.0.0/24", vni=42),)})
+    with pytest.raises(UsageError, match=r"172\.30\.0\.0/24 overlaps 172\.30\.0\.9, which r1 relies on"):
+        identify("hello", NetworkSettings(subnet="172.30.0.0/24"), there)
 
 
 def test_wishes_win() -> None:

@@ -7,12 +7,13 @@ from typing import Any
 
 import pytest
 
-from srprov.definitions.containermodel import Mount
+from srprov.definitions.containermodel import ContainerDefinition, Mount
 from srprov.definitions.secretmodel import SecretSource, SecretUse
 from srprov.planning.policy import KINDS, permissions, refused
 from tests.worlds import experiment, service
 
 SOCKET = "/run/docker.sock"
+HOLDS = "holds the engine's socket"
 ASKS: list[tuple[dict[str, Any], list[tuple[str, str]]]] = [
     ({}, []),
     ({"network": "none"}, []),
@@ -31,13 +32,33 @@ ASKS: list[tuple[dict[str, Any], list[tuple[str, str]]]] = [
     ({"devices": (("/dev/a", "/dev/b", "rwm"),)}, [("device", "/dev/a (rwm)")]),
     ({"device_cgroup_rules": ("c 81:* rmw",)}, [("device", "cgroup rule c 81:* rmw")]),
     ({"gpus": "all"}, [("gpu", "gpus: all")]),
-    ({"mounts": (Mount(kind="bind", source="/", target="/r"),)}, [("host-path", "/")]),
+    ({"mounts": (Mount(kind="bind", source="/srv", target="/r"),)}, [("host-path", "/srv")]),
     ({"mounts": (Mount(kind="bind", source="/a", target="/r", read_only=True),)}, [("host-path", "/a (read-only)")]),
     ({"mounts": (Mount(kind="bind", source=SOCKET, target="/r"),)}, [("docker-socket", SOCKET)]),
     ({"mounts": (Mount(kind="bind", source="/var" + SOCKET, target="/r"),)}, [("docker-socket", "/var" + SOCKET)]),
     ({"mounts": (Mount(kind="volume", source="v", target="/v"), Mount(kind="tmpfs", source="", target="/t"))}, []),
     ({"mounts": (Mount(kind="tree", source="/e/www", target="/v"),)}, []),
-    ({"restart": "always", "tty": True, "shm_size": 1, "ports": (("", 80, 80, "tcp"),), "user": "0"}, []),
+    *[
+        ({"mounts": (Mount(kind="bind", source=source, target="/r"),)}, [(kind, source + (f" ({why})" if why else ""))])
+        for source, kind, why in (
+            ("//var/run/docker.sock", "docker-socket", ""),
+            ("/var/run/../run/docker.sock", "docker-socket", ""),
+            ("/run/./docker.sock/", "docker-socket", ""),
+            ("/", "docker-socket", HOLDS),
+            ("/var/run", "docker-socket", HOLDS),
+            ("/run/containerd", "docker-socket", HOLDS),
+            ("/proc/1/root/run/x", "docker-socket", "leads to every file of the robot"),
+            ("/run/docker.sock.d", "host-path", ""),
+        )
+    ],
+    ({"ulimits": (("rtprio", 0, 99), ("nofile", 1, 2), ("memlock", -1, -1))},
+     [("realtime", "ulimit memlock=-1:-1"), ("realtime", "ulimit rtprio=0:99")]),
+    ({"ports": (("", 80, 80, "tcp"), ("", 81, 81, "tcp"), ("", 53, 5353, "udp"), ("", 1024, 1, "tcp"))},
+     [("low-port", "53/udp"), ("low-port", "80-81/tcp")]),
+    ({"restart": "always"}, [("restart-always", "restart: always, also when the robot boots after the experiment")]),
+    ({"restart": "unless-stopped"},
+     [("restart-always", "restart: unless-stopped, also when the robot boots after the experiment")]),
+    ({"restart": "on-failure:3", "tty": True, "shm_size": 1, "ports": (("", 8080, 80, "tcp"),), "user": "0"}, []),
 ]  # fmt: skip
 
 
@@ -51,7 +72,46 @@ def test_what_is_asked(fields: dict[str, Any], asked: list[tuple[str, str]]) -> 
 
 def test_every_kind_is_asked_by_something() -> None:
     """The list of kinds that a user can allow holds nothing that is never asked."""
-    assert {kind for _, asked in ASKS for kind, _ in asked} | {"secret", "playbook", "env", "outside"} == set(KINDS)
+    of_images = {"built-image", "engine-fetch"}
+    assert {kind for _, asked in ASKS for kind, _ in asked} | of_images | {
+        "secret",
+        "playbook",
+        "env",
+        "outside",
+    } == set(KINDS)
+
+
+IMAGES: list[tuple[str, str]] = [
+    ("busybox", ""),
+    ("registry.lab:5000/srprov/x:1", ""),
+    ("srprov/camera:0123456789abcdef", "built-image"),
+    ("docker.io/srprov/camera:0123456789abcdef", "built-image"),
+    ("index.docker.io/srprov/camera", "built-image"),
+    ("sha256:" + "a" * 64, "built-image"),
+    ("0123456789ab", "built-image"),
+    ("$BASE", "built-image"),
+]
+
+
+@pytest.mark.parametrize(("name", "kind"), IMAGES)
+def test_an_image_that_may_be_of_another_experiment_is_asked_for(name: str, kind: str) -> None:
+    """By the name that srprov gives what it builds, by an id, or by what only the builder can read."""
+    cdf = ContainerDefinition(name="x", file="/e/x.cdf", folder="/e", images=(name,))
+    user = dataclasses.replace(service("a"), image="", cdf="/e/x.cdf")
+    found = permissions(experiment(user), {"/e/x.cdf": cdf})
+    assert [one.kind for one in found] == ([kind] if kind else [])
+    if not name.startswith(("sha256", "$")):
+        direct = permissions(experiment(dataclasses.replace(service("a"), image=name)))
+        assert [one.kind for one in direct] == ([kind] if kind else [])
+
+
+def test_what_the_engine_fetches_for_a_build_is_asked_for() -> None:
+    """It does so itself, from the robot's own network: not what a container of the build could reach."""
+    cdf = ContainerDefinition(name="x", file="/e/x.cdf", folder="/e", fetches=("http://127.0.0.1:2375/info /x",))
+    user = dataclasses.replace(service("a"), image="", cdf="/e/x.cdf")
+    (found,) = permissions(experiment(user), {"/e/x.cdf": cdf})
+    assert (found.kind, found.service) == ("engine-fetch", "a")
+    assert "http://127.0.0.1:2375/info" in found.what
 
 
 def test_reading_a_secret_of_the_controller_is_asked() -> None:

@@ -1,0 +1,81 @@
+"""The robots' ports as a resource: on one robot a port, protocol and address is somebody's, or nobody's.
+
+Takes services, where those are that are not decided here, and what others have; gives groups of services of which a
+robot runs one at most, and what a robot lacks. Pure. A service has the ports that it publishes, and with the robot's
+network those that it exposes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+from srprov.assignment.requirements import UnmetRequirement
+from srprov.definitions.containermodel import EVERYWHERE, Port, ports_meet
+from srprov.definitions.model import Service
+from srprov.facts.model import TakenPort
+
+Holders = Mapping[str, Mapping[tuple[int, str], Sequence[tuple[Port, str, str]]]]
+"""Robot -> (port, protocol) -> what is taken there: the port, the experiment's service or nothing, by whom in words."""
+
+
+def declared(service: Service) -> tuple[Port, ...]:
+    """Return the ports of the robot that a service has while it runs."""
+    run = service.runtime
+    own = run.expose if service.network in ("host", "both") else ()
+    return (*run.ports, *(("", port, port, protocol) for port, protocol in own))
+
+
+def exclusive(services: Mapping[str, Service]) -> dict[tuple[str, ...], str]:
+    """Return the groups of services of which a robot can run one at most -> the port that each of them has."""
+    users: dict[tuple[int, str], dict[str, set[str]]] = {}
+    for name, service in services.items():
+        for address, port, _, protocol in declared(service):
+            of_port = users.setdefault((port, protocol), {})
+            of_port.setdefault("" if address in EVERYWHERE else address, set()).add(name)
+    groups: dict[tuple[str, ...], str] = {}
+    for (port, protocol), by_address in sorted(users.items()):
+        everywhere = by_address.pop("", set())
+        for some in by_address.values() if by_address else [set[str]()]:
+            if len(group := tuple(sorted(some | everywhere))) > 1:
+                groups.setdefault(group, f"{port}/{protocol}")
+    return groups
+
+
+def holders(
+    services: Mapping[str, Service], stay: Mapping[str, str], taken: Mapping[str, Iterable[TakenPort]]
+) -> Holders:
+    """Return what is taken on each robot: by services whose robot is not decided here, and by others."""
+    found: dict[str, dict[tuple[int, str], list[tuple[Port, str, str]]]] = {}
+    for name, robot in stay.items():
+        for port in declared(services[name]):
+            found.setdefault(robot, {}).setdefault((port[1], port[3]), []).append((port, name, f"'{name}'"))
+    for robot, some in taken.items():
+        for one in some:
+            port = (one.address, one.port, one.port, one.protocol)
+            found.setdefault(robot, {}).setdefault((one.port, one.protocol), []).append((port, "", one.by))
+    return found
+
+
+def missing_ports(service: Service, robot: str, held: Holders) -> Iterator[UnmetRequirement]:
+    """Return the ports of a robot that a service would have, and others have."""
+    there = held.get(robot)
+    for port in declared(service) if there else ():
+        for other, name, by in there.get((port[1], port[3]), ()) if there else ():
+            if name != service.name and ports_meet(port, other):
+                what = f"{port[1]}/{port[3]}"
+                remedy = f"publish another port than {what} in '{service.instance_of or service.name}'"
+                yield UnmetRequirement(f"port {what} is taken by {by}", remedy)
+                break
+
+
+def without_taken(
+    capable: Mapping[str, int], services: Mapping[str, Service], robots: Sequence[str], held: Holders
+) -> dict[str, int]:
+    """Return the rows of the capability matrix without the robots on which a port of the service is taken."""
+    crowded = [(1 << bit, robot) for bit, robot in enumerate(robots) if robot in held]
+    rows = dict(capable)
+    for name, row in capable.items():
+        if crowded and declared(services[name]):
+            gone = sum(bit for bit, robot in crowded if any(missing_ports(services[name], robot, held)))
+            rows[name] = row & ~gone
+    return rows

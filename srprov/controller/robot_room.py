@@ -1,0 +1,116 @@
+"""What robots must have and have not for containers that are new: folders that services mount, and free ports.
+
+Docker would say so too, in the middle of a run; here it is a clear error of the plan. Asks only robots that get such a
+container, in one round trip; with nothing new it asks nobody.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from typing import Protocol
+
+from srprov.assignment.ports import declared, holders, missing_ports
+from srprov.definitions.model import Experiment, Service
+from srprov.errors import UsageError
+from srprov.facts.gather import Gathering
+from srprov.facts.model import Snapshot, TakenPort
+from srprov.facts.taken import QUERIES, taken_ports
+from srprov.modules import RUNNING
+from srprov.planning.plan import Step
+from srprov.resource import Action
+from srprov.wire import Query, Reply, quote
+
+_NEW = (Action.CREATE, Action.REPLACE)
+
+
+def of_others(
+    snapshot: Snapshot, instance: str, experiment: Experiment, previous: Mapping[str, str]
+) -> dict[str, tuple[TakenPort, ...]]:
+    """Return the ports that others than this instance have, per robot that was asked.
+
+    A service with the robot's network listens itself: the ports that a running one declares are not somebody else's.
+    """
+    own: dict[str, set[tuple[int, str]]] = {}
+    for name, robot in previous.items():
+        if name in experiment.services:
+            own.setdefault(robot, set()).update((p[1], p[3]) for p in declared(experiment.services[name]))
+    return {
+        robot: tuple(
+            one for one in taken if one.instance != instance and (one.port, one.protocol) not in own.get(robot, ())
+        )
+        for robot, taken in snapshot.taken.items()
+    }
+
+
+class Placed(Protocol):
+    """An experiment with every instance, and where its services run now."""
+
+    @property
+    def experiment(self) -> Experiment:
+        """Return the experiment."""
+
+    @property
+    def previous(self) -> Mapping[str, str]:
+        """Return service -> robot."""
+
+
+def check_room(
+    steps: Sequence[Step], placed: Placed, instance: str, snapshot: Snapshot, look: Gathering, *, playbooks: bool
+) -> tuple[str, ...]:  # fmt: skip
+    """Ask the robots of new containers for what those need of them.
+
+    A folder that a playbook of the user's may make, which would run before, is only noted.
+
+    Raises:
+        UsageError: A folder is not there, or a port is somebody else's; names all of them.
+    """
+    new = _new_services(steps, placed.experiment)
+    replies = look.ask_each({robot: (_folders(services), *QUERIES) for robot, services in new.items()})
+    now = replace(snapshot, taken={robot: taken_ports(said[1:]) for robot, said in replies.items()})
+    held = holders({}, {}, of_others(now, instance, placed.experiment, placed.previous))
+    missing = [line for robot, said in replies.items() for line in _missing(robot, new[robot], said[0])]
+    taken = [
+        f"{robot}: {lack.text}, and '{service.name}' would have it"
+        for robot, services in new.items()
+        for service in services
+        for lack in missing_ports(service, robot, held)
+    ]
+    wrong = taken if playbooks else [*missing, *taken]
+    if wrong:
+        hint = "make the folder there, let it be made (bind: {create_host_path: true}), or publish another port"
+        raise UsageError("robots are not ready for the new containers:\n" + "\n".join(wrong), hint=hint)
+    return tuple(f"{line}, unless a playbook makes it" for line in missing)
+
+
+def _new_services(steps: Iterable[Step], experiment: Experiment) -> dict[str, list[Service]]:
+    """Return robot -> services that get a container there which mounts the robot's folders or has its ports."""
+    found: dict[str, list[Service]] = {}
+    for step in steps:
+        service = experiment.services.get(step.service)
+        if step.module in RUNNING and step.want and service and step.change.action in _NEW:
+            if declared(service) or any(_sources(service)):
+                found.setdefault(step.host, []).append(service)
+    return found
+
+
+def _sources(service: Service) -> Iterator[str]:
+    return (m.source for m in service.runtime.mounts if m.kind == "bind" and not m.create_host_path)
+
+
+def _all_sources(services: Iterable[Service]) -> list[str]:
+    return sorted({source for service in services for source in _sources(service)})
+
+
+def _folders(services: Iterable[Service]) -> Query:
+    """Ask for the numbers of those sources that are not there."""
+    tests = [f"[ -e {quote(source)} ] || echo {number}" for number, source in enumerate(_all_sources(services))]
+    return Query(command="\n".join([*tests, ":"]))
+
+
+def _missing(robot: str, services: Sequence[Service], reply: Reply) -> Iterator[str]:
+    numbers = {line.strip() for line in reply.out.splitlines()}
+    for number, source in enumerate(_all_sources(services)):
+        if str(number) in numbers:
+            users = [f"'{service.name}'" for service in services if source in _sources(service)]
+            yield f"{robot}: {source}, which {' and '.join(users)} mounts, does not exist"
