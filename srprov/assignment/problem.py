@@ -34,8 +34,8 @@ def build(
     """Return the assignment problem of an experiment.
 
     `containers` has CDFs by the key of `Service.cdf`; `previous`, where services run now, by labels and for robots out
-    of reach by the placement record; `slots`, robots with `srprov_slots`; `history`, what earlier runs allocated to
-    robots; `taken`, the ports that others have. `reassign` lets services move; `reassign_unreachable` those out of reach.
+    of reach by the placement record; `slots`, those of `srprov_slots`; `history`, what earlier runs allocated; `taken`,
+    the ports that others have. `reassign` lets services move; `reassign_unreachable` those out of reach.
 
     Raises:
         UsageError: A kernel bound that cannot be read, or relations that contradict each other.

@@ -29,12 +29,13 @@ def of_others(
 ) -> dict[str, tuple[TakenPort, ...]]:
     """Return the ports that others than this instance have, per robot that was asked.
 
-    A service with the robot's network listens itself: the ports that a running one declares are not somebody else's.
+    A service with the robot's network listens itself: the ports that a running one exposes are not somebody else's.
     """
     own: dict[str, set[tuple[int, str]]] = {}
     for name, robot in previous.items():
-        if name in experiment.services:
-            own.setdefault(robot, set()).update((p[1], p[3]) for p in declared(experiment.services[name]))
+        service = experiment.services.get(name)
+        if service and service.network in ("host", "both"):
+            own.setdefault(robot, set()).update(service.runtime.expose)
     return {
         robot: tuple(
             one for one in taken if one.instance != instance and (one.port, one.protocol) not in own.get(robot, ())
@@ -88,9 +89,9 @@ def _new_services(steps: Iterable[Step], experiment: Experiment) -> dict[str, li
     found: dict[str, list[Service]] = {}
     for step in steps:
         service = experiment.services.get(step.service)
-        if step.module in RUNNING and step.want and service and step.change.action in _NEW:
-            if declared(service) or any(_sources(service)):
-                found.setdefault(step.host, []).append(service)
+        new = step.module in RUNNING and step.want and step.change.action in _NEW
+        if new and service and (declared(service) or any(_sources(service))):
+            found.setdefault(step.host, []).append(service)
     return found
 
 

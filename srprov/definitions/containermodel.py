@@ -13,7 +13,7 @@ _NOWHERE = Location("")
 Port = tuple[str, int, int, str]
 """(address or "", published port, container port, `tcp` or `udp`)"""
 
-EVERYWHERE = ("", "0.0.0.0", "::")
+EVERYWHERE = ("", "0.0.0.0", "::")  # noqa: S104 - compared with, never bound to
 """Addresses that stand for all of a robot's."""
 
 

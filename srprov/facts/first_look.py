@@ -46,9 +46,7 @@ class Answers:
     def closer(
         self, readers: Readers, *, engine: bool, traffic: bool, ports: bool
     ) -> tuple[HostFacts, tuple[TakenPort, ...]]:
-        """Ask for more, all at once: the engine of itself; the counters again, some time after the first reading; who
-        has which ports.
-        """
+        """Ask for more, all at once: the engine of itself, a second reading of the counters, who has which ports."""
         queries = [INFO] * engine + [later_query(self.replies)] * traffic
         asked = [*(QUERIES if ports else ()), *queries]
         answers = list(readers(self.host.name).ask(asked))

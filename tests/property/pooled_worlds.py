@@ -14,8 +14,9 @@ from random import Random
 from srprov.assignment import problem, solve
 from srprov.assignment.cost import at_slot, load, terms
 from srprov.assignment.model import Assignment, Problem
-from srprov.definitions.model import Experiment, Placement, Pool, Weights
-from srprov.facts.model import Snapshot
+from srprov.definitions.containermodel import Port, Runtime
+from srprov.definitions.model import Experiment, Placement, Pool, Service, Weights
+from srprov.facts.model import Snapshot, TakenPort
 from tests.unit.assignment.worlds import GIB, experiment, found, robot, service
 
 Placed = dict[str, tuple[str, int]]
@@ -30,10 +31,18 @@ class World:
     slots: Mapping[str, int]
     previous: Mapping[str, str] = field(default_factory=dict)
     history: tuple[Mapping[str, float], ...] = ()
+    taken: Mapping[str, tuple[TakenPort, ...]] = field(default_factory=dict)
 
     def problem(self, **options: bool) -> Problem:
         return problem.build(
-            self.what, {}, self.where, self.previous, slots=self.slots, history=self.history, **options
+            self.what,
+            {},
+            self.where,
+            self.previous,
+            slots=self.slots,
+            history=self.history,
+            taken=self.taken,
+            **options,
         )
 
     def solve(self, **options: bool) -> Assignment:
@@ -86,7 +95,55 @@ def world(seed: int, most: int = 6) -> World:
         placement=Placement(sticky=random.random() < 0.5),
     )
     previous = {name: random.choice(robots) for name in names if random.random() < 0.3}
-    return World(what=what, where=found(*facts), slots=slots, previous=previous if random.random() < 0.5 else {})
+    made = World(what=what, where=found(*facts), slots=slots, previous=previous if random.random() < 0.5 else {})
+    return with_ports(made, Random(f"ports of {seed}"))
+
+
+PORTS: tuple[Port, ...] = (("", 80, 80, "tcp"), ("127.0.0.1", 80, 8080, "tcp"), ("10.0.0.1", 80, 80, "tcp"),
+                           ("0.0.0.0", 80, 1, "tcp"), ("", 80, 80, "udp"), ("", 81, 81, "tcp"))  # fmt: skip
+
+
+def with_ports(world: World, random: Random) -> World:
+    """Give services ports of their robots, and robots ports that somebody else has; half of the worlds have none."""
+    if random.random() < 0.5:
+        return world
+    services = dict(world.what.services)
+    for name, one in services.items():
+        if random.random() < 0.4:
+            published = Runtime(ports=(random.choice(PORTS),))
+            listening = Runtime(expose=((80, "tcp"),))
+            host = random.random() < 0.2
+            changed = replace(one, runtime=listening if host else published, network="host" if host else "overlay")
+            mates = [group for group in world.what.same_robot if name in group]
+            if not any(clash(changed, services[mate]) for group in mates for mate in group if mate != name):
+                services[name] = changed
+    taken = {
+        robot: (TakenPort(address=address, port=port, protocol=protocol, by="somebody"),)
+        for robot in world.slots
+        if random.random() < 0.15
+        for address, port, _, protocol in [random.choice(PORTS)]
+    }
+    grouped = [mate for group in world.what.same_robot for mate in group]
+    if any(clash(services[a], services[b]) for a in grouped for b in grouped if a < b):
+        return replace(world, taken=taken)
+    return replace(world, what=replace(world.what, services=services), taken=taken)
+
+
+def has(one: Service) -> list[tuple[str, int, str]]:
+    """Return (address, port, protocol) of what a service has of its robot."""
+    own = [(address, port, kind) for address, port, _, kind in one.runtime.ports]
+    return own + [("", port, kind) for port, kind in one.runtime.expose if one.network == "host"]
+
+
+def clash(one: Service, other: Service) -> bool:
+    """Return whether two services cannot be on one robot for their ports."""
+    return any(meet(mine, theirs) for mine in has(one) for theirs in has(other))
+
+
+def meet(mine: tuple[str, int, str], theirs: tuple[str, int, str]) -> bool:
+    """Return whether two ports are the same one."""
+    everywhere = {mine[0], theirs[0]} & {"", "0.0.0.0"}
+    return mine[1:] == theirs[1:] and bool(everywhere or mine[0] == theirs[0])
 
 
 def _groups(random: Random, names: Sequence[str], chance: float, most: int) -> list[tuple[str, ...]]:
@@ -174,18 +231,21 @@ def _connected(nodes: Sequence[tuple[str, ...]], links: Sequence[set[str]]) -> b
 
 
 def can_run(world: World, name: str, where: str) -> bool:
-    """Return whether a robot has the tags, and is the pinned one if any."""
-    wants, has = world.what.services[name], world.where.facts[where]
-    return set(wants.requires.tags) <= set(has.tags) and wants.robot in ("", where)
+    """Return whether a robot has the tags and the ports, and is the pinned one if any."""
+    wants, robot = world.what.services[name], world.where.facts[where]
+    theirs = [(one.address, one.port, one.protocol) for one in world.taken.get(where, ())]
+    free = not any(meet(mine, other) for mine in has(wants) for other in theirs)
+    return set(wants.requires.tags) <= set(robot.tags) and wants.robot in ("", where) and free
 
 
 def keeps_apart(world: World, placed: Mapping[str, str]) -> bool:
-    """Return whether different_robot holds."""
+    """Return whether different_robot holds, and nobody has a port of another on its robot."""
     for group in world.what.different_robot:
         where = [placed[name] for name in group if name in placed]
         if len(set(where)) < len(where):
             return False
-    return True
+    services = world.what.services
+    return not any(placed[a] == placed[b] and clash(services[a], services[b]) for a in placed for b in placed if a < b)
 
 
 def units(world: World, value: float, where: str, slot: int) -> int:

@@ -1,0 +1,81 @@
+"""What a plan says of robots that are not ready for new containers, and when it asks."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from srprov.definitions.containermodel import Mount
+from srprov.errors import NoAssignment, UsageError
+from tests.fakes import World
+from tests.worlds import apply, experiment, plan_for, service
+
+MISSING = "/var/lib/srprov/nowhere"
+"""The fake robot has every path but those below here."""
+ALLOWED = {"allowed": frozenset({"host-path"})}
+LISTENER = 'tcp LISTEN 0 128 0.0.0.0:2222 0.0.0.0:* users:(("sshd",pid=1,fd=3))'
+
+
+def bind(**fields: Any) -> dict[str, Any]:
+    return {"mounts": (Mount(kind="bind", source=MISSING, target="/x", **fields),)}
+
+
+def test_a_folder_that_is_not_on_the_robot_is_seen_by_the_plan() -> None:
+    with pytest.raises(UsageError, match=f"r1: {MISSING}, which 'a' mounts, does not exist") as caught:
+        plan_for(World().add("r1"), experiment(service("a", **bind())))
+    assert "create_host_path" in caught.value.hint
+
+
+def test_a_folder_that_shall_be_made_is_made_before_the_container() -> None:
+    plan = plan_for(World().add("r1"), experiment(service("a", **bind(create_host_path=True))))
+    (step,) = [step for step in plan.steps if step.module == "container"]
+    assert step.commands[0].text() == f"mkdir -p -- {MISSING}"
+    assert plan.permissions[0].what == f"{MISSING} (made where it is not there)"
+
+
+def test_a_port_that_a_program_of_the_robot_has_is_known_with_its_name() -> None:
+    world = World().add("r1")
+    world.robots["r1"].listening = [LISTENER]
+    with pytest.raises(NoAssignment) as caught:
+        plan_for(world, experiment(service("a", ports=(("", 2222, 80, "tcp"),))))
+    assert caught.value.misses == {"a": {"r1": "port 2222/tcp is taken by sshd"}}
+
+
+def test_a_port_that_is_added_to_a_running_service_is_looked_for_too() -> None:
+    """The placement is settled then, so nobody asked before."""
+    world = World().add("r1")
+    assert apply(world, experiment(service("a"))).exit_code == 0
+    world.robots["r1"].listening = [LISTENER]
+    with pytest.raises(UsageError, match="r1: port 2222/tcp is taken by sshd, and 'a' would have it"):
+        plan_for(world, experiment(service("a", ports=(("", 2222, 80, "tcp"),))))
+
+
+def test_the_ports_of_the_own_containers_are_not_somebody_elses() -> None:
+    """Neither when nothing changes, nor when the container is replaced, nor when another service joins."""
+    world = World().add("r1")
+    one = service("a", ports=(("", 8080, 80, "tcp"),))
+    assert apply(world, experiment(one)).exit_code == 0
+    assert plan_for(world, experiment(one)).empty
+    other = service("a", ports=(("", 8080, 81, "tcp"),))
+    assert not plan_for(world, experiment(other, service("b"))).empty
+
+
+def test_the_ports_of_another_instance_are() -> None:
+    world = World().add("r1")
+    assert apply(world, experiment(service("a", ports=(("", 8080, 80, "tcp"),)))).exit_code == 0
+    with pytest.raises(NoAssignment) as caught:
+        plan_for(world, experiment(service("b", ports=(("", 8080, 80, "tcp"),)), name="other"))
+    assert caught.value.misses == {"b": {"r1": "port 8080/tcp is taken by container srprov.hello.a"}}
+
+
+def test_where_nothing_is_new_nobody_is_asked() -> None:
+    """Neither for folders nor for ports: it costs no round trip."""
+    world = World().add("r1")
+    what = experiment(
+        service("a", ports=(("", 8080, 80, "tcp"),), mounts=(Mount(kind="bind", source="/s", target="/t"),))
+    )
+    assert apply(world, what).exit_code == 0
+    before = world.robots["r1"].traffic.round_trips
+    assert plan_for(world, what).empty
+    assert world.robots["r1"].traffic.round_trips == before + 1
