@@ -11,7 +11,8 @@ from collections.abc import Mapping
 
 from srprov import names
 from srprov.definitions import relations
-from srprov.definitions.container import Container, known_healthcheck
+from srprov.definitions.container import Container
+from srprov.definitions.containermodel import HealthCheck
 from srprov.definitions.model import Service
 from srprov.definitions.service import depends_on
 from srprov.definitions.values import scalars, text
@@ -146,13 +147,20 @@ def _conditions(
         if target is None or (not target.image and containers[other] is None):
             continue  # what is wrong with it is told elsewhere
         place = nodes.find(entry, ("depends_on", other, "condition"))
-        if wanted == "healthy" and not known_healthcheck(containers[other], target.runtime.healthcheck):
+        if wanted == "healthy" and not _known_healthcheck(containers[other], target.runtime.healthcheck):
             where = "in the EDF" if target.image else "in the EDF or the CDF"
             message = f"waits for '{other}' to be healthy, but it has no healthcheck"
             findings.add(place, message, path, f"add one to '{other}' {where}, or wait for started")
         if wanted == "completed" and target.runtime.restart in ("always", "unless-stopped"):
             message = f"waits for '{other}' to complete, but its 'restart: {target.runtime.restart}' never lets it end"
             findings.add(place, message, path)
+
+
+def _known_healthcheck(container: Container | None, merged: HealthCheck | None) -> bool:
+    """Return whether a service surely has a healthcheck: its own, its CDF's, or that of a Dockerfile."""
+    if merged is not None:
+        return merged.test != ("NONE",)
+    return container is not None and container.image_has_healthcheck
 
 
 def same_robot_groups(root: Map) -> tuple[tuple[str, ...], ...]:

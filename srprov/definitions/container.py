@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from srprov.definitions import dockerfile, images, merging, paths, runtime, schema
-from srprov.definitions.containermodel import BuildFile, ContainerDefinition, HealthCheck
+from srprov.definitions.containermodel import BuildFile, ContainerDefinition
 from srprov.definitions.values import text, texts
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.yamldoc import loader, nodes
@@ -246,10 +246,3 @@ def _lines(layer: Map, source: Source) -> dict[str, int]:
 
     note(merging.select(layer, frozenset({*_ORIGINS, *_BUILDING, "environment", "platforms"})), ())
     return lines
-
-
-def known_healthcheck(container: Container | None, merged: HealthCheck | None) -> bool:
-    """Return whether a service surely has a healthcheck: its own, its CDF's, or that of a Dockerfile."""
-    if merged is not None:
-        return merged.test != ("NONE",)
-    return container is not None and container.image_has_healthcheck
