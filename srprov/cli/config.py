@@ -16,6 +16,7 @@ anything, gives permission, or names an instance. The inventory that it names li
 from __future__ import annotations
 
 import importlib
+import math
 import os
 import re
 import stat
@@ -86,14 +87,14 @@ def _parameter(key: str) -> str:
     return PARAMETERS.get(key, key.replace("-", "_"))
 
 
-def _value(key: str, value: object, file: _File) -> object:
+def _value(key: str, value: Any, file: _File) -> object:  # noqa: ANN401 - what TOML has
     """Return a value as click takes it; the inventory that a project names must lie with the project."""
     if key not in _LISTS:
         return value
-    words = [value] if isinstance(value, str) else value
-    if key != "inventory" or not isinstance(words, list):
+    words = value if isinstance(value, list) else [value]
+    if key != "inventory":
         return words
-    paths = [os.path.expanduser(str(word)) if file.own else str(word) for word in words]
+    paths = [os.path.expanduser(word) if file.own else word for word in words]
     root = os.path.realpath(file.path.parent)
     for path in () if file.own else paths:
         if os.path.isabs(path) or os.path.commonpath((root, os.path.realpath(file.path.parent / path))) != root:
@@ -145,22 +146,31 @@ def _faults(file: _File, table: Mapping[str, Any], verbs: Mapping[str, Any], tex
             if file.own and key == "lab":
                 continue  # it has verbs of its own
             for inner in value if key in verbs and key != "lab" else ():
-                yield from _fault(file, f"{file.table}.{key}".lstrip("."), inner, text)
+                yield from _fault(file, f"{file.table}.{key}".lstrip("."), inner, value[inner], text)
             if key not in verbs or key == "lab":
                 why = "a project's file cannot set anything of" if key == "lab" else "there is no verb"
                 yield f"{file.path}:{_line(text, f'{file.table}.{key}'.lstrip('.'), '')}: {why} '{key[:60]}'"
         else:
-            yield from _fault(file, file.table, key, text)
+            yield from _fault(file, file.table, key, value, text)
 
 
-def _fault(file: _File, table: str, key: str, text: str) -> Iterator[str]:
-    if key in (OWN_KEYS if file.own else PROJECT_KEYS):
-        return
+def _fault(file: _File, table: str, key: str, value: object, text: str) -> Iterator[str]:
     place = f"{file.path}:{_line(text, table, key)}"
-    if key in OWN_KEYS:
+    if key in (OWN_KEYS if file.own else PROJECT_KEYS):
+        words = value if key in _LISTS and isinstance(value, list) else [value]
+        if not all(_plain(word, text_only=key in _LISTS) for word in words):
+            yield f"{place}: '{key}' cannot have this value"
+    elif key in OWN_KEYS:
         yield f"{place}: a project's file cannot set '{key}': it may come from a stranger"
     else:
         yield f"{place}: there is no option '{key[:60]}' to set; {did_you_mean(key, OWN_KEYS)}".removesuffix("; ")
+
+
+def _plain(value: object, *, text_only: bool) -> bool:
+    """Return whether a value is one that an option takes: a text, a finite number, a boolean."""
+    if isinstance(value, str):
+        return "\0" not in value
+    return not text_only and isinstance(value, int | float) and math.isfinite(value)
 
 
 def _line(text: str, table: str, key: str) -> int:

@@ -74,6 +74,11 @@ def own(tmp_path: Path) -> dict[str, str]:
         ("[plan]\nforks = 3\n[apply]\nevents = '/x'\n", r":4: a project's file cannot set 'events'"),
         ("plan.out = '/x'\n", r"cannot set 'out'"),
         ("inventory = {a = 1}\n", r"there is no verb 'inventory'"),
+        ("\nforks = [1]\n", r":2: 'forks' cannot have this value"),
+        ("timeout = nan\n", r":1: 'timeout' cannot have this value"),
+        ("[plan]\nverbose = 2026-01-01\n", r":2: 'verbose' cannot have this value"),
+        ('inventory = ["a", 3]\n', r":1: 'inventory' cannot have this value"),
+        ('inventory = "a\\u0000"\n', r":1: 'inventory' cannot have this value"),
     ],
 )
 def test_an_unknown_key_is_an_error_with_its_line(tmp_path: Path, text: str, said: str) -> None:
