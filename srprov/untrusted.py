@@ -22,6 +22,8 @@ LIST_LENGTH = 1024
 MAX_JSON_CHARACTERS = 8 * 1024 * 1024
 """Parsing is linear in the text, so that this also limits its time: about 0.2 s."""
 MAX_JSON_DEPTH = 60
+_MOST_CONTAINERS = 400_000
+"""Lists and maps in a robot's JSON; an empty one takes two characters, and thirty times that in memory."""
 LARGEST_NUMBER = 2**64
 """No JSON number is larger; counters of kernel and engine have 64 bits."""
 
@@ -46,6 +48,8 @@ def json_or_none(source: str) -> Any:  # noqa: ANN401 - JSON is any; each caller
     `ip -j` writes control characters of a link's name or alias as they are: one odd link must not hide all others.
     Whole numbers may be large: whoever uses one takes it through `integer` or `decimal`.
     """
+    if source.count("[") + source.count("{") > _MOST_CONTAINERS:
+        return None
     try:
         return _parse(source, _ROBOT_DECODER, MAX_JSON_CHARACTERS)
     except ValueError:

@@ -18,7 +18,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from srprov.errors import TransportError
-from srprov.facts.first_look import _PLACEMENTS
+from srprov.facts.placements import PLACEMENTS
 from srprov.facts.probes import PROBES
 from srprov.modules import MODULES
 from srprov.secret import Vault
@@ -273,7 +273,7 @@ class FakeRobot:
         answers = {
             **{q.command: "" for module in MODULES.values() for q in module.queries() if isinstance(q, Query)},
             **{probe.command: self._probe(probe.name) for probe in PROBES},
-            _PLACEMENTS.command: self.disk.records(),
+            PLACEMENTS.command: self.disk.records(),
             MODULES["file"].queries()[0].command: self.disk.hashes(),  # type: ignore[union-attr]
             MODULES["tree"].queries()[0].command: self.disk.list_trees(),  # type: ignore[union-attr]
             MODULES["secret"].queries()[0].command: self.disk.secrets(),  # type: ignore[union-attr]

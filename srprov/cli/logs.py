@@ -14,6 +14,7 @@ from srprov.cli.codes import UNREACHABLE
 from srprov.cli.output import err, out, tell_unreachable
 from srprov.cli.streams import lost
 from srprov.errors import TransportError, visible
+from srprov.secret import redact_lines
 from srprov.session import Session
 
 
@@ -64,7 +65,7 @@ class _Lines:
     def stream(self, session: Session, service: str, container: str, tail: int, follow: bool) -> None:
         """Print one container's log."""
         try:
-            for line in session.container_log(container, tail=tail, follow=follow):
+            for line in redact_lines(session.container_log(container, tail=tail, follow=follow)):
                 with self.lock:
                     out(f"{visible(service):<{self.width}} | {line}")
                 if lost(sys.stdout):

@@ -26,8 +26,8 @@ def status_rows(snapshot: Snapshot, instance: str) -> list[dict[str, Any]]:
         services = record.get("services")
         if instance in ("", name) and isinstance(services, Mapping):
             for service, entry in services.items():
-                robot = entry.get("robot") if isinstance(entry, Mapping) else None
-                if robot in snapshot.unreachable:
+                robot = entry.get("robot", "") if isinstance(entry, Mapping) else ""
+                if isinstance(robot, str) and robot in snapshot.unreachable:
                     rows.append(_row(name, str(service), str(robot), {"status": "unreachable", "addresses": {}}))
     return sorted(rows, key=lambda row: (row["instance"], row["service"], row["robot"]))
 

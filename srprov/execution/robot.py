@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 
 from srprov.errors import TransportError
 from srprov.execution.outcome import Event, Listener, Outcome, StepResult
-from srprov.facts.observe import observe_queries, parse_observed, parse_probed, probe_queries
+from srprov.facts.observe import answers_of, observe_queries, parse_observed, parse_probed, probe_queries
 from srprov.modules import MODULES, PROBING, RUNNING
 from srprov.planning.plan import Step
 from srprov.resource import Action, Change, Observed
@@ -29,6 +29,10 @@ from srprov.wire import Command, EngineCall, Put, Reply, Run
 _Key = tuple[str, str]
 _MOST_BYTES = 256 * 1024
 _LOG_LINES = 8
+_MOST_LINES = 40
+"""Of what a failed command said."""
+_LONGEST_LINE = 400
+"""Characters of a line in a message."""
 
 
 @dataclass(slots=True)
@@ -57,7 +61,8 @@ class RobotExecutor:
                 why = " ".join((reply.err or reply.out).split()) or f"status {reply.status}"
                 message = f"its state cannot be read: {why}"
                 raise TransportError(self.session.host, message, hint="is its Docker Engine up?")
-        fresh = {(e.module, e.name): e for e in parse_observed(replies, wanted)}
+        with answers_of(self.session.host):
+            fresh = {(e.module, e.name): e for e in parse_observed(replies, wanted)}
         again = set(kinds) - set(PROBING)
         kept = {key: e for key, e in (self.seen or {}).items() if key[0] not in again}
         self.seen = kept | fresh
@@ -140,7 +145,8 @@ class RobotExecutor:
         """Look at what only shows when it is asked for: what ran before in this run may have changed it."""
         if step.want is not None and step.module in PROBING:
             replies = self.session.ask(probe_queries([step.want]))
-            seen = {(one.module, one.name): one for one in parse_probed(replies, [step.want])}
+            with answers_of(self.session.host):
+                seen = {(one.module, one.name): one for one in parse_probed(replies, [step.want])}
             self.seen = (self.seen or {}) | seen
 
     def _due(self, step: Step) -> Change | None:
@@ -157,7 +163,7 @@ class RobotExecutor:
         reply = self.session.ask([RUNNING[step.module].log_query(step.name, _LOG_LINES)])[0]
         if not reply.ok or not reply.out.strip():
             return ""
-        return "; its last lines:\n" + "\n".join(f"    {one}" for one in reply.out.strip().splitlines()[-_LOG_LINES:])
+        return "; its last lines:\n" + "\n".join(f"    {one}" for one in _last(reply.out, _LOG_LINES))
 
     def _progress(self, step: Step, line: str) -> None:
         self.listener(Event(kind="progress", host=step.host, step=step, text=line))
@@ -198,5 +204,11 @@ def _failure(command: Command, reply: Reply) -> str:
     # the end of a build's output says more than its error
     streamed = isinstance(command, EngineCall) and command.stream and reply.status in command.accept
     parts = (reply.out, reply.err) if streamed else (reply.err or reply.out,)
-    said = "\n    ".join(line for part in parts for line in part.splitlines() if line.strip())
+    said = "\n    ".join(line for part in parts for line in _last(part, _MOST_LINES))
     return f"{text}\n  status {reply.status}: {said}" if said else f"{text}\n  status {reply.status}"
+
+
+def _last(text: str, most: int) -> list[str]:
+    """Return the last lines that say something, each no longer than can be read."""
+    said = [line for line in text[-_MOST_BYTES:].splitlines() if line.strip()][-most:]
+    return [line if len(line) <= _LONGEST_LINE else f"{line[:_LONGEST_LINE]}…" for line in said]

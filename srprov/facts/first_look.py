@@ -11,21 +11,18 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from srprov import names
 from srprov.definitions.model import Host
 from srprov.facts.host import host_queries, later_query, parse_host
 from srprov.facts.model import HostFacts, TakenPort
-from srprov.facts.observe import observe_queries, parse_observed
+from srprov.facts.observe import answers_of, observe_queries, parse_observed
+from srprov.facts.placements import PLACEMENTS, parse_placements
 from srprov.facts.probes import INFO
 from srprov.facts.taken import QUERIES, taken_ports
-from srprov.modules.module import STATE_ROOT
 from srprov.resource import Observed
 from srprov.session import Measures, Reader
-from srprov.untrusted import json_or_none, mapping, text
-from srprov.wire import EngineQuery, Query, Reply
+from srprov.untrusted import text
+from srprov.wire import EngineQuery, Reply
 
-_PLACEMENTS = Query(command=f'for f in {STATE_ROOT}/*/placement.json; do test -f "$f" && cat "$f" && echo; done; :')
-_SIZE_LIMIT = 1_000_000
 Readers = Callable[[str], Reader]
 """Robot's name -> reader; raises TransportError when it cannot be reached."""
 
@@ -41,7 +38,8 @@ class Answers:
     """Seconds since the epoch."""
     facts: HostFacts
     observed: tuple[Observed, ...]
-    placements: list[Mapping[str, Any]]
+    placements: Mapping[str, Mapping[str, Any]]
+    """Instance -> the record that it holds."""
 
     def closer(
         self, readers: Readers, *, engine: bool, traffic: bool, ports: bool
@@ -50,10 +48,12 @@ class Answers:
         queries = [INFO] * engine + [later_query(self.replies)] * traffic
         asked = [*(QUERIES if ports else ()), *queries]
         answers = list(readers(self.host.name).ask(asked))
-        taken = taken_ports([answers.pop(0) for _ in QUERIES]) if ports else ()
+        of_ports = [answers.pop(0) for _ in QUERIES] if ports else []
         later = answers.pop() if traffic else None
         replies = [*self.replies, *answers]
-        seen = parse_host(self.host, replies, measures=self.measures, now=self.asked_at, later=later)
+        with answers_of(self.host.name):
+            taken = taken_ports(of_ports) if ports else ()
+            seen = parse_host(self.host, replies, measures=self.measures, now=self.asked_at, later=later)
         if self.facts.docker is None:
             seen = dataclasses.replace(seen, docker=None, docker_problem=self.facts.docker_problem)
         return seen, taken
@@ -67,12 +67,17 @@ def ask(host: Host, readers: Readers, engine: bool) -> Answers:
     """
     reader = readers(host.name)
     mine = host_queries(info=engine)
-    ours = observe_queries()
     asked_at = time.time()  # the robot's clock is read first of all
-    replies = reader.ask([*mine, *ours, _PLACEMENTS])
-    measures, asked = reader.measure(), replies[: len(mine)]
+    replies = reader.ask([*mine, *observe_queries(), PLACEMENTS])
+    with answers_of(host.name):
+        return _read(host, replies, len(mine), reader.measure(), asked_at)
+
+
+def _read(host: Host, replies: Sequence[Reply], mine: int, measures: Measures | None, asked_at: float) -> Answers:
+    """Read the replies; the first of them, as many as `mine`, are about the robot itself."""
+    asked, ours = replies[:mine], observe_queries()
     facts = parse_host(host, asked, measures=measures, now=asked_at)
-    seen = replies[len(mine) : -1]
+    seen = replies[mine:-1]
     mute = [reply for query, reply in zip(ours, seen, strict=True) if isinstance(query, EngineQuery) and not reply.ok]
     if mute and facts.docker is not None:
         # an engine that says its version but not what it runs is as good as none
@@ -84,15 +89,5 @@ def ask(host: Host, readers: Readers, engine: bool) -> Answers:
         asked_at=asked_at,
         facts=facts,
         observed=parse_observed(seen),
-        placements=_placements(replies[-1]),
+        placements=parse_placements(replies[-1]),
     )
-
-
-def _placements(reply: Reply) -> list[Mapping[str, Any]]:
-    """Read one JSON document per line; a record that is not of the right shape is as good as none."""
-    found: list[Mapping[str, Any]] = []
-    for line in reply.out[:_SIZE_LIMIT].splitlines():
-        record = mapping(json_or_none(line))
-        if names.valid("instance", record.get("instance")) and isinstance(record.get("serial"), int):
-            found.append(record)
-    return found

@@ -18,7 +18,7 @@ from srprov.definitions.model import Inventory
 from srprov.errors import TransportError
 from srprov.facts.first_look import Answers, Readers, ask
 from srprov.facts.model import HostFacts, Snapshot, TakenPort
-from srprov.facts.observe import parse_probed, probe_queries
+from srprov.facts.observe import answers_of, parse_probed, probe_queries
 from srprov.modules import PROBING
 from srprov.resource import Observed, Resource
 from srprov.wire import AnyQuery, Reply
@@ -138,19 +138,17 @@ def _put_together(futures: Mapping[str, Future[Answers]]) -> Snapshot:
     facts: dict[str, HostFacts] = {}
     observed: dict[str, tuple[Observed, ...]] = {}
     unreachable: dict[str, str] = {}
-    records: dict[str, Mapping[str, Any]] = {}
+    records: dict[str, Mapping[str, Mapping[str, Any]]] = {}
     for name, future in sorted(futures.items()):
         try:
             said = future.result()
         except TransportError as error:
             unreachable[name] = _said(error)
             continue
-        facts[name], observed[name] = said.facts, said.observed
-        for record in said.placements:
-            best = records.get(record["instance"])
-            if best is None or record["serial"] > best["serial"]:
-                records[record["instance"]] = record
-    return Snapshot(facts=facts, observed=observed, placements=records, unreachable=unreachable)
+        facts[name], observed[name], records[name] = said.facts, said.observed, said.placements
+    every = [record for held in records.values() for record in held.values()]
+    newest = {record["instance"]: record for record in sorted(every, key=lambda record: int(record["serial"]))}
+    return Snapshot(facts=facts, observed=observed, records=records, placements=newest, unreachable=unreachable)
 
 
 def _without_mute(snapshot: Snapshot) -> Snapshot:
@@ -158,7 +156,7 @@ def _without_mute(snapshot: Snapshot) -> Snapshot:
     mute = {
         name
         for name, one in snapshot.facts.items()
-        if one.docker is None and _holds_services(name, snapshot.placements)
+        if one.docker is None and _holds_services(name, snapshot.records.get(name, {}))
     }
     if not mute:
         return snapshot
@@ -197,10 +195,11 @@ def _ask(readers: Readers, host: str, questions: Sequence[AnyQuery]) -> Sequence
 
 
 def _probe(readers: Readers, host: str, wants: Sequence[Resource]) -> tuple[Observed, ...]:
-    return parse_probed(readers(host).ask(probe_queries(wants)), wants)
+    replies = readers(host).ask(probe_queries(wants))
+    with answers_of(host):
+        return parse_probed(replies, wants)
 
 
 def _holds_services(robot: str, records: Mapping[str, Mapping[str, Any]]) -> bool:
-    placed = (record.get("services") for record in records.values())
-    entries = [entry for services in placed if isinstance(services, Mapping) for entry in services.values()]
-    return any(isinstance(entry, Mapping) and entry.get("robot") == robot for entry in entries)
+    """Return whether a robot's own records say so: what others say of it would make it unreachable."""
+    return any(entry["robot"] == robot for record in records.values() for entry in record.get("services", {}).values())

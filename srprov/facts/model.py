@@ -113,7 +113,9 @@ class Snapshot:
     observed: Mapping[str, tuple[Observed, ...]]
     """Per reachable robot, of every instance."""
     placements: Mapping[str, Mapping[str, Any]] = field(default_factory=lambda: MappingProxyType({}))
-    """instance -> the newest placement record that any robot holds."""
+    """instance -> a placement record: the newest one that any robot holds, or the one that is believed."""
+    records: Mapping[str, Mapping[str, Mapping[str, Any]]] = field(default_factory=lambda: MappingProxyType({}))
+    """Robot -> instance -> the record that it holds."""
     unreachable: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     """Robot -> reason."""
     taken: Mapping[str, tuple[TakenPort, ...]] = field(default_factory=lambda: MappingProxyType({}))

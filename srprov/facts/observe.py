@@ -2,12 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+import contextlib
+from collections.abc import Iterable, Iterator, Sequence
 
 from srprov import names
+from srprov.errors import SrprovError, TransportError
 from srprov.modules import MODULES, PROBING
 from srprov.resource import Observed, Resource
+from srprov.untrusted import text
 from srprov.wire import AnyQuery, Reply
+
+
+@contextlib.contextmanager
+def answers_of(robot: str) -> Iterator[None]:
+    """Read a robot's answers: what goes wrong with them is that robot's failure (TransportError), and nobody else's."""
+    try:
+        yield
+    except SrprovError:
+        raise
+    except Exception as error:  # parsers do not raise; the one that does must not end the run of all others
+        message = f"its answers cannot be read: {type(error).__name__}: {text(str(error))}"
+        raise TransportError(robot, message, hint="report it, with what the robot answers") from error
 
 
 def observe_queries(kinds: Iterable[str] = tuple(MODULES)) -> tuple[AnyQuery, ...]:

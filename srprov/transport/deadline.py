@@ -1,4 +1,4 @@
-"""One moment by which something must be done, shared by all the steps that lead there.
+"""Moments by which something must be done, shared by all the steps that lead there.
 
 Takes seconds, returns seconds; touches nothing but the monotonic clock.
 """
@@ -6,6 +6,9 @@ Takes seconds, returns seconds; touches nothing but the monotonic clock.
 from __future__ import annotations
 
 import time
+
+_SLOWEST = 64 * 1024
+"""bytes/s of the slowest link that an answer's length is allowed time for."""
 
 
 class Deadline:
@@ -26,3 +29,21 @@ class Deadline:
     def passed(self) -> bool:
         """Tell whether the moment is over."""
         return time.monotonic() >= self.at
+
+
+class Patience:
+    """A time to wait for an answer, and as much more as its bytes take on a slow link; a trickle does not extend it."""
+
+    __slots__ = ("_at",)
+
+    def __init__(self, seconds: float) -> None:
+        """Take the seconds from now."""
+        self._at = time.monotonic() + seconds
+
+    def moved(self, size: int) -> None:
+        """Count bytes that were sent or received."""
+        self._at += size / _SLOWEST
+
+    def left(self) -> float:
+        """Return the seconds that are left."""
+        return self._at - time.monotonic()

@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from srprov.transport.options import ConnectOptions, Peers
 
 _SECOND_SHELL_S = 20.0
+_LONGEST_NOISE = 1 << 20
 _ENGINE_SOCKET = "/var/run/docker.sock"
 
 
@@ -158,13 +159,15 @@ class SshSession(BaseSession):
         try:
             if self._robot.become_password:
                 answer_sudo(channel, nonce, self._robot.become_password, deadline)
-            seen = b""
+            seen = bytearray()
             while not seen.endswith(ready_line(nonce)):
                 channel.settimeout(deadline.left(0.001))
                 # The engine speaks only when spoken to, so nothing can follow the mark.
                 if not (piece := channel.recv(4096)):
                     raise EngineGone(complaint(channel) or "no way to run docker on the robot")
                 seen += piece
+                if len(seen) > _LONGEST_NOISE:
+                    raise EngineGone(f"the login printed more than {_LONGEST_NOISE >> 10} KiB before docker began")
         except BaseException:
             channel.close()
             raise

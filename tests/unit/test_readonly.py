@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from srprov.execution.locks import who_holds
-from srprov.facts.first_look import _PLACEMENTS
 from srprov.facts.host import host_queries
 from srprov.facts.observe import observe_queries
+from srprov.facts.placements import PLACEMENTS
 from srprov.facts.preconditions import precondition_queries
 from srprov.facts.probes import counters
 from srprov.transport.shell.frames import batch, start_command
@@ -20,7 +20,7 @@ QUESTIONS = [
     *host_queries(),
     counters(0),
     *observe_queries(),
-    _PLACEMENTS,
+    PLACEMENTS,
     *precondition_queries(),
     who_holds(),
 ]

@@ -11,9 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from srprov import untrusted
+from srprov.controller.status import status_rows
 from srprov.errors import UsageError
 from srprov.execution.locks import Holder, parse_holder
-from srprov.facts.first_look import _placements
+from srprov.facts.gather import _without_mute
+from srprov.facts.model import Snapshot
+from srprov.facts.placements import parse_placements
+from srprov.network.foreign import foreign_uses
+from srprov.network.record import read_record
 from srprov.planning.planfile import is_plan, load
 from srprov.transport.engine.answers import message_of
 from srprov.untrusted import json_or_none, mappings, parse_json, string, string_map
@@ -30,7 +35,7 @@ def test_hostile_json_is_none_for_every_reader(source: str) -> None:
     assert json_or_none(source) is None
     assert Reply(status=200, out=source).json() is None
     assert parse_holder(f"{now} {source}") == Holder()
-    assert _placements(Reply(status=0, out=source)) == []
+    assert parse_placements(Reply(status=0, out=source)) == {}
     assert message_of(source) == " ".join(source.split())[:500]
 
 
@@ -44,7 +49,7 @@ def test_a_hostile_plan_file_is_refused_as_one_that_cannot_be_applied(source: st
 def test_a_record_beside_a_hostile_one_is_read() -> None:
     good = '{"instance": "i", "serial": 3}'
     reply = Reply(status=0, out=f'{DEEP}\n{good}\n{{"instance": 7}}\n')
-    assert _placements(reply) == [{"instance": "i", "serial": 3}]
+    assert parse_placements(reply) == {"i": {"instance": "i", "serial": 3}}
 
 
 def nested(depth: int) -> str:
@@ -112,3 +117,30 @@ def test_values_of_the_wrong_kind_are_empty() -> None:
 def test_half_a_surrogate_pair_can_be_written_to_a_file() -> None:
     name = parse_json('"a\\ud800b"')
     assert string(name).encode() == b"a?b"
+
+
+def test_json_of_very_many_lists_is_none() -> None:
+    """Two characters each, and thirty times that in memory."""
+    assert json_or_none("[" + "[]," * 500_000 + "[]]") is None
+    assert json_or_none("[" + "[]," * 1000 + "[]]") == [[]] * 1001
+
+
+ODD = ([], {}, [[]], {"a": []}, None, 7, True, -1, 10**40, "x", ["x"], "\ud800")
+
+
+@pytest.mark.parametrize("odd", ODD, ids=str)
+def test_a_record_of_any_shape_ends_nobody_s_verb(odd: object) -> None:
+    """Whatever stands in its fields, all who read records find texts, numbers and maps of them."""
+    good = {"ip": "10.0.0.1", "mac": "", "network": "overlay", "robot": "away"}
+    bad = [
+        {"services": odd}, {"robots": odd}, {"services": {"a": odd}}, {"services": {"a": {**good, "robot": odd}}},
+        {"subnet": odd, "vni": odd, "mtu": odd, "port": odd, "source": odd}, {"robots": {"r1": {"vtep": odd}}},
+    ]  # fmt: skip
+    for fields in bad:
+        line = json.dumps({"instance": "hello", "serial": 3, "services": {"b": good}, **fields})
+        found = parse_placements(Reply(status=0, out=f"{line}\n"))
+        snapshot = Snapshot(facts={}, observed={}, placements=found, records={"r1": found}, unreachable={"away": "x"})
+        status_rows(snapshot, "")
+        read_record(found["hello"])
+        list(foreign_uses("other", ("b", "l"), snapshot, None))
+        _without_mute(snapshot)

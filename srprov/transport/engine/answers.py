@@ -18,6 +18,8 @@ from srprov.wire import Reply
 
 _LAST_LINES = 15
 _LONGEST_LINE = 1 << 20
+_LONGEST_WORDS = 2000
+"""Characters of a line of progress, or of a failure."""
 _LOG_PIECE = 64 * 1024
 
 
@@ -42,21 +44,32 @@ def within(path: str) -> str:
 
 
 def message_of(text: str) -> str:
-    """Return the `message` of an engine's error answer, or all of it."""
-    return string(mapping(json_or_none(text)).get("message")) or " ".join(text.split())[:500]
+    """Return the `message` of an engine's error answer, or the beginning of all of it."""
+    return cut(string(mapping(json_or_none(text)).get("message"))) or " ".join(text[:5000].split())[:500]
 
 
 def lines(pieces: Iterable[bytes]) -> Iterator[str]:
     """Cut bytes that come in pieces into lines of text; a line without end is cut where it gets too long."""
-    rest = b""
+    rest = bytearray()
     for piece in pieces:
-        *whole, rest = (rest + piece).split(b"\n")
+        first, feed, others = piece.partition(b"\n")
+        rest += first
+        if feed:
+            *whole, last = others.split(b"\n")
+            for line in (bytes(rest), *whole):
+                yield from _in_text(line)
+            rest = bytearray(last)
         if len(rest) > _LONGEST_LINE:
-            whole, rest = [*whole, rest], b""
-        for line in whole:
-            yield line.rstrip(b"\r").decode("utf-8", "replace")
+            yield from _in_text(bytes(rest))
+            rest = bytearray()
     if rest:
-        yield rest.decode("utf-8", "replace")
+        yield from _in_text(bytes(rest))
+
+
+def _in_text(line: bytes) -> Iterator[str]:
+    """Decode a line, in as many parts as its length makes necessary."""
+    for at in range(0, max(1, len(line)), _LONGEST_LINE + _LOG_PIECE):
+        yield line[at : at + _LONGEST_LINE + _LOG_PIECE].rstrip(b"\r").decode("utf-8", "replace")
 
 
 def events(pieces: Iterable[bytes]) -> Iterator[Mapping[str, Any]]:
@@ -89,25 +102,28 @@ def failure(event: Mapping[str, Any]) -> str:
     """Return the error of an event, or nothing."""
     detail, error = event.get("errorDetail"), event.get("error")
     words = string(mapping(detail).get("message")).strip() or string(error).strip()
-    return words or ("the engine did not say why" if error or detail else "")
+    return cut(words) or ("the engine did not say why" if error or detail else "")
 
 
 def told(event: Mapping[str, Any]) -> list[str]:
     """Return an event as text: build output, or `layer: status progress`."""
     stream, status, name, bar = (string(event.get(key)) for key in ("stream", "status", "id", "progress"))
     if stream:
-        return [line.rstrip() for line in stream.splitlines() if line.strip()]
-    return [f"{name}: " * bool(name) + status + f" {bar}" * bool(bar)] if status else []
+        return [cut(line.rstrip()) for line in stream.splitlines() if line.strip()]
+    return [cut(f"{name}: " * bool(name) + status + f" {bar}" * bool(bar))] if status else []
+
+
+def cut(words: str) -> str:
+    """Return words as they are, or their beginning and how much more there is."""
+    more = len(words) - _LONGEST_WORDS
+    return words if more <= 0 else f"{words[:_LONGEST_WORDS]}… ({more} characters more)"
 
 
 class Log(Protocol):
     """A container's log as it comes."""
 
-    def read(self, size: int, /) -> bytes:
-        """Return so many bytes, fewer only at the end."""
-
     def read1(self, size: int, /) -> bytes:
-        """Return at most so many bytes, as soon as there are some."""
+        """Return at most so many bytes, as soon as there are some; none at the end."""
 
 
 def demultiplexed(log: Log) -> Iterator[bytes]:
@@ -116,14 +132,31 @@ def demultiplexed(log: Log) -> Iterator[bytes]:
     The docker SDK's `logs` asks whether there is a terminal by another request, keeps a frame of any length that the
     engine claims in memory, and takes a lost connection for the end of the log.
     """
-    header = log.read(8)
-    if not (header[:1] <= b"\2" and header[1:4] == b"\0\0\0"):
-        while header:
-            yield header
-            header = log.read1(_LOG_PIECE)
-    while len(header) == 8:
-        left = int.from_bytes(header[4:], "big")
-        while left and (piece := log.read(min(left, _LOG_PIECE))):
-            left -= len(piece)
-            yield piece
-        header = log.read(8)
+    data = bytearray()
+    while len(data) < 8 and (piece := log.read1(_LOG_PIECE)):
+        data += piece
+    framed = len(data) >= 8 and data[0] <= 2 and data[1:4] == b"\0\0\0"
+    left = 0
+    while data:
+        text, left = _take(data, left) if framed else (bytes(data), 0)
+        if not framed:
+            data.clear()
+        if text:
+            yield text
+        if not (piece := log.read1(_LOG_PIECE)):
+            return
+        data += piece
+
+
+def _take(data: bytearray, left: int) -> tuple[bytes, int]:
+    """Remove the frames that are here from `data`; return their text, and what is still to come of the last one."""
+    at, text = 0, bytearray()
+    while True:
+        end = min(at + left, len(data))
+        text += data[at:end]
+        left, at = left - (end - at), end
+        if left or len(data) - at < 8:
+            break
+        left, at = int.from_bytes(data[at + 4 : at + 8], "big"), at + 8
+    del data[:at]
+    return bytes(text), left

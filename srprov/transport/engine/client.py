@@ -8,6 +8,7 @@ SDK's; a robot's docker CLI may be newer than its engine, so the CLI is never as
 from __future__ import annotations
 
 import contextlib
+import itertools
 import threading
 from collections.abc import Iterator
 from typing import Any
@@ -22,7 +23,7 @@ from srprov.errors import TransportError
 from srprov.session import Progress
 from srprov.transport.engine.adapter import EngineAdapter
 from srprov.transport.engine.answers import demultiplexed, follow, lines, message_of, quoted, within
-from srprov.transport.engine.link import EngineGone, EngineLink
+from srprov.transport.engine.link import EachWait, EngineGone, EngineLink
 from srprov.wire import EngineCall, Reply
 
 _HERE = "tcp://engine:2375"
@@ -31,7 +32,7 @@ _PING_TIMEOUT_S = 20.0
 _LOG_TIMEOUT_S = 60.0
 _CHUNK = 1 << 20
 _PROGRESS_PIECE = 64 * 1024
-_LONGEST_ANSWER = 16 << 20
+_LONGEST_ANSWER = 8 << 20
 _FAILURES = (
     EngineGone, DockerException, requests.RequestException, urllib3.exceptions.HTTPError, OSError, EOFError,
 )  # fmt: skip
@@ -61,6 +62,7 @@ class _Client(APIClient):
         # nothing of this machine's user goes to a robot: no headers of ~/.docker/config.json, no proxy, no .netrc
         self._general_configs: dict[str, Any] = {}
         self.trust_env = False
+        self.headers["Accept-Encoding"] = "identity"  # what a few bytes would become in memory has no limit
         self.mount("http://", adapter)
         self.mount("https://", adapter)
         self.hooks["response"] = [self._received]
@@ -69,6 +71,8 @@ class _Client(APIClient):
     def _received(self, response: requests.Response, **_options: object) -> None:
         """Keep the answer; judge it here, as the SDK takes some errors for success, and follows redirections."""
         self.answer = response
+        if response.headers.get("Content-Encoding", "identity") != "identity":
+            raise EngineGone("its answer is compressed, which nobody asked for")
         if not 200 <= response.status_code < 300:
             raise Refused(response)
 
@@ -160,11 +164,13 @@ class Engine:
     def log(self, container: str, *, tail: int, follow: bool) -> Iterator[str]:
         """Yield a container's log line by line; with `follow` until the container ends. A negative tail is all of it.
 
+        An engine that sends more lines than it was asked for is not listened to.
+
         Raises:
             TransportError: There is no such container, or the engine or the robot went away.
         """
         params = {"stdout": 1, "stderr": 1, "tail": tail if tail >= 0 else "all", "follow": int(follow)}
-        timeout = (_LOG_TIMEOUT_S, None if follow else _LOG_TIMEOUT_S)
+        timeout = (_LOG_TIMEOUT_S, None if follow else EachWait(_LOG_TIMEOUT_S))
         no, hint, broken = (
             f"no log of {container}",
             "srprov status lists what is there",
@@ -172,7 +178,7 @@ class Engine:
         )
         with self._or_error(no, hint, broken, _LOG_TIMEOUT_S), self._client(_LOG_TIMEOUT_S) as client:
             answer = client.send_call("GET", f"/containers/{container}/logs", params=params, timeout=timeout)
-            yield from lines(demultiplexed(answer.raw))
+            yield from itertools.islice(lines(demultiplexed(answer.raw)), None if follow or tail < 0 else tail)
 
     @contextlib.contextmanager
     def _or_error(self, refusal: str, hint: str, loss: str, timeout_s: float) -> Iterator[None]:
@@ -229,5 +235,5 @@ def negotiated(engine: str) -> str:
 def _text(response: requests.Response) -> str:
     """Read an answer to its end, but no more than would fit into any sensible one."""
     with response:
-        data: bytes = response.raw.read(_LONGEST_ANSWER, decode_content=True)
+        data: bytes = response.raw.read(_LONGEST_ANSWER)
     return data.decode("utf-8", "replace")

@@ -36,6 +36,10 @@ class EngineLate(EngineGone):
     """The engine did not answer within its time."""
 
 
+class EachWait(float):
+    """A timeout of every single wait: for a stream whose length, and whose reader's pace, nobody knows."""
+
+
 class EngineSocket:
     """A stream as `http.client` wants its socket; `settimeout` starts one deadline for all that follows."""
 
@@ -45,14 +49,16 @@ class EngineSocket:
         self._complaint = complaint
         self.waiting = waiting
         self._deadline: Deadline | None = None
+        self._each_wait: float | None = None
         self._reader = _Reader(self)
         self._answers = 0
         self._closed = False
         self._lock = threading.Lock()
 
     def settimeout(self, seconds: float | None) -> None:
-        """Allow so many seconds for everything from now on together."""
-        self._deadline = None if seconds is None else Deadline(seconds)
+        """Allow so many seconds for everything from now on together, or for each wait."""
+        self._each_wait = seconds if isinstance(seconds, EachWait) else None
+        self._deadline = None if seconds is None or self._each_wait is not None else Deadline(seconds)
 
     @contextlib.contextmanager
     def _in_time(self) -> Iterator[Stream]:
@@ -63,7 +69,7 @@ class EngineSocket:
         """
         if self._deadline is not None and self._deadline.passed:
             raise EngineLate
-        self._stream.settimeout(self._deadline.left(0.001) if self._deadline else None)
+        self._stream.settimeout(self._deadline.left(0.001) if self._deadline else self._each_wait)
         try:
             yield self._stream
         except TimeoutError:

@@ -17,11 +17,14 @@ from collections.abc import Sequence
 
 from srprov.transport.engine.answers import message_of, quoted
 from srprov.transport.engine.link import EngineGone, EngineLink, EngineSocket
+from srprov.untrusted import MAX_JSON_CHARACTERS
 from srprov.wire import EngineQuery, Reply
 
 _DIAL_S = 20.0
 _LEAST_S = 0.05
-_LONGEST_ANSWER = 64 << 20
+_LONGEST_ANSWER = MAX_JSON_CHARACTERS
+"""Bytes; what is longer would not be parsed."""
+_LONGEST_BATCH = 4 * _LONGEST_ANSWER
 _PIECE = 1 << 20
 _FAILURES = (EngineGone, http.client.HTTPException, OSError, EOFError)
 
@@ -89,7 +92,8 @@ class EngineReader:
             # it takes no more of a socket than the method makefile
             answer = http.client.HTTPResponse(stream, method="GET")  # type: ignore[arg-type]
             answer.begin()
-            replies.append(_reply(query, answer))
+            left = _LONGEST_BATCH - sum(len(reply.out) for reply in replies)
+            replies.append(_reply(query, answer, min(left, _LONGEST_ANSWER)))
             self.api_version = answer.headers.get("Api-Version", "") or self.api_version
             if answer.will_close:
                 self._drop()
@@ -108,17 +112,19 @@ def _request(query: EngineQuery) -> bytes:
     return f"GET {target} HTTP/1.1\r\nHost: engine\r\n\r\n".encode("ascii")
 
 
-def _reply(query: EngineQuery, answer: http.client.HTTPResponse) -> Reply:
+def _reply(query: EngineQuery, answer: http.client.HTTPResponse, longest: int) -> Reply:
     """Read the body of an answer whose headers are there.
 
     Raises:
-        HTTPException: The body ends too early, or is longer than any sensible one.
+        EngineGone: The body is longer than any sensible one, or all of a batch are.
+        HTTPException: The body ends too early.
     """
     body = bytearray()
     while piece := answer.read(_PIECE):  # in one piece, memory would be reserved for whatever length the robot claims
         body += piece
-        if len(body) > _LONGEST_ANSWER:
-            raise http.client.HTTPException(f"its answer is longer than {_LONGEST_ANSWER >> 20} MiB")
+        if len(body) > longest:
+            most = f"{_LONGEST_ANSWER >> 20} MiB, or all of them together than {_LONGEST_BATCH >> 20} MiB"
+            raise EngineGone(f"the Docker Engine's answer to {query.path} is longer than {most}")
     if answer.length:
         raise http.client.IncompleteRead(b"", answer.length)
     text = body.decode("utf-8", "replace")

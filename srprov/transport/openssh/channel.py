@@ -18,6 +18,8 @@ from srprov.transport.shell.frames import sudo_prompt
 _CHUNK = 1 << 20
 _BLOCKED_WRITE_POLL_S = 0.002
 _ANSWER_POLL_S = 0.005
+_LONGEST_WORDS = 256 * 1024
+"""Bytes of a complaint, of which the end is shown; a question of sudo comes within them."""
 MORE_SESSIONS = "raise MaxSessions to 6 or more"
 
 
@@ -112,6 +114,8 @@ def answer_sudo(channel: paramiko.Channel, nonce: str, password: Secret, deadlin
             time.sleep(_ANSWER_POLL_S)
             continue
         asked += channel.recv_stderr(_CHUNK)
+        if len(asked) > _LONGEST_WORDS:
+            return  # whoever reads on finds no shell behind it
         if sudo_prompt(nonce) in asked:
             channel.sendall(password.reveal().encode("utf-8", "surrogateescape") + b"\n")
             return
@@ -121,7 +125,7 @@ def complaint(channel: paramiko.Channel) -> str:
     """Return what a command wrote to standard error before it died, and what it means; nothing if it wrote nothing."""
     channel.status_event.wait(0.5)  # stderr and the exit status follow the end of stdout
     said = bytearray()
-    while channel.recv_stderr_ready():
+    while channel.recv_stderr_ready() and len(said) < _LONGEST_WORDS:
         said += channel.recv_stderr(_CHUNK)
     text = " ".join(said.decode("utf-8", "replace").split())[-300:]
     if "not found" in text:

@@ -23,6 +23,7 @@ from srprov.transport.deadline import Deadline
 from srprov.transport.openssh import host_keys, sockets
 from srprov.transport.openssh.algorithms import transport_for
 from srprov.transport.openssh.auth import Login
+from srprov.transport.openssh.limits import Flooded
 from srprov.transport.openssh.local_stream import LocalStreamTransport
 from srprov.transport.openssh.resolve import resolve
 from srprov.transport.openssh.settings import SshSettings
@@ -127,6 +128,8 @@ class StrictConnection:
         words = f"{transport.remote_version}".strip() if transport else ""
         if self.proxy and (complaints := self.proxy.complaints()):
             return ConnectError(name, f"ProxyCommand failed: {complaints}", hint="try the command by hand")
+        if flooded := next((one for one in (error, error.__context__) if isinstance(one, Flooded)), None):
+            return ConnectError(name, f"{where}: {flooded}", hint="what listens there? --exclude leaves the robot out")
         if self.deadline.passed:
             stage = "finish the key exchange" if words else "send an SSH banner"
             return DeadlineError(

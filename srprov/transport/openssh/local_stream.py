@@ -8,21 +8,30 @@ Source: OpenSSH's PROTOCOL, section 2.4.
 from __future__ import annotations
 
 import threading
-from typing import Any
+from typing import Any, ClassVar
 
 import paramiko
+from paramiko.common import MSG_CHANNEL_DATA, MSG_CHANNEL_EXTENDED_DATA
 from paramiko.transport import Transport
+
+from srprov.transport.openssh.limits import BoundedPacketizer, feed, feed_extended
 
 _KIND = "direct-streamlocal@openssh.com"
 
 
 class LocalStreamTransport(Transport):
-    """A transport with `open_local_stream`."""
+    """A transport with `open_local_stream`, and with limits for what the far end sends."""
+
+    _channel_handler_table: ClassVar[dict[int, Any]] = {
+        **Transport._channel_handler_table,  # type: ignore[attr-defined]  # paramiko's own, which its stubs leave out
+        MSG_CHANNEL_DATA: feed,
+        MSG_CHANNEL_EXTENDED_DATA: feed_extended,
+    }
 
     def __init__(self, *args: Any, **options: Any) -> None:  # noqa: ANN401 - as paramiko has it
         """Take what paramiko's transport takes."""
         self._wanted = threading.local()
-        super().__init__(*args, **options)
+        super().__init__(*args, **{**options, "packetizer_class": BoundedPacketizer})
 
     def open_local_stream(self, path: str, seconds: float) -> paramiko.Channel | None:
         """Return a channel to the socket at `path`, or None when sshd does not open it (it says no more than that).

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import io
 import ipaddress
 import socket
 import subprocess
@@ -181,8 +182,9 @@ class ProxyProcess:
 
     def complaints(self) -> str:
         """Return the last of what the command wrote to its standard error."""
-        self._complaints.seek(0)
-        return " ".join(self._complaints.read().decode("utf-8", "replace").split())[-200:]
+        end = self._complaints.seek(0, io.SEEK_END)
+        self._complaints.seek(max(0, end - _PIECE))
+        return " ".join(self._complaints.read(_PIECE).decode("utf-8", "replace").split())[-200:]
 
     def close(self) -> None:
         """End the process and wait for it."""

@@ -10,11 +10,20 @@ printed meanwhile.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 
 from srprov.wire import quote
 
 BEGIN = "begin"
+LONGEST = 16 << 20
+"""Bytes that one stream of a batch may have, what came before its first boundary included."""
+_KEPT = 2 << 20
+"""Bytes that are kept of a script's output, of which only the end is ever shown."""
+_LONGEST_BOUNDARY = 100
+_LONGEST_LINE = 4096
+"""Characters of a line of progress."""
+_STATUS = re.compile(r"[0-9]{1,9}", re.ASCII)
 _PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin:/snap/bin"
 
 
@@ -97,8 +106,10 @@ def _boundary(nonce: str, index: str, status: str) -> str:
 class Frames:
     """One stream of one batch, cut at its boundaries as the bytes come in."""
 
-    def __init__(self, nonce: str, count: int) -> None:
-        """Expect `count` answers behind the first boundary."""
+    def __init__(self, nonce: str, count: int, *, only_end: bool = False) -> None:
+        """Expect `count` answers behind the first boundary; with `only_end`, one of any length, of which the end."""
+        self._only_end = only_end
+        self._size = 0
         self._mark = f"\n{nonce} ".encode("ascii")
         self._count = count
         self._buffer = bytearray()
@@ -117,23 +128,37 @@ class Frames:
         """Take the next bytes of the stream, any number of them.
 
         Raises:
-            ValueError: A boundary is not the next one in order.
+            ValueError: A boundary is not the next one in order, or what is sent is longer than any answer.
         """
         self._buffer += data
+        self._size += len(data)
         while not self.done:
             start = self._buffer.find(self._mark, self._scanned)
             end = self._buffer.find(b"\n", start + len(self._mark)) if start >= 0 else -1
             if end < 0:
                 # A boundary may begin in the bytes that are here and end in those to come.
                 self._scanned = start if start >= 0 else max(0, len(self._buffer) - len(self._mark))
+                self._limit(start)
                 return
             self._cut(start, end)
 
+    def _limit(self, start: int) -> None:
+        """Refuse (ValueError) what no answer has, or forget the beginning of an output of which only the end counts."""
+        if start >= 0 and len(self._buffer) - start > len(self._mark) + _LONGEST_BOUNDARY:
+            raise ValueError("the robot's shell began a boundary that does not end")
+        if self._only_end and self.begun:
+            if start < 0 and (surplus := len(self._buffer) - _KEPT) > _KEPT:
+                del self._buffer[:surplus]
+                self._scanned, self._told = self._scanned - surplus, max(0, self._told - surplus)
+        elif self._size > LONGEST:
+            raise ValueError(f"the robot's shell sent more than {LONGEST >> 20} MiB where answers were expected")
+
     def _cut(self, start: int, end: int) -> None:
         """Take one answer out of the buffer: it ends at `start`, its boundary at `end`."""
-        index, status = bytes(self._buffer[start + len(self._mark) : end]).decode("ascii", "replace").split(" ")
+        said = bytes(self._buffer[start + len(self._mark) : end][:_LONGEST_BOUNDARY]).decode("ascii", "replace")
+        index, _, status = said.partition(" ")
         expected = str(len(self.answers)) if self.begun else BEGIN
-        if index != expected:
+        if index != expected or not _STATUS.fullmatch(status):
             raise ValueError(f"the robot's shell answered {index!r} where {expected!r} was expected")
         if self.begun:
             self.answers.append((bytes(self._buffer[:start]), int(status)))
@@ -160,4 +185,4 @@ def _lines(text: bytes, mark: bytes) -> Iterator[str]:
     """Decode lines, without blank ones and without a boundary."""
     for line in text.split(b"\n"):
         if line.strip() and not line.startswith(mark[1:]):
-            yield line.rstrip(b"\r").decode("utf-8", "replace")
+            yield line.rstrip(b"\r")[: 4 * _LONGEST_LINE].decode("utf-8", "replace")[:_LONGEST_LINE]

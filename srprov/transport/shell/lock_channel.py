@@ -21,6 +21,8 @@ if TYPE_CHECKING:
     from srprov.transport.shell.streams import Streams
 
 _GOODBYE_S = 2.0
+_LONGEST = 16 * 1024
+"""Bytes of a line; the longest holds what others wrote into the holder's file, of which the script takes 2000."""
 _HINT = "is the robot up, and its network? what was running there is ended by the robot itself; apply again"
 
 
@@ -85,6 +87,7 @@ class HeartbeatChannel:
             # only who reads sees the end; whoever has the lock is reading
             self._received += self._streams.read()[0]
             self._lock.release()
+        self._raise_if_endless()
         self._raise_if_lost()
 
     def close(self) -> None:
@@ -125,16 +128,24 @@ class HeartbeatChannel:
             pending = pending[self._streams.write(pending) :] if pending else pending
             out, _ = self._streams.read()
             self._received += out
-            if out:
-                continue
-            self._raise_if_lost()
-            if (left := begun + limit_s - now()) <= 0:
+            self._raise_if_endless()
+            if not out:
+                self._raise_if_lost()
+            left = begun + limit_s - now()
+            if left <= 0 and b"\n" not in self._received:  # half a line after the other is no sign of life
                 raise self._silent(limit_s)
-            self._streams.wait(min(left, 1.0), writing=bool(pending))
+            if not out:
+                self._streams.wait(min(left, 1.0), writing=bool(pending))
         line, _, rest = bytes(self._received).partition(b"\n")
         self._received = bytearray(rest)
         self._heard = begun
         return line.decode("utf-8", "replace")
+
+    def _raise_if_endless(self) -> None:
+        """Raise when more is said than letters were asked."""
+        if len(self._received) > _LONGEST:
+            message = f"lost contact: more than {_LONGEST >> 10} KiB came where one line was expected"
+            raise TransportError(self._host, message, hint="look at the robot: its shell answers as none of srprov's")
 
     def _raise_if_lost(self) -> None:
         """Raise when the robot's end is gone or silent for too long."""

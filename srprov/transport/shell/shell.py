@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import secrets
 import threading
-import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from srprov.errors import DeadlineError, TransportError
 from srprov.session import Progress, Traffic
+from srprov.transport.deadline import Patience
 from srprov.transport.shell.frames import Frames, batch
 from srprov.wire import Query, Reply
 
@@ -77,7 +77,7 @@ class Shell:
             if self._closed:
                 raise TransportError(self._host, "its connection is closed", hint="connect again")
             self.traffic.round_trips += 1
-            out, err = Frames(nonce, len(commands)), Frames(nonce, len(commands))
+            out, err = (Frames(nonce, len(commands), only_end=progress is not None) for _ in range(2))
             try:
                 self._pump(text, (out, err), limits_s, shown, progress)
             except BaseException:
@@ -99,24 +99,25 @@ class Shell:
     ) -> None:
         """Write and read at the same time until both streams have every answer; each command has its own time."""
         pending = memoryview(text)
-        at, limit = 0, time.monotonic() + limits_s[0]
+        at, patience = 0, Patience(limits_s[0])
         while not (frames[0].done and frames[1].done):
             sent = self._streams.write(pending) if pending else 0
             pending = pending[sent:]
             received = self._take(frames, progress)
             here = min(len(frames[0].answers), len(frames[1].answers))
             if at < here < len(shown):
-                at, limit = here, time.monotonic() + limits_s[here]
+                at, patience = here, Patience(limits_s[here])
+            patience.moved(sent + received)
+            if patience.left() <= 0:
+                raise self._late(shown[at], limits_s[at])
             if sent or received:
                 continue
             if self._streams.ended:
                 raise self._lost(shown[at])
-            if (left := limit - time.monotonic()) <= 0:
-                raise self._late(shown[at], limits_s[at])
-            self._streams.wait(left, writing=bool(pending))
+            self._streams.wait(patience.left(), writing=bool(pending))
 
-    def _take(self, frames: tuple[Frames, Frames], progress: Progress | None) -> bool:
-        """Feed what is here to the frames, and its new lines to `progress`."""
+    def _take(self, frames: tuple[Frames, Frames], progress: Progress | None) -> int:
+        """Feed what is here to the frames, and its new lines to `progress`; return how many bytes it was."""
         pieces = self._streams.read()
         try:
             for frame, piece in zip(frames, pieces, strict=True):
@@ -125,8 +126,9 @@ class Shell:
                     for line in frame.new_lines() if progress else ():
                         progress(line)  # type: ignore[misc]  # it is there, or there are no lines
         except ValueError as error:
-            raise TransportError(self._host, str(error), hint="connect again; report it when it comes back") from None
-        return any(pieces)
+            hint = "look at the robot: its shell, and what its programs print; --exclude leaves it out"
+            raise TransportError(self._host, str(error), hint=hint) from None
+        return sum(map(len, pieces))
 
     def _lost(self, command: str) -> TransportError:
         """Return the error for a connection that died while a command ran."""

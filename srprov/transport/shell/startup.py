@@ -12,6 +12,8 @@ from srprov.transport.shell.frames import ready_line, sudo_prompt
 if TYPE_CHECKING:
     from srprov.transport.shell.streams import Streams
 
+_LONGEST = 1 << 20
+"""Bytes that a login may print, in banners, a `.bashrc` and complaints of sudo."""
 _SUDO_HINT = (
     "allow it without a password: echo '{user} ALL=(ALL) NOPASSWD: ALL' | sudo tee /etc/sudoers.d/srprov on the robot, "
     "log in as root (ansible_user: root), or give sudo's password (--ask-become-pass, ansible_become_password)"
@@ -33,7 +35,7 @@ def wait_ready(
 
     Raises:
         AuthError: sudo asks for a password, does not accept the one that there is, or is not allowed.
-        ConnectError: The shell ended before it was ready.
+        ConnectError: The shell ended before it was ready, or printed too much.
         DeadlineError: It was not ready in time.
     """
     try:
@@ -55,13 +57,16 @@ def _wait(host: str, streams: Streams, nonce: str, deadline: Deadline, user: str
                 raise AuthError(host, f"sudo does not accept the password of user {user!r}", hint=hint)
             answered = True
             _answer(streams, password, deadline)
+        if len(noise) + len(complaints) > _LONGEST:
+            message = f"its login printed more than {_LONGEST >> 20} MiB before the shell was ready"
+            raise ConnectError(host, message, hint="what does ~/.bashrc on the robot print? try: ssh -v")
+        if deadline.passed:
+            hint = "a slow or waiting ~/.bashrc on the robot? try: ssh -v, then: sudo -n true"
+            raise DeadlineError(host, f"its shell was not ready within {deadline.seconds:g} s", hint=hint)
         if out or err:
             continue
         if streams.ended:
             raise _failure(host, user, complaints.decode("utf-8", "replace"), streams)
-        if deadline.passed:
-            hint = "a slow or waiting ~/.bashrc on the robot? try: ssh -v, then: sudo -n true"
-            raise DeadlineError(host, f"its shell was not ready within {deadline.seconds:g} s", hint=hint)
         streams.wait(deadline.left(), writing=False)
 
 

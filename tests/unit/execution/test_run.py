@@ -8,10 +8,12 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
+from srprov.definitions.model import Host
 from srprov.execution import Outcome, RunOptions, RunResult, StepResult, conditions, run_plan
+from srprov.facts import first_look
 from srprov.planning.plan import Plan, Step
 from srprov.resource import Action, Change
-from srprov.wire import Command, EngineCall, EngineQuery
+from srprov.wire import Command, EngineCall, EngineQuery, Reply
 from tests.fakes import Behaviour, Fault, World
 from tests.worlds import (
     CHECK,
@@ -585,3 +587,30 @@ def test_no_round_trip_per_step() -> None:
         asked[len(plan.steps)] = w.robots["r1"].traffic.round_trips - before - len(w.done())
     assert list(asked) == [6, 11]
     assert asked[6] == asked[11] <= 4
+
+
+def test_a_failure_says_what_was_said_in_short(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A build may print lines of any length, and a container's log too: messages stay as long as can be read."""
+    world = World().add("a")
+    line = "y" * 65_536
+    monkeypatch.setattr(
+        type(world.robots["a"]), "_execute", lambda *_: Reply(status=500, ok=False, err=f"{line}\n" * 90)
+    )
+    result = run(world, plan_for(world, experiment(service("one"))))
+    failed = [one for one in result.results if one.outcome is Outcome.FAILED]
+    assert failed and all(100 < len(one.message) < 20_000 for one in failed)
+
+
+def test_what_parsing_raises_is_that_robot_s_failure(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The others go on, also where the robot is one that is left out."""
+    world = World().add("a", "b")
+    parse = first_look.parse_host
+
+    def surprised(host: Host, *words: object, **more: object) -> object:
+        if host.name == "b":
+            raise KeyError("nobody thought of it")
+        return parse(host, *words, **more)
+
+    monkeypatch.setattr(first_look, "parse_host", surprised)
+    plan = plan_for(world, experiment(service("one", robot="a")))
+    assert plan.assignment == {"one": "a"} and "KeyError" in plan.unreachable["b"]

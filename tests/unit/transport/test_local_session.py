@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import gzip
 import os
 import socket
 import subprocess
@@ -377,3 +378,41 @@ def test_a_log_whose_connection_is_lost_is_no_end_of_the_log(
     assert next(log) == "a"
     with contextlib.nullcontext() if end else pytest.raises(TransportError, match="the log of web ended"):
         assert list(log) == []
+
+
+def test_all_answers_of_a_batch_have_a_limit_together(
+    session: Session, play: Callable[[Answer], PlayedEngine], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("srprov.transport.engine.reads._LONGEST_BATCH", MIB)
+    play(lambda *_: reply(b"x" * 600_000))
+    first, second = session.ask([EngineQuery(path="/images/json"), EngineQuery(path="/networks")])
+    assert first.ok and not second.ok and "answer to /networks is longer than" in second.err
+
+
+def test_a_compressed_answer_is_refused(session: Session, play: Callable[[Answer], PlayedEngine]) -> None:
+    """A few bytes may become gigabytes, and nobody asked for them."""
+    bomb = gzip.compress(b"x" * (64 * MIB))
+    play(lambda *_: reply(bomb, more="Content-Encoding: gzip\r\n"))
+    call = EngineCall(method="POST", path="/x")
+    for done in (session.execute(call), session.execute(dataclasses.replace(call, stream=True))):
+        assert not done.ok and "compressed" in done.err
+
+
+def test_an_engine_is_not_listened_to_beyond_the_lines_that_were_asked_for(
+    session: Session, play: Callable[[Answer], PlayedEngine]
+) -> None:
+    play(lambda *_: reply(b"a\n" * 50_000))
+    assert list(session.container_log("web", tail=3, follow=False)) == ["a"] * 3
+    assert list(session.container_log("web", tail=0, follow=False)) == []
+
+
+def test_a_log_is_not_cut_because_its_reader_takes_time(
+    session: Session, play: Callable[[Answer], PlayedEngine], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Only silence of the engine is limited: three million lines take a terminal longer than a minute."""
+    monkeypatch.setattr("srprov.transport.engine.client._LOG_TIMEOUT_S", 0.3)
+    play(lambda *_: reply((b"x" * 99 + b"\n") * 20_000))
+    log = session.container_log("web", tail=20_000, follow=False)
+    assert next(log) == "x" * 99
+    time.sleep(0.5)
+    assert sum(1 for _ in log) == 19_999

@@ -1,0 +1,238 @@
+"""What a secret looks like in a text, and the text without it.
+
+Takes values and texts, gives texts. A value is found in every form that a program may print it in: itself, quoted for
+JSON, URLs, Python or a shell, base64 and base32 (what stands before a value shifts its bits, so each has several), hex;
+and where lines were wrapped inside of any of them. What is done is linear in the text, whatever it is.
+
+Source: RFC 4648; `base64` wraps its lines, `xxd -p`, `openssl` and fingerprints put blanks or colons between bytes.
+"""
+
+from __future__ import annotations
+
+import base64
+import bisect
+import hashlib
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+
+SHORTEST = 4
+"""Characters of a secret. A shorter one would be found in every other line, and blank out the whole output."""
+MASK = "***"
+_SHORTEST_PART = 8
+"""Characters of a line of a long secret (a key in PEM) that is looked for by itself."""
+_SHORTEST_SHIFTED = 6
+_HEAD = 32
+"""Characters of a form that are compared first."""
+_MOST_KEPT = 16 * 1024
+"""Characters of a stream that are kept back while a secret may begin in them."""
+_WRAP = re.compile(r"\r?(?:\n|(?:\\r)?\\n)[ \t\r\n]*")
+"""A line's end, also as JSON writes it, with the indentation of the next one."""
+_SEPARATED = re.compile(r"(?:[0-9a-fA-F](?:[\s:,%-]|\\x)*){7,}[0-9a-fA-F]")
+_SEPARATOR = re.compile(r"(?:[\s:,%-]|\\x)+")
+_HEX_OR_SEPARATOR = frozenset("0123456789abcdefABCDEF :,%-\\x\t\r\n")
+
+Span = tuple[int, int]
+
+
+def in_bytes(value: str) -> bytes:
+    """Return the bytes of a value; those that are no UTF-8 arrived as surrogates."""
+    return value.encode("utf-8", "surrogateescape")
+
+
+def forms(value: str) -> frozenset[str]:
+    """Return every text that a value is looked for as, but for wraps and separators."""
+    raw = in_bytes(value)
+    found = {*_hex(value), *_encoded(raw)}
+    for text in {value, value.strip(), raw.decode("utf-8", "replace").strip()}:
+        found |= set(_escaped(text))
+    lines = value.splitlines()
+    if len(lines) > 1:
+        parts = {line.strip() for line in lines}
+        found |= {form for part in parts if len(part) >= _SHORTEST_PART for form in (part, *_encoded(in_bytes(part)))}
+    return frozenset(form for form in found if len(form.strip()) >= SHORTEST)
+
+
+def _hex(value: str) -> set[str]:
+    raw = in_bytes(value)
+    return {one.hex() for one in (raw, raw.strip())} | {hashlib.sha256(raw).hexdigest()}
+
+
+def _encoded(raw: bytes) -> Iterator[str]:
+    """Return base64 and base32 of a value alone, and what of it is fixed when other bytes stand before it."""
+    for text in (*_shifted(raw, base64.b64encode, 6, 3), base64.b64encode(raw.strip()).decode("ascii").rstrip("=")):
+        yield text
+        yield text.replace("+", "-").replace("/", "_")
+    for text in (*_shifted(raw, base64.b32encode, 5, 5), base64.b32encode(raw.strip()).decode("ascii").rstrip("=")):
+        yield text
+        yield text.lower()
+
+
+def _shifted(raw: bytes, encode: Callable[[bytes], bytes], bits: int, period: int) -> Iterator[str]:
+    """Return what each alignment makes of a value; `bits` per character, which repeats after `period` bytes."""
+    yield encode(raw).decode("ascii").rstrip("=")
+    for before in range(period):
+        # a character that also holds bits of a neighbour differs with it
+        first, last = -(-8 * before // bits), 8 * (before + len(raw)) // bits
+        if last - first >= _SHORTEST_SHIFTED:
+            yield encode(b"\0" * before + raw).decode("ascii")[first:last]
+
+
+def _escaped(text: str) -> Iterator[str]:
+    import html
+    import json
+    import shlex
+    from urllib.parse import quote
+
+    yield text
+    yield json.dumps(text)[1:-1]
+    yield json.dumps(text, ensure_ascii=False)[1:-1]
+    yield json.dumps(json.dumps(text))[3:-3]
+    for safe in ("", "/"):
+        quoted = quote(in_bytes(text), safe=safe)
+        yield from (quoted, quoted.replace("%20", "+"), _lower(quoted))
+    yield repr(text)[1:-1]
+    yield repr(in_bytes(text))[2:-1]
+    yield text.encode("unicode_escape").decode("ascii")
+    yield from (html.escape(text), html.escape(text, quote=False))
+    yield shlex.quote(text).strip("'")
+    yield re.sub(r"([\\`*_{}\[\]()<>#+\-!|~@])", r"\\\1", text)  # Markdown
+
+
+def _lower(quoted: str) -> str:
+    """Write `%2F` as `%2f`: RFC 3986 allows both."""
+    first, *rest = quoted.split("%")
+    return "%".join([first, *(part[:2].lower() + part[2:] for part in rest)])
+
+
+class _Forms:
+    """Texts to look for, by their first characters: a text is gone through once, not once per form."""
+
+    def __init__(self, found: Iterable[str]) -> None:
+        by_start: dict[str, list[str]] = {}
+        for form in sorted(found):
+            by_start.setdefault(form[:SHORTEST], []).append(form)
+        self.by_start: Mapping[str, list[str]] = by_start
+        self.begins = {start[:size] for start in by_start for size in range(1, SHORTEST)}
+        self.longest = max((len(form) for each in by_start.values() for form in each), default=0)
+
+    def spans(self, text: str) -> tuple[list[Span], int]:
+        """Return every place where a form stands, in order, and where one begins that the text's end cuts off."""
+        found: list[Span] = []
+        end = length = len(text)
+        effort = 16 * length + (1 << 20)
+        by_start = self.by_start
+        for at in [at for at in range(length - SHORTEST + 1) if text[at : at + SHORTEST] in by_start]:
+            for form in by_start[text[at : at + SHORTEST]]:
+                if not text.startswith(form[:_HEAD], at) and length - at >= _HEAD:
+                    continue
+                effort -= min(len(form), length - at)
+                if effort < 0:  # a text made of half secrets: rather none of it than a search without end
+                    return [*found, (at, length)], length
+                if text.startswith(form, at):
+                    found.append((at, at + len(form)))
+                elif len(form) > length - at and form.startswith(text[at:]):
+                    end = min(end, at)
+        for at in range(max(0, length - SHORTEST + 1), length):
+            end = min(end, at) if text[at:] in self.begins else end
+        return found, end
+
+
+class _View:
+    """A part of a text without some of its characters, in which forms are looked for."""
+
+    def __init__(self, text: str, without: re.Pattern[str], start: int = 0, end: int | None = None) -> None:
+        self._text, self._without = text, without
+        self._start, self._end = start, len(text) if end is None else end
+        self.text = without.sub("", text[self._start : self._end])
+
+    def spans(self, found: Iterable[Span]) -> list[Span]:
+        """Return where spans of the view were, with what was left out between."""
+        spans = list(found)
+        if not spans:
+            return []
+        ends, moved = self._map()
+
+        def place(at: int) -> int:
+            return at + moved[min(bisect.bisect_right(ends, at), len(moved) - 1)]
+
+        return [(place(start), place(stop - 1) + 1) for start, stop in spans]
+
+    def _map(self) -> tuple[list[int], list[int]]:
+        """Return for each piece of the view its end, and how far it was moved."""
+        ends, moved, length, at = [], [], 0, self._start
+        for gap in self._without.finditer(self._text, self._start, self._end):
+            length += gap.start() - at
+            ends.append(length)
+            moved.append(gap.start() - length)
+            at = gap.end()
+        return [*ends, length + self._end - at], [*moved, at - length]
+
+
+class Known:
+    """Every form of every secret."""
+
+    def __init__(self, found: Mapping[str, frozenset[str]] | None = None) -> None:
+        """Know values by their forms; a Known never changes, as threads may be using it."""
+        self._found = dict(found or {})
+        plain = {form for each in self._found.values() for form in each}
+        wrapped = {_WRAP.sub("", form.strip()) for form in plain}
+        self._texts = _Forms(plain | {form for form in wrapped if len(form) >= SHORTEST})
+        self._hex = _Forms({form for value in self._found for form in _hex(value) if len(form) >= 2 * SHORTEST})
+
+    def plus(self, value: str) -> Known:
+        """Return one that knows another value too."""
+        return self if value in self._found else Known({**self._found, value: forms(value)})
+
+    def __bool__(self) -> bool:
+        """Tell whether there is anything to look for."""
+        return bool(self._found)
+
+    def spans(self, text: str) -> tuple[list[Span], int]:
+        """Return every place of a secret, in order, and where one may begin that the end cuts off."""
+        found, end = self._texts.spans(text)
+        if "\n" in text or "\\n" in text:
+            view = _View(text, _WRAP)
+            more, cut = self._texts.spans(view.text)
+            found += view.spans(more)
+            end = min([end, *(start for start, _ in view.spans([(cut, cut + 1)] if cut < len(view.text) else []))])
+        for run in _SEPARATED.finditer(text):
+            view = _View(text, _SEPARATOR, run.start(), run.end())
+            found += view.spans(self._hex.spans(view.text.lower())[0])
+        return sorted(found), end
+
+    def begun(self, text: str) -> int:
+        """Return where a secret may begin that the text's end cuts off; its length where none does."""
+        end = self.spans(text)[1]
+        start = len(text)
+        while start > max(0, len(text) - _MOST_KEPT) and text[start - 1] in _HEX_OR_SEPARATOR:
+            start -= 1
+        view = _View(text, _SEPARATOR, start)
+        cut = self._hex.spans(view.text.lower())[1]
+        return min([end, *(at for at, _ in view.spans([(cut, cut + 1)] if cut < len(view.text) else []))])
+
+    def without(self, text: str) -> str:
+        """Return a text with every secret as `***`."""
+        parts: list[str] = []
+        end = 0
+        for start, stop in self.spans(text)[0]:
+            if not parts or start > end:  # what overlaps or touches the one before is one mask with it
+                parts += [text[end:start], MASK]
+            end = max(end, stop)
+        return "".join([*parts, text[end:]]) if parts else text
+
+    def lines_without(self, lines: Iterable[str]) -> Iterator[str]:
+        """Return a stream's lines without secrets; a line that may end within one waits for the next."""
+        kept = ""
+        try:
+            for line in lines:
+                text = f"{kept}\n{line}" if kept else line
+                begun = self.begun(text)
+                if begun < len(text) and len(text) - begun < _MOST_KEPT:
+                    kept = text
+                    continue
+                kept = ""
+                yield from (self.without(text[:begun]) + MASK * (begun < len(text))).split("\n")
+        except Exception:  # the stream broke: what came before is shown first
+            yield from self.without(kept).split("\n") if kept else ()
+            raise
+        yield from self.without(kept).split("\n") if kept else ()
