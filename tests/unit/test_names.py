@@ -16,8 +16,8 @@ from srprov.definitions import load_experiment, load_inventory
 from srprov.definitions.expand import expand
 from srprov.definitions.model import Service
 from srprov.errors import DefinitionError, UsageError
-from srprov.facts.first_look import _placements
 from srprov.facts.observe import observe_queries, parse_observed
+from srprov.facts.placements import parse_placements
 from srprov.network.record import read_record
 from srprov.planning import planfile
 from srprov.wire import Reply
@@ -113,7 +113,7 @@ def test_what_a_robot_says_of_an_instance_that_cannot_be_counts_for_nothing(name
     replies = [Reply(status=200, out=volumes if "volumes" in path else body) for path in asked]
     assert {one.instance for one in parse_observed(replies)} <= {""}
     record = json.dumps({"instance": name, "serial": 3})
-    assert _placements(Reply(status=0, out=record)) == []
+    assert parse_placements(Reply(status=0, out=record)) == {}
     known = read_record({"services": {"a": {"robot": name.replace("x", "/")}}})
     assert known is not None and not known.robots
 
