@@ -47,3 +47,38 @@ def test_a_robots_ports_and_folders_are_known_before_anything_is_changed(lab: La
     assert (again.code, changed(again.json)) == (0, set()), again
     assert lab.srprov("destroy", "--instance", "room", "-i", inventory, "--yes").code == 0
     lab.shell("robot1", "rmdir", FOLDER)
+
+
+def test_a_labs_policy_limits_containers_and_forbids_what_flags_allow(lab: Lab, tmp_path: Path) -> None:
+    """What the policy does not allow is refused with its file and line; what it limits, the engine limits."""
+    inventory = part_of_lab(lab, ["robot1"], tmp_path / "lab.yml")
+    policy = tmp_path / "config" / "srprov" / "policy.yml"
+    policy.parent.mkdir(parents=True)
+    policy.write_text("policy: 1\nallow: {all: []}\nlimits:\n  memory: {default: 64m, max: 1g}\n  pids: {max: 32}\n")
+    path = tmp_path / "experiment.edf"
+
+    def apply(**fields: Any) -> Done:
+        path.write_text(edf("limited", {"a": busybox(network="none", **fields)}))
+        words = ("apply", str(path), "-i", inventory, "--yes", "--settle", "0", "--allow", "all")
+        return lab.srprov(*words, env={"XDG_CONFIG_HOME": str(tmp_path / "config")})
+
+    refused = apply(privileged=True)
+    assert (refused.code, f"{policy}:2 does not allow privileged on robot1" in refused.err) == (9, True), refused
+    greedy = apply(pids_limit=33)
+    assert (greedy.code, f"{policy}:5 does not allow 33 processes" in greedy.err) == (9, True), greedy
+    assert apply(cpus=0.5).code == 0
+    host = lab.inspect("robot1", "srprov.limited.a")["HostConfig"]
+    assert (host["CpuQuota"], host["CpuPeriod"], host["PidsLimit"]) == (50_000, 100_000, 32)
+    assert (host["Memory"], host["MemorySwap"]) == (64 << 20, 64 << 20)
+    assert lab.srprov("destroy", "--instance", "limited", "-i", inventory, "--yes").code == 0
+
+
+def test_facts_name_the_addresses_that_a_robot_relies_on(lab: Lab, tmp_path: Path) -> None:
+    """This machine, which reaches it by SSH, and its gateways, by the robot's own tools."""
+    inventory = part_of_lab(lab, ["robot1"], tmp_path / "lab.yml")
+    facts = lab.srprov("facts", "-i", inventory, "--json").json["robots"]["robot1"]
+    routes = lab.shell("robot1", "ip", "-4", "route").out.split()
+    gateways = {routes[at + 1] for at, word in enumerate(routes) if word == "via"}
+    servers = {line.split()[1] for line in lab.shell("robot1", "cat", "/etc/resolv.conf").out.splitlines()
+               if line.startswith("nameserver") and not line.split()[1].startswith("127.")}  # fmt: skip
+    assert set(facts["relies_on"]) >= {str(lab.site.controller), *gateways, *servers}
