@@ -35,6 +35,7 @@ def draw(answer: Assignment, front: Sequence[Point], target: Path, form: str) ->
         from matplotlib.figure import Figure
     except ImportError as error:
         raise UsageError("pictures need matplotlib", hint="pip install 'srprov[plots]'") from error
+    matplotlib.rcdefaults()  # it has read `matplotlibrc` of the current folder, which may run LaTeX (text.usetex)
     matplotlib.rcParams["svg.hashsalt"] = "srprov"
     matplotlib.rcParams["text.parse_math"] = False  # a name with two $ is a name, no formula
     robots = sorted({robot for row in answer.matrix.values() for robot in row})

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import jsonschema
@@ -154,6 +157,22 @@ def test_pictures(lab: Path) -> None:
     assert assign("--svg", "b.svg", "--pareto") == 0
     assert (lab / "a.svg").read_bytes() == (lab / "b.svg").read_bytes()
     assert (lab / "a.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_projects_settings_for_pictures_run_nothing(lab: Path) -> None:
+    """matplotlib reads `matplotlibrc` of the current folder, which can have it start LaTeX with words of its own."""
+    pytest.importorskip("matplotlib")
+    (lab / "matplotlibrc").write_text("text.usetex: True\nfigure.facecolor: red\n")
+    (lab / "bin").mkdir()
+    for program in ("latex", "kpsewhich", "dvipng"):
+        (lab / "bin" / program).write_text(f"#!/bin/sh\ntouch {lab}/ran\n")
+        (lab / "bin" / program).chmod(0o755)
+    words = ["-m", "srprov", "assign", "e.edf", "-i", "inv.yml", "--facts", "facts.json", "--svg", "a.svg"]
+    env = {**os.environ, "PATH": f"{lab}/bin:{os.environ['PATH']}", "PYTHONPATH": str(Path(__file__).parents[3])}
+    done = subprocess.run([sys.executable, *words], env=env, capture_output=True, text=True, timeout=60, check=False)
+    assert not (lab / "ran").exists()
+    assert done.returncode == 0, done
+    assert "#ff0000" not in (lab / "a.svg").read_text()
 
 
 def test_without_matplotlib_the_extra_is_named(
