@@ -26,6 +26,9 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
+_LONGEST_WORD = 80
+_MOST_KNOWN = 64
+"""Names that an unknown word is compared with."""
 _FURTHER = re.compile(r"\n(?=\S)")
 
 
@@ -49,9 +52,17 @@ def visible(text: str) -> str:
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """Return `did you mean 'x'?` for the known word that is closest to the given one, or nothing."""
-    import difflib  # only a mistake needs it
+    import bisect  # only a mistake needs them
+    import difflib
+    import operator
 
-    close = difflib.get_close_matches(word[:200], sorted(known), n=1)
+    word, names = word[:_LONGEST_WORD], sorted(one for one in known if len(one) <= _LONGEST_WORD)
+    if len(names) > _MOST_KNOWN:
+        # a comparison takes long: only with those that begin alike, and those with the same letters at the same places
+        at = bisect.bisect(names, word)
+        alike = sorted(names, key=lambda one: abs(len(one) - len(word)) + sum(map(operator.ne, one, word)))
+        names = sorted({*names[max(0, at - 16) : at + 16], *alike[:32]})
+    close = difflib.get_close_matches(word, names, n=1)
     return f"did you mean '{close[0]}'?" if close else ""
 
 

@@ -24,6 +24,8 @@ MAX_JSON_CHARACTERS = 8 * 1024 * 1024
 MAX_JSON_DEPTH = 60
 _MOST_CONTAINERS = 400_000
 """Lists and maps in a robot's JSON; an empty one takes two characters, and thirty times that in memory."""
+MAX_JSON_VALUES = 2_000_000
+"""Brackets, commas and colons of a text: each value of JSON has one, and takes about 100 bytes of memory."""
 LARGEST_NUMBER = 2**64
 """No JSON number is larger; counters of kernel and engine have 64 bits."""
 
@@ -59,6 +61,8 @@ def json_or_none(source: str) -> Any:  # noqa: ANN401 - JSON is any; each caller
 def _parse(source: str, decoder: json.JSONDecoder, max_characters: int) -> Any:  # noqa: ANN401 - JSON is any
     if len(source) > max_characters:
         raise ValueError(f"it is longer than {max_characters} characters")
+    if sum(map(source.count, "[{,:")) > MAX_JSON_VALUES:
+        raise ValueError(f"it holds more than {MAX_JSON_VALUES} values")
     try:
         value = decoder.decode(source)
     except RecursionError:

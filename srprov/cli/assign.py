@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from srprov import regular_file
 from srprov.cli import inputs, options
 from srprov.cli.output import err, out, out_json, tell_unreachable
 from srprov.cli.stdout_guard import answers_only
@@ -97,11 +98,12 @@ def _stored(path: Path, inventory: Inventory) -> Snapshot:
     from srprov.untrusted import parse_json
 
     try:
-        document = parse_json(path.read_text(encoding="utf-8"))
+        document = parse_json(regular_file.read_text(path))
         found = read_document(document)
         check_ranges(document["robots"])
     except (OSError, ValueError) as error:
-        raise UsageError(f"{path}: {error}", hint="give a file that `srprov facts --json` wrote") from error
+        why = error.strerror if isinstance(error, OSError) else error
+        raise UsageError(f"{path}: {why}", hint="give a file that `srprov facts --json` wrote") from error
     hosts = inventory.hosts
     facts = {name: with_inventory(hosts[name], one) for name, one in found.facts.items() if name in hosts}
     away = {

@@ -26,6 +26,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from srprov import regular_file
 from srprov.errors import UsageError, did_you_mean
 
 PROJECT_KEYS = frozenset(
@@ -112,9 +113,8 @@ def _read(file: _File, verbs: Mapping[str, Any]) -> dict[str, Any]:
     # tomllib came with Python 3.11; tomli is the same library for 3.10
     toml = importlib.import_module("tomllib" if sys.version_info >= (3, 11) else "tomli")
     try:
-        with file.path.open("rb") as stream:
-            about = os.fstat(stream.fileno())
-            text = stream.read(_MOST_BYTES).decode("utf-8")
+        content, about = regular_file.read_with_status(file.path, _MOST_BYTES)
+        text = content.decode("utf-8")
         table: Any = toml.loads(text)
     except (OSError, ValueError, RecursionError) as error:
         raise UsageError(f"cannot read {file.path}: {error}", hint="fix it, or move it away") from error

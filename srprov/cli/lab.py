@@ -14,6 +14,7 @@ from pathlib import Path
 
 import click
 
+from srprov import regular_file
 from srprov.cli.output import err as say
 from srprov.cli.output import out, out_json
 from srprov.errors import UsageError
@@ -66,9 +67,9 @@ def up(name: str, count: int | None, spec_path: Path | None, user: str | None) -
     text = None
     if spec_path is not None:
         try:
-            text = spec_path.read_text()
-        except (OSError, UnicodeDecodeError) as error:
-            raise UsageError(f"cannot read {spec_path}: {error}", hint="check --spec") from error
+            text = regular_file.read_text(spec_path)
+        except OSError as error:
+            raise UsageError(f"cannot read {spec_path}: {error.strerror}", hint="check --spec") from error
     booted = labs.up(name, labs.Wanted(count, text, str(spec_path or "lab-spec.yml"), user), say)
     seen = overview.robots(name)
     say(f"{len(seen)} robots are ready" + ("" if booted else ", nothing to do"))

@@ -86,13 +86,16 @@ def write_plan(target: str, file: PlanFile, vault: Vault, variables: Vault | Non
     """Write a plan file, for its owner alone. It is done as it stands, so a secret in it can only be refused.
 
     Raises:
-        UsageError: The file cannot be written.
+        UsageError: The file would be too large to be read again, or cannot be written.
         RefusedError: The value of a secret stands in what the plan does: in another field of the user's files; or that
             of one of `variables`, which come from the controller's environment.
     """
-    from srprov.planning.planfile import dump
+    from srprov.planning.planfile import MAX_CHARACTERS, dump
 
     text = dump(dataclasses.replace(file, inputs={name: redact(text) for name, text in file.inputs.items()}))
+    if len(text) > MAX_CHARACTERS:
+        hint = "apply the EDF itself, or ship less: what is large belongs in an image or a volume"
+        raise UsageError(f"the plan's file would be larger than {MAX_CHARACTERS >> 20} MiB", hint=hint)
     if name := vault.holds(text):
         hint = f"take it out of the definition files, or give '{name}' a value that is not an everyday word"
         raise RefusedError(

@@ -17,6 +17,7 @@ from srprov.controller.robot_images import robot_images
 from srprov.controller.services import service_context, tree_path, volume_name
 from srprov.definitions.containermodel import Mount
 from srprov.definitions.model import Service
+from srprov.errors import UsageError
 from srprov.facts.model import HostFacts
 from srprov.modules.module import STATE_ROOT, canonical
 from srprov.modules.secret import secret_path
@@ -57,7 +58,10 @@ def _record_path(instance: str) -> str:
 def _tree(path: str, blobs: dict[str, bytes]) -> dict[str, str]:
     from srprov.disk import tree_tar
 
-    blob = tree_tar(path)
+    try:
+        blob = tree_tar(path)
+    except OSError as error:
+        raise UsageError(f"{error.filename or path} cannot be shipped: {error.strerror}") from error
     digest = hashlib.sha256(blob).hexdigest()
     blobs[digest] = blob
     return {"blob": digest, "top": Path(path).name}

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+from srprov import regular_file
 from srprov.assignment.fairness import read_record
 from srprov.errors import UsageError
 from srprov.untrusted import parse_json
@@ -21,7 +22,8 @@ def read_history(folder: Path | None) -> tuple[Mapping[str, float], ...]:
     runs = []
     for path in sorted(folder.glob("*/assignment.json")):
         try:
-            runs.append(read_record(parse_json(path.read_text(encoding="utf-8")), str(path)))
+            runs.append(read_record(parse_json(regular_file.read_text(path)), str(path)))
         except (OSError, ValueError) as error:
-            raise UsageError(f"{path}: {error}", hint="remove it, or name another folder with --history") from error
+            why = error.strerror if isinstance(error, OSError) else error
+            raise UsageError(f"{path}: {why}", hint="remove it, or name another folder with --history") from error
     return tuple(runs)

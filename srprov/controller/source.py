@@ -5,8 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from srprov import regular_file
 from srprov.definitions import load_experiment
 from srprov.definitions.model import Definitions
+from srprov.errors import UsageError
 
 if TYPE_CHECKING:
     from srprov.planning.planfile import PlanFile
@@ -23,13 +25,16 @@ def read_source(file: str) -> Definitions | PlanFile:
 
 def _plan(file: str) -> PlanFile | None:
     try:
-        text = Path(file).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
+        if not regular_file.beginning(file, 200).lstrip().startswith(b"{"):
+            return None
+    except OSError:
         return None  # the definitions say what is wrong with it
-    if not text.lstrip().startswith("{"):
-        return None
-    from srprov.planning.planfile import is_plan, load
+    from srprov.planning.planfile import MAX_CHARACTERS, is_plan, load
 
+    try:
+        text = regular_file.read_text(file, MAX_CHARACTERS)
+    except OSError as error:
+        raise UsageError(f"{file} cannot be read: {error.strerror}", hint="apply the EDF itself") from error
     return load(text, file) if is_plan(text) else None
 
 

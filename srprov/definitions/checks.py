@@ -22,6 +22,8 @@ from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq
 
 _PRIVATE = tuple(ipaddress.IPv4Network(block) for block in ("10.0.0.0/8", "172.16.0.0/12", "192.168.0.0/16"))
 _SMALLEST_PREFIX = 28
+_LONGEST_CIRCLE = 12
+"""Services that are named of one."""
 
 
 def service_maps(root: Map) -> dict[str, Map]:
@@ -98,24 +100,26 @@ def _cycles(known: Mapping[str, Map], findings: Findings) -> None:
     waits = {name: sorted(depends_on(entry.entries.get("depends_on"))) for name, entry in known.items()}
     done: set[str] = set()
     for start in sorted(waits):
-        trail: list[str] = []
         stack = [(start, iter(waits[start]))] if start not in done else []
-        trail.extend(name for name, _ in stack)
+        trail = dict.fromkeys(name for name, _ in stack)
         while stack:
             name, rest = stack[-1]
             following = next((other for other in rest if other in waits), None)
             if following is None:
                 done.add(name)
                 stack.pop()
-                trail.pop()
+                del trail[name]
             elif following in trail:
-                circle = [*trail[trail.index(following) :], following]
+                names = list(trail)
+                circle = [*names[names.index(following) :], following]
+                if len(circle) > _LONGEST_CIRCLE:
+                    circle = [*circle[:_LONGEST_CIRCLE], "...", following]
                 place = _dependency(known[name], following)
                 message = f"the services wait for each other: {' -> '.join(circle)}"
                 findings.add(place, message, ("services", name, "depends_on"))
             elif following not in done:
                 stack.append((following, iter(waits[following])))
-                trail.append(following)
+                trail[following] = None
 
 
 def _dependency(entry: Map, name: str) -> Node:
@@ -167,14 +171,13 @@ def same_robot_groups(root: Map) -> tuple[tuple[str, ...], ...]:
     """Return the groups that must share a robot; groups with a common service are one."""
     related = root.entries.get("relations")
     given = related.entries.get("same_robot") if isinstance(related, Map) else None
-    groups: list[set[str]] = []
+    group_of: dict[str, set[str]] = {}
     for item in given.items if isinstance(given, Seq) else ():
         group = {name.text for name in scalars(item)}
-        for touching in [other for other in groups if other & group]:
-            groups.remove(touching)
+        for touching in [group_of[name] for name in group if name in group_of]:
             group |= touching
-        groups.append(group)
-    return tuple(sorted(tuple(sorted(group)) for group in groups))
+        group_of.update(dict.fromkeys(group, group))
+    return tuple(sorted({tuple(sorted(group)) for group in group_of.values()}))
 
 
 def _pins(root: Map, known: Mapping[str, Map], findings: Findings) -> None:

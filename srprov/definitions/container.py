@@ -14,13 +14,16 @@ from types import MappingProxyType
 
 from srprov.definitions import dockerfile, images, merging, paths, runtime, schema
 from srprov.definitions.containermodel import BuildFile, ContainerDefinition
+from srprov.definitions.unsupported import note_unsupported_of_cdf
 from srprov.definitions.values import text, texts
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.yamldoc import loader, nodes
+from srprov.yamldoc.allowance import allowance
 from srprov.yamldoc.nodes import Findings, Map, Node, Scalar, Seq, Source
 
 _ORIGINS = ("base", "image", "dockerfile")
 _BUILDING = ("packages", "repositories", "files", "run")
+_LONGEST_CHAIN = 10
 _MERGED_TAGS = merging.RUNTIME_MERGED | merging.BUILD_MERGED | {"requires"}
 
 
@@ -38,7 +41,7 @@ class Container:
     def image_has_healthcheck(self) -> bool:
         """Return whether the Dockerfile sets one; that of an image is not known."""
         path = self.definition.dockerfile
-        return bool(path) and dockerfile.has_healthcheck(loader.read_text(path))
+        return bool(path) and dockerfile.has_healthcheck(loader.read_text(path, most=dockerfile.MAX_BYTES))
 
 
 def load(path: str, folder: str, environ: Mapping[str, str], shown: str = "") -> Container:
@@ -49,8 +52,9 @@ def load(path: str, folder: str, environ: Mapping[str, str], shown: str = "") ->
     """
     absolute = os.path.abspath(path)
     findings, unsupported = Findings(), Findings()
-    reader = _ExtendsReader(dict(environ), findings, unsupported)
-    layer = reader.read(absolute, shown or path, ())
+    with allowance(schema.MOST_BYTES, schema.MOST_VALUES):
+        reader = _ExtendsReader(dict(environ), findings, unsupported)
+        layer = reader.read(absolute, shown or path, ())
     if findings.problems or layer is None:
         raise DefinitionError(findings.problems)
     _check_origin(layer, findings, bool(unsupported.problems))
@@ -93,7 +97,7 @@ class _ExtendsReader:
         schema.check_tags(root, own, _MERGED_TAGS)
         layer = merging.normalise(root, self.environ, own, ()) if not own.problems else root
         if not own.problems:
-            self._note_unsupported(layer)
+            note_unsupported_of_cdf(layer, self.unsupported)
         parent = self._parent(root, path, shown, trail, own)
         self.findings.extend(own.problems)
         if own.problems or parent is None:
@@ -110,24 +114,13 @@ class _ExtendsReader:
             circle = [*steps[steps.index(target) :], target]
             own.add(extends, f"extends itself: {' -> '.join(os.path.basename(step) for step in circle)}", ("extends",))
             return None
+        if len(trail) >= _LONGEST_CHAIN:
+            own.add(extends, f"more than {_LONGEST_CHAIN} CDFs extend each other", ("extends",))
+            return None
         if "\0" in target or not os.path.isfile(target):
             own.add(extends, f"there is no CDF '{extends.text}'", ("extends",), f"it is looked for at {target}")
             return None
         return self.read(target, paths.shown_beside(shown, extends.text), (*trail, path))
-
-    def _note_unsupported(self, layer: Map) -> None:
-        packages = layer.entries.get("packages")
-        npm = packages.entries.get("npm") if isinstance(packages, Map) else None
-        extends, repositories = layer.entries.get("extends"), layer.entries.get("repositories")
-        if isinstance(extends, Map):
-            self.unsupported.add(extends, "a CDF from git is not supported yet", ("extends",))
-        if isinstance(repositories, Seq) and repositories.items:
-            self.unsupported.add(layer.keys["repositories"], "'repositories' is not supported yet", ("repositories",))
-        if isinstance(packages, Map) and isinstance(npm, Seq) and npm.items:
-            self.unsupported.add(packages.keys["npm"], "'packages.npm' is not supported yet", ("packages", "npm"))
-        policy = layer.entries.get("pull_policy")
-        if isinstance(policy, Scalar) and policy.text != "missing":
-            self.unsupported.add(policy, f"'pull_policy: {policy.text}' is not supported yet", ("pull_policy",))
 
 
 def _as_layer(path: str, shown: str) -> Map:
@@ -136,7 +129,7 @@ def _as_layer(path: str, shown: str) -> Map:
     Raises:
         DefinitionError: It cannot be read.
     """
-    source = Source(shown, tuple(loader.read_text(path, shown).splitlines()))
+    source = Source(shown, tuple(loader.read_text(path, shown, dockerfile.MAX_BYTES).splitlines()))
     key = Scalar(source, 1, 1, "dockerfile")
     return Map(source, 1, 1, {"dockerfile": Scalar(source, 1, 1, os.path.basename(path))}, {"dockerfile": key})
 
@@ -205,7 +198,7 @@ def _dockerfile(node: Node | None, folder: str, findings: Findings) -> tuple[str
         return path, ""
     shown = paths.shown_beside(node.source.file, node.text)
     try:
-        written = loader.read_text(path, shown)
+        written = loader.read_text(path, shown, dockerfile.MAX_BYTES)
     except DefinitionError as error:
         findings.extend(error.problems)
         return path, ""

@@ -12,6 +12,7 @@ from srprov.definitions import images
 from srprov.errors import Diagnostic, Location
 
 _FROM = re.compile(r"(?:--\S+\s+)*(?P<image>\S+)(?:\s+as\s+(?P<name>\S+))?", re.IGNORECASE)
+MAX_BYTES = 128 * 1024
 _EXPANDED = re.compile(r"[$\"'\\`]")
 """What the builder takes for variables, quotes or escapes in an image's name."""
 _FROM_LINE = re.compile(rf"\s*(?:ONBUILD\s+)*FROM\s+{_FROM.pattern}\s*", re.IGNORECASE)

@@ -30,8 +30,12 @@ from srprov.definitions.unsupported import note_unsupported
 from srprov.definitions.values import text, texts
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.yamldoc import loader, nodes
+from srprov.yamldoc.allowance import allowance
 from srprov.yamldoc.nodes import Findings, Map, Node, Scalar
 
+_MOST_BYTES = 8 * 1024 * 1024
+_MOST_VALUES = 60_000
+"""Of an EDF with all files that it names."""
 _METADATA = ("license", "doi", "notes")
 
 
@@ -41,6 +45,11 @@ def load(path: str, environ: Mapping[str, str]) -> Definitions:
     Raises:
         DefinitionError: With everything that is wrong, in every file.
     """
+    with allowance(_MOST_BYTES, _MOST_VALUES):
+        return _load(path, environ)
+
+
+def _load(path: str, environ: Mapping[str, str]) -> Definitions:
     root = loader.read(path)
     if not isinstance(root, Map):
         message = "the file is empty" if root is None else f"an EDF is a map, not {nodes.kind(root)}"

@@ -8,12 +8,16 @@ then the later name, wins.
 
 from __future__ import annotations
 
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 
 from srprov import names as names_rule
 from srprov.definitions import ranges
 from srprov.yamldoc import nodes
 from srprov.yamldoc.nodes import Findings, Map, Node, Scalar
+
+MOST_HOSTS = 10_000
+_MOST_MEMBERSHIPS = 200_000
 
 Variables = dict[str, tuple[Scalar, Node]]
 """name -> (where its name stands, its value)"""
@@ -66,6 +70,9 @@ class HostTree:
                 hint = "a range is written robot[1:4]" if "[" in name else ""
                 self.findings.add(place, wrong, (), hint)
                 return
+            if name not in self.hosts and len(self.hosts) >= MOST_HOSTS:
+                self.findings.add(place, f"there are more than {MOST_HOSTS} hosts")
+                return
             host = self.hosts.setdefault(name, HostEntry(name, place))
             if port is not None:
                 host.variables["ansible_port"] = (place, Scalar(place.source, place.line, place.column, str(port)))
@@ -73,57 +80,60 @@ class HostTree:
             self.group(group).hosts[name] = place
 
     def depths(self) -> dict[str, int]:
-        """Return each group's distance from `all`; a group that contains itself is a finding and stands at 0."""
-        has_parent = {child for group in self.groups.values() for child in group.children}
-        depth = {"all": 0}
-
-        def place(name: str, level: int, trail: tuple[str, ...]) -> None:
-            if name in trail:
-                circle = " -> ".join([*trail[trail.index(name) :], name])
-                self.findings.add(self.groups[trail[-1]].children[name], f"the group contains itself: {circle}")
-                return
-            if depth.get(name, -1) > level or (depth.get(name) == level and name != "all"):
-                return
-            depth[name] = level
-            for child in self.groups[name].children:
-                place(child, level + 1, (*trail, name))
-
-        place("all", 0, ())
-        for name in sorted(self.groups):
-            if name not in has_parent and name != "all":
-                place(name, 1, ("all",))
-        for name in sorted(self.groups):  # what is left hangs on nothing but a cycle
-            if name not in depth:
-                place(name, 1, ())
+        """Return each group's longest distance from `all`; a group that contains itself is a finding."""
+        depth = {name: int(name != "all") for name in self.groups}
+        for name, children in self._top_down():
+            for child in children:
+                depth[child] = max(depth[child], depth[name] + 1)
         return depth
 
     def members(self) -> dict[str, set[str]]:
         """Return every group's hosts, those of its children too; `all` has every host."""
         found: dict[str, set[str]] = {}
-
-        def of(name: str, trail: frozenset[str]) -> set[str]:
-            if name not in found and name not in trail:
-                group = self.groups[name]
-                below = (of(child, trail | {name}) for child in group.children)
-                found[name] = set(group.hosts).union(*below)
-            return found.get(name, set())
-
-        for name in self.groups:
-            of(name, frozenset())
+        count = 0
+        for name, children in reversed(self._top_down()):
+            group = self.groups[name]
+            found[name] = set(group.hosts).union(*(found[child] for child in children))
+            count += len(found[name])
+            if count > _MOST_MEMBERSHIPS:
+                place = next(iter([*group.children.values(), *group.hosts.values()]))
+                self.findings.add(place, f"hosts are in more than {_MOST_MEMBERSHIPS} groups, all counted together")
+                break
         return {**found, "all": set(self.hosts)}
 
-    def effective(self, host: HostEntry, groups: set[str], depths: dict[str, int]) -> Variables:
-        """Return a host's variables after inheritance."""
+    def _top_down(self) -> list[tuple[str, list[str]]]:
+        """Return groups with their children, each group before its children; what closes a circle is left out."""
+        has_parent = {child for group in self.groups.values() for child in group.children}
+        done: dict[str, list[str]] = {}
+        for start in ("all", *sorted(self.groups.keys() - has_parent), *sorted(has_parent)):
+            trail: dict[str, Iterator[str]] = {}
+            left = [start] if start not in done and start in self.groups else []
+            while left:
+                name = left[-1]
+                rest = trail.setdefault(name, iter(self.groups[name].children))
+                child = next(rest, None)
+                if child is None:
+                    del trail[left.pop()]
+                    kept = [one for one in self.groups[name].children if one not in trail and one != name]
+                    done[name] = kept
+                elif child in trail:
+                    circle = " -> ".join([*left[left.index(child) :], child])
+                    self.findings.add(self.groups[name].children[child], f"the group contains itself: {circle[:400]}")
+                elif child not in done:
+                    left.append(child)
+        return list(reversed(done.items()))
+
+    def effective(
+        self, host: HostEntry, groups: set[str], depths: dict[str, int], wanted: Collection[str]
+    ) -> Variables:
+        """Return a host's variables after inheritance, the `wanted` ones for sure."""
         ordered = sorted(
             (self.groups[name] for name in groups), key=lambda g: (depths.get(g.name, 0), _priority(g), g.name)
         )
         result: Variables = {}
-        for group in ordered:
-            result.update(group.variables)
-        for group in ordered:
-            result.update(group.from_files)
-        result.update(host.variables)
-        result.update(host.from_files)
+        scopes = [*(group.variables for group in ordered), *(group.from_files for group in ordered)]
+        for scope in (*scopes, host.variables, host.from_files):
+            result.update(scope if len(scope) < len(wanted) else {key: scope[key] for key in wanted if key in scope})
         return result
 
 

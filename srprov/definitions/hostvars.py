@@ -25,6 +25,14 @@ _LOCAL = {"local", "ansible.builtin.local"}
 _NAMES = re.compile(r"\{\{\s*(inventory_hostname|inventory_hostname_short|inventory_dir)\s*\}\}")
 _BECOME_PASSWORD = ("ansible_become_password", "ansible_become_pass", "ansible_sudo_pass")
 _ARGUMENTS = ("ansible_ssh_args", "ansible_ssh_common_args", "ansible_ssh_extra_args")
+READ = frozenset((
+    *_BECOME_PASSWORD, *_ARGUMENTS, "ansible_become", "ansible_connection",
+    "ansible_ssh_private_key_file", "ansible_private_key_file",
+    "ansible_host", "ansible_ssh_host", "ansible_port", "ansible_ssh_port", "ansible_user", "ansible_ssh_user",
+    "ansible_password", "ansible_ssh_pass", "ansible_ssh_password",
+    "srprov_tags", "srprov_slots", "srprov_underlay", "srprov_devices", "srprov_bandwidth_mbit",
+))  # fmt: skip
+"""Every variable that `host` reads; a test holds it to that."""
 
 
 def host(name: str, variables: Variables, groups: tuple[str, ...], place: Node, findings: Findings) -> Host:

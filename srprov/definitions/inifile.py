@@ -11,15 +11,21 @@ import re
 import shlex
 
 from srprov.definitions.groups import HostTree, Variables
+from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.yamldoc import nodes
 from srprov.yamldoc.nodes import Node, Scalar, Source
 
 _SECTION = re.compile(r"\[(?P<name>[^:\]\s]+)(?::(?P<kind>\w+))?\]\s*(?:[#;].*)?")
+_LONGEST = 1_000_000
+"""Characters of a file: splitting lines into words is slow."""
+_LONGEST_LINE = 50_000
 _LONGEST_LITERAL = 10_000
 
 
 def read(text: str, file: str, tree: HostTree) -> None:
     """Add everything that the text says; what is wrong goes to the tree's findings."""
+    if len(text) > _LONGEST:
+        raise DefinitionError([Diagnostic(Location(file), f"is longer than {_LONGEST} characters", hint="write YAML")])
     source = Source(file, tuple(text.splitlines()))
     section, kind = "ungrouped", "hosts"
     for number, line in enumerate(source.lines, 1):
@@ -27,6 +33,9 @@ def read(text: str, file: str, tree: HostTree) -> None:
         column = len(line) - len(line.lstrip()) + 1
         place = Scalar(source, number, column, bare)
         if not bare or bare[0] in "#;":
+            continue
+        if len(bare) > _LONGEST_LINE:
+            tree.findings.add(place, f"the line is longer than {_LONGEST_LINE} characters")
             continue
         match = _SECTION.fullmatch(bare)
         if match is None and bare.startswith("[") and "]" in bare and "=" not in bare:

@@ -17,11 +17,15 @@ from srprov.definitions.model import Inventory
 from srprov.definitions.paths import hide_outside
 from srprov.errors import DefinitionError, Diagnostic, Location, did_you_mean
 from srprov.yamldoc import loader, nodes
+from srprov.yamldoc.allowance import allowance
 from srprov.yamldoc.nodes import Map, Node, Scalar, Source
 
 _NOT_INVENTORIES = ("~", ".orig", ".bak", ".cfg", ".retry", ".pyc", ".pyo", ".swp", ".md", ".rst", ".txt")
 _LOOKS_LIKE_YAML = re.compile(r"---|[{%]|.*:(\s|$)|-\s")
 _NAME_IT = "if you trust it, name it on the command line: -i FILE"
+_MOST_BYTES = 16 * 1024 * 1024
+_MOST_VALUES = 120_000
+"""Of all files of the inventory; a thousand robots need a sixth."""
 _GROUP_KEYS = ("hosts", "vars", "children")
 
 
@@ -33,6 +37,17 @@ def load(paths: Sequence[str], unnamed: Collection[str] = ()) -> Inventory:
     Raises:
         DefinitionError: With everything that is wrong, in every file.
     """
+    folders = tuple(dict.fromkeys(_folder(path) for path in paths))
+    try:
+        with allowance(_MOST_BYTES, _MOST_VALUES):
+            tree = _tree(paths, folders, unnamed)
+            return _finish(tree, os.path.abspath(paths[0]) if paths else "", may_run=not unnamed)
+    except DefinitionError as error:
+        problems = [nodes.without_secrets(one) for one in error.problems]
+        raise DefinitionError(hide_outside(problems, *folders)) from None
+
+
+def _tree(paths: Sequence[str], folders: Sequence[str], unnamed: Collection[str]) -> HostTree:
     tree = HostTree()
     for path in paths:
         for part in _files(path, tree):
@@ -40,28 +55,30 @@ def load(paths: Sequence[str], unnamed: Collection[str] = ()) -> Inventory:
                 _read(part, tree, may_run=part == path and path not in unnamed)
             except DefinitionError as error:
                 tree.findings.extend(error.problems)
-    folders = tuple(dict.fromkeys(_folder(path) for path in paths))
     for folder in folders:
         _read_variables(folder, tree)
-    return _finish(tree, os.path.abspath(paths[0]) if paths else "", folders, may_run=not unnamed)
+    return tree
 
 
-def _finish(tree: HostTree, source: str, folders: Sequence[str], *, may_run: bool) -> Inventory:
+def _finish(tree: HostTree, source: str, *, may_run: bool) -> Inventory:
     for variables in _scopes(tree):
         _check_own(variables, tree)
     depths, members = tree.depths(), tree.members()
+    groups_of: dict[str, set[str]] = {name: set() for name in tree.hosts}
+    for group, inside in members.items():
+        for name in inside:
+            groups_of[name].add(group)
     hosts = {}
     for name in sorted(tree.hosts):
-        groups = {group for group, inside in members.items() if name in inside}
+        groups = groups_of[name]
         shown = tuple(sorted(groups - {"all", "ungrouped"}))
-        effective = tree.effective(tree.hosts[name], groups, depths)
+        effective = tree.effective(tree.hosts[name], groups, depths, hostvars.READ)
         hosts[name] = hostvars.host(name, effective, shown, tree.hosts[name].place, tree.findings)
         if not may_run and (hosts[name].ssh_options or hosts[name].connection == "local"):
             message = f"'{name}' is reached by ssh options, or is this machine, in an inventory that you did not name"
             tree.findings.add(tree.hosts[name].place, message, (), _NAME_IT)
     if tree.findings.problems:
-        problems = (nodes.without_secrets(one) for one in tree.findings.problems)
-        raise DefinitionError(hide_outside(problems, *folders))
+        raise DefinitionError(tree.findings.problems)
     by_group = {name: tuple(sorted(inside)) for name, inside in sorted(members.items())}
     return Inventory(hosts=MappingProxyType(hosts), groups=MappingProxyType(by_group), source=source)
 

@@ -7,9 +7,8 @@ they need of it is the name. Reads the file.
 from __future__ import annotations
 
 import re
-from pathlib import Path
 
-from srprov import names
+from srprov import names, regular_file
 from srprov.errors import DefinitionError, UsageError
 from srprov.yamldoc import loader
 from srprov.yamldoc.nodes import Map, Scalar
@@ -27,7 +26,7 @@ def experiment_name(path: str) -> str:
         UsageError: The file cannot be read, or holds no valid name, neither as YAML nor in a line `name: …`.
     """
     try:
-        text = Path(path).read_text(encoding="utf-8", errors="replace")
+        text = regular_file.read_text(path, loader.MAX_BYTES, "replace")
     except OSError as error:
         raise UsageError(f"cannot read {path}: {error.strerror}", hint="name an EDF, or --instance ID") from error
     name = _as_yaml(text, path)

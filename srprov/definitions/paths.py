@@ -9,13 +9,16 @@ also inside a folder.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+import stat
+from collections.abc import Iterable, Iterator
 
 from srprov.errors import Diagnostic, Location
 from srprov.yamldoc.nodes import Findings, Path, Scalar
 
-_MOST_ENTRIES = 20_000
-"""How far a shipped folder is searched for links that lead out of it."""
+_MOST_FILES = 20_000
+_MOST_BYTES = 256 * 1024 * 1024
+"""Of one file or folder that is shipped: it is held in memory, and goes to each robot over SSH."""
+_SHIPPED_HINT = f"a file or folder that is shipped holds at most {_MOST_FILES} files and {_MOST_BYTES >> 20} MiB"
 
 
 def shown_beside(shown: str, relative: str) -> str:
@@ -71,8 +74,8 @@ def resolve(node: Scalar, experiment_folder: str, findings: Findings, path: Path
         findings.add(node, f"'{text}' leaves the folder {_name(root)}", path, "copy it into the experiment's folder")
     elif not exists:
         findings.add(node, f"'{text}' does not exist", path, f"it is looked for in {_name(folder)}")
-    elif tree and (link := _escaping_link(absolute, root)):
-        findings.add(node, f"'{text}' holds a link that leaves the folder {_name(root)}: {link}", path)
+    elif tree and (fault := _fault_below(absolute, root)):
+        findings.add(node, f"'{text}' {fault}", path, _SHIPPED_HINT)
     else:
         return os.path.realpath(absolute)
     return ""
@@ -84,16 +87,30 @@ def _name(folder: str) -> str:
     return "here (.)" if relative == "." else min(relative, folder, key=len)
 
 
-def _escaping_link(path: str, root: str) -> str:
-    """Return the first link below a folder that leads out of `root`, relative to the folder."""
-    seen = 0
+def _fault_below(path: str, root: str) -> str:
+    """Return why a file or folder cannot be shipped, or nothing; a link in it must not lead out of `root`."""
+    size = 0
+    for count, full in enumerate(_files_below(path)):
+        shown = os.path.relpath(full, path)
+        try:
+            about = os.lstat(full)
+        except OSError as error:
+            return f"cannot be read: {error.strerror}"
+        if stat.S_ISLNK(about.st_mode):
+            if not inside(full, root):
+                return f"holds a link that leaves the folder {_name(root)}: {shown}"
+        elif stat.S_ISREG(about.st_mode):
+            size += about.st_size
+        elif not stat.S_ISDIR(about.st_mode):
+            return "is no file, folder or link" if shown == "." else f"holds what is no file, folder or link: {shown}"
+        if count > _MOST_FILES or size > _MOST_BYTES:
+            return f"holds more than {f'{_MOST_FILES} files' if count > _MOST_FILES else f'{_MOST_BYTES >> 20} MiB'}"
+    return ""
+
+
+def _files_below(path: str) -> Iterator[str]:
+    """Return a path, what it leads to when it is a link, and all below it."""
+    yield os.path.realpath(path)
     for parent, folders, files in os.walk(path):
         folders.sort()
-        for name in sorted([*folders, *files]):
-            seen += 1
-            full = os.path.join(parent, name)
-            if os.path.islink(full) and not inside(full, root):
-                return os.path.relpath(full, path)
-        if seen > _MOST_ENTRIES:
-            break
-    return ""
+        yield from (os.path.join(parent, name) for name in sorted([*folders, *files]))

@@ -13,8 +13,8 @@ from __future__ import annotations
 import fnmatch
 import re
 from collections.abc import Callable, Collection, Sequence
-from pathlib import Path
 
+from srprov import regular_file
 from srprov.definitions import ranges
 from srprov.definitions.model import Inventory
 from srprov.errors import UsageError, did_you_mean
@@ -103,11 +103,10 @@ def _failed(inventory: Inventory, robots: Collection[str]) -> set[str]:
 def _of_file(inventory: Inventory, name: str) -> set[str]:
     """Return the hosts that a file lists, one term per line; empty lines and `#` lines are passed over."""
     try:
-        lines = [line.strip() for line in Path(name).read_text(encoding="utf-8").split("\n")]
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
+        lines = [line.strip() for line in regular_file.read_text(name).split("\n")]
+    except OSError as error:
         hint = f"'@FILE' is a file with one robot per line; '{FAILED}' are those that failed in the last run"
-        raise UsageError(f"'@{name}': {reason}", hint=hint) from None
+        raise UsageError(f"'@{name}': {error.strerror}", hint=hint) from None
     found: set[str] = set()
     for line in lines:
         if line and line[0] not in "#@":

@@ -116,11 +116,11 @@ def _check_instances(known: Mapping[str, Map], findings: Findings) -> None:
         count = entry.entries.get("replicas")
         number = nodes.as_int(count) if isinstance(count, Scalar) else None
         per_robot = isinstance(entry.entries.get("per_robot"), Map)
-        for other in sorted(known):
-            match = re.fullmatch(rf"{re.escape(name)}-(.+)", other)
-            if match is None:
-                continue
-            taken = number is not None and number > 1 and match[1].isdigit() and 1 <= int(match[1]) <= number
+        if not per_robot and (number is None or number < 2):
+            continue
+        for other in sorted(one for one in known if one.startswith(f"{name}-") and one != f"{name}-"):
+            which = other[len(name) + 1 :]
+            taken = number is not None and re.fullmatch("[0-9]{1,6}", which) is not None and 1 <= int(which) <= number
             if taken or per_robot:
                 message = f"'{other}' is also the name of an instance of '{name}'"
                 if taken:

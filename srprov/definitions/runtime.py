@@ -135,7 +135,9 @@ def healthcheck(node: Node | None, findings: Findings, path: Path) -> HealthChec
     retries = nodes.as_int(node.entries["retries"]) if "retries" in node.entries else 3
 
     def seconds(key: str, default: float) -> float:
-        return values.duration(text(get(key))) if key in node.entries else default
+        given = get(key)
+        read: Callable[[Node], float] = lambda node: values.duration(text(node))  # noqa: E731 - too small for a name
+        return default if given is None else _guarded(read, given, default, findings, (*path, key))
 
     return HealthCheck(
         test=words,
@@ -177,6 +179,9 @@ def _ports(node: Node | None, findings: Findings, path: Path) -> tuple[Port, ...
                 break
             others.append((port, item))
             every.append(port)
+            if len(every) > values.MOST_PORTS:
+                findings.add(item, f"more than {values.MOST_PORTS} ports are published", path)
+                return none
     return tuple(every)
 
 

@@ -9,13 +9,20 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from functools import cache
 from typing import Any
 
 from srprov.definitions import schema_cache
+from srprov.errors import DefinitionError
 from srprov.yamldoc import nodes
 from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq
+
+MOST_BYTES = 8 * 1024 * 1024
+MOST_ENTRIES = 1000
+"""Of one list or map."""
+MOST_VALUES = 20_000
+"""Of one document."""
 
 
 class Text(str):
@@ -25,9 +32,14 @@ class Text(str):
 
 
 def check(root: Node, kind: str, findings: Findings, path: Path = ()) -> None:
-    """Add every way in which a document breaks a schema; `path` is where `root` stands in its document."""
+    """Add every way in which a document breaks a schema; `path` is where `root` stands in its document.
+
+    Raises:
+        DefinitionError: It is too large to be checked; with what was found before.
+    """
     from srprov.data import schema_text
 
+    _check_size(root, findings)
     about = "\0".join((schema_cache.code(), kind, schema_text(kind.partition("/")[0]), _canonical(root)))
     digest = hashlib.sha256(about.encode("utf-8", "surrogatepass")).hexdigest()
     if schema_cache.is_known(digest):
@@ -39,6 +51,21 @@ def check(root: Node, kind: str, findings: Findings, path: Path = ()) -> None:
         add_problem(error, root, path, findings)
     if not faults:
         schema_cache.add(digest)
+
+
+def _check_size(root: Node, findings: Findings) -> None:
+    """Refuse what would take long: checks compare entries of a list with each other, and jsonschema is slow."""
+    count, left = 0, [root]
+    while left:
+        node = left.pop()
+        inside: Collection[Node] = node.items if isinstance(node, Seq) else ()
+        inside = node.entries.values() if isinstance(node, Map) else inside
+        count += len(inside)
+        what = f"holds {len(inside)} entries; {MOST_ENTRIES} are the most" if len(inside) > MOST_ENTRIES else ""
+        if what or count > MOST_VALUES:
+            told = what or f"the document holds more than {MOST_VALUES} values"
+            raise DefinitionError([*findings.problems, nodes.problem(node, told)])
+        left.extend(inside)
 
 
 def _canonical(node: Node) -> str:

@@ -11,6 +11,7 @@ import signal
 import subprocess
 import time
 
+from srprov import regular_file
 from srprov.definitions.groups import HostTree, variables_of
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.untrusted import parse_json
@@ -22,10 +23,10 @@ DEADLINE_S = 30.0
 
 def is_program(path: str) -> bool:
     """Return whether a file is an inventory to be run: executable, and a script or a binary."""
-    if not os.access(path, os.X_OK) or not os.path.isfile(path):
+    try:
+        return os.access(path, os.X_OK) and regular_file.beginning(path, 2) in (b"#!", b"\x7fE")
+    except (OSError, ValueError):
         return False
-    with open(path, "rb") as stream:
-        return stream.read(4)[:2] in (b"#!", b"\x7fE")
 
 
 def read(path: str, tree: HostTree, deadline_s: float = DEADLINE_S) -> None:

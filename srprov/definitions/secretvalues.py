@@ -15,6 +15,7 @@ import subprocess
 import time
 from collections.abc import Iterable, MutableMapping
 
+from srprov import regular_file
 from srprov.definitions.model import Experiment
 from srprov.definitions.secretmodel import SecretSource
 from srprov.errors import DefinitionError, Diagnostic
@@ -78,8 +79,7 @@ def _value(
             raise ValueError(f"the controller's environment has no '{source.env}'")
         return given
     if source.file:
-        with open(source.file, "rb") as stream:
-            content = stream.read(_LARGEST + 1)
+        content = regular_file.read(source.file, _LARGEST)
     else:
         content = _run(source, environ, limit_s)
         content = content[: -2 if content.endswith(b"\r\n") else -1] if content.endswith(b"\n") else content

@@ -10,7 +10,11 @@ import configparser
 import re
 from pathlib import Path
 
+from srprov import regular_file
 from srprov.owner import owner
+
+_LARGEST = 64 * 1024
+"""Bytes of a file of git's that is read."""
 
 
 def source_of(path: str) -> str:
@@ -25,19 +29,18 @@ def source_of(path: str) -> str:
 
 def _remote(git: Path) -> str:
     """Return the URL of `origin`; a worktree's `.git` is a file that names the real folder."""
-    if git.is_file():
-        target = git.read_text(encoding="utf-8", errors="replace").removeprefix("gitdir:").strip()
-        git = (git.parent / target).resolve()
-        common = git / "commondir"
-        if common.is_file():
-            git = (git / common.read_text(encoding="utf-8").strip()).resolve()
-    config = git / "config"
-    if not config.is_file():
-        return ""
     parser = configparser.RawConfigParser(strict=False, allow_no_value=True)
     try:
-        parser.read_string(config.read_text(encoding="utf-8", errors="replace"))
-    except configparser.Error:
+        if git.is_file():
+            git = (git.parent / _text(git).removeprefix("gitdir:").strip()).resolve()
+            if (git / "commondir").is_file():
+                git = (git / _text(git / "commondir").strip()).resolve()
+        parser.read_string(_text(git / "config"))
+    except (OSError, ValueError, RuntimeError, configparser.Error):  # RuntimeError: links that lead in a circle
         return ""
     url = parser.get('remote "origin"', "url", fallback="") or ""
     return re.sub(r"(?<=://)[^/@]*@", "", url)
+
+
+def _text(path: Path) -> str:
+    return regular_file.read_text(path, _LARGEST, "replace")

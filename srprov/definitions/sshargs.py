@@ -11,6 +11,7 @@ import shlex
 _WITHOUT_EFFECT = set("46AaCfGgKkMNnqsTtVvXxYy")
 """Flags that change nothing for srprov's connections: compression, verbosity, terminals, forwarding."""
 
+_LONGEST = 10_000
 _OPTIONS = {"J": "proxyjump", "i": "identityfile", "l": "user", "p": "port", "c": "ciphers", "m": "macs"}
 
 
@@ -20,6 +21,8 @@ def parse(text: str) -> list[tuple[str, str]]:
     Raises:
         ValueError: They cannot be split into words, or hold an argument that srprov does not honour.
     """
+    if len(text) > _LONGEST:
+        raise ValueError(f"ssh's arguments are longer than {_LONGEST} characters")
     try:
         words = shlex.split(text)
     except ValueError as error:

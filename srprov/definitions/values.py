@@ -13,6 +13,11 @@ from srprov.yamldoc.nodes import Map, Node, Scalar, Seq
 
 _DURATION = re.compile(r"([0-9]+(?:\.[0-9]+)?)(us|ms|s|m|h)", re.ASCII)
 _SECONDS = {"us": 1e-6, "ms": 1e-3, "s": 1.0, "m": 60.0, "h": 3600.0}
+_LONGEST_COMMAND = 100_000
+"""Characters; splitting takes time with the square of a word, and no kernel takes a longer one."""
+_LONGEST_S = 24 * 3600.0
+MOST_PORTS = 1000
+"""That a service may publish: Docker starts a process for each."""
 _PORT = re.compile(
     r"(?:(?P<address>\[[0-9a-fA-F:]+\]|[0-9]+(?:\.[0-9]+){3}):)?"
     r"(?:(?P<published>[0-9-]+):)?(?P<inside>[0-9-]+)(?:/(?P<kind>tcp|udp))?",
@@ -46,13 +51,22 @@ def text_map(node: Node | None) -> dict[str, str]:
 
 
 def duration(words: str) -> float:
-    """Read `1m30s` as seconds."""
-    return sum(float(count) * _SECONDS[unit] for count, unit in _DURATION.findall(words))
+    """Read `1m30s` as seconds.
+
+    Raises:
+        ValueError: It is longer than a day; clocks and timers overflow somewhere beyond that.
+    """
+    seconds = sum(float(count) * _SECONDS[unit] for count, unit in _DURATION.findall(words))
+    if not seconds <= _LONGEST_S:
+        raise ValueError(f"'{words[:40]}' is longer than 24h")
+    return seconds
 
 
 def command_words(node: Node) -> tuple[str, ...]:
     """Read a command: a list as it is, text split like a shell's command line."""
     if isinstance(node, Scalar):
+        if len(node.text) > _LONGEST_COMMAND:
+            raise ValueError(f"is longer than {_LONGEST_COMMAND} characters")
         try:
             return tuple(shlex.split(node.text))
         except ValueError as error:
@@ -76,6 +90,8 @@ def ports(spec: str) -> tuple[Port, ...]:
         raise ValueError(f"'{spec[:60]}' is no port mapping")
     inside = _range(match["inside"])
     published = _range(match["published"]) if match["published"] else inside
+    if len(inside) > MOST_PORTS:
+        raise ValueError(f"'{spec}' publishes {len(inside)} ports; {MOST_PORTS} are the most")
     if len(inside) != len(published):
         raise ValueError(f"'{spec}' maps {len(published)} ports to {len(inside)}")
     address = (match["address"] or "").strip("[]")

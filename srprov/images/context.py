@@ -9,9 +9,10 @@ Source: Docker's `.dockerignore` rules (moby/patternmatcher); POSIX pax format.
 from __future__ import annotations
 
 import io
+import itertools
 import re
 import tarfile
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from srprov.images.plan import ContextFile, ListedFile
 
@@ -21,6 +22,11 @@ Listing = Callable[[str], Iterable[ListedFile]]
 """Absolute path of a file or folder -> every file in it, at any depth, symbolic links not followed; raises OSError."""
 
 DOCKERFILE = "Dockerfile"
+MOST_BYTES = 256 * 1024 * 1024
+"""Of all files of a context, which is held in memory."""
+_LONGEST_PATTERN = 255
+_MOST_WORK = 500_000_000
+"""Characters of all patterns times characters of all paths."""
 # What never belongs to an image but would change its tag from one clone, or one edit of the experiment, to the next.
 # A `.dockerignore` can take it back with `!`.
 _ALWAYS = ("**/.git", "**/*.edf", "**/*.cdf", "**/experiment.lock")
@@ -36,7 +42,17 @@ def entries_of(prefix: str, source: str, mode: str, listing: Listing, read: Read
     if mode and not re.fullmatch(r"0?[0-7]{3,4}", mode):
         raise ValueError(f"mode '{mode}' is no octal number such as 0755")
     fixed = int(mode, 8) if mode else None
-    return [_entry(prefix, source, item, fixed, read) for item in listing(source)]
+    return _entries(prefix, source, listing(source), fixed, read)
+
+
+def _entries(prefix: str, source: str, items: Iterable[ListedFile], mode: int | None, read: Read) -> list[ContextFile]:
+    found, left = [], MOST_BYTES
+    for item in items:
+        found.append(_entry(prefix, source, item, mode, read))
+        left -= len(found[-1].content)
+        if left < 0:
+            raise ValueError(f"it holds more than {MOST_BYTES >> 20} MiB; a .dockerignore leaves files out")
+    return found
 
 
 def _entry(prefix: str, source: str, item: ListedFile, mode: int | None, read: Read) -> ContextFile:
@@ -56,28 +72,40 @@ def folder_entries(folder: str, listing: Listing, read: Read) -> list[ContextFil
 
     Raises:
         OSError: Something cannot be read.
-        ValueError: A name that cannot be, or a pattern that is none.
+        ValueError: A name that cannot be, a pattern that is none, or more than an image's context may hold.
     """
     items = list(listing(folder))
     ignore = ""
     if any(item.path == ".dockerignore" and item.link is None for item in items):
         ignore = read(f"{folder.rstrip('/')}/.dockerignore").decode("utf-8", "replace")
-    ignored = ignore_rule([*_ALWAYS, *ignore.splitlines()])
-    return [_entry("", folder, item, None, read) for item in items if not ignored(item.path)]
+    ignored = ignore_rule([*_ALWAYS, *ignore.splitlines()], sum(len(item.path) for item in items))
+    return _entries("", folder, (item for item in items if not ignored(item.path)), None, read)
 
 
-def ignore_rule(patterns: Iterable[str]) -> Callable[[str], bool]:
-    """Return a function that says whether a path is left out; the last pattern for it or a folder above decides."""
+def ignore_rule(patterns: Iterable[str], characters: int = 0) -> Callable[[str], bool]:
+    """Return a function that says whether a path is left out; the last pattern for it or a folder above decides.
+
+    Args:
+        patterns: Lines of a `.dockerignore`.
+        characters: Of all paths that will be asked for. What a pattern costs grows with its length and the path's.
+
+    Raises:
+        ValueError: A pattern is none or too long, or there are too many for so many files.
+    """
     rules: list[tuple[re.Pattern[str], bool]] = []
+    work = 0
     for raw in patterns:
         pattern = raw.strip().removeprefix("\ufeff")
         if not pattern or pattern.startswith("#"):
             continue
         keep = pattern.startswith("!")
         parts = [p for p in pattern.removeprefix("!").strip().split("/") if p not in ("", ".")]
+        work += len(pattern) * characters
+        if len(pattern) > _LONGEST_PATTERN or work > _MOST_WORK:
+            why = "is too long" if len(pattern) > _LONGEST_PATTERN else "comes after too many for so many files"
+            raise ValueError(f"the pattern '{pattern[:60]}' of .dockerignore {why}")
         if parts:
-            # whatever lies below a match is matched too
-            rules.append((re.compile(_regex(parts) + r"(/.*)?", re.DOTALL), keep))
+            rules.append((_compiled(parts, pattern), keep))
 
     def ignored(path: str) -> bool:
         verdict = False
@@ -89,32 +117,69 @@ def ignore_rule(patterns: Iterable[str]) -> Callable[[str], bool]:
     return ignored
 
 
+def _compiled(parts: Sequence[str], pattern: str) -> re.Pattern[str]:
+    try:
+        # whatever lies below a match is matched too
+        return re.compile(_regex(parts) + r"(/.*)?", re.DOTALL)
+    except re.error:
+        raise ValueError(f"'{pattern[:60]}' in .dockerignore is no pattern") from None
+
+
 def _regex(parts: Sequence[str]) -> str:
-    """Translate Go's filepath.Match with `**`, which stands for any number of folders."""
-    out = ""
-    for i, part in enumerate(parts):
-        last = i == len(parts) - 1
-        if part == "**":
-            out += ".*" if last else "(.*/)?"
+    """Translate Go's filepath.Match with `**`, which stands for any number of folders.
+
+    What stands behind a `*` or `**` is taken where it is found first, and never looked for again when the rest does
+    not fit: for these patterns nothing is lost by that, and the time does not grow with the number of stars.
+    """
+    out, chunk, anywhere = "", [], False  # type: str, list[str], bool
+    groups = itertools.count()
+    for part in [*parts, "**"]:
+        if part != "**":
+            chunk.append(_segment(part, groups))
+        elif chunk:
+            fixed = "/".join(chunk)
+            out += ("/" if out else "") + (_once(f"(?:[^/]*/)*?{fixed}(?=/|\\Z)", groups) if anywhere else fixed)
+            chunk, anywhere = [], True
         else:
-            out += _segment(part) + ("" if last else "/")
-    return out
+            anywhere = True
+    # a pattern that ends in `**` means what lies in the folder, not the folder
+    return (f"{out}/.*" if out else ".*") if parts[-1] == "**" else out
 
 
-def _segment(part: str) -> str:
-    out, rest = "", part
+def _once(regex: str, groups: Iterator[int]) -> str:
+    """Return a regular expression that never takes back what it has matched."""
+    name = f"g{next(groups)}"
+    return f"(?=(?P<{name}>{regex}))(?P={name})"
+
+
+def _segment(part: str, groups: Iterator[int]) -> str:
+    """Translate what stands between two slashes."""
+    first, *between = _between_stars(part)
+    if not between:
+        return first
+    *steps, last = between
+    return first + "".join(_once(f"[^/]*?{one}", groups) for one in steps if one) + f"[^/]*{last}"
+
+
+def _between_stars(part: str) -> list[str]:
+    """Return the regular expressions of what stands before, between and behind the stars."""
+    found, rest = [""], part
     while rest:
         if group := re.match(r"\[(\^?)((?:\\.|[^\]\\])+)\]", rest):
             body = re.sub(r"\\(.)", r"\1", group[2])
             low_high = re.sub(r"([\[\]\\^&~|])", r"\\\1", body)
-            out, rest = out + f"[{group[1]}{low_high}]", rest[group.end() :]
+            found[-1] += f"(?!/)[{group[1]}{low_high}]"
+            rest = rest[group.end() :]
             continue
         char, rest = rest[0], rest[1:]
-        if char == "\\" and rest:
-            out, rest = out + re.escape(rest[0]), rest[1:]
+        if char == "*":
+            found.append("")
+        elif char == "\\" and rest:
+            found[-1] += re.escape(rest[0])
+            rest = rest[1:]
         else:
-            out += {"*": "[^/]*", "?": "[^/]"}.get(char, re.escape(char))
-    return out
+            found[-1] += "[^/]" if char == "?" else re.escape(char)
+    return found
 
 
 def context_tar(dockerfile: str, entries: Iterable[ContextFile]) -> bytes:

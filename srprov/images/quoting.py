@@ -15,6 +15,8 @@ from collections.abc import Sequence
 LONGEST_LINE = 65_000
 """Bytes; the classic builder refuses lines of 65535."""
 
+_LONGEST_PACKAGE = 200
+"""Characters, with the version."""
 _APT = re.compile(
     r"[a-z0-9][a-z0-9+.-]*[a-z0-9+](:[a-z0-9][a-z0-9-]*)?(=[A-Za-z0-9][A-Za-z0-9.+:~*-]*|/[A-Za-z0-9][A-Za-z0-9.-]*)?"
 )
@@ -33,6 +35,8 @@ def package(kind: str, name: str) -> str:
         ValueError: A character that no package name or version has, or an option in disguise.
     """
     pattern, example = _PACKAGES[kind]
+    if len(name) > _LONGEST_PACKAGE:
+        raise ValueError(f"'{name[:60]}' is longer than {_LONGEST_PACKAGE} characters, which no package's name is")
     plain = re.sub(r" *([=<>!~,]+) *", r"\1", name.strip(" "))
     if not pattern.fullmatch(plain):
         raise ValueError(f"'{name}' is no {kind} package as srprov takes them (such as '{example}')")

@@ -29,8 +29,8 @@ from srprov.untrusted import parse_json
 from srprov.wire import Command, CopyImage, EngineCall, Put, Run
 
 FORMAT = 1
-_MAX_CHARACTERS = 1024 * 1024 * 1024
-"""A plan holds build contexts and shipped files in base64."""
+MAX_CHARACTERS = 96 * 1024 * 1024
+"""A plan holds build contexts and shipped files in base64; reading it takes three times as much memory."""
 
 Fingerprints = Mapping[str, Mapping[str, Any]]
 """Robot -> what must not have moved, as nested JSON values."""
@@ -78,7 +78,7 @@ def load(text: str, name: str) -> PlanFile:
         UsageError: It is no plan, it is of another format, or its bytes do not match their digests.
     """
     try:
-        read = parse_json(text, max_characters=_MAX_CHARACTERS)
+        read = parse_json(text, max_characters=MAX_CHARACTERS)
         if not isinstance(read, dict) or read.get("format") != FORMAT:
             raise UsageError(
                 f"{name} is not a plan of format {FORMAT}", hint="make one with `srprov plan -o plan.json`"
@@ -94,7 +94,7 @@ def is_plan(text: str) -> bool:
     if not text.lstrip().startswith("{"):
         return False
     try:
-        read = parse_json(text, max_characters=_MAX_CHARACTERS)
+        read = parse_json(text, max_characters=MAX_CHARACTERS)
     except ValueError:
         return '"plan":' in text[:200]  # cut off, perhaps; `load` says so
     return isinstance(read, dict) and "edf" not in read

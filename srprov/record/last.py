@@ -6,17 +6,20 @@ says so in `result.json`. Of one that was killed, plan and events tell how far i
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from srprov import regular_file
 from srprov.errors import UsageError
 from srprov.execution import Outcome
+from srprov.untrusted import parse_json
 
 _NAME = re.compile(r"(?P<time>\d{8}T\d{6}Z)-(?P<instance>.+)-[0-9a-f]{8}(?:-\d{1,2})?", re.ASCII)
+_LARGEST = 32 * regular_file.MIB
+"""Bytes of one file of a record."""
 _DONE = frozenset({Outcome.CHANGED.value, Outcome.UNCHANGED.value})
 
 
@@ -68,11 +71,11 @@ def _begun(path: Path) -> tuple[str, int, str]:
 def _failed(path: Path) -> Iterator[str]:
     result = path / "result.json"
     if result.exists():
-        read = json.loads(result.read_text(encoding="utf-8"))
+        read = _json(result)
         yield from read["unreachable"]
         yield from (str(step["id"]).partition("/")[0] for step in read["steps"] if step["outcome"] not in _DONE)
         return
-    plan = json.loads((path / "plan.json").read_text(encoding="utf-8"))
+    plan = _json(path / "plan.json")
     done = {event["step"] for event in _events(path) if event["event"] == "end" and event["outcome"] in _DONE}
     yield from plan["unreachable"]
     yield from (step["robot"] for step in plan["steps"] if step["number"] not in done)
@@ -80,8 +83,12 @@ def _failed(path: Path) -> Iterator[str]:
 
 def _events(path: Path) -> Iterator[Mapping[str, Any]]:
     """Return the events that are whole: the last line of a killed run may not be."""
-    for line in (path / "events.jsonl").read_text(encoding="utf-8").split("\n"):
+    for line in regular_file.read_text(path / "events.jsonl", _LARGEST).split("\n"):
         try:
-            yield json.loads(line)
+            yield parse_json(line)
         except ValueError:
             continue
+
+
+def _json(path: Path) -> Any:  # noqa: ANN401 - JSON is any
+    return parse_json(regular_file.read_text(path, _LARGEST), max_characters=_LARGEST)

@@ -13,6 +13,7 @@ from typing import Any
 from srprov.definitions.playbookmodel import ADDED, AFTER, BEFORE, REPLACES, Playbook
 from srprov.errors import DefinitionError, Diagnostic, Location, did_you_mean
 from srprov.modules.module import Module, Running
+from srprov.rendering.limited import Rendered, render_texts
 from srprov.rendering.render import render
 from srprov.rendering.user import render_user
 from srprov.resource import Condition, Need, Resource
@@ -53,14 +54,15 @@ def render_all(
         ]
     chains: dict[str, _Chain] = {}
     problems: dict[Diagnostic, None] = {}
+    rendered = _rendered(entries, contexts)
     for host, context in contexts.items():
         chain = chains[host] = _Chain(host)
         for name, playbook in entries:
             if playbook is None:
                 chain.add(render({name: ours[name]}, host, context, modules=modules, blobs=blobs))
-            elif playbook.place == REPLACES or context["services"]:
+            elif text := rendered.get((host, name)):
                 try:
-                    chain.add(render_user(playbook, context, modules=modules, blobs=blobs), playbook)
+                    chain.add(render_user(playbook, context, text, modules=modules, blobs=blobs), playbook)
                 except DefinitionError as error:
                     problems.update(dict.fromkeys(error.problems))
     running = {kind for kind, module in modules.items() if isinstance(module, Running)}
@@ -71,6 +73,17 @@ def render_all(
     if problems:
         raise DefinitionError(list(problems))
     return [resource for chain in chains.values() for resource in chain.resources.values()]
+
+
+def _rendered(entries: Iterable[Entry], contexts: Mapping[str, Mapping[str, Any]]) -> dict[tuple[str, str], Rendered]:
+    """Render users' playbooks for every robot where they count; one that took too much is the last that is there."""
+    wanted = {
+        (host, name): (playbook, context)
+        for host, context in contexts.items()
+        for name, playbook in entries
+        if playbook is not None and (playbook.place == REPLACES or context["services"])
+    }
+    return dict(zip(wanted, render_texts(list(wanted.values())), strict=False))
 
 
 class _Chain:

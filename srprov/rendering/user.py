@@ -6,44 +6,45 @@ there. What a field means decides its type, as in every file that users write: `
 
 from __future__ import annotations
 
-import functools
-import json
 import re
-import traceback
 from collections.abc import Mapping
 from typing import Any
 
-from jinja2 import Template, TemplateError
-
 from srprov.data import schema as shipped_schema
-from srprov.definitions.playbook import check_item
+from srprov.definitions.playbook import VARIABLES, check_item
 from srprov.definitions.playbookmodel import Playbook
 from srprov.definitions.template import unmarked
 from srprov.errors import DefinitionError, Diagnostic, Location, did_you_mean
 from srprov.modules.module import Module
 from srprov.modules.params import ParameterError
-from srprov.rendering.environment import TAG, environment
+from srprov.rendering.environment import TAG
+from srprov.rendering.limited import LONGEST_TEXT, Rendered
 from srprov.rendering.render import build
 from srprov.resource import Resource
+from srprov.untrusted import parse_json
 from srprov.yamldoc import loader, nodes
+from srprov.yamldoc.allowance import allowance
 from srprov.yamldoc.nodes import Findings, Map, Node, Scalar, Seq, Source
 
-_FAILURES = (
-    TemplateError, TypeError, ValueError, ArithmeticError, LookupError, AttributeError, RecursionError, SyntaxError,
-)  # fmt: skip
-"""What expressions raise, and what compiling does with too many nested blocks."""
+_MOST_VALUES = 20_000
+"""Of what a playbook comes to for one robot."""
 _UNDEFINED = re.compile(r"'(\w+)' is undefined")
 
 
 def render_user(
-    playbook: Playbook, context: Mapping[str, Any], *, modules: Mapping[str, Module[Any]], blobs: Mapping[str, bytes]
+    playbook: Playbook,
+    context: Mapping[str, Any],
+    rendered: Rendered,
+    *,
+    modules: Mapping[str, Module[Any]],
+    blobs: Mapping[str, bytes],
 ) -> list[Resource]:
-    """Render one playbook for the robot of a context; `modules` and `blobs` as for `render`.
+    """Return the resources of one playbook for the robot of a context; `modules` and `blobs` as for `render`.
 
     Raises:
         DefinitionError: With all that is wrong, each at its place.
     """
-    root = _rendered(playbook, context)
+    root = _root(playbook, context["host"], rendered)
     items = root.items if isinstance(root, Seq) else ()
     findings = Findings()
     if root is not None and not isinstance(root, Seq):
@@ -54,34 +55,18 @@ def render_user(
     return [resource for resource in found if resource is not None]
 
 
-@functools.lru_cache(maxsize=256)
-def _template(text: str) -> Template:
-    """Compile a playbook, once for all robots."""
-    return environment().from_string(text)
-
-
-def _rendered(playbook: Playbook, context: Mapping[str, Any]) -> Node | None:
-    host = context["host"]
+def _root(playbook: Playbook, host: str, rendered: Rendered) -> Node | None:
+    if rendered.fault:
+        unknown = _UNDEFINED.search(rendered.fault)
+        hint = did_you_mean(unknown[1], VARIABLES) if unknown else ""
+        raise DefinitionError([_problem(playbook, rendered.line, f"for robot {host}: {rendered.fault}", hint)])
     try:
-        text = _template(playbook.marked).render(**context)
-    except _FAILURES as error:
-        unknown = _UNDEFINED.search(str(error))
-        hint = did_you_mean(unknown[1], context) if unknown else ""
-        raise DefinitionError([_problem(playbook, _line(error), f"for robot {host}: {error}", hint)]) from error
-    try:
-        return loader.parse(text, playbook.source.file)
+        with allowance(LONGEST_TEXT, _MOST_VALUES):
+            return loader.parse(rendered.text, playbook.source.file)
     except DefinitionError as error:
         first = error.problems[0]
         message = f"renders to broken YAML for robot {host}: {first.message}; there: {first.excerpt.strip()[:80]}"
         raise DefinitionError([_problem(playbook, 1, message)]) from error
-
-
-def _line(error: BaseException) -> int:
-    """Return the line of the template in which an expression failed; Jinja2 writes it into the traceback."""
-    if isinstance(line := getattr(error, "lineno", None), int):
-        return line
-    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == "<template>"]
-    return lines[-1] or 1 if lines else 1
 
 
 def _problem(playbook: Playbook, line: int, message: str, hint: str = "") -> Diagnostic:
@@ -102,7 +87,12 @@ def _resource(
     if not isinstance(item, Map):
         findings.extend([_problem(playbook, 1, f"an item is a map, not {nodes.kind(item)}")])
         return None
-    plain, found = _placed(item, playbook.source), Findings()
+    found = Findings()
+    try:
+        plain = _placed(item, playbook.source)
+    except ValueError as error:  # of a substitution's value
+        findings.add(Scalar(playbook.source, *_place(item), ""), f"a value cannot be used: {error}")
+        return None
     check_item(plain, found)
     if found.problems:
         findings.extend(found.problems)
@@ -137,10 +127,15 @@ def _placed(item: Map, source: Source) -> Map:
     return Map(source, first.line if first else 1, first.column if first else 1, entries, keys, item.tag)
 
 
+def _place(item: Map) -> tuple[int, int]:
+    _, line, column = unmarked(next(iter(item.entries), ""))
+    return line or 1, column or 1
+
+
 def _filled(node: Node, key: Scalar) -> Node:
     if isinstance(node, Scalar):
         if node.tag == TAG:
-            return nodes.from_json(json.loads(node.text), key.source, key.line, key.column)
+            return nodes.from_json(parse_json(node.text), key.source, key.line, key.column)
         return Scalar(key.source, key.line, key.column, node.text, node.plain, node.tag)
     if isinstance(node, Seq):
         return Seq(key.source, key.line, key.column, tuple(_filled(one, key) for one in node.items), node.tag)
@@ -153,7 +148,7 @@ def _value(node: Node, rule: Mapping[str, Any]) -> Any:  # noqa: ANN401 - a JSON
     """Return a node as the value that its field takes; the schema has said that it is one."""
     kinds = {one.get("type") for one in rule.get("anyOf", [rule])}
     if isinstance(node, Scalar) and node.tag == TAG:
-        value = json.loads(node.text)
+        value = parse_json(node.text)
         return str(value) if kinds == {"string"} and isinstance(value, int | float) else value
     if isinstance(node, Seq):
         inner: Mapping[str, Any] = next((one["items"] for one in rule.get("anyOf", [rule]) if "items" in one), {})

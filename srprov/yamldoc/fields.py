@@ -25,7 +25,10 @@ def size_in_bytes(text: str) -> int:
     match = _SIZE.fullmatch(text.strip())
     if match is None or len(text) > 40:
         raise ValueError(f"'{text[:40]}' is not a size such as 512m")
-    return int(float(match[1]) * _BYTES[match[2].lower()])
+    size = int(float(match[1]) * _BYTES[match[2].lower()])
+    if size > nodes.LARGEST_INTEGER:
+        raise ValueError(f"'{text[:40]}' is more than any machine has")
+    return size
 
 
 class FieldReader:

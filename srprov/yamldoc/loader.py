@@ -8,13 +8,15 @@ memory or the C stack is used up; an alias is shown where it is used.
 
 from __future__ import annotations
 
-import os
+import errno
 import re
 from collections.abc import Iterator
 from pathlib import Path as FilePath
 from typing import Any
 
+from srprov import regular_file
 from srprov.errors import DefinitionError, Diagnostic, Location
+from srprov.yamldoc.allowance import Allowance, current
 from srprov.yamldoc.nodes import Map, Node, Scalar, Seq, Source, problem
 
 MAX_BYTES = 8 * 1024 * 1024
@@ -22,6 +24,10 @@ MAX_DEPTH = 60
 MAX_NODES = 200_000
 """Nodes of one document after aliases are followed; an inventory of a thousand robots needs a tenth."""
 
+_IN_WORDS: dict[type[OSError], str] = {
+    IsADirectoryError: "it is a folder",
+    **dict.fromkeys((FileNotFoundError, NotADirectoryError), "there is no such file"),
+}
 _LINE_END = re.compile("\r\n|[\r\n\x85\u2028\u2029]")
 _YAML_TAGS = "tag:yaml.org,2002:"
 
@@ -35,19 +41,18 @@ def read(path: str | FilePath, shown: str = "") -> Node | None:
     return parse(read_text(path, shown), shown or str(path))
 
 
-def read_text(path: str | FilePath, shown: str = "") -> str:
-    """Read a file's text (UTF-8, a byte order mark is dropped); the errors are those of `read`."""
+def read_text(path: str | FilePath, shown: str = "", most: int = MAX_BYTES) -> str:
+    """Read a file's text (UTF-8, no byte order mark) of at most `most` bytes; the errors are those of `read`."""
     name = shown or str(path)
     try:
-        if not os.path.isfile(path):
-            raise OSError("it is a folder" if os.path.isdir(path) else "there is no such file")
-        with open(path, "rb") as stream:
-            data = stream.read(MAX_BYTES + 1)
-    except (OSError, ValueError) as error:
-        reason = error.strerror if isinstance(error, OSError) and error.strerror else error
+        data = regular_file.read(path, most)
+        if left := current.get():
+            left.bytes -= len(data)
+            if left.bytes < 0:
+                raise OSError(errno.EFBIG, "with all other files that are named, it is too much to be read")
+    except OSError as error:
+        reason = _IN_WORDS.get(type(error), error.strerror)
         raise DefinitionError([Diagnostic(Location(name), f"cannot be read: {reason}")]) from None
-    if len(data) > MAX_BYTES:
-        raise DefinitionError([Diagnostic(Location(name), f"is larger than {MAX_BYTES // 1024 // 1024} MiB")])
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -96,6 +101,8 @@ class _Composer:
     def __init__(self, source: Source, events: Iterator[Any]) -> None:
         self.source = source
         self.events = events
+        self.allowance = current.get() or Allowance(0, MAX_NODES)
+        self.most = min(self.allowance.values, MAX_NODES)
         self.anchors: dict[str, Node] = {}
         self.sizes: dict[str, tuple[int, int]] = {}
         """anchor -> how many values it stands for, and how many levels it nests"""
@@ -105,17 +112,23 @@ class _Composer:
 
     def document(self) -> Node | None:
         """Return the root of the only document."""
-        root: Node | None = None
-        for event in self.events:
-            name = type(event).__name__
-            if name == "DocumentStartEvent":
-                if root is not None:
-                    raise self._stop(event, "a second document begins here; a file holds one")
-                root = self._node(next(self.events), 0)
+        try:
+            root = self._root()
+        finally:
+            self.allowance.values -= self.count
         if self.problems:
             raise DefinitionError(self.problems)
         empty = isinstance(root, Scalar) and root.plain and root.text == "" and not root.tag
         return None if empty else root
+
+    def _root(self) -> Node | None:
+        root: Node | None = None
+        for event in self.events:
+            if type(event).__name__ == "DocumentStartEvent":
+                if root is not None:
+                    raise self._stop(event, "a second document begins here; a file holds one")
+                root = self._node(next(self.events), 0)
+        return root
 
     def _node(self, event: Any, depth: int) -> Node:  # noqa: ANN401 - PyYAML's events have no common typed base
         name = type(event).__name__
@@ -123,8 +136,8 @@ class _Composer:
         if name == "AliasEvent":
             return self._alias(event, line, column, depth)
         self.count += 1
-        if self.count > MAX_NODES:
-            raise self._stop(event, f"the document holds more than {MAX_NODES} values")
+        if self.count > self.most:
+            raise self._stop(event, f"the document holds more than {self.most} values")
         if depth > MAX_DEPTH:
             raise self._stop(event, f"is nested more than {MAX_DEPTH} levels deep")
         before, outer, self.deepest = self.count, self.deepest, depth
@@ -191,8 +204,8 @@ class _Composer:
         size, height = self.sizes[event.anchor]
         self.count += size
         self.deepest = max(self.deepest, depth + height)
-        if self.count > MAX_NODES:
-            raise self._stop(event, f"the aliases stand for more than {MAX_NODES} values")
+        if self.count > self.most:
+            raise self._stop(event, f"the aliases stand for more than {self.most} values")
         if depth + height > MAX_DEPTH:
             raise self._stop(event, f"is nested more than {MAX_DEPTH} levels deep")
         if isinstance(node, Scalar):

@@ -12,7 +12,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
-from srprov.errors import Diagnostic, Location
+from srprov.errors import DefinitionError, Diagnostic, Location
 
 _TRUE = {"true", "yes", "on"}
 _FALSE = {"false", "no", "off"}
@@ -22,6 +22,10 @@ _NUMBER = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?", re.
 _SECRET = re.compile(r"pass|secret|token|credential|api_?key", re.IGNORECASE)
 _LONGEST_NUMBER = 40
 """Longer digits are no sensible figure, and Python refuses to read very long ones."""
+LARGEST_INTEGER = 2**63 - 1
+"""What Docker and the kernel take; a larger one is no number to us."""
+_MOST_PROBLEMS = 100
+"""Of one document. Whoever has more has one mistake in many places, or wants to keep srprov busy."""
 
 Path = tuple[str | int, ...]
 
@@ -136,7 +140,8 @@ def as_int(node: Node) -> int | None:
     """Read a whole number; None for anything else, also for `0644`, which YAML 1.1 and 1.2 read differently."""
     if not isinstance(node, Scalar) or not node.plain or len(node.text) > _LONGEST_NUMBER:
         return None
-    return int(node.text, 0) if _INTEGER.fullmatch(node.text) else None
+    value = int(node.text, 0) if _INTEGER.fullmatch(node.text) else None
+    return value if value is None or abs(value) <= LARGEST_INTEGER else None
 
 
 def as_number(node: Node) -> float | None:
@@ -171,13 +176,25 @@ class Findings:
         self._found: dict[Diagnostic, Path] = {}
 
     def add(self, node: Node, message: str, path: Path = (), hint: str = "") -> None:
-        """Add one problem at a node; the same one twice counts once."""
+        """Add one problem at a node; the same one twice counts once.
+
+        Raises:
+            DefinitionError: There are so many that nobody reads further ones; with those that were found.
+        """
         self._found.setdefault(problem(node, message, path, hint), path)
+        self._stop_at_many()
 
     def extend(self, problems: Iterable[Diagnostic]) -> None:
         """Add problems that concern no place of this document."""
         for one in problems:
             self._found.setdefault(one, ("",))
+            self._stop_at_many()
+
+    def _stop_at_many(self) -> None:
+        if len(self._found) > _MOST_PROBLEMS:
+            *shown, last = self._found
+            hint = f"there are more than {_MOST_PROBLEMS} problems; no further ones are looked for"
+            raise DefinitionError([*shown, replace(last, hint=hint)])
 
     def broken(self, path: Path) -> bool:
         """Return whether something at or below a place is wrong."""

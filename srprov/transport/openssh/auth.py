@@ -19,10 +19,12 @@ from typing import Any
 import paramiko
 from paramiko.auth_strategy import AuthResult, AuthStrategy
 
+from srprov import regular_file
 from srprov.errors import AuthError, ConnectError, DeadlineError
 from srprov.transport.deadline import Deadline
 from srprov.transport.openssh.settings import SshSettings
 
+_LARGEST_KEY = regular_file.MIB
 Attempt = tuple[str, str, Callable[[paramiko.Transport], list[str]]]
 """Method, what is offered in words, and a function that offers it and returns what the robot wants besides."""
 
@@ -30,6 +32,9 @@ Attempt = tuple[str, str, Callable[[paramiko.Transport], list[str]]]
 @functools.lru_cache(maxsize=64)
 def _load(path: str, _mtime_ns: int) -> paramiko.PKey:
     """Read a private key, with its certificate when one lies beside it; once per file, for all robots."""
+    for one in (path, f"{path}-cert.pub"):
+        if os.path.exists(one):
+            regular_file.read(one, _LARGEST_KEY)  # paramiko would wait for a pipe for ever
     return paramiko.PKey.from_path(path)
 
 
@@ -170,8 +175,8 @@ class Login(AuthStrategy):
 
 def _public_part(path: str) -> str:
     """Return the base64 of a public key file, or nothing."""
-    with contextlib.suppress(OSError, IndexError, ValueError), open(path, encoding="utf-8") as stream:
-        return stream.read().split()[1]
+    with contextlib.suppress(OSError, IndexError):
+        return regular_file.read_text(path, _LARGEST_KEY).split()[1]
     return ""
 
 

@@ -17,6 +17,7 @@ import threading
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
+from srprov import regular_file
 from srprov.errors import HostKeyError
 from srprov.transport.openssh.settings import SshSettings
 from srprov.wire import sh
@@ -90,8 +91,7 @@ def known_keys(files: Sequence[str], name: str, bare: str | None) -> list[KnownK
 def _of_file(file: str, name: str, bare: str | None) -> Iterator[KnownKey]:
     """Read one known_hosts file."""
     try:
-        with open(file, encoding="utf-8", errors="replace") as stream:
-            lines = stream.readlines()
+        lines = regular_file.read_text(file, errors="replace").split("\n")
     except OSError:
         return
     for number, line in enumerate(lines, 1):

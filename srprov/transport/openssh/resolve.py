@@ -74,7 +74,7 @@ def _settings(
     """Type the values and expand what is in them."""
     hostname = config.one("hostname", host.address).replace("%h", host.address)
     user, port = config.one("user", getpass.getuser()), config.one("port", "22")
-    if not port.isdigit():
+    if not re.fullmatch("[0-9]{1,5}", port):
         raise ConnectError(host.name, f"port {port!r} is not a number", hint="correct ansible_port or ssh_config")
     alias, proxy = config.one("hostkeyalias") or None, config.chosen("proxycommand")
     if proxy:
@@ -105,7 +105,7 @@ def _settings(
         address_family={"inet": socket.AF_INET, "inet6": socket.AF_INET6}.get(
             config.one("addressfamily"), socket.AF_UNSPEC
         ),
-        connect_timeout_s=float(timeout) if timeout.isdigit() and int(timeout) > 0 else None,
+        connect_timeout_s=float(timeout) if re.fullmatch("[1-9][0-9]{0,6}", timeout) else None,
         ssh_config=ssh_config,
         inherited=inherited,
     )

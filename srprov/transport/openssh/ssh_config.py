@@ -16,6 +16,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from srprov import regular_file
 from srprov.errors import ConnectError
 
 ADDS_UP = frozenset({"identityfile", "certificatefile"})
@@ -50,7 +51,7 @@ def config_texts(chosen: Path | None) -> dict[Path, str]:
 @functools.lru_cache(maxsize=8)
 def _text(file: Path, _mtime_ns: int) -> str:
     """Read one configuration file, once per version of it."""
-    return file.read_text(encoding="utf-8", errors="replace")
+    return regular_file.read_text(file, errors="replace")
 
 
 def needs_openssh(text: str, file: Path) -> bool:

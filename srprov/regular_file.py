@@ -1,0 +1,95 @@
+"""A file that a user, or a user's file, names -> its content: a regular file within a size, or an error that says why.
+
+Takes a path and a limit in bytes; gives bytes or text. Reads files. A path may lead to a pipe that nobody writes to, to
+a device that never ends, or to a sparse file larger than memory: none of them may hang srprov or fill its memory. All
+files that srprov did not write itself are read here; tests/test_reads.py holds every other file to that.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+
+MIB = 1024 * 1024
+_PIECE = MIB
+_KINDS = (
+    (stat.S_ISDIR, errno.EISDIR, os.strerror(errno.EISDIR)),
+    (stat.S_ISFIFO, errno.EINVAL, "it is a pipe, not a file"),
+    (stat.S_ISSOCK, errno.EINVAL, "it is a socket, not a file"),
+    (lambda mode: not stat.S_ISREG(mode), errno.EINVAL, "it is a device, not a file"),
+)
+
+
+def read(path: str | os.PathLike[str], most: int = 8 * MIB) -> bytes:
+    """Return the content of a file of at most `most` bytes.
+
+    Raises:
+        OSError: It cannot be read, is no regular file or is larger; `strerror` says so in words for the user.
+    """
+    return read_with_status(path, most)[0]
+
+
+def read_with_status(path: str | os.PathLike[str], most: int = 8 * MIB) -> tuple[bytes, os.stat_result]:
+    """Return the content as `read` does, and whose file it was that was read."""
+    content, about = _begin(path, most, whole=True)
+    if len(content) > most:
+        raise _too_large(path, most)
+    return content, about
+
+
+def read_text(path: str | os.PathLike[str], most: int = 8 * MIB, errors: str = "strict") -> str:
+    """Return the content as UTF-8 text, as `read` does; `errors` as for `bytes.decode`."""
+    try:
+        return read(path, most).decode("utf-8", errors)
+    except UnicodeDecodeError:
+        raise OSError(errno.EILSEQ, "it is not UTF-8 text", os.fspath(path)) from None
+
+
+def beginning(path: str | os.PathLike[str], count: int) -> bytes:
+    """Return the first `count` bytes of a file of any size.
+
+    Raises:
+        OSError: It cannot be read, or is no regular file.
+    """
+    return _begin(path, count, whole=False)[0][:count]
+
+
+def _begin(path: str | os.PathLike[str], count: int, *, whole: bool) -> tuple[bytes, os.stat_result]:
+    """Return up to `count` bytes, and one more when there are more; a large file is not read where all is wanted."""
+    try:
+        # looked at before it is opened: to open a device may already do something
+        _check(path, os.stat(path).st_mode)
+        # a pipe that took the file's place meanwhile does not block
+        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY)
+    except ValueError:  # a NUL, or half of a surrogate pair
+        raise OSError(errno.EINVAL, "no file can have such a name") from None
+    try:
+        about = os.fstat(descriptor)
+        _check(path, about.st_mode)
+        if whole and about.st_size > count:
+            raise _too_large(path, count)
+        pieces, left = [], count + 1  # the kernel's own files give no size, and others may grow
+        while left and (piece := os.read(descriptor, min(left, _PIECE))):
+            pieces.append(piece)
+            left -= len(piece)
+        return b"".join(pieces), about
+    finally:
+        os.close(descriptor)
+
+
+def _check(path: str | os.PathLike[str], mode: int) -> None:
+    for is_kind, number, words in _KINDS:
+        if is_kind(mode):
+            raise OSError(number, words, os.fspath(path))
+
+
+def _too_large(path: str | os.PathLike[str], most: int) -> OSError:
+    return OSError(errno.EFBIG, f"it is larger than {_size(most)}", os.fspath(path))
+
+
+def _size(count: int) -> str:
+    for unit, factor in (("MiB", MIB), ("KiB", 1024)):
+        if count >= factor and count % factor == 0:
+            return f"{count // factor} {unit}"
+    return f"{count} bytes"

@@ -1,0 +1,32 @@
+"""How much may be read of all files that belong together: a small file may name a thousand large ones.
+
+Takes limits; whoever reads inside of the block, at whatever depth, counts against them. Touches nothing else.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
+
+
+@dataclass
+class Allowance:
+    """How much may still be read: bytes of text, and values of documents."""
+
+    bytes: int
+    values: int
+
+
+current: ContextVar[Allowance | None] = ContextVar("current", default=None)
+
+
+@contextmanager
+def allowance(most_bytes: int, most_values: int) -> Iterator[None]:
+    """Limit all that is read in the block, together. Inside of another block, that one's limits go on."""
+    token = current.set(current.get() or Allowance(most_bytes, most_values))
+    try:
+        yield
+    finally:
+        current.reset(token)

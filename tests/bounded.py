@@ -1,0 +1,50 @@
+"""Do something that somebody hostile asked for, within the limits that srprov promises for it."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import resource
+import time
+from collections.abc import Callable
+from typing import TypeVar
+
+T = TypeVar("T")
+CPU_S = 2.0
+MEMORY_BYTES = 300 * 1024 * 1024
+
+
+def bounded(work: Callable[[], T], cpu_s: float = CPU_S, memory: int = MEMORY_BYTES) -> T:
+    """Return what `work` returns, or raise what it raises; in a child that may take no more memory and time.
+
+    The kernel ends it when it takes five times as long, so that what never ends fails too.
+    """
+    reader, writer = os.pipe()
+    child = os.fork()
+    if child == 0:
+        try:
+            os.close(reader)
+            with open("/proc/self/statm", encoding="ascii") as stream:
+                space = int(stream.read().split()[0]) * resource.getpagesize()
+            resource.setrlimit(resource.RLIMIT_AS, (space + memory, space + memory))
+            resource.setrlimit(resource.RLIMIT_CPU, (int(5 * cpu_s), int(5 * cpu_s) + 1))
+            answer: tuple[object, BaseException | None, float]
+            begin = time.process_time()
+            try:
+                answer = work(), None, time.process_time() - begin
+            except Exception as error:  # any error at all goes to the parent, which judges it
+                answer = None, error, time.process_time() - begin
+            with open(writer, "wb") as out:
+                out.write(pickle.dumps(answer))
+        finally:
+            os._exit(0)
+    os.close(writer)
+    with open(reader, "rb") as stream_in:
+        answered = stream_in.read()
+    _, status = os.waitpid(child, 0)
+    assert answered, f"it was ended by the kernel: {os.waitstatus_to_exitcode(status)}"
+    value, error, took = pickle.loads(answered)
+    assert took < cpu_s, f"it took {took:.1f} s"
+    if error is not None:
+        raise error
+    return value  # type: ignore[no-any-return]  # what was pickled is what `work` returned

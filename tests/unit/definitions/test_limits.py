@@ -1,0 +1,252 @@
+"""Files that are meant to keep srprov busy: each is refused at its line, in seconds and within the memory it has."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from srprov.cli.problems import render_problems
+from srprov.definitions import check_files, hostvars, load_inventory
+from srprov.definitions.groups import Variables
+from srprov.errors import did_you_mean
+from srprov.yamldoc.nodes import Findings, Scalar, Source
+from tests.bounded import bounded
+
+HEAD = "edf: 1\nname: a\n"
+ROWS = range(1000)
+
+
+def edf(services: str, more: str = "") -> str:
+    return f"{HEAD}{more}services:\n{services}"
+
+
+def service(fields: str) -> str:
+    return edf(f"  a: {{image: x, {fields}}}\n")
+
+
+EDFS = {
+    "stop period": (service("stop_grace_period: 9999999h"), ":4:36: error: '9999999h' is longer than 24h"),
+    "interval": (service("healthcheck: {test: x, interval: 9999999h}"), "is longer than 24h"),
+    "a number of 400 digits": (service(f"stop_grace_period: {'9' * 400}s"), "is longer than 24h"),
+    "replicas": (service("replicas: 99999999"), ":4:27: error: 99999999 is more than 1000"),
+    "retries": (service("healthcheck: {test: x, retries: 1001}"), "1001 is more than 1000"),
+    "a range of ports": (service("ports: ['1-65535:1-65535']"), "publishes 65535 ports; 1000 are the most"),
+    "ranges of ports": (
+        service(f"ports: [{', '.join(f'{one}-{one + 999}' for one in range(1000, 60000, 1000))}]"),
+        "more than 1000 ports are published",
+    ),
+    "a size": (service("shm_size: 99999999999999999t"), "is more than any machine has"),
+    "a limit": (service(f"ulimits: {{nofile: {10**30}}}"), "expected"),
+    "1e999": (service("cost: 1e999"), "expected a number"),
+    "10**5000": (service(f"cost: {10**4000}"), "expected a number"),
+    "a command": (service(f"command: '{'a' * 4_000_000}'"), "is longer than 100000 characters"),
+    "misspelt keys and names": (
+        edf("".join(f"  service-{i:04}: {{image: x, depends_on: [servise-{i:04}], cots: 3}}\n" for i in ROWS)),
+        "there are more than 100 problems",
+    ),
+    "many services": (edf("".join(f"  s{i}: {{image: x}}\n" for i in range(1001))), "1001 entries; 1000 are the most"),
+    "many values": (
+        edf("  a: {image: x}\n", f"x-a: [{', '.join(['[' + '1, ' * 999 + '1]'] * 30)}]\n"),
+        "the document holds more than 20000 values",
+    ),
+    "a circle of a thousand": (
+        edf("".join(f"  s{i}: {{image: x, depends_on: [s{(i + 1) % 1000}]}}\n" for i in ROWS)),
+        "the services wait for each other: s0 -> s1 -> s2 -> s3 -> s4 -> s5 -> s6 -> s7 -> s8 -> s9 -> s10 -> s11",
+    ),
+    "relations": (
+        edf(
+            "".join(f"  s{i}: {{image: x}}\n" for i in ROWS),
+            f"relations: {{same_robot: [{', '.join(f'[s{i}, s{i + 1}]' for i in range(999))}],\n"
+            f" different_robot: [{', '.join(f'[s{i}, s{i + 1}]' for i in range(999))}]}}\n",
+        ),
+        "must run on different robots",
+    ),
+}
+
+
+def problems(file: Path, text: str) -> str:
+    """Return what `validate` prints; it must take no more than it may, and print no more than anybody reads."""
+    file.write_text(text)
+    told = bounded(lambda: render_problems(check_files([file])))
+    assert len(told) < 100_000
+    return told
+
+
+@pytest.mark.parametrize("case", EDFS)
+def test_an_experiment_is_refused_at_its_line(tmp_path: Path, case: str) -> None:
+    text, says = EDFS[case]
+    told = problems(tmp_path / "a.edf", text)
+    assert f"{tmp_path}/a.edf:" in told and says in told
+
+
+def test_a_chain_of_a_thousand_services_is_no_mistake(tmp_path: Path) -> None:
+    chain = "".join(f"  s{i}: {{image: x, depends_on: [s{i + 1}], replicas: 2}}\n" for i in range(999))
+    assert problems(tmp_path / "a.edf", edf(f"{chain}  s999: {{image: x}}\n")) == ""
+
+
+def test_a_small_experiment_that_names_much_is_refused(tmp_path: Path) -> None:
+    """A thousand services of one large file each: every file is fine alone."""
+    (tmp_path / "a.env").write_text("".join(f"V{i}={'x' * 90}\n" for i in ROWS))
+    text = edf("".join(f"  s{i}: {{image: x, env_file: a.env}}\n" for i in ROWS))
+    assert "with all other files that are named, it is too much to be read" in problems(tmp_path / "a.edf", text)
+
+
+def test_cdfs_cannot_extend_each_other_for_ever(tmp_path: Path) -> None:
+    for number in range(2000):
+        (tmp_path / f"{number}.cdf").write_text(f"cdf: 1\nextends: {number + 1}.cdf\n")
+    told = problems(tmp_path / "a.edf", edf("  a: {cdf: 0.cdf}\n"))
+    assert f"{tmp_path}/10.cdf:2:10: error: more than 10 CDFs extend each other" in told
+
+
+INVENTORIES = {
+    "ranges": ("h.yml", "all:\n  hosts:\n" + "".join(f"    r{i}[0:9999]:\n" for i in ROWS), "more than 10000 hosts"),
+    "groups in groups": (
+        "h.ini",
+        "".join(f"[g{i}:children]\ng{i + 1}\n" for i in range(20_000)) + "[g20000]\nr1\n",
+        "",
+    ),
+    "hosts in groups": (
+        "h.ini",
+        "[g500]\nr[0:9999]\n" + "".join(f"[g{i}:children]\ng{i + 1}\n" for i in range(500)),
+        "hosts are in more than 200000 groups",
+    ),
+    "two ways to each group": (
+        "h.ini",
+        "".join(f"[{a}{i}:children]\n{b}{i + 1}\n" for i in range(500) for a, b in ("aa", "ab", "ba", "bb"))
+        + "[a500]\nr1\n",
+        "",
+    ),
+    "a circle": ("h.ini", "".join(f"[g{i}:children]\ng{(i + 1) % 5000}\n" for i in range(5000)), "contains itself"),
+    "a line": ("h.ini", "r1 a=" + "x" * 900_000, "h.ini:1:1: error: the line is longer than 50000 characters"),
+    "lines": ("h.ini", "r1\n" * 400_000, "is longer than 1000000 characters"),
+    "a variable of each": (
+        "h.yml",
+        "all:\n  vars:\n" + "".join(f"    ansible_x{i}: 1\n" for i in range(25_000)) + "  hosts: {'r[0:999]': }\n",
+        "",
+    ),
+    "a mistake in each": (
+        "h.yml",
+        "all:\n  hosts:\n" + "".join(f"    r{i}: {{srprov_slots: x}}\n" for i in range(5000)),
+        "there are more than 100 problems",
+    ),
+    "ssh's arguments": ("h.ini", f"r1 ansible_ssh_common_args='{'a' * 40_000}'", "longer than 10000 characters"),
+}
+
+
+@pytest.mark.parametrize("case", INVENTORIES)
+def test_an_inventory_is_read_or_refused(tmp_path: Path, case: str) -> None:
+    name, text, says = INVENTORIES[case]
+    told = problems(tmp_path / name, text)
+    assert says in told and bool(told) == bool(says)
+
+
+def test_every_group_counts_by_its_longest_way_from_all(tmp_path: Path) -> None:
+    """The deeper group's variables win; `deep` is a child of `all` by one way, and three levels down by another."""
+    (tmp_path / "h.ini").write_text(
+        "[deep]\nr1\n[deep:vars]\nansible_user=deep\n[all:children]\ndeep\na\n[a:children]\nb\n[b:children]\ndeep\n"
+        "[b:vars]\nansible_user=b\n[a:vars]\nansible_user=a\n"
+    )
+    inventory = load_inventory([tmp_path / "h.ini"])
+    assert inventory.hosts["r1"].user == "deep"
+    assert inventory.groups == {name: ("r1",) for name in ("a", "all", "b", "deep")}
+
+
+def test_every_variable_that_is_read_is_named_as_such() -> None:
+    """A host's variables are picked by this list: one that is not on it would silently be none."""
+    asked: set[str] = set()
+
+    class Spy(dict):  # type: ignore[type-arg]
+        def get(self, key: str, default: object = None) -> object:
+            asked.add(key)
+            return super().get(key, default)
+
+        def __contains__(self, key: object) -> bool:
+            asked.add(str(key))
+            return super().__contains__(key)
+
+    variables: Variables = Spy()
+    hostvars.host("r1", variables, (), Scalar(Source("h"), 1, 1, "r1"), Findings())
+    assert asked == hostvars.READ
+
+
+DOCKERFILES = {
+    "continued lines": "FROM a\n" + "RUN x\\\n" * 18_000,
+    "options": "FROM a\n" + "FROM " + "--a " * 30_000 + "\n",
+    "stages": "FROM a\n" + "FROM x\n" * 18_000,
+    "here-documents": "FROM a\nRUN " + "<<A" * 20_000 + "\n" + "A\n" * 30_000,
+    "an image": "FROM " + "a-" * 60_000,
+    "wrong images": "FROM a\n" + "".join(f"FROM B{i}\n" for i in range(8_000)),
+}
+
+
+@pytest.mark.parametrize("case", DOCKERFILES)
+def test_a_dockerfile_is_read_in_time(tmp_path: Path, case: str) -> None:
+    problems(tmp_path / "Dockerfile", DOCKERFILES[case])
+
+
+def test_a_dockerfile_of_megabytes_is_refused(tmp_path: Path) -> None:
+    assert "cannot be read: it is larger than 128 KiB" in problems(tmp_path / "Dockerfile", "FROM a\n" * 100_000)
+
+
+def nothing_of_use(folder: Path) -> Iterator[str]:
+    """Make what is no file, each with a name; give the names."""
+    os.mkfifo(folder / "pipe")
+    yield "pipe"
+    with open(folder / "sparse", "wb") as stream:
+        stream.truncate(10**12)
+    yield "sparse"
+    os.symlink("/dev/zero", folder / "zero")
+    yield "zero"
+    (folder / "folder").mkdir()
+    yield "folder"
+    (folder / "binary").write_bytes(bytes(range(256)))
+    yield "binary"
+
+
+FIELDS = {
+    "env_file": "  a: {image: x, env_file: NAME}\n",
+    "CDF": "  a: {cdf: NAME}\n",
+    "volume": "  a: {image: x, volumes: ['./NAME:/data:ro']}\n",
+}
+
+
+@pytest.mark.parametrize("field", FIELDS)
+@pytest.mark.parametrize("name", ["pipe", "sparse", "zero"])
+def test_what_is_no_file_is_told_where_it_is_named(tmp_path: Path, field: str, name: str) -> None:
+    """A pipe, a file larger than memory, a device (which lies outside, so that this is what is told of it)."""
+    assert name in list(nothing_of_use(tmp_path))
+    told = problems(tmp_path / "a.edf", edf(FIELDS[field].replace("NAME", name)))
+    assert "error:" in told and tmp_path.as_posix() in told
+
+
+@pytest.mark.parametrize("kind", ["a.edf", "a.cdf", "Dockerfile", "hosts", "hosts.yml"])
+def test_what_is_no_file_is_refused_as_any_document(tmp_path: Path, kind: str) -> None:
+    for name in [one for one in nothing_of_use(tmp_path) if one != "folder"]:
+        place = tmp_path / name / kind if (tmp_path / name).is_dir() else tmp_path / kind
+        place.unlink(missing_ok=True)
+        os.symlink(tmp_path / name, place)
+        assert bounded(lambda place=place: check_files([place])), name
+
+
+def test_a_folder_of_too_many_files_is_not_shipped(tmp_path: Path) -> None:
+    (tmp_path / "data").mkdir()
+    for number in range(20_001):
+        os.mknod(tmp_path / "data" / str(number))
+    told = problems(tmp_path / "a.edf", edf("  a: {image: x, volumes: ['./data:/data:ro']}\n"))
+    assert "a.edf:4:27: error: './data' holds more than 20000 files" in told
+
+
+def test_a_folder_with_a_pipe_in_it_is_not_shipped(tmp_path: Path) -> None:
+    (tmp_path / "data").mkdir()
+    os.mkfifo(tmp_path / "data" / "pipe")
+    told = problems(tmp_path / "a.edf", edf("  a: {image: x, volumes: ['./data:/data:ro']}\n"))
+    assert "'./data' holds what is no file, folder or link: pipe" in told
+
+
+def test_the_nearest_of_many_names_is_still_found() -> None:
+    known = [f"service-{number:04}" for number in range(1000)]
+    assert did_you_mean("servise-0500", known) == "did you mean 'service-0500'?"
+    assert did_you_mean("x" * 10_000, known) == ""
