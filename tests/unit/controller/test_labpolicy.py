@@ -198,6 +198,11 @@ def test_a_policy_that_others_can_write_is_refused(tmp_path: Path) -> None:
     assert "others can write" in caught.value.problems[0].message
 
 
+def test_the_manual_explains_every_kind() -> None:
+    manual = (Path(__file__).parents[3] / "docs" / "policy.md").read_text(encoding="utf-8")
+    assert [kind for kind in labpolicy.KINDS if f"`{kind}`" not in manual] == []
+
+
 def test_every_amount_of_the_schema_is_known() -> None:
     from srprov.data import schema
 
