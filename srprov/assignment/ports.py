@@ -14,8 +14,10 @@ from srprov.definitions.containermodel import EVERYWHERE, Port, ports_meet
 from srprov.definitions.model import Service
 from srprov.facts.model import TakenPort
 
-Holders = Mapping[str, Mapping[tuple[int, str], Sequence[tuple[Port, str, str]]]]
-"""Robot -> (port, protocol) -> what is taken there: the port, the experiment's service or nothing, by whom in words."""
+_Holder = tuple[Port, str, str]
+"""What is taken: the port, the experiment's service or nothing, by whom in words."""
+Holders = Mapping[str, Mapping[tuple[int, str], Sequence[_Holder]]]
+"""Robot -> (port, protocol) -> who has it there."""
 
 
 def declared(service: Service) -> tuple[Port, ...]:
@@ -58,24 +60,31 @@ def holders(
 
 def missing_ports(service: Service, robot: str, held: Holders) -> Iterator[UnmetRequirement]:
     """Return the ports of a robot that a service would have, and others have."""
-    there = held.get(robot)
+    there = held.get(robot, {})
     for port in declared(service) if there else ():
-        for other, name, by in there.get((port[1], port[3]), ()) if there else ():
-            if name != service.name and ports_meet(port, other):
-                what = f"{port[1]}/{port[3]}"
-                remedy = f"publish another port than {what} in '{service.instance_of or service.name}'"
-                yield UnmetRequirement(f"port {what} is taken by {by}", remedy)
-                break
+        by = _taken_by(service.name, port, there.get((port[1], port[3]), ()))
+        if by:
+            remedy = f"publish another port than {port[1]}/{port[3]} in '{service.instance_of or service.name}'"
+            yield UnmetRequirement(f"port {port[1]}/{port[3]} is taken by {by}", remedy)
 
 
 def without_taken(
     capable: Mapping[str, int], services: Mapping[str, Service], robots: Sequence[str], held: Holders
 ) -> dict[str, int]:
     """Return the rows of the capability matrix without the robots on which a port of the service is taken."""
-    crowded = [(1 << bit, robot) for bit, robot in enumerate(robots) if robot in held]
+    crowded: dict[tuple[int, str], list[tuple[int, Sequence[_Holder]]]] = {}
+    for bit, robot in enumerate(robots):
+        for key, holding in held.get(robot, {}).items():
+            crowded.setdefault(key, []).append((1 << bit, holding))
     rows = dict(capable)
-    for name, row in capable.items():
-        if crowded and declared(services[name]):
-            gone = sum(bit for bit, robot in crowded if any(missing_ports(services[name], robot, held)))
-            rows[name] = row & ~gone
+    for name in capable if crowded else ():
+        for port in declared(services[name]):
+            for mark, holding in crowded.get((port[1], port[3]), ()):
+                if _taken_by(name, port, holding):
+                    rows[name] &= ~mark
     return rows
+
+
+def _taken_by(name: str, port: Port, holding: Iterable[_Holder]) -> str:
+    """Return who has a port that a service would have, or nothing."""
+    return next((by for other, holder, by in holding if holder != name and ports_meet(port, other)), "")

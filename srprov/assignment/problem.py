@@ -79,7 +79,7 @@ def _with_ports(
     """Return the problem with the robots' ports as something that only one service of a robot can have."""
     held = ports.holders(problem.services, {**problem.fixed, **problem.frozen}, taken)
     shared = ports.exclusive(problem.services)
-    for group in groups:
+    for group in (group for group in groups if len(group) > 1):
         for names, port in shared.items():
             if len(both := sorted(set(group) & set(names))) > 1:
                 message = f"'{both[0]}' and '{both[1]}' must share a robot, and both publish {port}"
