@@ -30,6 +30,8 @@ unit: setup ## only the tests that need no lab
 soak: setup ## many examples, a disturbance at every moment of an apply, all faults, 50 races (needs root; an hour)
 	@echo "soak: property tests, HYPOTHESIS_PROFILE=long"
 	@HYPOTHESIS_PROFILE=long $(PYTEST) -q -m "not lab"
+	@echo "soak: long tests of the lab"
+	@SRPROV_SOAK=1 $(PYTEST) -q -m soak
 	@echo "soak: python -m tools.soak, results in tools/soak/results.md"
 	@$(BIN)/python -m tools.soak
 

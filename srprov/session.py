@@ -65,6 +65,29 @@ class Pulse:
             raise ValueError("a heartbeat needs 0 < beat < controller < robot, in seconds")
 
 
+class Streams(Protocol):
+    """The three streams of a running shell, none of which blocks."""
+
+    def write(self, data: memoryview) -> int:
+        """Send what fits now; 0 when nothing does."""
+
+    def read(self) -> tuple[bytes, bytes]:
+        """Return what is here of standard output and of standard error."""
+
+    def wait(self, seconds: float, *, writing: bool) -> None:
+        """Sleep until something can be read, or written when `writing`, or the seconds are over."""
+
+    @property
+    def ended(self) -> bool:
+        """Tell whether nothing will come any more and all of it was read."""
+
+    def reason(self) -> str:
+        """Say why it ended."""
+
+    def close(self) -> None:
+        """End the shell; safe to call twice and from any thread."""
+
+
 class LockChannel(Protocol):
     """A script on the robot that lives as long as both ends hear each other; each letter it gets, it answers."""
 
@@ -129,6 +152,13 @@ class Session(Reader, Protocol):
 
     def save_image(self, image: str, timeout_s: float) -> Iterator[bytes]:
         """Stream the image as `docker save` writes it."""
+
+    def open_shell(self, script: str) -> Streams:
+        """Run a script in a shell of its own, whose standard input and output are the caller's; it ends with the lock.
+
+        Raises:
+            TransportError: It cannot be started.
+        """
 
     def container_log(self, container: str, *, tail: int, follow: bool) -> Iterator[str]:
         """Return a container's log line by line, standard output and error together; with `follow` until it ends.

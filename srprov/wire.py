@@ -1,7 +1,8 @@
 """What may travel to a robot, as data.
 
-A `Query` or `EngineQuery` reads; a `Run`, `Put`, `EngineCall` or `CopyImage` changes. They are plain values, to print,
-compare, store and send later; `session.py` has the protocols that carry them. Every shell word passes through `quote`.
+A `Query` or `EngineQuery` reads; a `Run`, `Put`, `EngineCall`, `CopyImage` or `CopyVolume` changes. They are plain
+values, to print, compare, store and send later; `session.py` has the protocols that carry them. Every shell word passes
+through `quote`.
 """
 
 from __future__ import annotations
@@ -141,7 +142,24 @@ class CopyImage:
         return f"copy image {self.image} from {self.source_host} (docker save | docker load over the controller)"
 
 
-Command = Run | Put | EngineCall | CopyImage
+@dataclass(frozen=True, kw_only=True, slots=True)
+class CopyVolume:
+    """Bring a volume's data from another robot into a volume that is here, streamed through the controller.
+
+    It succeeds when both have the same hash: of names, contents, owners, modes, times, links and extended attributes.
+    """
+
+    volume: str
+    into: str
+    source_host: str
+    timeout_s: float = 4 * 3600.0
+
+    def text(self) -> str:
+        """Show it as the plan does."""
+        return f"copy volume {self.volume} from {self.source_host} into {self.into} (tar over the controller, sha256)"
+
+
+Command = Run | Put | EngineCall | CopyImage | CopyVolume
 AnyQuery = Query | EngineQuery
 
 

@@ -28,8 +28,15 @@ LONGEST = ["test_examples", "test_failures", "test_changes", "test_drift", "test
 """Files of tests/lab by how long they take; the others are shorter."""
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """With pytest-xdist, begin with the longest files: whoever begins one last keeps the other process waiting."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out what is too long for every day, unless SRPROV_SOAK asks for it.
+
+    With pytest-xdist, begin with the longest files: whoever begins one last keeps the other process waiting.
+    """
+    long = [] if os.environ.get("SRPROV_SOAK") else [item for item in items if item.get_closest_marker("soak")]
+    if long:
+        config.hook.pytest_deselected(items=long)
+        items[:] = [item for item in items if item not in long]
     if "PYTEST_XDIST_WORKER" in os.environ:
         items.sort(key=lambda item: _place(item.path))
 

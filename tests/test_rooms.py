@@ -114,7 +114,7 @@ FILES: Mapping[str, Room] = {
     "cli/assign_plot.py": cli_file("assignment", "matplotlib numpy"),
     "cli/doctor.py": cli_file("facts"),
     "cli/execute.py": cli_file("planning execution"),
-    "cli/destroy.py": cli_file("execution"),
+    "cli/destroy.py": cli_file("execution facts.model"),
     "cli/facts.py": cli_file("facts"),
     "cli/facts_ranges.py": cli_file("facts data definitions.schema", "jsonschema"),
     "cli/facts_table.py": cli_file("facts"),

@@ -46,6 +46,8 @@ class _Answers:
         rows = [ask("docker", lambda robot: robot.docker is not None and not robot.docker.rootless)]
         if service.robot:
             rows.append(ask(("robot", service.robot), lambda robot: robot.name == service.robot))
+        if service.data_on:
+            rows.append(ask(("robot", service.data_on), lambda robot: robot.name == service.data_on))
         if wanted.arch:
             rows.append(ask(("arch", *wanted.arch), lambda robot: robot.arch in wanted.arch))
         if platforms:

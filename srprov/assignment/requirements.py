@@ -97,6 +97,9 @@ def pinned_elsewhere(service: Service, robot: str) -> Iterator[UnmetRequirement]
     if service.robot and service.robot != robot:
         remedy = f"remove 'robot: {service.robot}' from service '{service.instance_of or service.name}'"
         yield UnmetRequirement(f"pinned to {service.robot}", remedy)
+    if service.data_on and service.data_on != robot:
+        remedy = f"copy the data of '{service.name}' with --data move, or start without it with --data leave"
+        yield UnmetRequirement(f"its data is on {service.data_on}", remedy)
 
 
 def _architecture(wanted: Requirements, platforms: Sequence[str], facts: HostFacts) -> Iterator[UnmetRequirement]:

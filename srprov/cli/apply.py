@@ -88,18 +88,20 @@ def apply(
 
 
 def _fitting(request: PlanRequest, source: Definitions | PlanFile) -> PlanRequest:
-    """Return the request with the user's own playbooks; a plan from a file was made with those of its time.
+    """Return the request with what the user's own files say; a plan from a file was made with those of its time.
 
     Raises:
         UsageError: It asks of a plan from a file what was decided when it was made.
     """
     if isinstance(source, Definitions):
-        return inputs.with_own_playbooks(request)
-    decided = (request.instance, request.reassign, request.adopt, request.history, request.reassign_unreachable)
+        return inputs.with_own_files(request, source)
+    decided = (
+        request.instance, request.reassign, request.adopt, request.history, request.reassign_unreachable, request.data,
+    )  # fmt: skip
     if any(decided):
         raise UsageError(
-            "--instance, --reassign, --adopt, --history and --unreachable=reassign are decided when a plan is made, "
-            "not when it is applied"
+            "--instance, --reassign, --adopt, --history, --data and --unreachable=reassign are decided when a plan is "
+            "made, not when it is applied"
         )
     return request
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import datetime as dt
 from pathlib import Path
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 import click
 
@@ -14,6 +15,10 @@ from srprov.cli.plan import show_plan
 from srprov.controller.phases import Phases
 from srprov.errors import visible
 from srprov.session import Pulse
+
+if TYPE_CHECKING:
+    from srprov.controller.fleet import Fleet
+    from srprov.facts.model import Snapshot
 
 
 @click.command()
@@ -49,10 +54,12 @@ def destroy(
     with inputs.connect(inventory, timeout, forks, changing=True) as fleet:
         phases.begin("facts")
         lock_wait = inputs.waited(fleet, name, lock_wait)
+        from srprov.controller.owners import read_owner
         from srprov.controller.remove import make_removal, other_instances
         from srprov.execution import RunOptions
 
-        planned = make_removal(fleet, name, volumes=volumes, source=source, adopt=adopt).limited(chosen)
+        owner = read_owner(name, file) if file else None
+        planned = make_removal(fleet, name, volumes=volumes, source=source, adopt=adopt, owner=owner).limited(chosen)
         if not as_json and not (yes and output_options.is_quiet()):
             show_plan(planned.plan, None, verbose=verbose)
         if planned.snapshot and (others := other_instances(planned.snapshot, name, source)):
@@ -60,6 +67,18 @@ def destroy(
         confirm(planned.plan, yes)
         phases.begin("destroy")
         run_options = RunOptions(forks=forks, verb="destroy", lock_wait_s=lock_wait, pulse=pulse)
-        return carry_out(
+        code = carry_out(
             planned, fleet, run_options, phases, as_json=as_json, events=events, color=not no_color, runs=runs
         )
+        if planned.snapshot and not volumes:
+            _tell_kept(fleet, planned.snapshot, name)
+        return code
+
+
+def _tell_kept(fleet: Fleet, snapshot: Snapshot, instance: str) -> None:
+    """Say where data stays: robot, size, age."""
+    from srprov.controller.kept import line, volume_rows, with_sizes
+
+    now = dt.datetime.now(dt.timezone.utc)
+    for row in with_sizes(volume_rows(snapshot, instance), fleet, snapshot):
+        err(f"data stays: {visible(line(row, now))}")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import concurrent.futures
+import datetime as dt
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -10,7 +12,7 @@ import click
 from srprov.cli import inputs, options
 from srprov.cli.codes import FAILED
 from srprov.cli.output import out, out_json, tell_unreachable
-from srprov.errors import TransportError
+from srprov.errors import TransportError, visible
 
 if TYPE_CHECKING:
     from srprov.facts.preconditions import Check
@@ -24,6 +26,7 @@ def doctor(inventories: tuple[str, ...], as_json: bool, forks: int, timeout: flo
 
     Exits with 3 when something that is needed is missing, with 4 when a robot cannot be reached; warnings alone are 0.
     """
+    from srprov.controller.kept import line, volume_rows, with_sizes
     from srprov.facts.gather import Detail
     from srprov.facts.preconditions import Verdict, judge, precondition_queries
 
@@ -42,10 +45,15 @@ def doctor(inventories: tuple[str, ...], as_json: bool, forks: int, timeout: flo
                     checks[name] = future.result()
                 except TransportError as error:
                     unreachable[name] = error.message
+        kept = with_sizes(volume_rows(snapshot, "", kept=True), fleet, snapshot)
     if as_json:
-        out_json(doctor_json(checks, unreachable))
+        out_json(doctor_json(checks, unreachable, kept))
     else:
         out(doctor_text(checks))
+        now = dt.datetime.now(dt.timezone.utc)
+        for row in kept:
+            remedy = f"srprov destroy --instance {row['instance']} --volumes"
+            out(visible(f"data is kept: {line(row, now)}; {remedy} removes it"))
     code = tell_unreachable(unreachable)
     if any(check.verdict is Verdict.FAILED for robot in checks.values() for check in robot):
         return FAILED
@@ -63,10 +71,12 @@ def doctor_text(checks: dict[str, tuple[Check, ...]]) -> str:
     return "\n".join(lines)
 
 
-def doctor_json(checks: dict[str, tuple[Check, ...]], unreachable: dict[str, str]) -> dict[str, Any]:
-    """Return every check of every robot."""
+def doctor_json(
+    checks: dict[str, tuple[Check, ...]], unreachable: dict[str, str], kept: Sequence[Mapping[str, Any]] = ()
+) -> dict[str, Any]:
+    """Return every check of every robot, and the data that is kept."""
     robots = {
         name: [{"check": c.name, "verdict": c.verdict.value, "found": c.found, "remedy": c.remedy} for c in robot]
         for name, robot in sorted(checks.items())
     }
-    return {"robots": robots, "unreachable": dict(sorted(unreachable.items()))}
+    return {"robots": robots, "volumes": list(kept), "unreachable": dict(sorted(unreachable.items()))}

@@ -120,6 +120,11 @@ _HISTORY = click.option(
 )  # fmt: skip
 _REASSIGN = click.option("--reassign", is_flag=True, help="Let running services move when that is cheaper.")
 _ADOPT = click.option("--adopt", is_flag=True, help="Take over an instance that another file made.")
+_DATA = click.option(
+    "--data", type=click.Choice(["move", "leave"]), default=None,
+    help="When a service goes to another robot than its data is on: copy the data there and remove it here once the "
+    "copy was compared (move), or start without it (leave). Without this it stays, with its service.",
+)  # fmt: skip
 _SEARCH_LIMIT = click.option(
     "--time-limit", type=click.FloatRange(min=0, min_open=True), default=SEARCH_LIMIT_S, show_default=True, metavar="S",
     help="Stop each search after so long, with the best found, and say so; an answer takes up to three.",
@@ -147,18 +152,23 @@ def planning(function: _F) -> _F:
 
     @functools.wraps(function)
     def with_request(
-        *, request: PlanRequest, adopt: bool, unreachable: str, allow: tuple[str, ...], **more: object
+        *, request: PlanRequest, adopt: bool, unreachable: str, allow: tuple[str, ...], data: str | None, **more: object
     ) -> object:
         from srprov.controller.permissions import check_kinds
 
         check_kinds(allow)
         policies, allowed = _lab_policies(allow)
         request = dataclasses.replace(
-            request, adopt=adopt, reassign_unreachable=unreachable == "reassign", allowed=allowed, policies=policies
+            request,
+            adopt=adopt,
+            reassign_unreachable=unreachable == "reassign",
+            allowed=allowed,
+            policies=policies,
+            data=data or "",
         )
         return function(request=request, unreachable=unreachable, **more)
 
-    return cast("_F", deciding(_ADOPT(_UNREACHABLE(_ALLOW(with_request)))))
+    return cast("_F", deciding(_ADOPT(_UNREACHABLE(_ALLOW(_DATA(with_request))))))
 
 
 def _lab_policies(allow: tuple[str, ...]) -> tuple[Policies, frozenset[str]]:

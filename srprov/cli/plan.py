@@ -57,7 +57,7 @@ def plan(
     inventory = inputs.load_inventory(inventories)
     last = inputs.failed_robots(request.instance or definitions.experiment.name, runs)
     chosen = inputs.selected(inventory, limit, exclude, last)
-    request = inputs.with_own_playbooks(dataclasses.replace(request, exact=True))
+    request = inputs.with_own_files(dataclasses.replace(request, exact=True), definitions)
     with (
         inputs.connect(inventory, timeout, forks) as fleet,
         answers_only(),
@@ -66,13 +66,13 @@ def plan(
         from srprov.controller.plan import make_plan  # a tenth of a second of imports, while the robots are asked
 
         planned = make_plan(definitions, look, request, vault).limited(chosen)
-    from srprov.controller.saved import plan_file
+    from srprov.controller.saved import kept_plan
     from srprov.planning.markdown import plan_markdown
     from srprov.planning.plan import plan_json
 
     made = planned.plan
     if target:
-        write_plan(target, plan_file(planned), vault, definitions.variables)
+        write_plan(target, kept_plan(planned), vault, definitions.variables)
     if form == "markdown" and not as_json:
         out(plan_markdown(made).rstrip())
     else:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 from srprov.assignment import problem, solve
 from srprov.assignment.model import Assignment, Problem
+from srprov.controller.data import DataNow, data_now, held_fast
 from srprov.controller.ownership import absent, previous_robots
 from srprov.controller.request import PlanRequest
 from srprov.controller.robot_room import of_others
@@ -28,6 +29,7 @@ class Choice:
 
     experiment: Experiment
     """With replicas and `per_robot` as services of their own, for the robots that were found."""
+    data: DataNow
     previous: Mapping[str, str]
     """Service -> the robot it runs on now."""
     problem: Problem
@@ -55,14 +57,18 @@ def choice_of(
     """
     previous = previous_robots(snapshot, instance)
     experiment = _with_instances(definitions.experiment, snapshot, previous)
+    data = data_now(experiment, snapshot, instance, previous, request)
+    if not request.data:
+        experiment = held_fast(experiment, data.home, snapshot)
     return Choice(
         experiment=experiment,
+        data=data,
         previous=previous,
         problem=problem.build(
             experiment,
             definitions.containers,
             snapshot,
-            previous,
+            {**previous, **data.home},
             slots={name: host.slots for name, host in inventory.hosts.items() if host.slots is not None},
             reassign=request.reassign,
             reassign_unreachable=request.reassign_unreachable,

@@ -14,13 +14,14 @@ from typing import Any
 
 from srprov.controller.render_inputs import RenderInputs
 from srprov.controller.robot_images import robot_images
-from srprov.controller.services import service_context, tree_path, volume_name
+from srprov.controller.services import service_context, tree_path
 from srprov.definitions.containermodel import Mount
 from srprov.definitions.model import Service
 from srprov.errors import UsageError
 from srprov.facts.model import HostFacts
 from srprov.modules.module import STATE_ROOT, canonical
 from srprov.modules.secret import secret_path
+from srprov.modules.volume import volume_name
 from srprov.network.hosts import hosts_file
 from srprov.network.model import Overlay
 
@@ -89,10 +90,16 @@ def _one(
             {"path": tree_path(inputs.instance, trees[source]), "blob": trees[source]["blob"]}
             for source in sorted(used)
         ],
-        "volumes": [volume_name(inputs.instance, name) for name in sorted(volumes)],
+        "volumes": [_volume(inputs, host, volume_name(inputs.instance, name)) for name in sorted(volumes)],
         "secrets": _secrets(inputs.instance, services),
         "services": [service_context(inputs, service, overlay, trees) for service in services],
     }
+
+
+def _volume(inputs: RenderInputs, host: str, name: str) -> dict[str, str]:
+    owner = inputs.data.owner
+    source, label = inputs.data.copies.get((host, name), ("", ""))
+    return {"name": name, "owner": owner.label(host, name) if owner else "", "from": source, "proof": label}
 
 
 def _robot(facts: HostFacts) -> dict[str, Any]:

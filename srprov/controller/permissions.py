@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Sequence
 from typing import TYPE_CHECKING
 
-from srprov.errors import UsageError
+from srprov.errors import RefusedError, UsageError
 from srprov.planning.policy import ASKED_FIRST, KINDS, Permission, require
 
 if TYPE_CHECKING:
     from srprov.definitions.labpolicy import LabPolicy
     from srprov.definitions.model import Inventory
-    from srprov.planning.plan import Plan
+    from srprov.planning.plan import DataMove, Plan
 
 
 def check_kinds(allowed: Collection[str]) -> None:
@@ -44,10 +44,25 @@ def permit_run(
     """Refuse to do a plan that asks for what the user did not allow, or what a lab's policy does not allow at all.
 
     Raises:
-        RefusedError: Names all of it, and the flags that would allow it; or the policy's file and line.
+        RefusedError: Names all of it, and the flags that would allow it; or the policy's file and line; or data that
+            would be left behind.
     """
     if policies and inventory:
         from srprov.controller.labpolicy import enforce
 
         enforce(plan, inventory, policies)
     require(plan.permissions, allowed)
+    require_decided(plan.data)
+
+
+def require_decided(moves: Iterable[DataMove]) -> None:
+    """Refuse a plan that would leave data behind without the user's word.
+
+    Raises:
+        RefusedError: Names the data.
+    """
+    if open_ones := [one for one in moves if not one.how]:
+        raise RefusedError(
+            "; ".join(one.text.partition(";")[0] for one in open_ones),
+            hint="--data move copies it and removes it there, --data leave starts without it; or take the pin away",
+        )

@@ -17,7 +17,10 @@ from srprov.assignment import solve
 from srprov.assignment.model import Assignment
 from srprov.controller.choice import choice_of, idle_notes, settled
 from srprov.controller.context import contexts
+from srprov.controller.data_owner import with_adopted
+from srprov.controller.data_plan import DataPlan, plan_data
 from srprov.controller.labpolicy import enforce, with_limits
+from srprov.controller.owners import Owner
 from srprov.controller.ownership import check_source, owned
 from srprov.controller.permissions import permit_planning
 from srprov.controller.phases import Phases
@@ -66,6 +69,8 @@ class Planned:
     """Tag -> what is built under it; a failed build can name the line of the CDF."""
     playbooks: tuple[Playbook, ...] = ()
     """Those that users wrote, the experiment's and the user's own."""
+    owner: Owner | None = None
+    """Who owns its volumes, with those that the run takes over; None: it makes none."""
     saved: PlanFile | None = None
     """The file that the plan was read from."""
 
@@ -101,8 +106,9 @@ def make_plan(
         phases.begin("assignment")
         placed = solve.solve(choice.problem, request.search_limit_s)
     phases.begin("plan")
+    data = plan_data(choice.experiment, placed.placed, choice.data, snapshot, request)
     overlay = layout(choice.experiment, placed.placed, snapshot, instance=instance)
-    inputs = _inputs(definitions, choice.experiment, placed, overlay, snapshot, source)
+    inputs = _inputs(definitions, choice.experiment, placed, overlay, snapshot, source, data)
     theirs = (*choice.experiment.playbooks, *request.playbooks)
     desired = _desired(inputs, theirs, vault)
     snapshot = look.probe(snapshot, desired)
@@ -118,6 +124,7 @@ def make_plan(
         desired=desired,
         images={image.tag: image for image in inputs.images.values()},
         playbooks=theirs,
+        owner=with_adopted(request, choice.data.held),
     )
 
 
@@ -136,7 +143,7 @@ def _plannable(definitions: Definitions, inventory: Inventory, request: PlanRequ
 
 def _inputs(
     definitions: Definitions, experiment: Experiment, placed: Assignment, overlay: Overlay, snapshot: Snapshot,
-    source: str,
+    source: str, data: DataPlan,
 ) -> RenderInputs:  # fmt: skip
     images, references = _images(definitions.containers)
     return RenderInputs(
@@ -149,6 +156,7 @@ def _inputs(
         references=references,
         record=record(overlay, experiment, placed.placed, source, snapshot.placements.get(overlay.instance)),
         snapshot=snapshot,
+        data=data,
     )
 
 
@@ -186,7 +194,8 @@ def _plan(
         costs={service: terms.total for service, terms in placed.terms.items()},
         permissions=permissions(experiment, definitions.containers),
         secrets=used(experiment),
-        notes=(*_notes(placed), *idle_notes(definitions, experiment, inputs.snapshot), *notes),
+        data=inputs.data.moves,
+        notes=(*_notes(placed), *idle_notes(definitions, experiment, inputs.snapshot), *notes, *inputs.data.notes),
         unreachable=inputs.snapshot.unreachable,
         playbooks=tuple(PlaybookUse(name=one.name, file=one.file, place=one.place) for one in theirs),
     )

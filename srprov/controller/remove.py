@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from srprov.controller.data import holdings
+from srprov.controller.data_owner import refuse_strange
 from srprov.controller.fleet import Fleet
+from srprov.controller.owners import Owner
 from srprov.controller.ownership import check_source, owned
 from srprov.controller.plan import Planned
 from srprov.facts.gather import Detail
@@ -13,7 +16,9 @@ from srprov.planning.diff import removal_plan
 from srprov.planning.plan import Plan
 
 
-def make_removal(fleet: Fleet, instance: str, *, volumes: bool, source: str = "", adopt: bool = False) -> Planned:
+def make_removal(
+    fleet: Fleet, instance: str, *, volumes: bool, source: str = "", adopt: bool = False, owner: Owner | None = None
+) -> Planned:
     """Say what would take everything of an instance away.
 
     Args:
@@ -22,13 +27,16 @@ def make_removal(fleet: Fleet, instance: str, *, volumes: bool, source: str = ""
         volumes: Data volumes too.
         source: Where the experiment comes from; empty: whoever made the instance.
         adopt: Also when another source made it.
+        owner: Who may remove its data; None: whoever names the instance.
 
     Raises:
-        RefusedError: `source` is given and another source made the instance.
+        RefusedError: `source` is given and another source made the instance; or what would go is another's data.
     """
     snapshot = fleet.gather(Detail.BASIC)
     if source:
         check_source(snapshot, instance, source, adopt=adopt)
+    if volumes and not adopt:
+        refuse_strange(holdings(snapshot, instance, owner, adopt=False).strange)
     steps = removal_plan(owned(snapshot, instance), instance, volumes=volumes)
     known = read_record(snapshot.placements.get(instance))
     away = sorted({robot for robot in (known.robots.values() if known else ()) if robot in snapshot.unreachable})
@@ -58,4 +66,4 @@ def other_instances(snapshot: Snapshot, instance: str, source: str) -> list[str]
 
 def _data(snapshot: Snapshot, instance: str) -> list[str]:
     every = (item for items in snapshot.observed.values() for item in items)
-    return [item.name for item in every if MODULES[item.module].holds_data and item.instance == instance]
+    return [item.name for item in every if MODULES[item.module].keeps(item.state) and item.instance == instance]

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from srprov.controller.data_plan import DataPlan
 from srprov.definitions.model import Experiment
 from srprov.facts.model import Snapshot
 from srprov.network.model import Overlay
@@ -30,3 +31,4 @@ class RenderInputs:
     record: Mapping[str, Any]
     """The placement record that every robot gets."""
     snapshot: Snapshot
+    data: DataPlan

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from srprov.controller.owners import Owner
     from srprov.definitions.labpolicy import LabPolicy
     from srprov.definitions.playbookmodel import Playbook
 
@@ -28,6 +29,10 @@ class PlanRequest:
     """Earlier runs, each robot -> the cost that was allocated to it; for fairness."""
     adopt: bool = False
     """Take over an instance that another file made."""
+    data: str = ""
+    """What becomes of data whose service goes elsewhere: `move`, `leave`, or empty: it stays, with its service."""
+    owner: Owner | None = None
+    """Who owns the instance's volumes; None: nobody asks, as nothing will be attached."""
     exact: bool = False
     """Ask the engines of themselves even if nothing is new: a plan file holds robots to what they said."""
     playbooks: tuple[Playbook, ...] = ()

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from srprov import __version__
+from srprov.controller.data_owner import remember_owner
 from srprov.controller.fleet import Fleet
 from srprov.controller.phases import Phases
 from srprov.controller.plan import Planned
@@ -53,8 +54,10 @@ def run(
         runs: Where runs are recorded; None: `~/.local/state/srprov/runs`.
 
     Raises:
+        UsageError: Who owns the volumes cannot be written down; nothing was changed.
         LockHeld: Somebody else holds one of the robots; nothing was changed.
     """
+    remember_owner(planned.plan, planned.owner)
     fleet.sessions.prepare(sorted({step.host for step in planned.plan.steps}))
     with _recording(planned, fleet, options.verb, runs) as folder:
 

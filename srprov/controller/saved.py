@@ -10,7 +10,9 @@ import os
 
 import srprov
 from srprov import disk
+from srprov.controller.data_owner import check_saved, remember_owner
 from srprov.controller.fleet import Fleet
+from srprov.controller.permissions import require_decided
 from srprov.controller.plan import Planned
 from srprov.errors import StalePlan, UsageError
 from srprov.facts.gather import Detail, Gathering
@@ -36,6 +38,18 @@ def plan_file(planned: Planned) -> PlanFile:
     )
 
 
+def kept_plan(planned: Planned) -> PlanFile:
+    """Return the plan for a file, and write down who owns the volumes that it makes or takes over.
+
+    Raises:
+        RefusedError: It would leave data behind, and the user has not said so.
+        UsageError: Who owns the volumes cannot be written down.
+    """
+    require_decided(planned.plan.data)
+    remember_owner(planned.plan, planned.owner)
+    return plan_file(planned)
+
+
 def _inputs(planned: Planned) -> dict[str, str]:
     """Return name -> text of the definition files; a removal has none."""
     if planned.definitions is None:
@@ -54,6 +68,7 @@ def check_plan(saved: PlanFile, fleet: Fleet, vault: Vault) -> Planned:
 
     Raises:
         StalePlan: Names what moved on which robot.
+        RefusedError: It would use data that was not made here from its source.
         UsageError: A robot of the plan is not in the inventory.
     """
     missing = sorted(set(saved.fingerprints) - set(fleet.inventory.hosts))
@@ -67,6 +82,7 @@ def check_plan(saved: PlanFile, fleet: Fleet, vault: Vault) -> Planned:
     with Gathering(part, fleet.sessions.get, engine=True, forks=fleet.forks) as look:
         snapshot = look.probe(look.closer(Detail.ENGINE), [step.want for step in saved.plan.steps if step.want])
     now = fingerprints(saved.plan, snapshot)
+    check_saved(saved.plan, snapshot)
     moved = [
         f"{host}: {difference}"
         for host in sorted(now)

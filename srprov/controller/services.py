@@ -14,6 +14,7 @@ from srprov.modules.container import container_name
 from srprov.modules.module import STATE_ROOT
 from srprov.modules.network import network_hash
 from srprov.modules.secret import secret_path
+from srprov.modules.volume import volume_name
 from srprov.resource import resource_id
 
 
@@ -54,11 +55,6 @@ def service_context(
 def tree_path(instance: str, tree: Mapping[str, str]) -> str:
     """Return where a shipped folder lies on the robot."""
     return f"{STATE_ROOT}/{instance}/trees/{tree['blob'][:24]}"
-
-
-def volume_name(instance: str, name: str) -> str:
-    """Return the name of a data volume in Docker."""
-    return f"srprov.{instance}.{name}"
 
 
 def _dependency(inputs: RenderInputs, other: str, condition: str) -> dict[str, str]:

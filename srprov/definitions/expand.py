@@ -13,6 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
 
+from srprov.definitions.containermodel import Runtime
 from srprov.definitions.model import Experiment, Pool, Service
 from srprov.errors import UsageError
 
@@ -80,9 +81,24 @@ def _instances(service: Service, tags: Mapping[str, set[str]], previous: Mapping
     if service.replicas == 1:
         return [service]
     return [
-        replace(service, name=f"{service.name}-{number}", replicas=1, instance_of=service.name)
+        replace(
+            service,
+            name=f"{service.name}-{number}",
+            replicas=1,
+            instance_of=service.name,
+            runtime=_own_volumes(service.runtime, number),
+        )
         for number in range(1, service.replicas + 1)
     ]
+
+
+def _own_volumes(runtime: Runtime, number: int) -> Runtime:
+    """Return a replica's run-time fields: each has named volumes of its own, on whichever robot it is."""
+    mounts = tuple(
+        replace(mount, source=f"{mount.source}-{number}") if mount.kind == "volume" else mount
+        for mount in runtime.mounts
+    )
+    return replace(runtime, mounts=mounts)
 
 
 def _named(service: str, robot: str) -> str:

@@ -22,6 +22,7 @@ from srprov.definitions import (
     schema,
     secrets,
     service,
+    sharing,
     taken,
 )  # fmt: skip
 from srprov.definitions.container import Container
@@ -141,7 +142,7 @@ def _experiment(root: Map, path: str, services: Mapping[str, Service]) -> Experi
         file=absolute,
         folder=os.path.dirname(absolute),
         services=MappingProxyType({n: service.as_job(one) if n in waited_for else one for n, one in services.items()}),
-        same_robot=checks.same_robot_groups(root),
+        same_robot=sharing.with_shared(checks.same_robot_groups(root), services),
         different_robot=relations.different_robot(root),
         pools=relations.pools(root),
         weights=_weights(get("weights")),

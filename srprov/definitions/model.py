@@ -85,6 +85,8 @@ class Service:
     instance_of: str = ""
     """The name in the EDF, when this is one of several instances of it."""
     secrets: tuple[SecretUse, ...] = ()
+    data_on: str = ""
+    """The robot that has its data, when it stays there for that; empty: it has none, or may leave it."""
     location: Location = _NOWHERE
 
 

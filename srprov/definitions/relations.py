@@ -32,9 +32,16 @@ def different_robot(root: Map) -> tuple[tuple[str, ...], ...]:
     )
 
 
-def check(root: Map, known: Mapping[str, Map], same_robot: Sequence[Sequence[str]], findings: Findings) -> None:
-    """Add relations that contradict each other, names that clash, and groups of services that run on every robot."""
-    _check_contradictions(root, same_robot, findings)
+def check(
+    root: Map, known: Mapping[str, Map], same_robot: Sequence[Sequence[str]], sharing: Sequence[Sequence[str]],
+    findings: Findings,
+) -> None:  # fmt: skip
+    """Add relations that contradict each other, names that clash, and groups of services that run on every robot.
+
+    `sharing` has the groups that share a volume.
+    """
+    _check_contradictions(root, same_robot, "same_robot puts", findings)
+    _check_contradictions(root, sharing, "the volume that they share puts", findings)
     _check_per_robot(root, known, same_robot, findings)
     _check_instances(known, findings)
     seen: set[str] = set()
@@ -74,14 +81,14 @@ def _different_robot_groups(root: Map) -> Iterator[tuple[int, Node]]:
     yield from enumerate(given.items if isinstance(given, Seq) else ())
 
 
-def _check_contradictions(root: Map, same_robot: Sequence[Sequence[str]], findings: Findings) -> None:
+def _check_contradictions(root: Map, same_robot: Sequence[Sequence[str]], what: str, findings: Findings) -> None:
     for index, group in _different_robot_groups(root):
         items = scalars(group)
         for together in same_robot:
             both = [item for item in items if item.text in together]
             if len({item.text for item in both}) > 1:
                 names = " and ".join(f"'{item.text}'" for item in both[:2])
-                message = f"{names} must run on different robots, but same_robot puts them on one"
+                message = f"{names} must run on different robots, but {what} them on one"
                 findings.add(both[1], message, ("relations", "different_robot", index))
 
 

@@ -55,6 +55,18 @@ class Module(ABC, Generic[P]):
     root = ""
     """The names are paths below root/<instance>/; empty: they are no paths."""
 
+    def keeps(self, found: State) -> bool:
+        """Return whether one that was found holds data, which is removed only when the user asks for that."""
+        return self.holds_data
+
+    def taken_from(self, want: P) -> str:
+        """Return the robot whose resource of the same name a wanted one replaces, or nothing.
+
+        It is made once nothing runs there that might change the data, and the other one is removed after what needs
+        this one was made.
+        """
+        return ""
+
     @abstractmethod
     def queries(self) -> tuple[AnyQuery, ...]:
         """Return what to ask to see every resource of this kind that is ours, of all instances."""

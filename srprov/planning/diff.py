@@ -15,7 +15,7 @@ import heapq
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from srprov.errors import PlanError
-from srprov.modules import MODULES, PROBING
+from srprov.modules import MODULES, PROBING, RUNNING
 from srprov.planning.plan import Step
 from srprov.planning.rebuild import rebuild_stranded, rebuild_users
 from srprov.planning.steps import Key, There, due_step, new_step, order_key, removal_step
@@ -61,11 +61,9 @@ def _asked_again(steps: Sequence[Step], wanted: Mapping[str, Resource], there: T
 
 def removal_plan(observed: ObservedByRobot, instance: str, *, volumes: bool) -> tuple[Step, ...]:
     """Return the steps that remove all of an instance; what holds data only with `volumes`."""
-    mine = [(host, item, MODULES[item.module]) for host, item in _owned(observed, instance)]
+    mine = [(host, item, MODULES[item.module].keeps(item.state)) for host, item in _owned(observed, instance)]
     steps = [
-        removal_step(host, item, "destroy", destructive=module.holds_data)
-        for host, item, module in mine
-        if volumes or not module.holds_data
+        removal_step(host, item, "destroy", destructive=keeps) for host, item, keeps in mine if volumes or not keeps
     ]
     return _in_order(steps, {})
 
@@ -93,14 +91,28 @@ def _by_id(desired: Iterable[Resource]) -> dict[str, Resource]:
 
 def _orphans(wanted: Mapping[str, Resource], observed: ObservedByRobot, instance: str) -> list[Step]:
     homes = {one.service: one.host for one in wanted.values() if one.service}
+    copied = {there: one.host for there, one in _taken(wanted).items()}
     return [
-        removal_step(host, item, _orphan_cause(item, homes, host in homes.values()))
+        removal_step(host, item, _orphan_cause(item, homes, host in homes.values(), copied.get(there, "")))
         for host, item in _owned(observed, instance)
-        if not MODULES[item.module].holds_data and resource_id(host, item.module, item.name) not in wanted
+        if (there := resource_id(host, item.module, item.name)) in copied
+        or (there not in wanted and not MODULES[item.module].keeps(item.state))
     ]
 
 
-def _orphan_cause(item: Observed, homes: Mapping[str, str], busy: bool) -> str:
+def _taken(wanted: Mapping[str, Resource]) -> dict[str, Resource]:
+    """Return the id of each resource that is replaced by one on another robot -> that one."""
+    sources = {key: MODULES[one.module].taken_from(one.params) for key, one in wanted.items()}
+    return {
+        resource_id(source, wanted[key].module, wanted[key].name): wanted[key]
+        for key, source in sources.items()
+        if source
+    }
+
+
+def _orphan_cause(item: Observed, homes: Mapping[str, str], busy: bool, copied: str) -> str:
+    if copied:
+        return f"copied to {copied}, and compared there"
     if item.service:
         return f"moved to {homes[item.service]}" if item.service in homes else "no longer in the experiment"
     return "no longer needed" if busy else "no service of the experiment here any more"
@@ -110,7 +122,8 @@ def _in_order(steps: Sequence[Step], wanted: Mapping[str, Resource]) -> tuple[St
     by_key = {order_key(step): step for step in steps}
     if len(by_key) != len(steps):
         raise PlanError("two steps for one resource")
-    needs = {key: _needs(key, by_key, wanted) for key in by_key}
+    taken = _taken(wanted)
+    needs = {key: _needs(key, by_key, wanted, taken) for key in by_key}
     numbers: dict[Key, int] = {}
     missing = {key: len(before) for key, before in needs.items()}
     followers: dict[Key, list[Key]] = {key: [] for key in by_key}
@@ -154,15 +167,23 @@ def _waits(want: Resource | None, wanted: Mapping[str, Resource]) -> tuple[Need,
     )
 
 
-def _needs(key: Key, by_key: Mapping[Key, Step], wanted: Mapping[str, Resource]) -> set[Key]:
+def _needs(
+    key: Key, by_key: Mapping[Key, Step], wanted: Mapping[str, Resource], taken: Mapping[str, Resource]
+) -> set[Key]:
     """Return the steps that must have succeeded before one."""
     step = by_key[key]
     removals = {k: one for k, one in by_key.items() if one.change.action is Action.DELETE and k != key}
     here = {k: MODULES[one.module] for k, one in removals.items() if one.host == step.host}
-    if step.want is None:
-        return {k for k, module in here.items() if module.removed_before(step.module)}
     changed = {one.id: k for k, one in by_key.items() if one.want is not None}
+    if step.want is None:
+        # what was copied goes last: after the copy, and after what needs the copy was made
+        heir = taken.get(step.id)
+        users = {one.id for one in wanted.values() if heir and heir.id in (one.id, *(need.id for need in one.needs))}
+        after = {changed[one] for one in users if one in changed}
+        return after | {k for k, module in here.items() if module.removed_before(step.module)}
     needs = {changed[one] for one in _reached(step.want.needs, wanted, changed)}
+    if source := MODULES[step.module].taken_from(step.want.params):
+        needs |= {k for k, one in removals.items() if one.host == source and one.module in RUNNING}
     needs |= {k for k, module in here.items() if MODULES[step.module].made_after_removal_of(module.kind)}
     # nothing stands twice, and no service runs twice
     return needs | {

@@ -39,11 +39,13 @@ def _lines(plan: Plan) -> Iterator[str]:
         yield f"- asks for **{escaped(permission.kind)}**: {what}"
     for playbook in plan.playbooks:
         yield f"- playbook {escaped(playbook.name)}: {escaped(playbook.how)}"
+    for move in plan.data:
+        yield f"- **data**: {escaped(move.text)}"
     for host, reason in sorted(plan.unreachable.items()):
         yield f"- unreachable: {escaped(host)}: {escaped(reason)}"
     for note in plan.notes:
         yield f"- {escaped(note)}"
-    if plan.permissions or plan.playbooks or plan.unreachable or plan.notes:
+    if plan.permissions or plan.playbooks or plan.data or plan.unreachable or plan.notes:
         yield ""
     if plan.assignment:
         yield "| service | robot | cost |"

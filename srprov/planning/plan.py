@@ -6,6 +6,7 @@ id or the order of a set.
 
 from __future__ import annotations
 
+import dataclasses
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -14,7 +15,7 @@ from typing import Any
 from srprov.definitions.secretmodel import SecretSource
 from srprov.planning.policy import Permission
 from srprov.resource import Action, Change, Need, Observed, Resource, resource_id
-from srprov.wire import Command, CopyImage, EngineCall, Put, Run
+from srprov.wire import Command, CopyImage, CopyVolume, EngineCall, Put, Run
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -71,6 +72,29 @@ class PlaybookUse:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class DataMove:
+    """A service that goes to another robot than its data is on."""
+
+    service: str
+    volume: str
+    source: str
+    target: str
+    how: str = ""
+    """`move`, `leave`, or empty: the user has not said, so it is not done."""
+
+    @property
+    def text(self) -> str:
+        """Say what becomes of the data."""
+        if self.how == "move":
+            return f"data of {self.service} ({self.volume}) is copied from {self.source} to {self.target}"
+        undecided = "" if self.how else "; --data move or --data leave says what is wanted"
+        return (
+            f"data of {self.service} stays on {self.source} ({self.volume}), and {self.service} starts without it on "
+            f"{self.target}{undecided}"
+        )
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Plan:
     """All steps for one instance, numbered from 1 in an order that respects what they need."""
 
@@ -87,6 +111,7 @@ class Plan:
     secrets: tuple[SecretSource, ...] = ()
     """Where the values come from that services get; the values are nowhere in a plan."""
     playbooks: tuple[PlaybookUse, ...] = ()
+    data: tuple[DataMove, ...] = ()
     notes: tuple[str, ...] = ()
     unreachable: Mapping[str, str] = field(default_factory=dict)
 
@@ -111,6 +136,7 @@ def plan_json(plan: Plan) -> dict[str, Any]:
         "permissions": [{"kind": p.kind, "service": p.service, "what": p.what} for p in plan.permissions],
         "secrets": {source.name: secret_json(source) for source in plan.secrets},
         "playbooks": [{"name": p.name, "file": p.file, "place": p.place} for p in plan.playbooks],
+        "data": [dataclasses.asdict(move) for move in plan.data],
         "notes": list(plan.notes),
         "unreachable": dict(sorted(plan.unreachable.items())),
         "unchanged": plan.unchanged,
@@ -160,6 +186,8 @@ def command_json(command: Command) -> dict[str, Any]:
         }
     if isinstance(command, CopyImage):
         return {"copy_image": command.image, "from": command.source_host}
+    if isinstance(command, CopyVolume):
+        return {"copy_volume": command.volume, "into": command.into, "from": command.source_host}
     assert isinstance(command, EngineCall)
     request: dict[str, Any] = {"engine": command.method, "path": command.path, "params": dict(command.params)}
     if command.body:

@@ -22,11 +22,11 @@ from srprov.errors import Location, UsageError
 from srprov.modules import MODULES
 from srprov.modules.params import read_params
 from srprov.planning.fingerprint import lasting
-from srprov.planning.plan import Plan, PlaybookUse, Step, command_json, plan_json, secret_json, step_json
+from srprov.planning.plan import DataMove, Plan, PlaybookUse, Step, command_json, plan_json, secret_json, step_json
 from srprov.planning.policy import Permission
 from srprov.resource import Action, Change, Need, Observed, Resource
 from srprov.untrusted import parse_json
-from srprov.wire import Command, CopyImage, EngineCall, Put, Run
+from srprov.wire import Command, CopyImage, CopyVolume, EngineCall, Put, Run
 
 FORMAT = 1
 MAX_CHARACTERS = 96 * 1024 * 1024
@@ -116,6 +116,7 @@ def _load(read: Mapping[str, Any], name: str) -> PlanFile:
         permissions=tuple(Permission(**one) for one in read["permissions"]),
         secrets=tuple(_secret_in(name, one) for name, one in read["secrets"].items()),
         playbooks=tuple(PlaybookUse(**one) for one in read.get("playbooks", ())),
+        data=tuple(DataMove(**one) for one in read["data"]),
         notes=tuple(read["notes"]),
         unreachable=read["unreachable"],
     )
@@ -219,6 +220,8 @@ def _command_in(value: Mapping[str, Any], blobs: Mapping[str, bytes]) -> Command
         return Put(path=value["put"], content=content, secret=secret, mode=mode, in_place=in_place, timeout_s=timeout)
     if "copy_image" in value:
         return CopyImage(image=value["copy_image"], source_host=value["from"], timeout_s=timeout)
+    if "copy_volume" in value:
+        return CopyVolume(volume=value["copy_volume"], into=value["into"], source_host=value["from"], timeout_s=timeout)
     return EngineCall(
         method=value["engine"],
         path=value["path"],

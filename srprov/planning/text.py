@@ -52,6 +52,10 @@ def _lines(plan: Plan, commands: bool) -> Iterator[str]:
         yield "Playbooks beside srprov's own:"
         width = max(len(playbook.name) for playbook in plan.playbooks)
         yield from (f"  {playbook.name:<{width}}  {playbook.how}" for playbook in plan.playbooks)
+    if plan.data:
+        yield ""
+        yield "Data:"
+        yield from (f"  ! {move.text}" for move in plan.data)
     if plan.assignment:
         yield ""
         yield from _assignment(plan)

@@ -15,18 +15,17 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from srprov.errors import TransportError
-from srprov.session import Measures, Progress, Pulse, Traffic, no_progress
+from srprov.session import Measures, Progress, Pulse, Streams, Traffic, no_progress
 from srprov.transport.background import background
 from srprov.transport.engine import EngineAccess, preload
 from srprov.transport.engine.link import EngineLink, EngineSocket
 from srprov.transport.shell.lock_channel import HeartbeatChannel
-from srprov.transport.shell.shell import Shell
-from srprov.wire import AnyQuery, Command, CopyImage, EngineCall, EngineQuery, Put, Query, Reply, Run, sh
+from srprov.transport.shell.shell import Shell, tell
+from srprov.wire import AnyQuery, Command, CopyImage, CopyVolume, EngineCall, EngineQuery, Put, Query, Reply, Run, sh
 
 if TYPE_CHECKING:
     from srprov.definitions.model import Host
     from srprov.transport.options import ConnectOptions, Peers
-    from srprov.transport.shell.streams import Streams
 
 
 class BaseSession(abc.ABC):
@@ -129,6 +128,10 @@ class BaseSession(abc.ABC):
                 from srprov.transport.image_copy import copy_image
 
                 return copy_image(command, self._host, self.engine.client, self._peers, progress)
+            if isinstance(command, CopyVolume):
+                from srprov.transport.volume_copy import copy_volume
+
+                return copy_volume(command, self, self._peers, progress)
             with self._closing_on_error():
                 return self._shell.run(self._script(command), command.timeout_s, progress, shown=command.text())
 
@@ -212,6 +215,17 @@ class BaseSession(abc.ABC):
             TransportError: The engine does not have it, or went away.
         """
         return self.engine.client.save(image, timeout_s)
+
+    def open_shell(self, script: str) -> Streams:
+        """Run a script in a shell of its own; see `session.Session`.
+
+        Raises:
+            TransportError: It cannot be started.
+        """
+        with self._acting():
+            streams = self._second_shell()
+            tell(self._host, streams, f"SRPROV_SESSION={self._mark}; export SRPROV_SESSION; {script}; exit\n")
+        return streams
 
     def container_log(self, container: str, *, tail: int, follow: bool) -> Iterator[str]:
         """Return a container's log line by line, standard output and error together; with `follow` until it ends.

@@ -18,7 +18,7 @@ from srprov.errors import TransportError
 from srprov.session import Pulse, Traffic
 
 if TYPE_CHECKING:
-    from srprov.transport.shell.streams import Streams
+    from srprov.session import Streams
 
 _GOODBYE_S = 2.0
 _LONGEST = 16 * 1024

@@ -20,7 +20,7 @@ from srprov.transport.shell.frames import Frames, batch
 from srprov.wire import Query, Reply
 
 if TYPE_CHECKING:
-    from srprov.transport.shell.streams import Streams
+    from srprov.session import Streams
 
 
 class Shell:
@@ -151,3 +151,18 @@ def excerpt(command: str, width: int = 60) -> str:
     """Return a command's first characters in one line."""
     line = " ".join(command.split())
     return line if len(line) <= width else line[: width - 1] + "…"
+
+
+def tell(host: str, streams: Streams, line: str, seconds: float = 20.0) -> None:
+    """Write a line to a fresh shell, which then reads no further than it.
+
+    Raises:
+        TransportError: The shell ended, or does not read.
+    """
+    text, until = memoryview(line.encode("utf-8", "surrogateescape")), time.monotonic() + seconds
+    while text:
+        text = text[streams.write(text) :]
+        if text and (streams.ended or time.monotonic() > until):
+            raise TransportError(host, f"a second shell does not read: {streams.reason()}", hint="try again")
+        if text:
+            streams.wait(0.1, writing=True)

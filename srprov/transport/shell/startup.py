@@ -10,7 +10,7 @@ from srprov.transport.deadline import Deadline
 from srprov.transport.shell.frames import ready_line, sudo_prompt
 
 if TYPE_CHECKING:
-    from srprov.transport.shell.streams import Streams
+    from srprov.session import Streams
 
 _LONGEST = 1 << 20
 """Bytes that a login may print, in banners, a `.bashrc` and complaints of sudo."""

@@ -1,0 +1,100 @@
+"""Whose data may be attached, copied, removed: only who has the token that made it, or says `--adopt`.
+
+Takes what was found and who owns it; refuses, or writes down what was made and taken over.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import replace
+
+from srprov.controller.data import DataNow, Holdings, roaming, used
+from srprov.controller.owners import Owner, keep, owners_of
+from srprov.controller.request import PlanRequest
+from srprov.definitions.model import Experiment
+from srprov.errors import RefusedError
+from srprov.facts.model import Snapshot
+from srprov.modules import MODULES
+from srprov.planning.plan import Plan
+from srprov.resource import Observed, Resource
+
+
+def check_owner(experiment: Experiment, placed: Mapping[str, str], now: DataNow) -> None:
+    """Refuse to attach, or to pass over, volumes that somebody else made under the instance's name.
+
+    Raises:
+        RefusedError: Names them.
+    """
+    wanted = used(experiment, placed, now.instance)
+    names = {volume for one in experiment.services.values() for volume in roaming(one, now.instance)}
+    refuse_strange(
+        [
+            (robot, item)
+            for robot, item in now.held.strange
+            if item not in now.held.there.get(item.name, {}).values()
+            and ((robot, item.name) in wanted or (item.name in names and not now.held.there.get(item.name)))
+        ]
+    )
+
+
+def refuse_strange(found: Collection[tuple[str, Observed]]) -> None:
+    """Refuse volumes whose token this controller does not have.
+
+    Raises:
+        RefusedError: There is one.
+    """
+    if found:
+        named = ", ".join(
+            f"{item.name} on {robot}" for robot, item in sorted(found, key=lambda one: (one[1].name, one[0]))
+        )
+        raise RefusedError(
+            f"these volumes were not made from this file on this controller: {named}",
+            hint="take them over with their data by --adopt, or run it under another name with --instance NAME",
+        )
+
+
+def with_adopted(request: PlanRequest, held: Holdings) -> Owner | None:
+    """Return the owner with what `--adopt` takes over."""
+    if request.owner is None or not request.adopt:
+        return request.owner
+    return replace(request.owner, adopted=request.owner.adopted | held.adopted)
+
+
+def remember_owner(plan: Plan, owner: Owner | None) -> None:
+    """Write down who owns the volumes that a plan makes or takes over, before it is done or kept.
+
+    Raises:
+        UsageError: That cannot be written.
+    """
+    makes = any(step.want is not None and MODULES[step.module].holds_data for step in plan.steps)
+    if owner and (makes or owner.adopted):
+        keep(replace(owner, source=plan.source))
+
+
+def check_saved(plan: Plan, snapshot: Snapshot) -> None:
+    """Refuse a plan from a file that would attach, move or remove data which was not made here from its source.
+
+    Raises:
+        RefusedError: Names the volumes.
+    """
+    uses = {use for step in plan.steps if step.want for use in _uses(step.host, step.want)}
+    uses |= {(step.host, step.name) for step in plan.steps if MODULES[step.module].holds_data}
+    found = [
+        (robot, item)
+        for robot, items in snapshot.observed.items()
+        for item in items
+        if (robot, item.name) in uses and MODULES[item.module].holds_data
+    ]
+    if found:
+        owners = owners_of(plan.instance, plan.source)
+        refuse_strange(
+            [one for one in found if one[1].instance != plan.instance or not any(own.knows(*one) for own in owners)]
+        )
+
+
+def _uses(host: str, want: Resource) -> Iterator[tuple[str, str]]:
+    """Return robot and name of the volumes that a resource mounts, or is copied from."""
+    mounts = getattr(want.params, "mounts", ())
+    yield from ((host, str(mount.get("Source", ""))) for mount in mounts if mount.get("Type") == "volume")
+    if source := MODULES[want.module].taken_from(want.params):
+        yield source, want.name

@@ -1,0 +1,134 @@
+"""Who made a volume: a random token that only this controller has, and what it proves.
+
+A volume's label is a hash of the token with the robot and the volume's name. So it can be checked by who has the token,
+and by nobody else: neither a robot, nor a plan or record that was handed on, can make one. The token lies in the user's
+folder for state, under the instance and the EDF's real path. What `--adopt` took over is listed beside it.
+
+Reads and writes these files only.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import hmac
+import json
+import os
+import secrets
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from srprov.errors import UsageError
+from srprov.record import default_root
+from srprov.resource import Observed
+from srprov.untrusted import mapping, parse_json, string
+
+_LONGEST_FILE = 1 << 20
+_DIGITS = 40
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Owner:
+    """Who may use the volumes of an instance."""
+
+    instance: str = ""
+    edf: str = ""
+    """The EDF's real path."""
+    source: str = ""
+    """As the last plan named it, for one that comes from a file."""
+    token: str = field(default="", repr=False)
+    adopted: frozenset[str] = frozenset()
+    """What was taken over, as `identity` names it."""
+
+    def label(self, robot: str, volume: str) -> str:
+        """Return the label of a volume that this owner makes."""
+        return self._proof("volume", robot, volume)
+
+    def copy_label(self, source: str, created: str, target: str, volume: str) -> str:
+        """Return the label of a whole copy, on robot `target`, of what `source` has since `created`."""
+        return self._proof("copy", source, created, target, volume)
+
+    def knows(self, robot: str, item: Observed) -> bool:
+        """Return whether a volume that was found is the owner's."""
+        mine = bool(self.token) and hmac.compare_digest(
+            _bytes(item.state["owner"]), _bytes(self.label(robot, item.name))
+        )
+        return mine or identity(robot, item) in self.adopted
+
+    def _proof(self, *words: str) -> str:
+        return hmac.new(_bytes(self.token), _bytes("\0".join(words)), hashlib.sha256).hexdigest()[:_DIGITS]
+
+
+def identity(robot: str, item: Observed) -> str:
+    """Return what tells a volume that another made from one that is made later under its name."""
+    return f"{robot}/{item.name}/{item.state['owner'] or item.state['created']}"
+
+
+def owners_folder() -> Path:
+    """Return where the tokens lie, beside the runs."""
+    return default_root().parent / "owners"
+
+
+def read_owner(instance: str, edf: str) -> Owner:
+    """Return the owner of an instance that is made from an EDF; a new one when this controller knows none."""
+    path = os.path.realpath(edf)
+    kept = _read(_file(instance, path))
+    if kept and (kept.instance, kept.edf) == (instance, path):
+        return kept
+    return Owner(instance=instance, edf=path, token=secrets.token_hex(16))
+
+
+def owners_of(instance: str, source: str) -> tuple[Owner, ...]:
+    """Return all owners that this controller knows for an instance and a source, for a plan from a file."""
+    files = sorted(owners_folder().glob("*.json"))
+    every = [owner for file in files if (owner := _read(file))]
+    return tuple(owner for owner in every if (owner.instance, owner.source) == (instance, source))
+
+
+def keep(owner: Owner) -> None:
+    """Write the token and what was taken over, before anything is made in the owner's name.
+
+    Raises:
+        UsageError: It cannot be written, so a volume would be nobody's.
+    """
+    file = _file(owner.instance, owner.edf)
+    if _read(file) == owner:
+        return
+    text = json.dumps({**dataclasses.asdict(owner), "adopted": sorted(owner.adopted)}, indent=2) + "\n"
+    beside = file.with_suffix(f".{os.getpid()}")
+    try:
+        file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        with open(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w", encoding="utf-8") as out:
+            out.write(text)
+            out.flush()
+            os.fsync(out.fileno())
+        beside.replace(file)
+    except OSError as error:
+        raise UsageError(
+            f"cannot write {file}: {error.strerror}", hint="it says that the experiment's volumes are yours"
+        ) from error
+
+
+def _file(instance: str, edf: str) -> Path:
+    name = hashlib.sha256(_bytes("\0".join((instance, edf)))).hexdigest()
+    return owners_folder() / f"{name[:32]}.json"
+
+
+def _read(file: Path) -> Owner | None:
+    """Return what a file says; one that is not there, or says nothing, costs one `--adopt`."""
+    try:
+        if not file.is_file() or file.stat().st_size > _LONGEST_FILE:
+            return None
+        read = mapping(parse_json(file.read_text(encoding="utf-8"), max_characters=_LONGEST_FILE))
+    except (OSError, ValueError):
+        return None
+    words = {key: string(read.get(key)) for key in ("instance", "edf", "source", "token")}
+    return Owner(**words, adopted=frozenset(_strings(read.get("adopted")))) if words["token"] else None
+
+
+def _strings(value: object) -> list[str]:
+    return [one for one in value if isinstance(one, str)] if isinstance(value, list) else []
+
+
+def _bytes(text: str) -> bytes:
+    return text.encode("utf-8", "surrogateescape")

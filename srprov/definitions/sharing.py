@@ -1,0 +1,85 @@
+"""Named volumes that several services mount: they hold the same data, so their services share a robot.
+
+Takes the services as they were built; gives groups, or adds to `Findings`. Pure. Each replica of a service has a volume
+of its own, `NAME-1` to `NAME-n`, and each robot of a service with `per_robot` one; neither can be shared with a service
+that runs once, since nobody could say with which of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from srprov.definitions.model import Service
+from srprov.definitions.values import text
+from srprov.yamldoc import nodes
+from srprov.yamldoc.nodes import Findings, Map
+
+Groups = tuple[tuple[str, ...], ...]
+
+
+def users(services: Mapping[str, Service]) -> dict[str, list[str]]:
+    """Return volume -> the services that mount it, in name order; only volumes of more than one."""
+    found: dict[str, list[str]] = {}
+    for name, service in sorted(services.items()):
+        for source in sorted({mount.source for mount in service.runtime.mounts if mount.kind == "volume"}):
+            found.setdefault(source, []).append(name)
+    return {volume: names for volume, names in found.items() if len(names) > 1}
+
+
+def with_shared(groups: Groups, services: Mapping[str, Service]) -> Groups:
+    """Return groups that must share a robot, joined with those that share a volume; what touches is one group."""
+    single = {name for name, one in services.items() if one.per_robot is None and one.replicas == 1}
+    merged: list[set[str]] = []
+    for group in [set(one) for one in groups] + [single.intersection(names) for names in users(services).values()]:
+        touching = [other for other in merged if other & group]
+        merged = [other for other in merged if not other & group]
+        merged.append(group.union(*touching))
+    return tuple(sorted(tuple(sorted(group)) for group in merged if len(group) > 1 or tuple(group) in groups))
+
+
+def check(known: Mapping[str, Map], services: Mapping[str, Service], findings: Findings) -> None:
+    """Add services that share a volume and cannot be on one robot."""
+    for volume, names in users(services).items():
+        _check_kinds(volume, [services[name] for name in names], known, findings)
+        pins = [(name, known[name].entries["robot"]) for name in names if "robot" in known[name].entries]
+        for name, pin in pins[1:]:
+            first, where = pins[0][0], text(pins[0][1])
+            if text(pin) != where:
+                message = f"'{name}' is on '{text(pin)}', but shares the volume '{volume}' with '{first}' on '{where}'"
+                hint = "put them on one robot, or give each a volume of its own"
+                findings.add(pin, message, ("services", name, "robot"), hint)
+    _check_replicas(known, services, findings)
+
+
+def _check_kinds(
+    volume: str, services: Sequence[Service], known: Mapping[str, Map], findings: Findings
+) -> None:  # fmt: skip
+    for one in services:
+        each = "replica" if one.replicas > 1 else "robot" if one.per_robot is not None else ""
+        other = next((s for s in services if s is not one and (each == "replica" or s.per_robot is None)), None)
+        if each and other:
+            message = (
+                f"each {each} of '{one.name}' has a volume '{volume}' of its own, so '{other.name}' cannot share it"
+            )
+            place = nodes.key_or_value(known[other.name], "volumes")
+            findings.add(place, message, ("services", other.name, "volumes"), "give it another name")
+            return
+
+
+def _check_replicas(known: Mapping[str, Map], services: Mapping[str, Service], findings: Findings) -> None:
+    """Check that no volume has the name of a replica's."""
+    taken = {
+        f"{volume}-{number}": one.name
+        for one in services.values()
+        for volume in _volumes(one)
+        for number in range(1, one.replicas + 1 if one.replicas > 1 else 1)
+    }
+    for one in services.values():
+        for volume in _volumes(one) & taken.keys():
+            message = f"'{volume}' is also the name of the volume of a replica of '{taken[volume]}'"
+            place = nodes.key_or_value(known[one.name], "volumes")
+            findings.add(place, message, ("services", one.name, "volumes"), "give it another name")
+
+
+def _volumes(service: Service) -> set[str]:
+    return {mount.source for mount in service.runtime.mounts if mount.kind == "volume"}

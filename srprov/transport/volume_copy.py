@@ -1,0 +1,158 @@
+"""A volume's data goes from one robot to another, in pieces through the controller; nothing of it is stored here.
+
+GNU tar on both robots: sparse files stay sparse, and owners, modes, times, links and extended attributes are kept. Then
+both say the hash of one tar in a fixed order, which has all of that in it. A tar that fails makes a hash of its own.
+"""
+
+from __future__ import annotations
+
+import re
+import time
+from typing import TYPE_CHECKING
+
+from srprov.errors import TransportError
+from srprov.session import Progress, Streams
+from srprov.wire import CopyVolume, Reply, Run, quote
+
+if TYPE_CHECKING:
+    from srprov.transport.options import Peers
+    from srprov.transport.session import BaseSession
+
+_STEP = 16 << 20
+_SILENCE_S = 120.0
+_KEEP = "--format=posix --numeric-owner --acls --xattrs '--xattrs-include=*'"
+_FIXED = "--sort=name '--pax-option=exthdr.name=%d/PaxHeaders/%f,delete=atime,delete=ctime'"
+_READY = b"ready\n"
+_HASH = re.compile("[0-9a-f]{64}")
+
+
+def copy_volume(copy: CopyVolume, session: BaseSession, peers: Peers | None, progress: Progress) -> Reply:
+    """Copy and compare; see `CopyVolume`.
+
+    Raises:
+        TransportError: This robot cannot be talked to any more; that of the source is a reply.
+    """
+    if peers is None:
+        return _failed(f"no way to {copy.source_host} from here")
+    try:
+        source = peers(copy.source_host)
+        before = _hash(source.execute(_hash_of(copy.volume, copy.timeout_s)))
+        if not _HASH.fullmatch(before):
+            return _failed(f"{copy.source_host}: its data cannot be read: {before}")
+        if problem := _stream(
+            copy, source.open_shell(_out(copy.volume)), session.open_shell(_into(copy.into)), progress
+        ):
+            return _failed(problem)
+        after = _hash(session.execute(_hash_of(copy.into, copy.timeout_s)))
+    except TransportError as error:
+        if error.host == session.host:
+            raise
+        return _failed(f"{error.host}: {error.message}")
+    if before != after:
+        why = f"the copy is not what {copy.source_host} has (sha256 {after[:12]}, not {before[:12]}): did it change?"
+        return _failed(why)
+    return Reply(status=0, out=before)
+
+
+def _failed(why: str) -> Reply:
+    return Reply(status=1, ok=False, err=why)
+
+
+def _place(volume: str) -> str:
+    return f"place=$(docker volume inspect --format '{{{{.Mountpoint}}}}' {quote(volume)}) && "
+
+
+def _hash_of(volume: str, timeout_s: float) -> Run:
+    tar = f'tar --create {_KEEP} {_FIXED} --directory="$place" .'
+    script = f"{_place(volume)}{{ {tar} || head -c 32 /dev/urandom; }} | sha256sum"
+    return Run(script=script, timeout_s=timeout_s)
+
+
+def _hash(reply: Reply) -> str:
+    """Return the hash that a robot said, or what it said in its place."""
+    found = _HASH.match(reply.out)
+    said = " ".join(reply.err.split())
+    # tar's warning that it skips a socket is none of ours, but one that could not read something is told
+    return found[0] if found and reply.ok else said or f"status {reply.status}"
+
+
+def _out(volume: str) -> str:
+    return f'{_place(volume)}exec tar --create --sparse {_KEEP} --directory="$place" .'
+
+
+def _into(volume: str) -> str:
+    tar = f'tar --extract --preserve-permissions --same-owner {_KEEP} --directory="$place"'
+    return f"{_place(volume)}printf 'ready\\n' && {tar} && printf 'done\\n'"
+
+
+def _stream(copy: CopyVolume, source: Streams, target: Streams, progress: Progress) -> str:
+    """Pass on what one shell prints to the other; return why that did not work, or nothing."""
+    try:
+        return _Pump(copy, source, target, progress).run()
+    finally:
+        source.close()
+        target.close()
+
+
+class _Pump:
+    """One copy under way: a piece of it is in memory at a time."""
+
+    def __init__(self, copy: CopyVolume, source: Streams, target: Streams, progress: Progress) -> None:
+        self._copy, self._source, self._target, self._progress = copy, source, target, progress
+        self._said, self._complaint = bytearray(), bytearray()
+        self._total = self._step = 0
+        self._last = time.monotonic()
+
+    def run(self) -> str:
+        """Do it; return why it failed, or nothing."""
+        if not self._until(_READY):
+            return self._why("it is not ready to take the data")
+        while not self._source.ended:
+            piece, error = self._source.read()
+            self._complaint += error[: 4096 - len(self._complaint)]
+            if piece and not self._send(memoryview(piece)):
+                return self._why("it took no more of the data")
+            if not piece and not self._patient(self._source):
+                return f"{self._copy.source_host} gave no more data{self._words()}"
+        return "" if self._until(b"done\n") else self._why("it did not finish")
+
+    def _send(self, piece: memoryview) -> bool:
+        """Send all of a piece."""
+        self._total += len(piece)
+        if self._total >= self._step:
+            self._progress(f"{self._copy.volume}: {self._total / (1 << 20):.0f} MiB copied")
+            self._step = self._total + _STEP
+        while piece:
+            sent = self._target.write(piece)
+            piece = piece[sent:]
+            if sent:
+                self._last = time.monotonic()
+            elif not self._listen() or not self._patient(self._target, writing=True):
+                return False
+        return True
+
+    def _until(self, word: bytes) -> bool:
+        """Wait until the target says a word."""
+        while word not in self._said:
+            if not self._listen() or not self._patient(self._target):
+                return word in self._said
+        return True
+
+    def _listen(self) -> bool:
+        """Take what the target says; return whether it still runs."""
+        out, error = self._target.read()
+        self._said += out[: 4096 - len(self._said)]
+        self._complaint += error[: 4096 - len(self._complaint)]
+        return not self._target.ended
+
+    def _patient(self, streams: Streams, *, writing: bool = False) -> bool:
+        """Wait a moment; return whether there is still time."""
+        streams.wait(0.2, writing=writing)
+        return time.monotonic() - self._last < _SILENCE_S
+
+    def _why(self, what: str) -> str:
+        return f"{what}{self._words()}"
+
+    def _words(self) -> str:
+        said = " ".join(self._complaint.decode("utf-8", "replace").split())[-400:]
+        return f": {said}" if said else ""

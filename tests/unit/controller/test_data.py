@@ -1,0 +1,188 @@
+"""Where data is, who owns it, and what a plan says of it; values in and out."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from srprov.controller.data import data_now, held_fast, holdings
+from srprov.controller.data_owner import check_owner, check_saved
+from srprov.controller.data_plan import plan_data
+from srprov.controller.owners import Owner, identity, keep, owners_folder, owners_of, read_owner
+from srprov.controller.permissions import permit_run
+from srprov.controller.request import PlanRequest
+from srprov.definitions.containermodel import Mount
+from srprov.definitions.expand import expand
+from srprov.definitions.model import Experiment
+from srprov.errors import RefusedError
+from srprov.facts.model import HostFacts, Snapshot
+from srprov.planning.plan import Plan
+from srprov.resource import Observed
+from tests.worlds import experiment, service
+
+MINE = Owner(instance="x", edf="/e/x.edf", token="0123456789abcdef")
+LOG = "srprov.x.log"
+EARLY, LATE = "2026-11-22T09:00:00+02:00", "2026-11-22T08:00:00Z"
+"""The later one by the clock sorts first as text."""
+
+
+def volume(
+    robot: str, created: str = EARLY, owner: Owner | None = MINE, copy: str = "", half: bool = False
+) -> Observed:
+    label = owner.label(robot, LOG) if owner else ""
+    state = {"source": "", "owner": label, "copy": copy, "created": created, "place": "", "half": half}
+    return Observed(module="volume", name=LOG, instance="x", state=state)
+
+
+def robots(away: tuple[str, ...] = (), **found: Observed | None) -> Snapshot:
+    return Snapshot(
+        facts={name: HostFacts(name=name) for name in found if name not in away},
+        observed={name: (one,) if one else () for name, one in found.items() if name not in away},
+        unreachable=dict.fromkeys(away, "no route"),
+    )
+
+
+def web(**more: Any) -> Experiment:
+    return experiment(service("web", mounts=(Mount(kind="volume", source="log", target="/l"),), **more), name="x")
+
+
+def data_of(what: Experiment, seen: Snapshot, target: str, previous: dict[str, str], **wishes: Any) -> Any:
+    request = PlanRequest(**{"owner": MINE, **wishes})
+    now = data_now(what, seen, "x", previous, request)
+    return now, plan_data(what, {"web": target}, now, seen, request)
+
+
+def test_a_service_is_held_where_it_runs_else_where_its_newest_data_is() -> None:
+    """By the moment that the engines name, whatever their time zones; a half copy is no data."""
+    seen = robots(r1=volume("r1", LATE), r2=volume("r2", EARLY), r3=volume("r3", LATE, half=True))
+    request = PlanRequest(owner=MINE)
+    assert data_now(web(), seen, "x", {}, request).home == {"web": "r1"}
+    assert data_now(web(), seen, "x", {"web": "r2"}, request).home == {"web": "r2"}
+    assert data_now(web(), seen, "x", {"web": "r3"}, request).home == {"web": "r1"}
+    held = held_fast(web(), {"web": "r1"}, seen).services["web"]
+    assert held.data_on == "r1"
+    assert held_fast(web(robot="r2"), {"web": "r1"}, seen).services["web"].data_on == ""
+
+
+def test_a_move_of_data_is_said_and_refused_until_it_is_decided() -> None:
+    """The plan names it; a run is refused without `--data`."""
+    seen = robots(r1=volume("r1"), r2=None)
+    _, undecided = data_of(web(robot="r2"), seen, "r2", {"web": "r1"})
+    plan = Plan(instance="x", source="s", steps=(), data=undecided.moves)
+    assert "data of web stays on r1" in plan.data[0].text
+    with pytest.raises(RefusedError, match="data of web stays on r1") as refused:
+        permit_run(plan, {"all"})
+    assert refused.value.exit_code == 9
+    for how in ("move", "leave"):
+        _, decided = data_of(web(robot="r2"), seen, "r2", {"web": "r1"}, data=how)
+        permit_run(dataclasses.replace(plan, data=decided.moves), ())
+        assert bool(decided.copies) == (how == "move")
+
+
+def test_data_on_a_robot_out_of_reach_is_left_only_by_word() -> None:
+    """What ran there may hold data that cannot be seen; it cannot be copied."""
+    seen = robots(("r1",), r1=volume("r1"), r2=None)
+    _, undecided = data_of(web(), seen, "r2", {"web": "r1"})
+    assert [(one.source, one.how) for one in undecided.moves] == [("r1", "")]
+    with pytest.raises(RefusedError, match="cannot be reached, so it cannot be moved"):
+        data_of(web(), seen, "r2", {"web": "r1"}, data="move")
+    assert data_of(web(), seen, "r2", {"web": "r1"}, data="leave")[1].moves[0].how == "leave"
+
+
+def test_data_is_not_copied_over_other_data() -> None:
+    """A volume of the name on the target is refused, also one that was copied away from there."""
+    both = robots(r1=volume("r1"), r2=volume("r2"))
+    with pytest.raises(RefusedError, match="r2 has a volume"):
+        data_of(web(robot="r2"), both, "r2", {"web": "r1"}, data="move")
+    label = MINE.copy_label("r1", EARLY, "r2", LOG)
+    finished = robots(r1=volume("r1"), r2=volume("r2", LATE, copy=label))
+    with pytest.raises(RefusedError, match="r1 has a volume"):
+        data_of(web(robot="r1"), finished, "r1", {"web": "r1"}, data="move")
+
+
+def test_a_whole_copy_replaces_its_source_only_with_the_owners_label_and_word() -> None:
+    """A robot cannot claim to have a copy; and what is there since is another volume."""
+    label = MINE.copy_label("r1", EARLY, "r2", LOG)
+    whole = robots(r1=volume("r1"), r2=volume("r2", LATE, copy=label))
+    now, plan = data_of(web(), whole, "r2", {"web": "r1"}, data="move")
+    assert now.home == {"web": "r2"} and plan.copies == {("r2", LOG): ("r1", label)}
+    _, quiet = data_of(web(), whole, "r2", {"web": "r2"})
+    assert quiet.copies == {} and "--data move removes it on r1" in quiet.notes[0]
+    for seen in (
+        robots(r1=volume("r1"), r2=volume("r2", LATE, copy="f" * 40)),
+        robots(r1=volume("r1", LATE), r2=volume("r2", LATE, copy=label)),
+    ):
+        assert holdings(seen, "x", MINE, adopt=False).copied == {}
+
+
+def test_what_somebody_else_made_is_neither_attached_nor_passed_over() -> None:
+    """Not on the robot, not elsewhere; a robot that claims data beside the owner's own changes nothing."""
+    other = Owner(instance="x", token="ffff")
+    for seen in (robots(r1=volume("r1", owner=other), r2=None), robots(r1=volume("r1", owner=None), r2=None)):
+        for target in ("r1", "r2"):
+            with pytest.raises(RefusedError, match=f"{LOG} on r1"):
+                data_of(web(), seen, target, {})
+            data_of(web(), seen, target, {"web": target}, adopt=True)
+    claimed = robots(r1=volume("r1"), r2=volume("r2", LATE, owner=other))
+    now, _ = data_of(web(), claimed, "r1", {})
+    assert now.home == {"web": "r1"}
+    with pytest.raises(RefusedError, match=f"{LOG} on r2"):
+        check_owner(web(), {"web": "r2"}, now)
+    assert MINE.label("r1", LOG) != MINE.label("r2", LOG), "a label is worth nothing on another robot"
+
+
+def test_a_token_is_kept_under_instance_and_real_path_and_read_by_its_owner_only(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Through a link it is the same file; a broken file counts as none."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    edf = tmp_path / "x.edf"
+    edf.touch()
+    (tmp_path / "link.edf").symlink_to(edf)
+    fresh = read_owner("../../x", str(edf))
+    assert fresh != read_owner("../../x", str(edf)) and fresh.token not in repr(fresh)
+    item = volume("r1", owner=None)
+    keep(dataclasses.replace(fresh, source="s", adopted=frozenset({identity("r1", item)})))
+    (file,) = owners_folder().iterdir()
+    assert (file.stat().st_mode & 0o777, file.parent.stat().st_mode & 0o777) == (0o600, 0o700)
+    again = read_owner("../../x", str(tmp_path / "link.edf"))
+    assert again.token == fresh.token and again.knows("r1", item) and not again.knows("r2", item)
+    assert read_owner("y", str(edf)).token != fresh.token
+    assert [one.token for one in owners_of("../../x", "s")] == [fresh.token] and owners_of("../../x", "t") == ()
+    for text in ("", "{", json.dumps({"token": 1}), "[" * 100_000):
+        file.write_text(text, encoding="utf-8")
+        assert read_owner("../../x", str(edf)).token != fresh.token
+
+
+def test_a_plan_from_a_file_is_held_against_the_tokens_of_its_source(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What its steps mount, make or remove."""
+    from srprov.planning.diff import removal_plan
+
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    seen = robots(r1=volume("r1"))
+    plan = Plan(instance="x", source="s", steps=removal_plan(seen.observed, "x", volumes=True))
+    with pytest.raises(RefusedError, match=f"{LOG} on r1"):
+        check_saved(plan, seen)
+    keep(dataclasses.replace(MINE, source="s"))
+    check_saved(plan, seen)
+    with pytest.raises(RefusedError):
+        check_saved(dataclasses.replace(plan, source="t"), seen)
+
+
+def test_each_replica_has_a_volume_of_its_own() -> None:
+    """And one on each robot has the name as it stands."""
+    mounts = (Mount(kind="volume", source="log", target="/l"), Mount(kind="tree", source="/e/t", target="/t"))
+    one = service("web", mounts=mounts)
+    some = expand(experiment(dataclasses.replace(one, replicas=2)), {})
+    assert [[m.source for m in s.runtime.mounts] for s in some.services.values()] == [
+        ["log-1", "/e/t"],
+        ["log-2", "/e/t"],
+    ]
+    everywhere = expand(experiment(dataclasses.replace(one, per_robot=())), {"r1": [], "r2": []})
+    assert {m.source for s in everywhere.services.values() for m in s.runtime.mounts} == {"log", "/e/t"}
