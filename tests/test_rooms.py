@@ -48,7 +48,7 @@ ROOMS: Mapping[str, Room] = {
         "click rich tomli",
     ),
     "controller": room(
-        "errors regular_file wire session resource secret data disk owner untrusted image_reference definitions"
+        "errors regular_file wire session resource secret data disk owner private untrusted image_reference definitions"
         " transport facts assignment network images rendering modules planning execution record"
     ),
     "disk": room("regular_file images.plan"),

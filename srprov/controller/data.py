@@ -71,9 +71,13 @@ class DataNow:
 def data_now(
     experiment: Experiment, snapshot: Snapshot, instance: str, previous: Mapping[str, str], request: PlanRequest
 ) -> DataNow:
-    """Return where the data of each service is; the newest where several robots have some, and it runs on none."""
+    """Return where the data of each service is; the newest where several robots have some, and it runs on none.
+
+    Of a robot that cannot be reached, the owner remembers what was last made there.
+    """
     held = holdings(snapshot, instance, request.owner, adopt=request.adopt)
-    home = {}
+    home: dict[str, str] = {}
+    known = request.owner.places if request.owner else {}
     for name, service in experiment.services.items():
         volumes = roaming(service, instance)
         before = previous.get(name, "")
@@ -82,6 +86,8 @@ def data_now(
             home[name] = before
         elif having:
             home[name] = newest(having)
+        elif away := [robot for one in volumes if (robot := known.get(one, "")) in snapshot.unreachable]:
+            home[name] = away[0]
     return DataNow(instance=instance, held=held, home=home)
 
 

@@ -66,9 +66,12 @@ def remember_owner(plan: Plan, owner: Owner | None) -> None:
     Raises:
         UsageError: That cannot be written.
     """
-    makes = any(step.want is not None and MODULES[step.module].holds_data for step in plan.steps)
-    if owner and (makes or owner.adopted):
-        keep(replace(owner, source=plan.source))
+    steps = [step for step in plan.steps if MODULES[step.module].holds_data]
+    if owner and (steps or owner.adopted):
+        gone = {step.name for step in steps if owner.places.get(step.name) == step.host}
+        made = {step.name: step.host for step in steps if step.want is not None}
+        places = {name: robot for name, robot in owner.places.items() if name not in gone} | made
+        keep(replace(owner, source=plan.source, places=places))
 
 
 def check_saved(plan: Plan, snapshot: Snapshot) -> None:

@@ -9,19 +9,21 @@ Reads and writes these files only.
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 import hmac
 import json
 import os
 import secrets
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import MappingProxyType
 
+from srprov import private
 from srprov.errors import UsageError
 from srprov.record import default_root
 from srprov.resource import Observed
-from srprov.untrusted import mapping, parse_json, string
+from srprov.untrusted import mapping, parse_json, string, string_map
 
 _LONGEST_FILE = 1 << 20
 _DIGITS = 40
@@ -39,6 +41,8 @@ class Owner:
     token: str = field(default="", repr=False)
     adopted: frozenset[str] = frozenset()
     """What was taken over, as `identity` names it."""
+    places: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    """Volume -> the robot on which it was last made, for when that cannot be reached."""
 
     def label(self, robot: str, volume: str) -> str:
         """Return the label of a volume that this owner makes."""
@@ -94,14 +98,13 @@ def keep(owner: Owner) -> None:
     file = _file(owner.instance, owner.edf)
     if _read(file) == owner:
         return
-    text = json.dumps({**dataclasses.asdict(owner), "adopted": sorted(owner.adopted)}, indent=2) + "\n"
+    names = ("instance", "edf", "source", "token")
+    words = {name: getattr(owner, name) for name in names}
+    text = json.dumps({**words, "adopted": sorted(owner.adopted), "places": dict(owner.places)}, indent=2) + "\n"
     beside = file.with_suffix(f".{os.getpid()}")
     try:
-        file.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        with open(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w", encoding="utf-8") as out:
-            out.write(text)
-            out.flush()
-            os.fsync(out.fileno())
+        private.make_folder(file.parent)
+        private.write_file(beside, text)
         beside.replace(file)
     except OSError as error:
         raise UsageError(
@@ -123,7 +126,8 @@ def _read(file: Path) -> Owner | None:
     except (OSError, ValueError):
         return None
     words = {key: string(read.get(key)) for key in ("instance", "edf", "source", "token")}
-    return Owner(**words, adopted=frozenset(_strings(read.get("adopted")))) if words["token"] else None
+    adopted, places = frozenset(_strings(read.get("adopted"))), string_map(read.get("places"))
+    return Owner(**words, adopted=adopted, places=places) if words["token"] else None
 
 
 def _strings(value: object) -> list[str]:

@@ -54,7 +54,7 @@ def make_removal(
         notes=tuple(notes),
         unreachable=snapshot.unreachable,
     )
-    return Planned(plan=plan, snapshot=snapshot)
+    return Planned(plan=plan, snapshot=snapshot, owner=owner if volumes else None)
 
 
 def other_instances(snapshot: Snapshot, instance: str, source: str) -> list[str]:

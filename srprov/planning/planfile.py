@@ -214,14 +214,13 @@ def _command_in(value: Mapping[str, Any], blobs: Mapping[str, bytes]) -> Command
     if "run" in value:
         return Run(script=value["run"], timeout_s=timeout)
     if "put" in value:
-        secret = value.get("secret", "")
+        secret, in_place = value.get("secret", ""), value["in_place"]
         content, mode = b"" if secret else blobs[value["sha256"]], int(value["mode"], 8)
-        in_place = value["in_place"]
         return Put(path=value["put"], content=content, secret=secret, mode=mode, in_place=in_place, timeout_s=timeout)
     if "copy_image" in value:
         return CopyImage(image=value["copy_image"], source_host=value["from"], timeout_s=timeout)
-    if "copy_volume" in value:
-        return CopyVolume(volume=value["copy_volume"], into=value["into"], source_host=value["from"], timeout_s=timeout)
+    if name := value.get("copy_volume"):
+        return CopyVolume(volume=name, into=value["into"], source_host=value["from"], timeout_s=timeout)
     return EngineCall(
         method=value["engine"],
         path=value["path"],

@@ -186,3 +186,13 @@ def test_each_replica_has_a_volume_of_its_own() -> None:
     ]
     everywhere = expand(experiment(dataclasses.replace(one, per_robot=())), {"r1": [], "r2": []})
     assert {m.source for s in everywhere.services.values() for m in s.runtime.mounts} == {"log", "/e/t"}
+
+
+def test_data_that_was_kept_on_a_robot_out_of_reach_is_not_forgotten() -> None:
+    """Nothing runs and no record is left; the owner knows where the volume was made last."""
+    seen = robots(("r1",), r1=volume("r1"), r2=None)
+    knows = dataclasses.replace(MINE, places={LOG: "r1"})
+    now, plan = data_of(web(), seen, "r2", {}, owner=knows)
+    assert now.home == {"web": "r1"} and [(one.source, one.how) for one in plan.moves] == [("r1", "")]
+    here = robots(r1=None, r2=None)
+    assert data_of(web(), here, "r2", {}, owner=knows)[1].moves == (), "it can be seen that it is gone"
