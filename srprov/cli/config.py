@@ -34,7 +34,7 @@ PROJECT_KEYS = frozenset(
      "verbose", "explain", "timings", "no-color", "tail")
 )  # fmt: skip
 OWN_KEYS = PROJECT_KEYS | {
-    *("allow", "yes", "adopt", "volumes", "unreachable", "reassign", "ask-become-pass", "limit", "exclude"),
+    *("allow", "yes", "adopt", "data", "volumes", "unreachable", "reassign", "ask-become-pass", "limit", "exclude"),
     *("instance", "runs", "events", "out", "svg", "png", "history", "facts"),
     *("quiet", "json", "detailed-exitcode", "pareto", "follow"),
 }

@@ -8,9 +8,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 
-from srprov.controller.data import DataNow, Holdings, roaming, used
+from srprov.controller.data import DataNow, roaming, used
 from srprov.controller.owners import Owner, keep, owners_of
-from srprov.controller.request import PlanRequest
 from srprov.definitions.model import Experiment
 from srprov.errors import RefusedError
 from srprov.facts.model import Snapshot
@@ -51,13 +50,6 @@ def refuse_strange(found: Collection[tuple[str, Observed]]) -> None:
             f"these volumes were not made from this file on this controller: {named}",
             hint="take them over with their data by --adopt, or run it under another name with --instance NAME",
         )
-
-
-def with_adopted(request: PlanRequest, held: Holdings) -> Owner | None:
-    """Return the owner with what `--adopt` takes over."""
-    if request.owner is None or not request.adopt:
-        return request.owner
-    return replace(request.owner, adopted=request.owner.adopted | held.adopted)
 
 
 def remember_owner(plan: Plan, owner: Owner | None) -> None:

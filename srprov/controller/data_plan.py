@@ -6,7 +6,7 @@ Takes where data is and where services are placed; gives a `DataPlan`. Pure.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 from srprov.controller.data import DataNow, Holdings, newest, roaming, used
@@ -46,7 +46,7 @@ def plan_data(
             _check_copy(one, now.held, snapshot)
     return DataPlan(
         moves=moves,
-        owner=request.owner,
+        owner=_with_adopted(request, now.held),
         copies=_copies(moves, now.held, request),
         notes=tuple(_kept_notes(experiment, placed, now, moves, request.data)),
     )
@@ -108,3 +108,10 @@ def _kept_notes(
     for (target, name), source in sorted(now.held.copied.items()):
         if how != "move":
             yield f"data volume {name} is still on {source}, and whole on {target}; --data move removes it on {source}"
+
+
+def _with_adopted(request: PlanRequest, held: Holdings) -> Owner | None:
+    """Return the owner with what `--adopt` takes over."""
+    if request.owner is None or not request.adopt:
+        return request.owner
+    return replace(request.owner, adopted=request.owner.adopted | held.adopted)

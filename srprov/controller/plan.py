@@ -15,10 +15,9 @@ from typing import TYPE_CHECKING
 from srprov import rendering
 from srprov.assignment import solve
 from srprov.assignment.model import Assignment
-from srprov.controller.choice import choice_of, idle_notes, settled
+from srprov.controller.choice import Choice, choice_of, idle_notes, settled
 from srprov.controller.context import contexts
-from srprov.controller.data_owner import with_adopted
-from srprov.controller.data_plan import DataPlan, plan_data
+from srprov.controller.data_plan import plan_data
 from srprov.controller.labpolicy import enforce, with_limits
 from srprov.controller.owners import Owner
 from srprov.controller.ownership import check_source, owned
@@ -29,7 +28,7 @@ from srprov.controller.render_inputs import RenderInputs
 from srprov.controller.request import PlanRequest
 from srprov.controller.robot_room import check_room
 from srprov.definitions.containermodel import ContainerDefinition
-from srprov.definitions.model import Definitions, Experiment, Inventory
+from srprov.definitions.model import Definitions, Inventory
 from srprov.definitions.pins import unknown_pins
 from srprov.definitions.playbookmodel import Playbook
 from srprov.definitions.secretvalues import used
@@ -89,8 +88,7 @@ def make_plan(
     Raises:
         DefinitionError: The files ask for what is not built yet, or for robots that are not in the inventory.
         RefusedError: The instance belongs to another source, or asks for what the user or the lab does not allow.
-        NoAssignment: There is no feasible placement.
-        UsageError, RenderError, PlanError: as their rooms say.
+        NoAssignment, UsageError, RenderError, PlanError: as their rooms say.
     """
     definitions = _plannable(definitions, look.inventory, request)
     instance = request.instance or definitions.experiment.name
@@ -106,9 +104,8 @@ def make_plan(
         phases.begin("assignment")
         placed = solve.solve(choice.problem, request.search_limit_s)
     phases.begin("plan")
-    data = plan_data(choice.experiment, placed.placed, choice.data, snapshot, request)
     overlay = layout(choice.experiment, placed.placed, snapshot, instance=instance)
-    inputs = _inputs(definitions, choice.experiment, placed, overlay, snapshot, source, data)
+    inputs = _inputs(definitions, choice, placed, overlay, snapshot, source, request)
     theirs = (*choice.experiment.playbooks, *request.playbooks)
     desired = _desired(inputs, theirs, vault)
     snapshot = look.probe(snapshot, desired)
@@ -124,7 +121,7 @@ def make_plan(
         desired=desired,
         images={image.tag: image for image in inputs.images.values()},
         playbooks=theirs,
-        owner=with_adopted(request, choice.data.held),
+        owner=inputs.data.owner,
     )
 
 
@@ -142,9 +139,10 @@ def _plannable(definitions: Definitions, inventory: Inventory, request: PlanRequ
 
 
 def _inputs(
-    definitions: Definitions, experiment: Experiment, placed: Assignment, overlay: Overlay, snapshot: Snapshot,
-    source: str, data: DataPlan,
+    definitions: Definitions, choice: Choice, placed: Assignment, overlay: Overlay, snapshot: Snapshot, source: str,
+    request: PlanRequest,
 ) -> RenderInputs:  # fmt: skip
+    experiment = choice.experiment
     images, references = _images(definitions.containers)
     return RenderInputs(
         instance=overlay.instance,
@@ -156,7 +154,7 @@ def _inputs(
         references=references,
         record=record(overlay, experiment, placed.placed, source, snapshot.placements.get(overlay.instance)),
         snapshot=snapshot,
-        data=data,
+        data=plan_data(experiment, placed.placed, choice.data, snapshot, request),
     )
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from srprov.errors import DeadlineError, TransportError
 from srprov.session import Progress, Traffic
-from srprov.transport.deadline import Patience
+from srprov.transport.deadline import Deadline, Patience
 from srprov.transport.shell.frames import Frames, batch
 from srprov.wire import Query, Reply
 
@@ -159,10 +159,10 @@ def tell(host: str, streams: Streams, line: str, seconds: float = 20.0) -> None:
     Raises:
         TransportError: The shell ended, or does not read.
     """
-    text, until = memoryview(line.encode("utf-8", "surrogateescape")), time.monotonic() + seconds
+    text, until = memoryview(line.encode("utf-8", "surrogateescape")), Deadline(seconds)
     while text:
         text = text[streams.write(text) :]
-        if text and (streams.ended or time.monotonic() > until):
+        if text and (streams.ended or until.passed):
             raise TransportError(host, f"a second shell does not read: {streams.reason()}", hint="try again")
         if text:
             streams.wait(0.1, writing=True)
