@@ -1,13 +1,15 @@
 """The build context: what goes in, and the same bytes everywhere."""
 
 import io
+import re
 import tarfile
 
 import pytest
 from controller_disk import Disk
 
 from srprov.images.context import context_tar, entries_of, folder_entries, ignore_rule
-from srprov.images.plan import ContextFile
+from srprov.images.plan import ContextFile, ListedFile
+from tests.bounded import bounded
 
 
 def members(blob: bytes) -> dict[str, tarfile.TarInfo]:
@@ -100,3 +102,57 @@ def test_a_dockerfiles_folder() -> None:
     lab = Disk({f"/lab/{name}": b"" for name in names} | {"/lab/.dockerignore": b"**/*.o\n!x.cdf\n"})
     found = {entry.path for entry in folder_entries("/lab", lab.listing, lab.read)}
     assert found == {"Dockerfile", ".dockerignore", "src/a.c", "x.cdf"}
+
+
+HOSTILE = {
+    "stars": ("*a" * 60 + "b", "a" * 250),
+    "folders": ("**/a/" * 40 + "b", "a/" * 500 + "c"),
+    "both": ("**/*a*a*a*a*b/" * 12 + "c", "/".join(["a" * 60] * 30)),
+    "classes": ("[a-z]*" * 30 + "!", "a" * 250),
+}
+
+
+@pytest.mark.parametrize("case", HOSTILE)
+def test_no_pattern_takes_long_on_any_path(case: str) -> None:
+    """A star that is tried at every place, for every place of the one before it, would take years."""
+    pattern, path = HOSTILE[case]
+    ignored = bounded(lambda: [ignore_rule([pattern])(path) for _ in range(20)], cpu_s=1.0)
+    assert ignored == [False] * 20
+
+
+@pytest.mark.parametrize(
+    ("pattern", "yes", "no"),
+    [
+        ("a*b*c", "abc axbxc abbcc a*b*c", "acb ab/c abcd"),
+        ("**/*.pyc", "a.pyc b/a.pyc a/b/c.pyc a.pyc/x", "a.py"),
+        ("a/**/b", "a/b a/x/b a/x/y/b a/b/c", "ab a/xb"),
+        ("a/**/b/**/c", "a/b/c a/x/b/y/c a/b/b/c", "a/c a/b/x"),
+        ("a/**", "a/b a/b/c", "a ab"),
+        ("**/a/**", "a/b x/a/b", "a x/a"),
+        ("**/**/x", "x a/x a/b/x", "ax"),
+        ("x[^b]y", "xay", "xby x/y"),
+    ],
+)
+def test_stars_match_as_docker_has_them(pattern: str, yes: str, no: str) -> None:
+    ignored = ignore_rule([pattern])
+    assert [path for path in yes.split() if not ignored(path)] == []
+    assert [path for path in no.split() if ignored(path)] == []
+
+
+@pytest.mark.parametrize(
+    ("lines", "says"),
+    [
+        (["[z-a]"], "'[z-a]' in .dockerignore is no pattern"),
+        (["a" * 256], "is too long"),
+        (["*" + "a" * 200] * 10_000, "comes after too many for so many files"),
+    ],
+)
+def test_a_dockerignore_that_cannot_be_is_refused(lines: list[str], says: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(says)):
+        bounded(lambda: ignore_rule(lines, 50_000))
+
+
+def test_a_context_has_a_size() -> None:
+    big = [ListedFile(str(number)) for number in range(300)]
+    with pytest.raises(ValueError, match="it holds more than 256 MiB"):
+        entries_of("", "/x", "", lambda _: big, lambda _: bytes(1 << 20))

@@ -14,6 +14,7 @@ from srprov.definitions.containermodel import BuildFile, ContainerDefinition, Ru
 from srprov.errors import DefinitionError, Location
 from srprov.images import quoting
 from srprov.images.dockerfile import instruction_lines, render_dockerfile
+from tests.bounded import bounded
 
 CDF = ContainerDefinition(name="talker", file="/lab/talker.cdf", folder="/lab", base="debian:bookworm")
 FULL = dataclasses.replace(
@@ -208,3 +209,10 @@ def test_instructions_are_counted_as_docker_counts_them() -> None:
     text = "# syntax=x\n\nFROM a\nRUN a \\\n  # in between\n  b \\\n\n  c\n# no\n  COPY x y\n"
     assert list(instruction_lines(text)) == [3, 4, 10]
     assert list(instruction_lines("# escape=`\nFROM a\nRUN a `\n b\\\nUSER x\n")) == [2, 3, 5]
+
+
+@pytest.mark.parametrize("kind", ["apt", "pip", "npm"])
+@pytest.mark.parametrize("name", [f"a{' ' * 500_000}b", "a" * 500_000 + "!", f"a[{'b,' * 200_000}", "a==1" * 200_000])
+def test_a_package_of_megabytes_is_refused_at_once(kind: str, name: str) -> None:
+    with pytest.raises(ValueError, match="is longer than 200 characters"):
+        bounded(lambda: quoting.package(kind, name), cpu_s=0.5)
