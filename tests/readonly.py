@@ -263,7 +263,7 @@ def _sed(words: Sequence[str]) -> bool:
 
 
 _BUILTINS = "printf echo test [ read exit : true false continue break unset umask cd"
-_PROGRAMS = "cat ls readlink grep tr head tail wc df stat sha256sum uname id getconf sleep cut"
+_PROGRAMS = "cat ls readlink grep tr head tail wc df stat sha256sum uname id getconf sleep cut du"
 _DIAL = ["system", "dial-stdio"]
 READS: dict[str, Callable[[Sequence[str]], bool]] = {
     **dict.fromkeys((*_BUILTINS.split(), *_PROGRAMS.split()), _anything),

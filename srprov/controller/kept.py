@@ -53,12 +53,12 @@ def with_sizes(rows: Sequence[Mapping[str, Any]], fleet: Fleet, snapshot: Snapsh
 
     def ask(robot: str) -> list[int | None]:
         names = [places[robot, row["volume"]] for row in rows if row["robot"] == robot]
-        queries = [Query(command=f"du -s -B1 -- {quote(name)} | cut -f1", timeout_s=_DU_S) for name in names]
+        queries = [Query(command=f"du -s -B1 -- {quote(name)}", timeout_s=_DU_S) for name in names]
         try:
             replies = fleet.sessions.get(robot).ask(queries)
         except TransportError:
             return [None] * len(names)  # the list itself is what counts
-        return [integer(one.out.strip(), default=-1) if one.ok and one.out.strip() else None for one in replies]
+        return [integer(one.out.partition("\t")[0], default=-1) if one.ok else None for one in replies]
 
     with concurrent.futures.ThreadPoolExecutor(len(robots)) as pool:
         sizes = {robot: iter(found) for robot, found in zip(robots, pool.map(ask, robots), strict=True)}

@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -69,14 +70,18 @@ class Home:
     def running(self) -> list[str]:
         return [robot for robot in ROBOTS if "srprov.data.web" in self.lab.containers(robot, running=True)]
 
+    def ends(self) -> list[str]:
+        """Return the robot that has the data, and the other one."""
+        return sorted(ROBOTS, key=lambda robot: not self.place(robot))
+
     def volumes(self, robot: str) -> list[str]:
         return self.lab.shell(robot, "docker", "volume", "ls", "-q").out.split()
 
 
-@pytest.fixture
-def home(lab_of_module: Lab, tmp_path: Path) -> Any:
-    """Give the experiment with data on robot1; afterwards the robots are empty."""
-    made = Home(lab_of_module, tmp_path)
+@pytest.fixture(scope="module")
+def home(lab_of_module: Lab, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Home]:
+    """Give the experiment with data on robot1, where it begins; the tests share it. Afterwards the robots are empty."""
+    made = Home(lab_of_module, tmp_path_factory.mktemp("data"))
     up = made.apply(made.write("robot1"))
     assert up.code == 0, up
     made.lab.shell("robot1", "sh", "-ec", FILL, "sh", made.place("robot1"))
@@ -84,98 +89,6 @@ def home(lab_of_module: Lab, tmp_path: Path) -> Any:
     gone = made.lab.srprov("destroy", "--instance", "data", "-i", made.inventory, "--yes", "--volumes")
     assert gone.code == 0, gone
     assert [made.volumes(robot) for robot in ROBOTS] == [[], []]
-
-
-def test_a_service_stays_where_its_data_is_until_the_user_says_what_becomes_of_it(home: Home) -> None:
-    """Neither --reassign nor a pin moves it silently; `leave` keeps the data and says where; then it is listed."""
-    free = home.write(cost=90)
-    done = home.apply(free, "--reassign")
-    assert (done.code, home.running()) == (0, ["robot1"]), done
-    gone = home.run("destroy", free, "--yes")
-    assert gone.code == 0, gone
-    assert f"data stays: {VOLUME} on robot1 (" in gone.err and "MiB, " in gone.err and " old)" in gone.err
-    nothing = home.run("status", free)
-    assert "nothing of data runs on these robots" in nothing.out and f"data is kept: {VOLUME} on robot1" in nothing.out
-    doctor = home.lab.srprov("doctor", "-i", home.inventory)
-    assert f"data is kept: {VOLUME} on robot1 (" in doctor.out, doctor
-    listed = home.run("status", free, "--volumes", "--json").json["volumes"]
-    assert [(row["volume"], row["robot"], row["used"]) for row in listed] == [(VOLUME, "robot1", False)]
-    assert 2_900_000 < listed[0]["bytes"] < 20_000_000
-    before = home.show("robot1")
-    again = home.apply(free)
-    assert (again.code, home.running()) == (0, ["robot1"]), again
-    assert home.show("robot1") == before
-
-    pinned = home.write("robot2")
-    shown = home.run("plan", pinned)
-    assert f"! data of web stays on robot1 ({VOLUME})" in shown.out and shown.code == 0, shown
-    refused = home.apply(pinned)
-    assert (refused.code, home.running()) == (9, ["robot1"]), refused
-    assert "--data move" in refused.err and "--data leave" in refused.err
-    kept = home.run("plan", pinned, "-o", str(home.folder / "plan.json"))
-    assert kept.code == 9 and not (home.folder / "plan.json").exists(), kept
-    left = home.apply(pinned, "--data", "leave")
-    assert (left.code, home.running()) == (0, ["robot2"]), left
-    assert home.show("robot1") == before
-    then = home.apply(pinned)
-    assert then.code == 0 and f"note: data volume {VOLUME} on robot1 is kept, and no service uses it there" in then.out
-    assert "Nothing to do" in then.out, then
-
-
-def test_data_is_moved_whole_also_when_the_move_was_killed_in_the_middle(home: Home) -> None:
-    """Owner, mode, times, links, holes, empty folders, a pipe: as other programs than tar see them; then it is gone."""
-    before = home.show("robot1")
-    file = home.write("robot2")
-    assert kill_at(home, file, "progress", 1) == -9
-    assert home.volumes("robot1") == [VOLUME] and home.show("robot1") == before, "the source is whole"
-    done = home.apply(file, "--data", "move", "--lock-wait", "30")
-    assert (done.code, home.running()) == (0, ["robot2"]), done
-    assert f"! data of web ({VOLUME}) is copied from robot1 to robot2" in done.out
-    assert home.show("robot2") == before
-    assert (home.volumes("robot1"), home.volumes("robot2")) == ([], [VOLUME])
-    again = home.apply(file, "--data", "move", "--json")
-    assert (again.code, again.json["changed"], again.json["steps"]) == (0, 0, []), again
-
-
-LAST = {"start": 12, "end": 11, "progress": 2}
-"""How many events of a kind such an apply has; beyond the last, nothing is killed."""
-
-
-@pytest.mark.soak
-@pytest.mark.timeout(3000)
-def test_a_move_that_is_killed_at_every_step_loses_nothing(home: Home) -> None:
-    """SIGKILL at the beginning and the end of every step, to and fro: each time the next apply ends equal."""
-    before = home.show("robot1")
-    robots = list(ROBOTS)
-    for kind in ("start", "end", "progress"):
-        for count in range(1, LAST[kind] + 1):
-            source, target = robots
-            file = home.write(target)
-            killed = kill_at(home, file, kind, count)
-            there = [home.show(robot) for robot in ROBOTS if VOLUME in home.volumes(robot)]
-            assert before in there, f"{kind} {count}: the data is whole somewhere"
-            done = home.apply(file, "--data", "move", "--lock-wait", "30")
-            assert (done.code, home.running()) == (0, [target]), f"{kind} {count}: {done}"
-            assert home.show(target) == before, f"{kind} {count}, exit {killed}"
-            assert (home.volumes(source), home.volumes(target)) == ([], [VOLUME]), f"{kind} {count}"
-            robots.reverse()
-
-
-def kill_at(home: Home, file: str, kind: str, count: int) -> int:
-    """Apply with `--data move`, and SIGKILL it when so many events of a kind have been; return its exit code."""
-    events = home.folder / "events.jsonl"
-    events.unlink(missing_ok=True)
-    words = ["apply", file, "-i", home.inventory, "--yes", "--settle", "0", "--data", "move", "--events", str(events)]
-    env = {**os.environ, "XDG_STATE_HOME": str(home.state), "PYTHONPATH": str(ROOT), "SRPROV_HEARTBEAT": "1,4,6"}
-    run = subprocess.Popen(
-        [sys.executable, "-m", "srprov", *words], env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    )
-    until = time.monotonic() + 60
-    while run.poll() is None and counted(events, kind) < count:
-        assert time.monotonic() < until
-        time.sleep(0.002)
-    run.kill()
-    return run.wait()
 
 
 def test_data_belongs_to_who_made_it(home: Home, tmp_path: Path) -> None:
@@ -214,3 +127,107 @@ def test_data_belongs_to_who_made_it(home: Home, tmp_path: Path) -> None:
     once = home.apply(mine)
     assert once.code == 0 and "Nothing to do" in once.out, once
     assert home.show("robot1") == before
+
+
+def kill_at(home: Home, file: str, kind: str, count: int, of: str = "", then_s: float = 0.0) -> int:
+    """Apply with `--data move`, and SIGKILL it some time after so many events have been; return its exit code."""
+    events = home.folder / "events.jsonl"
+    events.unlink(missing_ok=True)
+    words = ["apply", file, "-i", home.inventory, "--yes", "--settle", "0", "--data", "move", "--events", str(events)]
+    env = {**os.environ, "XDG_STATE_HOME": str(home.state), "PYTHONPATH": str(ROOT), "SRPROV_HEARTBEAT": "1,4,6"}
+    run = subprocess.Popen(
+        [sys.executable, "-m", "srprov", *words], env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    )
+    until = time.monotonic() + 60
+    while run.poll() is None and counted(events, kind, of) < count:
+        assert time.monotonic() < until
+        time.sleep(0.002)
+    time.sleep(then_s)
+    run.kill()
+    return run.wait()
+
+
+def test_data_is_moved_whole_also_when_the_move_was_killed_in_the_middle(home: Home) -> None:
+    """Owner, mode, times, links, holes, empty folders, a pipe: as other programs than tar see them; then it is gone."""
+    before = home.show(home.ends()[0])
+    source, target = home.ends()
+    file = home.write(target)
+    assert kill_at(home, file, "progress", 1) == -9
+    assert home.volumes(source) == [VOLUME] and home.show(source) == before, "the source is whole"
+    done = home.apply(file, "--data", "move", "--lock-wait", "30")
+    assert (done.code, home.running()) == (0, [target]), done
+    assert f"! data of web ({VOLUME}) is copied from {source} to {target}" in done.out
+    assert home.show(target) == before
+    assert (home.volumes(source), home.volumes(target)) == ([], [VOLUME])
+    again = home.apply(file, "--data", "move", "--json")
+    assert (again.code, again.json["changed"], again.json["steps"]) == (0, 0, []), again
+
+
+MOMENTS = [
+    *(("start", count, "", 0.0) for count in range(1, 12)),
+    *(("end", count, "", 0.0) for count in range(1, 12)),
+    *(("start", 1, "{target}/volume", 0.06 * count) for count in range(20)),
+]
+"""The beginning and end of every step, and moments inside of the one that copies: seven commands, of which one is long.
+
+Beyond the last of them, nothing is killed.
+"""
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(3000)
+def test_a_move_that_is_killed_at_every_step_loses_nothing(home: Home) -> None:
+    """SIGKILL at every step and inside of the copy, to and fro: each time the next apply ends equal."""
+    robots = home.ends()
+    before = home.show(robots[0])
+    killed: list[int] = []
+    for kind, count, of, then_s in MOMENTS:
+        source, target = robots
+        file, moment = home.write(target), f"{kind} {count} {of} {then_s:.2f} s later"
+        end = kill_at(home, file, kind, count, of.format(target=target), then_s)
+        seen = {robot: home.show(robot) for robot in ROBOTS if VOLUME in home.volumes(robot)}
+        assert before in seen.values(), f"{moment}: the data is whole somewhere"
+        done = home.apply(file, "--data", "move", "--lock-wait", "30")
+        killed.append(end)
+        assert (done.code, home.running()) == (0, [target]), f"{moment}: {done}"
+        assert home.show(target) == before, f"{moment}, exit {end}"
+        assert (home.volumes(source), home.volumes(target)) == ([], [VOLUME]), moment
+        robots.reverse()
+    assert killed.count(-9) > len(MOMENTS) // 2, killed
+
+
+def test_a_service_stays_where_its_data_is_until_the_user_says_what_becomes_of_it(home: Home) -> None:
+    """Neither --reassign nor a pin moves it silently; `leave` keeps the data and says where; then it is listed."""
+    here, there = home.ends()
+    free = home.write(cost=90)
+    done = home.apply(free, "--reassign")
+    assert (done.code, home.running()) == (0, [here]), done
+    gone = home.run("destroy", free, "--yes")
+    assert gone.code == 0, gone
+    assert f"data stays: {VOLUME} on {here} (" in gone.err and "MiB, " in gone.err and " old)" in gone.err
+    nothing = home.run("status", free)
+    assert "nothing of data runs on these robots" in nothing.out and f"data is kept: {VOLUME} on {here}" in nothing.out
+    doctor = home.lab.srprov("doctor", "-i", home.inventory)
+    assert f"data is kept: {VOLUME} on {here} (" in doctor.out, doctor
+    listed = home.run("status", free, "--volumes", "--json").json["volumes"]
+    assert [(row["volume"], row["robot"], row["used"]) for row in listed] == [(VOLUME, here, False)]
+    assert 2_900_000 < listed[0]["bytes"] < 20_000_000
+    before = home.show(here)
+    again = home.apply(free)
+    assert (again.code, home.running()) == (0, [here]), again
+    assert home.show(here) == before
+
+    pinned = home.write(there)
+    shown = home.run("plan", pinned)
+    assert f"! data of web stays on {here} ({VOLUME})" in shown.out and shown.code == 0, shown
+    refused = home.apply(pinned)
+    assert (refused.code, home.running()) == (9, [here]), refused
+    assert "--data move" in refused.err and "--data leave" in refused.err
+    kept = home.run("plan", pinned, "-o", str(home.folder / "refused.json"))
+    assert kept.code == 9 and not (home.folder / "refused.json").exists(), kept
+    left = home.apply(pinned, "--data", "leave")
+    assert (left.code, home.running()) == (0, [there]), left
+    assert home.show(here) == before
+    then = home.apply(pinned)
+    assert then.code == 0 and f"note: data volume {VOLUME} on {here} is kept, and no service uses it there" in then.out
+    assert "Nothing to do" in then.out, then

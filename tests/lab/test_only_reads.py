@@ -137,7 +137,8 @@ def test_what_plans_only_reads_and_what_applies_does_not(listening: Listening, t
     """All verbs that look, on a bare robot and on one with the experiment; and the judge sees what `apply` does."""
     lab, inventory = listening.lab, listening.inventory
     path = tmp_path / "read.edf"
-    path.write_text(edf("read", {"one": busybox(environment={"WORD": "it's $(reboot)"})}), encoding="utf-8")
+    one = busybox(environment={"WORD": "it's $(reboot)"}, volumes=["log:/log"])
+    path.write_text(edf("read", {"one": one}), encoding="utf-8")
     looks = [
         ("validate", str(path)),
         ("facts", "-i", inventory),
@@ -147,6 +148,7 @@ def test_what_plans_only_reads_and_what_applies_does_not(listening: Listening, t
         ("plan", str(path), "-i", inventory, "--format", "markdown"),
         ("plan", str(path), "-i", inventory, "-o", str(tmp_path / "plan.json"), "--reassign"),
         ("status", str(path), "-i", inventory),
+        ("status", str(path), "-i", inventory, "--volumes"),
         ("locks", "-i", inventory),
     ]
 
