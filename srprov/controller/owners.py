@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 
-from srprov import private
+from srprov import private, regular_file
 from srprov.errors import UsageError
 from srprov.record import default_root
 from srprov.resource import Observed
@@ -120,9 +120,7 @@ def _file(instance: str, edf: str) -> Path:
 def _read(file: Path) -> Owner | None:
     """Return what a file says; one that is not there, or says nothing, costs one `--adopt`."""
     try:
-        if not file.is_file() or file.stat().st_size > _LONGEST_FILE:
-            return None
-        read = mapping(parse_json(file.read_text(encoding="utf-8"), max_characters=_LONGEST_FILE))
+        read = mapping(parse_json(regular_file.read_text(file, _LONGEST_FILE), max_characters=_LONGEST_FILE))
     except (OSError, ValueError):
         return None
     words = {key: string(read.get(key)) for key in ("instance", "edf", "source", "token")}
