@@ -80,7 +80,7 @@ class Secret(Hidden):
 
 
 class Vault:
-    """The values of an experiment's secrets by name, filled before anything is sent."""
+    """The values of an experiment's secrets by name, filled before one of them is sent."""
 
     def __init__(self, values: Mapping[str, Secret] | None = None) -> None:
         """Begin with these values."""
@@ -93,6 +93,10 @@ class Vault:
     def __contains__(self, name: object) -> bool:
         """Return whether it was resolved."""
         return name in self._values
+
+    def fill(self, other: Vault) -> None:
+        """Take the values of another one, for who holds this one already."""
+        self._values.update(other._values)
 
     def content(self, name: str) -> bytes:
         """Return the bytes that go to a robot; only transport calls this."""

@@ -69,7 +69,9 @@ ROOMS: Mapping[str, Room] = {
     "network": room("errors names untrusted definitions.model facts.model"),
     "images": room("errors wire image_reference definitions.containermodel definitions.model", "jinja2"),
     "rendering": room("errors untrusted resource data definitions modules yamldoc", "jinja2 yaml"),
-    "modules": room("errors wire untrusted resource secret definitions.model definitions.containermodel"),
+    "modules": room(
+        "errors wire untrusted resource secret definitions.model definitions.containermodel definitions.secretmodel"
+    ),
     "planning": room(
         "errors names untrusted resource wire secret image_reference modules facts.model definitions.containermodel"
         " definitions.model"
@@ -134,9 +136,10 @@ PROCESSES_AND_SOCKETS = frozenset(
 PROCESS_CALLS = frozenset({"system", "popen", "fork", "forkpty", "posix_spawn", "posix_spawnp"})
 _PROGRAMS = ("definitions/inventory.py", "definitions/script.py", "definitions/secretvalues.py")
 _CHILD = "rendering/limited.py"
-MAY_REACH_OUT = ("transport/", "lab/", *_PROGRAMS, _CHILD)
+_SIGNS = "controller/signature.py"
+MAY_REACH_OUT = ("transport/", "lab/", *_PROGRAMS, _CHILD, _SIGNS)
 """Where sockets and programs belong; of `definitions`, the inventory that is itself a program, and the command that
-prints a secret; the child with limits in which users' playbooks are rendered."""
+prints a secret; the child with limits in which users' playbooks are rendered; ssh-keygen, which signs plan files."""
 
 MAY_REVEAL = ("transport/", "secret.py")
 """Where the value of a secret is taken out of its wrapping."""

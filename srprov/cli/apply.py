@@ -39,6 +39,8 @@ if TYPE_CHECKING:
               help="Seconds for a service to become healthy or to complete.")  # fmt: skip
 @click.option("--settle", type=click.FloatRange(min=0), default=2.0, show_default=True, metavar="S",
               help="A service must still run so many seconds after its start.")  # fmt: skip
+@click.option("--signers", type=click.Path(exists=True, dir_okay=False), default=None, metavar="FILE",
+              help="Only a plan that one of them signed: an allowed_signers file, see ssh-keygen(1).")  # fmt: skip
 @output_options.EVENTS
 @output_options.QUIET
 @click.option("-v", "--verbose", is_flag=True, help="Show the exact commands of each step.")
@@ -47,29 +49,30 @@ def apply(
     file: str, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, limit: str, exclude: str,
     request: PlanRequest, unreachable: str, yes: bool, wait_timeout: float, settle: float, events: TextIO | None,
     verbose: bool, no_color: bool, lock_wait: float, pulse: Pulse, runs: Path | None, max_fail: str,
+    signers: str | None,
 ) -> int:  # fmt: skip
     """Change the robots so that the experiment runs on them. FILE is an EDF, or a plan that `srprov plan -o` wrote.
 
     Shows the plan and asks on a terminal, unless --yes. A second apply changes nothing. A plan from a file is done
-    exactly as it stands there, or refused with 6 when a robot changed since.
+    exactly as it stands there, or refused: with 6 when a robot changed since, with 5 when it was changed itself.
     """
-    from srprov.controller.secrets import read_secrets
+    from srprov.controller.secrets import HeldSecrets
     from srprov.controller.source import read_source
 
     refuse_without_terminal(yes)
     phases = Phases()
-    source = read_source(file)
+    source = read_source(file, signers or "")
     request = _fitting(request, source)
-    vault = read_secrets(source, request.allowed)
+    secrets = HeldSecrets(source, request.allowed)
     inventory = inputs.load_inventory(inventories)
     name = _instance(source, request)
     chosen = inputs.selected(inventory, limit, exclude, inputs.failed_robots(name, runs))
     failing = options.budget(max_fail, len(chosen))
-    with inputs.connect(inventory, timeout, forks, changing=True, vault=vault) as fleet:
+    with inputs.connect(inventory, timeout, forks, changing=True, vault=secrets.vault) as fleet:
         output_options.note(f"asking {len(inventory.hosts)} robots for facts")
         phases.begin("facts")
         lock_wait = inputs.waited(fleet, name, lock_wait)
-        planned = _planned(source, fleet, request, vault, phases).limited(chosen)
+        planned = _planned(source, fleet, request, secrets.vault, phases).limited(chosen)
         if not as_json and not (yes and output_options.is_quiet()):
             show_plan(planned.plan, None, verbose=verbose)
         from srprov.controller.permissions import permit_run
@@ -77,6 +80,7 @@ def apply(
 
         permit_run(planned.plan, request.allowed, inventory, request.policies)
         confirm(planned.plan, yes)
+        planned = secrets.read(planned)
         phases.begin("apply")
         run_options = RunOptions(
             forks=forks, wait_timeout_s=wait_timeout, settle_s=settle, lock_wait_s=lock_wait, pulse=pulse,
@@ -95,13 +99,11 @@ def _fitting(request: PlanRequest, source: Definitions | PlanFile) -> PlanReques
     """
     if isinstance(source, Definitions):
         return inputs.with_own_files(request, source)
-    decided = (
-        request.instance, request.reassign, request.adopt, request.history, request.reassign_unreachable, request.data,
-    )  # fmt: skip
+    decided = (request.instance, request.reassign, request.history, request.reassign_unreachable, request.data)
     if any(decided):
         raise UsageError(
-            "--instance, --reassign, --adopt, --history, --data and --unreachable=reassign are decided when a plan is "
-            "made, not when it is applied"
+            "--instance, --reassign, --history, --data and --unreachable=reassign are decided when a plan is made, not "
+            "when it is applied"
         )
     return request
 
@@ -119,7 +121,7 @@ def _planned(
     if not isinstance(source, Definitions):
         from srprov.controller.saved import check_plan
 
-        return check_plan(source, fleet, vault)
+        return check_plan(source, fleet, adopt=request.adopt)
     with fleet.look(source.experiment) as look, answers_only():
         from srprov.controller.plan import make_plan  # a tenth of a second of imports, while the robots are asked
 

@@ -37,11 +37,15 @@ if TYPE_CHECKING:
     "-o", "--out", "target", type=click.Path(dir_okay=False), callback=writable, metavar="FILE",
     help="Also write the plan to a file that `apply` takes.",
 )  # fmt: skip
+@click.option(
+    "--sign", type=click.Path(exists=True, dir_okay=False), default=None, metavar="KEY",
+    help="Sign the plan with this SSH key, into FILE.sig, for `apply --signers`.",
+)  # fmt: skip
 @click.option("-v", "--verbose", is_flag=True, help="Show the exact commands of each step.")
 def plan(
     file: str, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, limit: str, exclude: str,
     runs: Path | None, request: PlanRequest, unreachable: str, detailed_exitcode: bool, form: str, target: str | None,
-    verbose: bool,
+    verbose: bool, sign: str | None,
 ) -> int:  # fmt: skip
     """Show what would change; changes nothing.
 
@@ -52,6 +56,7 @@ def plan(
     """
     from srprov.controller.secrets import read_secrets
 
+    _check_target(target, sign)
     definitions = inputs.load_experiment(file)
     vault = read_secrets(definitions, request.allowed)
     inventory = inputs.load_inventory(inventories)
@@ -72,7 +77,7 @@ def plan(
 
     made = planned.plan
     if target:
-        write_plan(target, kept_plan(planned), vault, definitions.variables)
+        write_plan(target, kept_plan(planned), vault, definitions.variables, sign)
     if form == "markdown" and not as_json:
         out(plan_markdown(made).rstrip())
     else:
@@ -82,8 +87,23 @@ def plan(
     return DIFFERENCES if detailed_exitcode and not made.empty else 0
 
 
-def write_plan(target: str, file: PlanFile, vault: Vault, variables: Vault | None = None) -> None:
-    """Write a plan file, for its owner alone. It is done as it stands, so a secret in it can only be refused.
+def _check_target(target: str | None, sign: str | None) -> None:
+    """Refuse a name that `apply` would not take for a plan's, and a signature of nothing."""
+    from srprov.controller.source import EDF_ENDINGS, is_edf_name
+
+    if sign and not target:
+        raise UsageError("--sign signs the file that -o writes", hint="add -o plan.json")
+    if target and is_edf_name(target):
+        hint = "name it plan.json, say"
+        raise UsageError(f"a plan's name does not end in {', '.join(EDF_ENDINGS)}: EDFs' do", hint=hint)
+
+
+def write_plan(
+    target: str, file: PlanFile, vault: Vault, variables: Vault | None = None, sign: str | None = None
+) -> None:
+    """Write a plan file, for its owner alone, and with the key `sign` a signature beside it.
+
+    It is done as it stands, so a secret in it can only be refused.
 
     Raises:
         UsageError: The file would be too large to be read again, or cannot be written.
@@ -108,6 +128,10 @@ def write_plan(target: str, file: PlanFile, vault: Vault, variables: Vault | Non
         private.write_file(target, text)
     except OSError as error:
         raise UsageError(f"cannot write {target}: {error.strerror}", hint="name another file") from error
+    if sign:
+        from srprov.controller.signature import sign_file
+
+        sign_file(target, sign)
 
 
 def show_plan(made: Plan, as_json: Mapping[str, Any] | None, *, verbose: bool) -> None:

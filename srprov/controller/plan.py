@@ -72,10 +72,17 @@ class Planned:
     """Who owns its volumes, with those that the run takes over; None: it makes none."""
     saved: PlanFile | None = None
     """The file that the plan was read from."""
+    whole: Plan | None = None
+    """The plan with the steps that were left out, if some were."""
+    limit: tuple[str, ...] = ()
+    """The robots whose steps were kept, if some were left out."""
 
     def limited(self, robots: Collection[str]) -> Planned:
         """Return it without the steps of other robots, and without those that need one of them."""
-        return dataclasses.replace(self, plan=limited(self.plan, robots))
+        plan = limited(self.plan, robots)
+        if plan is self.plan:
+            return self
+        return dataclasses.replace(self, plan=plan, whole=self.plan, limit=tuple(sorted(robots)))
 
 
 def make_plan(

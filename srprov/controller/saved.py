@@ -7,19 +7,32 @@ from __future__ import annotations
 
 import dataclasses
 import os
+from collections.abc import Mapping
 
 import srprov
 from srprov import disk
+from srprov.controller import authority
 from srprov.controller.data_owner import check_saved, remember_owner
 from srprov.controller.fleet import Fleet
+from srprov.controller.ownership import check_source, owned
 from srprov.controller.permissions import require_decided
 from srprov.controller.plan import Planned
+from srprov.definitions.model import NetworkSettings
 from srprov.errors import StalePlan, UsageError
 from srprov.facts.gather import Detail, Gathering
-from srprov.modules.secret import with_value
-from srprov.planning.fingerprint import fingerprints
-from srprov.planning.planfile import PlanFile, differences
-from srprov.secret import Vault
+from srprov.facts.model import Snapshot
+from srprov.modules import PROBING
+from srprov.modules.network import NetworkParams
+from srprov.modules.secret import SecretParams
+from srprov.network.identity import identify
+from srprov.network.record import read_record
+from srprov.planning.diff import diff
+from srprov.planning.fingerprint import fingerprints, relied_on
+from srprov.planning.limit import limited
+from srprov.planning.plan import Step
+from srprov.planning.planfile import PlanFile, differences, step_out
+from srprov.planning.planread import named
+from srprov.resource import Resource
 
 
 def plan_file(planned: Planned) -> PlanFile:
@@ -30,11 +43,22 @@ def plan_file(planned: Planned) -> PlanFile:
     if planned.saved:
         return dataclasses.replace(planned.saved, plan=planned.plan)
     assert planned.snapshot is not None  # only a plan from a file has none
-    return PlanFile(
-        plan=planned.plan,
-        fingerprints=fingerprints(planned.plan, planned.snapshot),
+    plan = planned.plan
+    stepped = {step.id for step in plan.steps if step.want}
+    hosts = relied_on(planned.whole or plan) | {one.host for one in planned.desired}
+    also = sorted((one for one in planned.desired if one.id not in stepped), key=lambda one: one.id)
+    saved = PlanFile(
+        plan=plan,
+        fingerprints=fingerprints(planned.whole or plan, planned.snapshot, also, hosts),
+        also_wanted=tuple(also),
+        limit=planned.limit,
         inputs=_inputs(planned),
         made_by=srprov.__version__,
+    )
+    # whoever applies the file has only its resources to judge by
+    more = [one for one in authority.asked(saved) if one not in plan.permissions]
+    return dataclasses.replace(
+        saved, plan=dataclasses.replace(plan, permissions=(*plan.permissions, *dict.fromkeys(more)))
     )
 
 
@@ -61,15 +85,17 @@ def _inputs(planned: Planned) -> dict[str, str]:
     return inputs | {os.path.relpath(one.file, folder): one.text for one in planned.playbooks}
 
 
-def check_plan(saved: PlanFile, fleet: Fleet, vault: Vault) -> Planned:
+def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False) -> Planned:
     """Return the plan of a file when nothing that it relies on has moved; robots out of reach are noted in it.
 
-    The file holds no secret: its steps get the values of now from the vault.
+    Its steps are those that follow from what it wants and from the robots as they are now; what the file says of them
+    must be the same. The values of secrets are not known yet.
 
     Raises:
         StalePlan: Names what moved on which robot.
-        RefusedError: It would use data that was not made here from its source.
-        UsageError: A robot of the plan is not in the inventory.
+        UsageError: A robot of the plan is not in the inventory; or the file's steps are not those that follow.
+        RefusedError: Another source made the instance, and `adopt` does not take it over; or it would use data that was
+            not made here from its source.
     """
     missing = sorted(set(saved.fingerprints) - set(fleet.inventory.hosts))
     if missing:
@@ -79,10 +105,20 @@ def check_plan(saved: PlanFile, fleet: Fleet, vault: Vault) -> Planned:
         )
     hosts = {name: fleet.inventory.hosts[name] for name in sorted(saved.fingerprints)}
     part = dataclasses.replace(fleet.inventory, hosts=hosts)
+    wants = (*(step.want for step in saved.plan.steps if step.want), *saved.also_wanted)
     with Gathering(part, fleet.sessions.get, engine=True, forks=fleet.forks) as look:
-        snapshot = look.probe(look.closer(Detail.ENGINE), [step.want for step in saved.plan.steps if step.want])
-    now = fingerprints(saved.plan, snapshot)
+        snapshot = look.probe(look.closer(Detail.ENGINE), wants)
+    _refuse_stale(saved, wants, snapshot)
     check_saved(saved.plan, snapshot)
+    check_source(snapshot, saved.plan.instance, saved.plan.source, adopt=adopt)
+    _check_networks(wants, saved.plan.instance, snapshot)
+    steps = _derived(saved, wants, snapshot)
+    unreachable = {**saved.plan.unreachable, **snapshot.unreachable}
+    return Planned(plan=dataclasses.replace(saved.plan, steps=steps, unreachable=unreachable), saved=saved)
+
+
+def _refuse_stale(saved: PlanFile, wants: tuple[Resource, ...], snapshot: Snapshot) -> None:
+    now = fingerprints(saved.plan, snapshot, wants, saved.fingerprints)
     moved = [
         f"{host}: {difference}"
         for host in sorted(now)
@@ -93,8 +129,46 @@ def check_plan(saved: PlanFile, fleet: Fleet, vault: Vault) -> Planned:
             "robots changed since the plan was made:\n" + "\n".join(f"  {line}" for line in moved),
             hint="plan again, review it again, then apply that",
         )
-    steps = tuple(
-        dataclasses.replace(step, want=with_value(step.want, vault)) if step.want else step for step in saved.plan.steps
-    )
-    unreachable = {**saved.plan.unreachable, **snapshot.unreachable}
-    return Planned(plan=dataclasses.replace(saved.plan, steps=steps, unreachable=unreachable), saved=saved)
+
+
+def _check_networks(wants: tuple[Resource, ...], instance: str, snapshot: Snapshot) -> None:
+    """Hold the overlay of a plan file to what an EDF's is held to: nothing on a robot may have its subnet or VNI."""
+    record = read_record(snapshot.placements.get(instance))
+    overlays = [want.params for want in wants if isinstance(want.params, NetworkParams)]
+    for subnet, vni, port in sorted({(one.subnet, one.vni, one.port) for one in overlays}):
+        identify(instance, NetworkSettings(subnet=subnet, vni=vni, port=port), snapshot, record)
+
+
+def _derived(saved: PlanFile, wants: tuple[Resource, ...], snapshot: Snapshot) -> tuple[Step, ...]:
+    """Return the steps that follow from what a file wants; those of robots out of reach without commands."""
+    away = saved.fingerprints.keys() - snapshot.facts.keys()
+    # whether a secret that is there is right shows only when its value is read, after the question
+    there = {(host, one.module, one.name) for host, items in snapshot.observed.items() for one in items}
+    secrets = [one for one in saved.also_wanted if isinstance(one.params, SecretParams)]
+    settled = {one.id for one in secrets if (one.host, one.module, one.name) in there}
+    settled |= {want.id for want in wants if want.host in away}
+    beside = [step for step in saved.plan.steps if step.host in away]
+    plan = saved.plan
+    steps, _ = diff(wants, owned(snapshot, plan.instance), plan.instance, settled=settled, beside=beside)
+    if saved.limit:
+        steps = limited(dataclasses.replace(plan, steps=steps), saved.limit).steps
+    changed = differences(_by_number(plan.steps), _by_number(steps))
+    if changed:
+        hint = "somebody changed it, or another version of srprov made it: plan again, review it again, apply that"
+        raise UsageError(f"the plan's steps are not those that srprov derives from it:\n{named(changed)}", hint=hint)
+    # nobody looked at what they would change
+    mute = {step.number: dataclasses.replace(step.change, commands=()) for step in steps if step.host in away}
+    return tuple(dataclasses.replace(step, change=mute.get(step.number, step.change)) for step in steps)
+
+
+def _by_number(steps: tuple[Step, ...]) -> Mapping[str, object]:
+    """Return what two plans must agree on: all but causes that only a secret's value, or a check just now, tells."""
+    told = {
+        f"step {step.number}": {**step_out(step, {}), "cause": "" if _varies(step) else step.change.cause}
+        for step in steps
+    }
+    return {**told, "order": list(told)}
+
+
+def _varies(step: Step) -> bool:
+    return step.module in PROBING or (step.want is not None and isinstance(step.want.params, SecretParams))

@@ -3,10 +3,14 @@
 Takes what a run starts from, an experiment or a plan from a file; gives a Vault. Reads variables, files and the output
 of programs of the controller. The vault goes into wanted resources, for their hashes (`with_value`), and into sessions,
 which write the values.
+
+What a plan file names is read after the user saw the plan and said yes: `HeldSecrets`.
 """
 
 from __future__ import annotations
 
+import dataclasses
+import os
 from collections.abc import Collection
 from typing import TYPE_CHECKING
 
@@ -17,29 +21,63 @@ from srprov.planning.policy import permissions
 from srprov.secret import Vault
 
 if TYPE_CHECKING:
+    from srprov.controller.plan import Planned
     from srprov.definitions.secretmodel import SecretSource
+    from srprov.planning.plan import Plan
     from srprov.planning.planfile import PlanFile
 
 
-def read_secrets(source: Definitions | PlanFile, allowed: Collection[str]) -> Vault:
+def read_secrets(source: Definitions, allowed: Collection[str]) -> Vault:
     """Read the values that a run will write, before anything else is started that could inherit a variable.
 
     Raises:
         RefusedError: The user did not allow it: an EDF could name any variable, file or program of the controller.
         DefinitionError: With every variable, file and command that gave no value.
     """
-    if not isinstance(source, Definitions):
-        permit_planning(source.plan.permissions, allowed)
-        return resolve(secret_sources(source))
     if source.unsupported:
         return Vault()  # refused as soon as a plan is made, with all that is not built
     permit_planning(permissions(source.experiment, source.containers), allowed)
     return resolve(used(source.experiment))
 
 
-def secret_sources(saved: PlanFile) -> tuple[SecretSource, ...]:
-    """Return the sources of the secrets that the plan's steps write."""
+class HeldSecrets:
+    """The secrets of a run: of an EDF read at once, of a plan file allowed at once and read in the end.
+
+    A plan file's variables leave the environment at once, so that no program that srprov starts inherits one.
+    """
+
+    def __init__(self, source: Definitions | PlanFile, allowed: Collection[str]) -> None:
+        """Refuse what the user did not allow; see `read_secrets`."""
+        self._variables: dict[str, str] | None = None
+        if isinstance(source, Definitions):
+            self.vault = read_secrets(source, allowed)
+            return
+        permit_planning(source.plan.permissions, allowed)
+        self.vault = Vault()
+        names = {one.env for one in secret_sources(source.plan) if one.env}
+        self._variables = {name: os.environ.pop(name) for name in sorted(names) if name in os.environ}
+
+    def read(self, planned: Planned) -> Planned:
+        """Read the values that the steps of a plan from a file write, and return it with them.
+
+        Raises:
+            DefinitionError: With every variable, file and command that gave no value.
+        """
+        if self._variables is None:
+            return planned
+        from srprov.modules.secret import with_value
+
+        self.vault.fill(resolve(secret_sources(planned.plan), {**os.environ, **self._variables}))
+        steps = tuple(
+            dataclasses.replace(step, want=with_value(step.want, self.vault)) if step.want else step
+            for step in planned.plan.steps
+        )
+        return dataclasses.replace(planned, plan=dataclasses.replace(planned.plan, steps=steps))
+
+
+def secret_sources(plan: Plan) -> tuple[SecretSource, ...]:
+    """Return the sources of the secrets that a plan's steps write."""
     from srprov.modules.secret import names_of
 
-    written = names_of(step.want for step in saved.plan.steps if step.want)
-    return tuple(source for source in saved.plan.secrets if source.name in written)
+    written = names_of(step.want for step in plan.steps if step.want)
+    return tuple(source for source in plan.secrets if source.name in written)

@@ -10,17 +10,44 @@ from srprov.definitions import load_experiment
 from srprov.definitions.model import Definitions
 from srprov.errors import UsageError
 
+EDF_ENDINGS = (".edf", ".yml", ".yaml")
+"""No plan has such a name."""
+
 if TYPE_CHECKING:
     from srprov.planning.planfile import PlanFile
 
 
-def read_source(file: str) -> Definitions | PlanFile:
+def read_source(file: str, signers: str = "") -> Definitions | PlanFile:
     """Read an EDF with every file that it names, or a plan that `plan -o` wrote.
+
+    With `signers`, only a plan that one of them signed: nothing of the file is looked at before that is sure.
 
     Raises:
         DefinitionError: With everything that is wrong with it.
+        UsageError: It is a plan that cannot be applied, or that is named like an EDF; or an EDF, with `signers`.
+        RefusedError: Nobody among the signers signed it.
     """
+    if signers:
+        return _signed(file, signers)
     return _plan(file) or load_experiment(file)
+
+
+def is_edf_name(file: str) -> bool:
+    """Return whether a file's name says that it is an EDF: what is in it must not be taken for a plan, then."""
+    return file.lower().endswith(EDF_ENDINGS)
+
+
+def _signed(file: str, signers: str) -> PlanFile:
+    from srprov.controller.signature import verified
+
+    hint = "leave --signers out, or sign a plan: srprov plan EDF -o plan.json --sign KEY"
+    if is_edf_name(file):
+        raise UsageError(f"--signers is for plans, and {file} is named like an EDF", hint=hint)
+    text = verified(file, signers).decode("utf-8", "replace")
+    saved = _read_plan(text, file)
+    if saved is None:
+        raise UsageError(f"--signers is for plans, and {file} is none", hint=hint)
+    return saved
 
 
 def _plan(file: str) -> PlanFile | None:
@@ -29,13 +56,30 @@ def _plan(file: str) -> PlanFile | None:
             return None
     except OSError:
         return None  # the definitions say what is wrong with it
-    from srprov.planning.planfile import MAX_CHARACTERS, is_plan, load
+    from srprov.planning.planfile import MAX_CHARACTERS
 
     try:
         text = regular_file.read_text(file, MAX_CHARACTERS)
     except OSError as error:
         raise UsageError(f"{file} cannot be read: {error.strerror}", hint="apply the EDF itself") from error
-    return load(text, file) if is_plan(text) else None
+    return _read_plan(text, file)
+
+
+def _read_plan(text: str, file: str) -> PlanFile | None:
+    if not text.lstrip().startswith("{"):
+        return None
+    from srprov.planning.planread import is_plan, load
+
+    if not is_plan(text):
+        return None
+    if is_edf_name(file):
+        hint = "if you trust it, give it another name, such as plan.json"
+        raise UsageError(f"{file} is named like an EDF, and is none: it says no 'edf', as only a plan does", hint=hint)
+    from srprov.controller.authority import check_file
+
+    saved = load(text, file)
+    check_file(saved, file)
+    return saved
 
 
 def named_instance(file: str) -> tuple[str, str]:

@@ -9,9 +9,11 @@ content on every architecture.
 from __future__ import annotations
 
 import hashlib
+import io
 import json
 import posixpath
 import re
+import tarfile
 from collections.abc import Iterable, Sequence
 from functools import partial
 
@@ -22,6 +24,7 @@ from srprov.images.context import DOCKERFILE, Listing, Read, context_tar, entrie
 from srprov.images.dockerfile import FieldErrors, context_name, instruction_lines, label_line, render_dockerfile
 from srprov.images.plan import ContextFile, Dockerfile, ImagePlan
 
+_TAG_LENGTH = 16
 _FORMAT = 1
 """Counts up when the same definition shall build something else than before."""
 
@@ -42,7 +45,7 @@ def plan_image(cdf: ContainerDefinition, listing: Listing, read: Read) -> ImageP
         raise ValueError(f"{cdf.name} names a ready image: nothing is built")
     dockerfile, entries = _from_folder(cdf, listing, read) if cdf.dockerfile else _from_base(cdf, listing, read)
     return ImagePlan(
-        tag=f"srprov/{_slug(cdf.name)}:{content_hash(dockerfile, entries)[:16]}",
+        tag=f"srprov/{_slug(cdf.name)}:{content_hash(dockerfile, entries)[:_TAG_LENGTH]}",
         dockerfile=dockerfile.text,
         context=context_tar(dockerfile.text, entries),
         base=dockerfile.base,
@@ -61,6 +64,29 @@ def content_hash(dockerfile: Dockerfile, entries: Iterable[ContextFile]) -> str:
     )
     whole = {"format": _FORMAT, "dockerfile": dockerfile.text, "base": dockerfile.base, "files": files}
     return hashlib.sha256(json.dumps(whole, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
+
+
+def read_context(context: bytes) -> tuple[str, str]:
+    """Return a build context's content tag and Dockerfile; "" for one that `plan_image` would not write."""
+    try:
+        with tarfile.open(fileobj=io.BytesIO(context), mode="r:") as tar:
+            entries = [_context_file(tar, one) for one in tar.getmembers() if not one.isdir()]
+        text = next(one.content for one in entries if one.path == DOCKERFILE).decode()
+        if context_tar(text, entries) != context:
+            return "", ""
+    except (tarfile.TarError, ValueError, OverflowError, OSError, EOFError, StopIteration):
+        return "", ""
+    base, pinned = _bases(text)
+    return content_hash(Dockerfile(text=text, base=base, pinned=pinned), entries)[:_TAG_LENGTH], text
+
+
+def _context_file(tar: tarfile.TarFile, one: tarfile.TarInfo) -> ContextFile:
+    if one.issym():
+        return ContextFile(path=one.name, link=one.linkname, mode=one.mode)
+    if one.type != tarfile.REGTYPE or one.sparse:
+        raise ValueError(f"{one.name} is neither a file nor a link")
+    stream = tar.extractfile(one)
+    return ContextFile(path=one.name, content=stream.read() if stream else b"", mode=one.mode)
 
 
 def locate_failure(plan: ImagePlan, output: str) -> Location | None:

@@ -13,6 +13,8 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 from urllib.parse import quote as url_quote
 
+from srprov.definitions.model import Service
+from srprov.modules import container_form
 from srprov.modules.container_body import engine_body, parts_of
 from srprov.modules.container_params import ContainerParams
 from srprov.modules.container_status import reached
@@ -25,6 +27,7 @@ from srprov.modules.module import (
     SOURCE,
     STOP_GRACE,
     Module,
+    Names,
     canonical,
     digest,
 )
@@ -95,6 +98,14 @@ class ContainerModule(Module[ContainerParams]):
         # one that was never started has no id yet: Docker looks its network up by name
         lost = holds is None or (holds != "" and (network is None or holds != network["id"]))
         return "its network was removed" if lost else ""
+
+    def is_own(self, name: str, want: ContainerParams, names: Names) -> bool:
+        """Compare name, owner, network and mounts."""
+        return name == container_name(want.instance, want.service) and container_form.is_own(want, names)
+
+    def service_of(self, want: ContainerParams) -> Service:
+        """Read it back from the engine's form."""
+        return container_form.service_of(want)
 
     def status_query(self, name: str) -> EngineQuery:
         """Inspect it."""

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from srprov.modules.module import STATE_ROOT, Module
+from srprov.modules.module import STATE_ROOT, Module, Names
 from srprov.modules.params import AnyText, Mode
 from srprov.resource import Action, Change, Observed, State
 from srprov.wire import AnyQuery, Command, Put, Query, Reply, Run, quote
@@ -66,6 +66,11 @@ class FileModule(Module[FileParams]):
     def removal(self, found: Observed) -> tuple[Command, ...]:
         """Remove it, and the instance's folder when it was the last thing there."""
         return (remove_path(found.name),)
+
+    def is_own(self, name: str, want: FileParams, names: Names) -> bool:
+        """Compare with the two that every instance has; no permission but to read."""
+        home = f"{STATE_ROOT}/{names.instance}"
+        return name in (f"{home}/hosts", f"{home}/placement.json") and want.mode == _READABLE
 
     def misplaced(self, name: str, want: FileParams, context: Mapping[str, Any]) -> tuple[str, str] | None:
         """Say so of one in a deeper folder, too: those are not listed."""

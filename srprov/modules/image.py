@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
-from srprov.modules.module import Module
+from srprov.modules.module import Module, Names
 from srprov.modules.params import ParameterError
 from srprov.resource import Action, Change, Observed, State
 from srprov.untrusted import mappings, string, string_map
@@ -72,6 +72,10 @@ class ImageModule(Module[ImageParams]):
         how, command = _getting(name, want)
         note = "; base not pinned" if want.unpinned else ""
         return Change(action=Action.CREATE, cause=f"not on the robot; {how}{note}", commands=(command,))
+
+    def is_own(self, name: str, want: ImageParams, names: Names) -> bool:
+        """Take any that is fetched; what is built is told by its content tag, which is not known here."""
+        return want.source != "build"
 
     def removal(self, found: Observed) -> tuple[Command, ...]:
         """Untag; layers go when nothing else needs them."""

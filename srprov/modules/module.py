@@ -16,8 +16,10 @@ import hashlib
 import json
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Generic, Protocol, runtime_checkable
 
+from srprov.definitions.model import Service
 from srprov.modules.params import P
 from srprov.resource import Change, Observed, State
 from srprov.wire import AnyQuery, Command, EngineQuery, Query, Reply
@@ -33,6 +35,19 @@ STATE_ROOT = "/var/lib/srprov"
 """Where rendered files live on a robot: STATE_ROOT/<instance>/."""
 MEMORY_ROOT = "/run/srprov"
 """Where secrets live on a robot, in memory: MEMORY_ROOT/<instance>/secrets/."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Names:
+    """What srprov's own playbooks name on robots for one instance."""
+
+    instance: str
+    source: str
+    bridge: str
+    link: str
+    network: str
+    vteps: frozenset[str]
+    """The robots' underlay addresses."""
 
 
 class Module(ABC, Generic[P]):
@@ -101,6 +116,18 @@ class Module(ABC, Generic[P]):
         `others` are all on its robot, by kind and name.
         """
         return ""
+
+    def is_own(self, name: str, want: P, names: Names) -> bool:
+        """Return whether srprov's own playbooks could state this: all that an EDF leads to without a playbook.
+
+        A plan file may come from a stranger. What is not of that form needs the permission `playbook` there, so that a
+        kind that says nothing of itself does.
+        """
+        return False
+
+    def service_of(self, want: P) -> Service | None:
+        """Return what one runs as an EDF would state it, so that the same function says which permissions it needs."""
+        return None
 
     def misplaced(self, name: str, want: P, context: Mapping[str, Any]) -> tuple[str, str] | None:
         """Return why one in a user's playbook would not be the instance's, and what to write instead.

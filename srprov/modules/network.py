@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from srprov.modules.module import CONFIG_HASH, INSTANCE, LABEL_FILTER, SOURCE, Module, canonical, digest
+from srprov.modules.module import CONFIG_HASH, INSTANCE, LABEL_FILTER, SOURCE, Module, Names, canonical, digest
 from srprov.resource import Action, Change, Observed, State
 from srprov.untrusted import integer, mappings, string, string_map
 from srprov.wire import AnyQuery, Command, EngineCall, EngineQuery, Reply, Run, quote
@@ -94,6 +94,11 @@ class NetworkModule(Module[NetworkParams]):
     def removal(self, found: Observed) -> tuple[Command, ...]:
         """Remove by name."""
         return _remove(found.name, found.state)
+
+    def is_own(self, name: str, want: NetworkParams, names: Names) -> bool:
+        """Compare names and owner; whether subnet and VNI may be used is a question to the robots."""
+        owner = (want.instance, want.source) == (names.instance, names.source)
+        return owner and (name, want.bridge) == (names.network, names.bridge)
 
     def made_after_removal_of(self, other: str) -> bool:
         """Wait for what holds addresses and bridges of a network that goes."""

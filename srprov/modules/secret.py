@@ -15,8 +15,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
+from srprov.modules.container_form import WORD
 from srprov.modules.file import remove_path
-from srprov.modules.module import MEMORY_ROOT, Module
+from srprov.modules.module import MEMORY_ROOT, Module, Names
 from srprov.modules.params import NOT_WRITTEN, Mode
 from srprov.resource import Action, Change, Observed, Resource, State
 from srprov.secret import Hidden, Secret, Vault
@@ -28,6 +29,8 @@ _ANY = 'set -- */secrets; [ -e "$1" ]'
 _SHOW = f"{_FIND} stat -c '%a %n' {{}} +; {_FIND} sha256sum {{}} +"
 _LIST = f"cd {MEMORY_ROOT} 2>/dev/null && {_ANY} || exit 0; {_SHOW}; exit 0"
 _PARTS = 3
+_PERMISSIONS = 0o777
+"""No setuid bit."""
 _SHA_DIGITS = hashlib.sha256().digest_size * 2
 
 
@@ -102,6 +105,11 @@ class SecretModule(Module[SecretParams]):
     def removal(self, found: Observed) -> tuple[Command, ...]:
         """Remove it, and the folders above it that are empty then."""
         return (remove_path(found.name, MEMORY_ROOT, with_root=True),)
+
+    def is_own(self, name: str, want: SecretParams, names: Names) -> bool:
+        """Compare its place with its name and mode."""
+        place = secret_path(names.instance, want.name, f"{want.mode:04o}")
+        return name == place and want.mode <= _PERMISSIONS and WORD.fullmatch(want.name) is not None
 
     def misplaced(self, name: str, want: SecretParams, context: Mapping[str, Any]) -> tuple[str, str] | None:
         """Say so of one that no service on the robot uses: nobody reads its value."""

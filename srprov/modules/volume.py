@@ -14,7 +14,8 @@ import datetime as dt
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from srprov.modules.module import INSTANCE, LABEL_FILTER, SOURCE, Module, canonical
+from srprov.modules.container_form import WORD
+from srprov.modules.module import INSTANCE, LABEL_FILTER, SOURCE, Module, Names, canonical
 from srprov.resource import Action, Change, Observed, State
 from srprov.untrusted import mappings, string, string_map
 from srprov.wire import AnyQuery, Command, CopyVolume, EngineCall, EngineQuery, Reply, Run, quote
@@ -109,6 +110,12 @@ class VolumeModule(Module[VolumeParams]):
         )
         cause = f"copied from {want.from_}, compared by hash, then removed there"
         return Change(action=Action.RUN, cause=cause, commands=commands)
+
+    def is_own(self, name: str, want: VolumeParams, names: Names) -> bool:
+        """Compare name and owner."""
+        word = name.removeprefix(f"srprov.{names.instance}.")
+        owner = (want.instance, want.source) == (names.instance, names.source)
+        return owner and word != name and WORD.fullmatch(word) is not None
 
     def removal(self, found: Observed) -> tuple[Command, ...]:
         """Remove it with its data."""

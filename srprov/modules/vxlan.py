@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from srprov.modules.module import Module
+from srprov.modules.module import Module, Names
 from srprov.resource import Action, Change, Observed, State
 from srprov.untrusted import mappings, string
 from srprov.wire import AnyQuery, Command, Query, Reply, Run, quote, sh
@@ -95,6 +95,11 @@ class VxlanModule(Module[VxlanParams]):
         """Delete the link; its entries go with it."""
         name = quote(found.name)
         return (Run(script=f"ip link show dev {name} >/dev/null 2>&1 || exit 0; ip link del dev {name}"),)
+
+    def is_own(self, name: str, want: VxlanParams, names: Names) -> bool:
+        """Compare names, and where packets go: to robots of the plan."""
+        own = (name, want.bridge, want.instance) == (names.link, names.bridge, names.instance)
+        return own and {want.local, *(vtep for _, vtep in want.fdb)} <= names.vteps
 
     def removed_before(self, other: str) -> bool:
         """Go before the bridge that it is a port of."""

@@ -64,6 +64,11 @@ def link_names(instance: str) -> tuple[str, str]:
     return f"srpb{digits}", f"srpv{digits}"
 
 
+def network_name(instance: str) -> str:
+    """Return the name of an instance's Docker network."""
+    return f"srprov.{instance}"
+
+
 def identify(
     instance: str, settings: NetworkSettings, snapshot: Snapshot, record: PlacementRecord | None = None
 ) -> InstanceIdentity:
@@ -88,7 +93,7 @@ def identify(
         port=settings.port,
         bridge=bridge,
         link=link,
-        network=f"srprov.{instance}",
+        network=network_name(instance),
         subnet=_subnet(instance, settings, ours, foreign),
     )
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import dataclasses
 import heapq
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
 from srprov.errors import PlanError
 from srprov.modules import MODULES, PROBING, RUNNING
@@ -25,19 +25,34 @@ ObservedByRobot = Mapping[str, Sequence[Observed]]
 """Robot -> everything of ours there, of every instance."""
 
 
-def diff(desired: Iterable[Resource], observed: ObservedByRobot, instance: str) -> tuple[tuple[Step, ...], int]:
+def diff(
+    desired: Iterable[Resource],
+    observed: ObservedByRobot,
+    instance: str,
+    *,
+    settled: Collection[str] = (),
+    beside: Sequence[Step] = (),
+) -> tuple[tuple[Step, ...], int]:
     """Return the steps that make `desired` true, and the number of resources that are right already.
+
+    Args:
+        desired: What should be true.
+        observed: What was found.
+        instance: The instance.
+        settled: Ids of resources that are not compared: right already, or a step of `beside` is about them.
+        beside: Steps of robots that cannot be looked at; they are put in order with the others.
 
     Raises:
         PlanError: Two resources with one id, or needs that form a circle.
     """
     wanted = _by_id(desired)
     there = {(host, item.module, item.name): item for host, items in observed.items() for item in items}
-    due = [due_step(one, there.get((one.host, one.module, one.name))) for one in wanted.values()]
+    compared = [one for one in wanted.values() if one.id not in settled]
+    due = [due_step(one, there.get((one.host, one.module, one.name))) for one in compared]
     steps = [step for step in due if step is not None]
     orphans = _orphans(wanted, observed, instance)
     rebuilt, taken = rebuild_users(steps, orphans, wanted, there)
-    changing = [*rebuild_stranded(rebuilt, there), *orphans]
+    changing = [*rebuild_stranded(rebuilt, there), *orphans, *beside]
     again = _asked_again(changing, wanted, there)
     return _in_order([*changing, *again], wanted), len(wanted) - len(steps) - taken - len(again)
 

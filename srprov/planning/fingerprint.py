@@ -7,28 +7,45 @@ the minute, and hashes of secrets, which would help to guess them.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
 from srprov.facts.model import HostFacts, Snapshot
 from srprov.planning.plan import Plan
-from srprov.resource import Observed
+from srprov.resource import Observed, Resource
 from srprov.secret import Hidden
 
 _PASSING = ("status", "health", "labels", "id")
 """Keys of a state that say nothing of whether it is the same: `Up 3 minutes`, a health that settles, labels, an id."""
 
 
-def fingerprints(plan: Plan, snapshot: Snapshot) -> dict[str, dict[str, Any]]:
-    """Return the fingerprint of every robot that the plan places a service on or has a step for."""
-    hosts = {*plan.assignment.values(), *(step.host for step in plan.steps)} & set(snapshot.facts)
-    return {host: fingerprint(plan, host, snapshot.facts[host], snapshot.observed[host]) for host in sorted(hosts)}
+def fingerprints(
+    plan: Plan, snapshot: Snapshot, wanted: Iterable[Resource], hosts: Collection[str]
+) -> dict[str, dict[str, Any]]:
+    """Return the fingerprint of every robot of `hosts` that can be reached; `wanted` is all that the plan wants."""
+    named: dict[str, set[tuple[str, str]]] = {}
+    for host, module, name in [
+        *((step.host, step.module, step.name) for step in plan.steps),
+        *((want.host, want.module, want.name) for want in wanted),
+    ]:
+        named.setdefault(host, set()).add((module, name))
+    return {
+        host: _fingerprint(snapshot.facts[host], _ours(plan, snapshot.observed[host], named.get(host, ())))
+        for host in sorted(set(hosts) & snapshot.facts.keys())
+    }
 
 
-def fingerprint(plan: Plan, host: str, facts: HostFacts, observed: Iterable[Observed]) -> dict[str, Any]:
+def relied_on(plan: Plan) -> frozenset[str]:
+    """Return the robots that the plan places a service on or has a step for."""
+    return frozenset({*plan.assignment.values(), *(step.host for step in plan.steps)})
+
+
+def _ours(plan: Plan, observed: Iterable[Observed], named: Collection[tuple[str, str]]) -> list[Observed]:
+    return [one for one in observed if one.instance == plan.instance or (one.module, one.name) in named]
+
+
+def _fingerprint(facts: HostFacts, ours: Iterable[Observed]) -> dict[str, Any]:
     """Return one robot's fingerprint: JSON values only."""
-    named = {(step.module, step.name) for step in plan.steps if step.host == host}
-    ours = [e for e in observed if e.instance == plan.instance or (e.module, e.name) in named]
     return {
         "engine": {"version": facts.docker.version, "api": facts.docker.api_version} if facts.docker else None,
         "host": {

@@ -66,7 +66,7 @@ def write_inputs(folder: RunFolder, run: RunInputs) -> None:
     begun = dt.datetime.now(dt.timezone.utc)
     folder.put_json("environment.json", lambda: environment(run, begun))
     folder.put("plan.txt", lambda: plan_text(run.plan, commands=True))
-    folder.put_json("plan.json", lambda: document(run.file, with_blobs=False))
+    folder.put_json("plan.json", lambda: document(run.file))
     folder.put_json("assignment.json", lambda: decision(run.plan, run.assignment))
     if run.snapshot is not None:
         found = run.snapshot

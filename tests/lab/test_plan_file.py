@@ -69,18 +69,20 @@ def test_a_robot_that_moved_is_named_and_no_other_is_touched(trial: tuple[Lab, s
 
 
 def test_a_plan_file_with_other_bytes_is_refused(trial: tuple[Lab, str, str], tmp_path: Path) -> None:
-    """A command that was changed in the file is not what the wanted resource needs: the step fails, it is not run."""
+    """A command that was changed in the file is not what the wanted resource needs: it is named, nothing is done."""
     lab, inventory, path = trial
     file = tmp_path / "plan.json"
     assert lab.srprov("plan", path, "-i", inventory, "-o", str(file)).code == 0
     document = json.loads(file.read_text())
     link = next(step for step in document["steps"] if step["module"] == "vxlan")
     link["commands"][0]["run"] += "\ntouch /tmp/not-planned"
-    file.write_text(json.dumps(document))
+    file.write_text(json.dumps(document, indent=2) + "\n")
 
     done = lab.srprov("apply", str(file), "-i", inventory, "--yes", "--settle", "0")
 
-    assert done.code == 3, done
+    assert done.code == 5, done
+    assert f"step {link['number']} commands 0 run: was" in done.err
+    assert lab.leftovers(link["robot"]) == NOTHING
     assert lab.shell(link["robot"], "test", "-e", "/tmp/not-planned", check=False).code == 1
 
 

@@ -19,7 +19,7 @@ from srprov.facts.model import Snapshot
 from srprov.facts.placements import parse_placements
 from srprov.network.foreign import foreign_uses
 from srprov.network.record import read_record
-from srprov.planning.planfile import is_plan, load
+from srprov.planning.planread import is_plan, load
 from srprov.transport.engine.answers import message_of
 from srprov.untrusted import json_or_none, mappings, parse_json, string, string_map
 from srprov.wire import Reply

@@ -6,6 +6,7 @@ import base64
 import dataclasses
 import hashlib
 import json
+import os
 from collections.abc import Iterator
 
 import pytest
@@ -14,12 +15,13 @@ from srprov.cli.plan import write_plan
 from srprov.controller.plan import Planned
 from srprov.controller.request import PlanRequest
 from srprov.controller.saved import check_plan, plan_file
-from srprov.controller.secrets import read_secrets, secret_sources
+from srprov.controller.secrets import HeldSecrets, read_secrets, secret_sources
 from srprov.definitions.model import Definitions
 from srprov.definitions.secretmodel import SecretSource, SecretUse
 from srprov.errors import DefinitionError, Location, RefusedError
 from srprov.planning.plan import plan_json
-from srprov.planning.planfile import PlanFile, dump, load
+from srprov.planning.planfile import PlanFile, dump
+from srprov.planning.planread import load
 from srprov.planning.text import plan_text
 from srprov.secret import Secret, Vault, forget
 from tests.fakes import World
@@ -138,14 +140,17 @@ def test_destroy_removes_it() -> None:
     assert PATH not in world.robots["r1"].disk.files
 
 
-def test_a_plan_file_takes_the_value_of_the_day() -> None:
+def test_a_plan_file_takes_the_value_of_the_day(monkeypatch: pytest.MonkeyPatch) -> None:
     """The file says where the value comes from; apply reads it then, and writes that one."""
     world = World().add("r1")
     saved = load(dump(file_of(planned(world))), "plan.json")
     assert dump(saved) == dump(file_of(planned(world)))
-    assert secret_sources(saved) == (TOKEN,)
-    world.vault = Vault({"token": Secret("value-of-the-day")})
-    plan = check_plan(saved, fleet(world), world.vault).plan
+    assert secret_sources(saved.plan) == (TOKEN,)
+    monkeypatch.setenv("TOKEN", "value-of-the-day")
+    held = HeldSecrets(saved, ("secret",))
+    assert "TOKEN" not in os.environ
+    world.vault = held.vault
+    plan = held.read(check_plan(saved, fleet(world))).plan
     assert run(world, plan).exit_code == 0
     assert world.robots["r1"].disk.files[PATH] == b"value-of-the-day"
 
@@ -154,7 +159,7 @@ def test_a_plan_file_without_a_secret_to_write_needs_no_value() -> None:
     """What is there already is not read again."""
     world = World().add("r1")
     run(world, planned(world).plan)
-    assert secret_sources(load(dump(file_of(planned(world, command=("new",)))), "plan.json")) == ()
+    assert secret_sources(load(dump(file_of(planned(world, command=("new",)))), "plan.json").plan) == ()
 
 
 def test_a_missing_value_is_told_before_any_robot_is_changed() -> None:

@@ -71,7 +71,7 @@ def test_everything_is_there_and_for_its_owner_only(tmp_path: Path) -> None:
     decision = json.loads((folder.path / "assignment.json").read_text())
     assert decision["assignment"] == {"a": "r1", "b": "r2"} and set(decision["costs"]) == {"a", "b"}
     kept = json.loads((folder.path / "plan.json").read_text())
-    assert kept == json.loads(json.dumps(document(file, with_blobs=False)))
+    assert kept == json.loads(json.dumps(document(file)))
     assert [step["id"] for step in map(json.loads, (folder.path / "events.jsonl").read_text().splitlines())][1] is None
     environment = json.loads((folder.path / "environment.json").read_text())
     assert environment["libraries"]["paramiko"] and environment["owner"] == "a@b"

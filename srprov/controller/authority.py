@@ -1,0 +1,172 @@
+"""What a plan file asks for, by its values: a plan file is data, never authority.
+
+Takes what was read from one. Its permissions are those that its resources need, said by the function that says it for
+an EDF; what srprov's own playbooks could not state needs the permission `playbook`. Commands, removals, needs and order
+are derived again in `controller.saved`, from the robots as they are. Touches nothing.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Collection, Iterator, Mapping
+
+from srprov.definitions.containermodel import ContainerDefinition
+from srprov.definitions.dockerfile import fetches, images_of
+from srprov.definitions.model import Experiment, Service
+from srprov.definitions.secretmodel import SecretSource
+from srprov.errors import UsageError
+from srprov.images.tag import read_context
+from srprov.modules import MODULES, PROBING
+from srprov.modules.file import FileParams
+from srprov.modules.image import ImageParams
+from srprov.modules.module import Names, canonical
+from srprov.modules.network import NetworkParams
+from srprov.modules.secret import names_of
+from srprov.modules.vxlan import VxlanParams
+from srprov.network.identity import link_names, network_name
+from srprov.network.record import read_record
+from srprov.planning.plan import Plan
+from srprov.planning.planfile import PlanFile
+from srprov.planning.planread import named
+from srprov.planning.policy import Permission, permissions
+from srprov.resource import Resource
+from srprov.untrusted import json_or_none, mapping
+
+_SHOWN = 200
+"""Characters of what a resource says that are shown with a permission."""
+
+
+def check_file(saved: PlanFile, file: str) -> None:
+    """Refuse a plan file that claims what its own values do not say.
+
+    Raises:
+        UsageError: With all of it.
+    """
+    wrong = list(_wrong(saved))
+    if wrong:
+        hint = "somebody changed it, or another version of srprov made it: plan again"
+        raise UsageError(f"{file} contradicts itself:\n{named(wrong)}", hint=hint)
+
+
+def asked(saved: PlanFile) -> tuple[Permission, ...]:
+    """Return the permissions that a plan's resources need, whatever its file says of them."""
+    plan = saved.plan
+    steps = [step.want for step in plan.steps if step.want]
+    builds = _builds(saved)
+    services = [_of_edf(one, builds) for _, one in _services(saved)]
+    used = {use.source for service in services for use in service.secrets}
+    sources = {name: SecretSource(name=name) for name in used | names_of(steps)}
+    sources |= {source.name: source for source in plan.secrets}
+    by_place = {str(place): service for place, service in enumerate(services)}
+    whole = Experiment(name=plan.instance, file="", folder="", services=by_place, secrets=sources)
+    unused = sorted(names_of(steps) - used)
+    names, run = _names(saved), {service.cdf for service in services}
+    # of what is right already, only checks are asked on the robots
+    strange = [want for want in steps if not _is_own(want, names, plan, builds.keys() & run)]
+    strange += [want for want in saved.also_wanted if want.module in PROBING]
+    return (
+        *permissions(whole, builds),
+        *(Permission(kind="secret", service="", what=f"{name}, from {sources[name].origin}") for name in unused),
+        *(Permission(kind="playbook", service=want.id, what=_shown(want)) for want in strange),
+    )
+
+
+def _wants(saved: PlanFile) -> tuple[Resource, ...]:
+    """Return all that a plan wants, what is right already too."""
+    return (*(step.want for step in saved.plan.steps if step.want), *saved.also_wanted)
+
+
+def _services(saved: PlanFile) -> Iterator[tuple[Resource, Service]]:
+    """Return every resource that runs something, with what it runs."""
+    for want in _wants(saved):
+        if service := MODULES[want.module].service_of(want.params):
+            yield want, service
+
+
+def _builds(saved: PlanFile) -> dict[str, ContainerDefinition]:
+    """Return tag -> what is known of its CDF, of the images that are built here: those whose tag is their content's."""
+    found = {}
+    for want in _wants(saved):
+        if isinstance(want.params, ImageParams) and want.params.source == "build":
+            tag, text = read_context(want.params.blob or b"")
+            # a tag that is believed by name must be that of what is built under it
+            if tag and want.name.startswith("srprov/") and want.name.rpartition(":")[2] == tag:
+                found[want.name] = ContainerDefinition(
+                    name=want.name, file="", folder="", images=images_of(text), fetches=fetches(text)
+                )
+    return found
+
+
+def _of_edf(service: Service, builds: Mapping[str, ContainerDefinition]) -> Service:
+    """Return a service as an EDF states it: with the CDF, where its image is built."""
+    return dataclasses.replace(service, image="", cdf=service.image) if service.image in builds else service
+
+
+def _names(saved: PlanFile) -> Names:
+    bridge, link = link_names(saved.plan.instance)
+    underlays = [mapping(mapping(one).get("underlay")).get("address") for one in saved.fingerprints.values()]
+    return Names(
+        instance=saved.plan.instance,
+        source=saved.plan.source,
+        bridge=bridge,
+        link=link,
+        network=network_name(saved.plan.instance),
+        vteps=frozenset(one for one in underlays if isinstance(one, str)),
+    )
+
+
+def _is_own(want: Resource, names: Names, plan: Plan, built: Collection[str]) -> bool:
+    """Return whether srprov's own playbooks could state a resource for this placement; `built` are its images."""
+    if isinstance(want.params, ImageParams) and want.params.source == "build":
+        return want.name in built
+    is_record = isinstance(want.params, FileParams) and want.name.endswith("/placement.json")
+    if is_record and not _is_record(want.params.content, names, plan):
+        return False
+    at_home = want.service == "" or plan.assignment.get(want.service) == want.host
+    return at_home and MODULES[want.module].is_own(want.name, want.params, names)
+
+
+def _is_record(content: str, names: Names, plan: Plan) -> bool:
+    """Return whether a file is the record of this placement: robots believe what stands there, line by line."""
+    value = mapping(json_or_none(content))
+    record = read_record(value)
+    return (
+        content == canonical(value) + "\n"
+        and (value.get("instance"), value.get("source")) == (names.instance, names.source)
+        and record is not None
+        and record.robots == plan.assignment
+        and set(record.vteps.values()) <= names.vteps
+    )
+
+
+def _shown(want: Resource) -> str:
+    text = canonical(want.written)
+    return f"states, as root: {text if len(text) <= _SHOWN else text[: _SHOWN - 1] + '…'}"
+
+
+def _wrong(saved: PlanFile) -> Iterator[str]:
+    """Say what in a file contradicts the rest of it."""
+    plan = saved.plan
+    relied = {*(step.host for step in plan.steps), *(one.host for one in saved.also_wanted)}
+    placed = set(plan.assignment.values())
+    copies = {(want.name, MODULES[want.module].taken_from(want.params), want.host) for want in _wants(saved)}
+    copies = {one for one in copies if one[1]}
+    relied |= {source for _, source, _ in copies}
+    for host in sorted((relied | (placed - plan.unreachable.keys())) - saved.fingerprints.keys()):
+        yield f"fingerprints: {host} has none, and the plan relies on it"
+    if copies != {(move.volume, move.source, move.target) for move in plan.data if move.how == "move"}:
+        yield "data: what is copied is not what is said there"
+    sources = {source.name for source in plan.secrets}
+    written = names_of(step.want for step in plan.steps if step.want)
+    for name in sorted(written | {use.source for _, one in _services(saved) for use in one.secrets}):
+        if name not in sources:
+            yield f"secrets: nothing says where '{name}' comes from"
+    wants = _wants(saved)
+    overlays = {(one.host, one.params.vni, one.params.port) for one in wants if isinstance(one.params, NetworkParams)}
+    for want in wants:
+        if isinstance(want.params, VxlanParams) and (want.host, want.params.vni, want.params.port) not in overlays:
+            yield f"{want.id}: its VNI and port are not those of the network there"
+    listed = set(plan.permissions)
+    for one in asked(saved):
+        if one not in listed:
+            yield f"permissions: {one.service} asks for {one.kind} ({one.what}), which is not among them"

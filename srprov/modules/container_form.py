@@ -1,0 +1,74 @@
+"""A container's parameters, back to what an EDF says of its service.
+
+A plan file may state any container. What it asks for beyond itself is said by the function that says it for an EDF, so
+its mounts are read back from the engine's form; whether they are such as srprov writes is said by `is_own`. Pure.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from srprov.definitions.containermodel import Mount
+from srprov.definitions.model import Service
+from srprov.definitions.secretmodel import SecretUse
+from srprov.modules.container_params import ContainerParams
+from srprov.modules.module import MEMORY_ROOT, STATE_ROOT, Names
+
+WORD = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
+"""A name that is one part of a path, and neither `.` nor `..`."""
+_SECRET = re.compile(rf"({WORD.pattern})(?:@([0-7]{{4}}))?")
+_TREE = re.compile(r"trees/[0-9a-f]{24}/(?!\.{1,2}\Z)[^/\0]+", re.DOTALL)
+
+
+def service_of(want: ContainerParams) -> Service:
+    """Return the service as an EDF would state it; mounts that no EDF leads to are left out."""
+    read = [_mount(want.instance, mount) for mount in want.mounts]
+    mounts = tuple(one for one in read if isinstance(one, Mount))
+    uses = tuple(one for one in read if isinstance(one, SecretUse))
+    runtime = dataclasses.replace(want.run, mounts=mounts)
+    return Service(name=want.service, image=want.image, runtime=runtime, network=want.network.mode, secrets=uses)
+
+
+def is_own(want: ContainerParams, names: Names) -> bool:
+    """Return whether the service, its owner, its network and the form of every mount are such as srprov writes."""
+    return (
+        WORD.fullmatch(want.service) is not None
+        and (want.instance, want.source) == (names.instance, names.source)
+        and want.network.name in (None, names.network)
+        and all(_mount(want.instance, mount) is not None for mount in want.mounts)
+    )
+
+
+def _mount(instance: str, mount: Mapping[str, Any]) -> Mount | SecretUse | None:
+    """Return a mount as an EDF states it; None for one that `controller.services` does not write."""
+    kind, target = mount.get("Type"), str(mount.get("Target"))
+    if mount == {"Type": "tmpfs", "Target": target}:
+        return Mount(kind="tmpfs", source="", target=target)
+    source, read_only = str(mount.get("Source")), mount.get("ReadOnly") is True
+    make = kind == "bind" and mount.get("BindOptions") == {"CreateMountpoint": True}
+    options = {"BindOptions": {"CreateMountpoint": True}} if make else {}
+    # nothing else may stand in it: a volume's driver options could name any folder of the robot
+    if mount != {"Type": kind, "Source": source, "Target": target, "ReadOnly": read_only, **options}:
+        return None
+    if kind == "volume":
+        name = source.removeprefix(f"srprov.{instance}.")
+        is_ours = name != source and WORD.fullmatch(name)
+        return Mount(kind="volume", source=name, target=target, read_only=read_only) if is_ours else None
+    if kind != "bind":
+        return None
+    own = None if make else _shipped(instance, source, target, read_only)
+    return own or Mount(kind="bind", source=source, target=target, read_only=read_only, create_host_path=make)
+
+
+def _shipped(instance: str, source: str, target: str, read_only: bool) -> Mount | SecretUse | None:
+    """Return what a bind of something that srprov itself put there is to an EDF; None for any other path."""
+    kept, memory = f"{STATE_ROOT}/{instance}/", f"{MEMORY_ROOT}/{instance}/secrets/"
+    if not read_only:
+        return None
+    if source.startswith(kept) and (source == f"{kept}hosts" or _TREE.fullmatch(source[len(kept) :])):
+        return Mount(kind="tree", source=source, target=target)
+    secret = _SECRET.fullmatch(source[len(memory) :]) if source.startswith(memory) else None
+    return SecretUse(source=secret[1], target=target, mode=secret[2] or "0400") if secret else None

@@ -1,0 +1,195 @@
+"""A plan file that somebody changed is refused, or does what the plan shows; nothing beyond it, whatever was changed.
+
+The robots are in memory here; `tests/lab/test_tampered_plans.py` does the same to real ones.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import pytest
+
+from srprov.controller.owners import read_owner
+from srprov.controller.permissions import permit_run
+from srprov.controller.request import PlanRequest
+from srprov.controller.saved import check_plan, kept_plan
+from srprov.controller.secrets import HeldSecrets, read_secrets
+from srprov.controller.signature import sign_file
+from srprov.controller.source import read_source
+from srprov.definitions import load_experiment
+from srprov.definitions.model import Definitions
+from srprov.errors import RefusedError, SrprovError
+from srprov.planning.plan import Plan
+from srprov.planning.planfile import PlanFile, dump
+from srprov.planning.text import plan_text
+from srprov.secret import forget
+from srprov.wire import EngineCall
+from tests.fakes import World
+from tests.tampering import CANARY, TRACE, tampered
+from tests.worlds import fleet, made, run
+
+ALLOWED = frozenset({"secret"})
+MUTATIONS = 200
+BUSYBOX = "busybox@sha256:" + "a" * 64
+
+
+def services(version: int) -> dict[str, Any]:
+    """Return two versions of an experiment: the plan from one to the other makes, changes and removes."""
+    both = {"web": {"image": BUSYBOX, "command": ["v", str(version)], "robot": "robot1", "volumes": ["data:/data"]}}
+    if version == 1:
+        return {**both, "old": {"image": BUSYBOX, "robot": "robot2"}}
+    new = {"cdf": "new.cdf", "robot": "robot2", "secrets": ["token"], "volumes": ["./www:/www"]}
+    return {**both, "new": new, "far": {"image": BUSYBOX, "robot": "robot3", "volumes": ["far:/data"]}}
+
+
+def written(folder: Path, name: str, version: int) -> Definitions:
+    """Write an experiment and read it."""
+    folder.mkdir(exist_ok=True)
+    (folder / "www").mkdir(exist_ok=True)
+    (folder / "www" / "index.html").write_text("hello")
+    (folder / "new.cdf").write_text('cdf: 1\nname: new\nbase: busybox\nrun: ["true"]\n')
+    document = {"edf": 1, "name": name, "services": services(version), "secrets": {"token": {"env": "TOKEN"}}}
+    if version == 1:
+        del document["secrets"]
+    (folder / "experiment.edf").write_text(json.dumps(document))
+    return load_experiment(str(folder / "experiment.edf"))
+
+
+def planned(world: World, definitions: Definitions, environ: pytest.MonkeyPatch) -> tuple[Plan, PlanFile]:
+    """Plan it for the robots of a world."""
+    environ.setenv("TOKEN", "value-of-today")
+    vault = read_secrets(definitions, ALLOWED)
+    owner = read_owner(definitions.experiment.name, definitions.experiment.file)
+    whole = made(world, definitions, PlanRequest(allowed=ALLOWED, exact=True, owner=owner), vault)
+    world.vault = vault
+    return whole.plan, kept_plan(whole)
+
+
+@pytest.fixture(autouse=True)
+def _alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Secrets are known to the whole process, owners of volumes to the whole user: no test sees those of another."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    yield
+    forget()
+
+
+class Stage:
+    """Three robots, two with an experiment of somebody else and version 1 of ours, and the plan file to version 2."""
+
+    def __init__(self, folder: Path, environ: pytest.MonkeyPatch) -> None:
+        self.folder, self.environ = folder, environ
+        self.world = self.fresh()
+        self.text = dump(planned(self.world, written(folder / "ours", "ours", 2), environ)[1])
+
+    def fresh(self) -> World:
+        world = World().add("robot1", "robot2", "robot3")
+        for name in ("theirs", "ours"):
+            plan, _ = planned(world, written(self.folder / name, name, 1), self.environ)
+            assert run(world, plan).exit_code == 0
+        return world
+
+    def apply(self, text: str) -> Plan:
+        """Do what `apply` does with a file of this text.
+
+        Raises:
+            SrprovError: It is refused.
+        """
+        file = self.folder / "plan.json"
+        file.write_text(text)
+        self.environ.setenv("TOKEN", "value-of-today")
+        source = read_source(str(file))
+        assert isinstance(source, PlanFile)
+        secrets = HeldSecrets(source, ALLOWED)
+        checked = check_plan(source, fleet(self.world))
+        permit_run(checked.plan, ALLOWED)
+        self.world.vault = secrets.vault
+        checked = secrets.read(checked)
+        run(self.world, checked.plan)
+        return checked.plan
+
+    def theirs(self) -> str:
+        """Return all that belongs to the other experiment, and whatever a mutation would leave."""
+        state = json.dumps(self.world.state(), default=str, sort_keys=True)
+        return json.dumps([part for part in state.split('"') if "theirs" in part or CANARY in part])
+
+
+def test_a_plan_file_that_nobody_changed_is_done(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It makes, changes and removes, with an image that is built, a secret, a shipped folder and a volume."""
+    stage = Stage(tmp_path, monkeypatch)
+    plan = stage.apply(stage.text)
+    kinds = {"container", "file", "image", "network", "secret", "tree", "volume", "vxlan"}
+    assert {step.module for step in plan.steps} == kinds
+    assert {step.change.action.name for step in plan.steps} >= {"CREATE", "REPLACE", "DELETE"}
+    assert stage.world.running() == [
+        ("far", "robot3"), ("new", "robot2"), ("old", "robot2"), ("web", "robot1"), ("web", "robot1"),
+    ]  # fmt: skip
+    assert not planned(stage.world, written(tmp_path / "ours", "ours", 2), monkeypatch)[0].steps
+
+
+def test_of_200_changed_plan_files_none_does_what_its_plan_does_not_show(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each is refused with 5, 6 or 9; or all that robots heard stands in the shown plan, and none of it is strange."""
+    stage = Stage(tmp_path, monkeypatch)
+    before, codes = stage.theirs(), Counter[int]()
+    for name, text in tampered(stage.text, MUTATIONS):
+        heard = len(stage.world.done())
+        try:
+            plan = stage.apply(text)
+        except SrprovError as error:
+            assert error.exit_code in (5, 6, 9), (name, error)
+            assert len(stage.world.done()) == heard, name
+            codes[error.exit_code] += 1
+            continue
+        codes[0] += 1
+        shown = plan_text(plan, commands=True)
+        for entry in stage.world.done()[heard:]:
+            told = entry.what.text()  # type: ignore[union-attr]
+            assert told.splitlines()[0] in shown and CANARY not in told, (name, told)
+            if isinstance(entry.what, EngineCall) and entry.what.path == "/containers/create":
+                assert not json.loads(entry.what.body)["HostConfig"]["Privileged"], name
+        assert stage.theirs() == before, name
+        stage.world = stage.fresh()
+    assert stage.theirs() == before
+    assert not Path(TRACE).exists()
+    assert codes[0] < MUTATIONS / 10 and codes[5] > MUTATIONS / 2, codes
+
+
+def test_a_secret_is_not_read_before_the_question(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a plan file names is taken out of the environment, and into the vault only when it is to be written."""
+    stage = Stage(tmp_path, monkeypatch)
+    file = tmp_path / "plan.json"
+    file.write_text(stage.text)
+    source = read_source(str(file))
+    assert isinstance(source, PlanFile)
+    monkeypatch.setenv("TOKEN", "value-of-today")
+    secrets = HeldSecrets(source, ALLOWED)
+    checked = check_plan(source, fleet(stage.world))
+    assert "token" not in secrets.vault and "TOKEN" not in os.environ
+    secrets.read(checked)
+    assert "token" in secrets.vault
+
+
+def test_with_signers_every_changed_plan_file_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Exit 9 for all 200, before a byte of them is parsed; the one that was signed is read."""
+    stage = Stage(tmp_path, monkeypatch)
+    key, signers = tmp_path / "key", tmp_path / "signers"
+    subprocess.run(["ssh-keygen", "-q", "-t", "ed25519", "-N", "", "-f", str(key)], check=True)
+    signers.write_text(f"anna@lab {key.with_suffix('.pub').read_text()}")
+    file = tmp_path / "plan.json"
+    file.write_text(stage.text)
+    sign_file(str(file), str(key))
+    assert isinstance(read_source(str(file), str(signers)), PlanFile)
+    with mock.patch("srprov.planning.planread.load", side_effect=AssertionError("it was read")):
+        for name, text in tampered(stage.text, MUTATIONS):
+            file.write_text(text)
+            with pytest.raises(RefusedError) as caught:
+                read_source(str(file), str(signers))
+            assert caught.value.exit_code == 9, name
