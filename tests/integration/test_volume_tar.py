@@ -1,0 +1,91 @@
+"""What robots run to copy a volume, in a real shell with a real tar; `docker` only tells where a volume lies."""
+
+from __future__ import annotations
+
+import io
+import os
+import subprocess
+import tarfile
+from pathlib import Path
+
+import pytest
+
+from srprov.transport.volume_copy import _hash_of, _into, _out
+
+
+class Places:
+    """Folders that count as volumes."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        program = root / "bin" / "docker"
+        program.parent.mkdir()
+        program.write_text(f'#!/bin/sh\nfor last; do :; done\ntest -d "{root}/$last" && echo "{root}/$last"\n')
+        program.chmod(0o755)
+        self.env = {**os.environ, "PATH": f"{program.parent}:{os.environ['PATH']}"}
+
+    def volume(self, name: str) -> Path:
+        (self.root / name).mkdir()
+        return self.root / name
+
+    def run(self, script: str, data: bytes = b"") -> subprocess.CompletedProcess[bytes]:
+        return subprocess.run(
+            ["sh", "-c", script], input=data, capture_output=True, env=self.env, timeout=60, check=False
+        )
+
+    def hash(self, name: str) -> str:
+        return self.run(_hash_of(name, 60).script).stdout.decode()[:64]
+
+
+@pytest.fixture
+def places(tmp_path: Path) -> Places:
+    return Places(tmp_path)
+
+
+def test_what_was_copied_has_the_same_hash_and_what_differs_has_not(places: Places) -> None:
+    """A mode, a time, a link or a byte makes another hash; a folder that cannot be read has never the same twice."""
+    source, target = places.volume("source"), places.volume("target")
+    (source / "file").write_text("text")
+    (source / "empty").mkdir()
+    (source / "link").symlink_to("file")
+    done = places.run(_into("target"), places.run(_out("source")).stdout)
+    assert done.stdout == b"ready\ndone\n", done
+    same = places.hash("source")
+    assert len(same) == 64 and same == places.hash("target")
+    for change in (
+        lambda: (target / "file").chmod(0o600),
+        lambda: os.utime(target / "file", ns=(0, 1)),
+        (target / "empty").rmdir,
+        lambda: (target / "more").symlink_to("x"),
+    ):
+        change()
+        assert places.hash("target") not in (same, ""), change
+        same = places.hash("target")
+    assert places.hash("absent") == "", "there is no such volume"
+
+
+def test_an_archive_of_a_robot_that_lies_leaves_its_folder_nowhere(places: Places) -> None:
+    """Links that lead out and files behind them, names with `..` and `/`, hard links: none gets out."""
+    outside = places.volume("outside")
+    (outside / "own").write_text("own")
+    target = places.volume("target")
+    data = io.BytesIO()
+    with tarfile.open(fileobj=data, mode="w") as tar:
+
+        def add(name: str, kind: bytes = tarfile.REGTYPE, link: str = "") -> None:
+            info = tarfile.TarInfo(name)
+            info.type, info.linkname, info.size = kind, link, 4 if kind == tarfile.REGTYPE else 0
+            tar.addfile(info, io.BytesIO(b"evil") if info.size else None)
+
+        for name, link in (("a", str(outside)), ("b", "../outside"), ("c", "b")):
+            add(name, tarfile.SYMTYPE, link)
+            add(f"{name}/{name}")
+        add("../outside/dots")
+        add(f"{outside}/absolute")
+        add("hard", tarfile.LNKTYPE, str(outside / "own"))
+        add("hard")
+    done = places.run(_into("target"), data.getvalue())
+    assert b"done" not in done.stdout, "such an archive is a failure"
+    assert sorted(one.name for one in outside.iterdir()) == ["own"]
+    assert (outside / "own").read_text() == "own"
+    assert target.is_dir() and not target.is_symlink()
