@@ -10,10 +10,13 @@ from __future__ import annotations
 import base64
 import hashlib
 import shlex
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from srprov.untrusted import json_or_none
+
+STOP_MARGIN_S = 60.0
+"""How much longer the answer to a stop may take than the process has to end by itself."""
 
 
 def quote(word: str) -> str:
@@ -127,6 +130,19 @@ class EngineCall:
         if self.blob:
             parts.append(f"<{len(self.blob)} bytes, sha256 {hashlib.sha256(self.blob).hexdigest()[:12]}>")
         return " ".join(parts)
+
+    @property
+    def stop_grace_s(self) -> float | None:
+        """Return the seconds that a stop gives the process to end by itself; None for any other call."""
+        return self.timeout_s - STOP_MARGIN_S if self.path.endswith("/stop") else None
+
+    def stopping_within(self, seconds: float) -> EngineCall:
+        """Return a stop in which the engine kills the process after so many seconds at the latest; else itself."""
+        grace = self.stop_grace_s
+        if grace is None:
+            return self
+        least = round(max(0.0, min(grace, seconds)))
+        return replace(self, params=(("t", str(least)),), timeout_s=least + STOP_MARGIN_S)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

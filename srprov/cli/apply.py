@@ -48,8 +48,8 @@ if TYPE_CHECKING:
 def apply(
     file: str, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, limit: str, exclude: str,
     request: PlanRequest, unreachable: str, yes: bool, wait_timeout: float, settle: float, events: TextIO | None,
-    verbose: bool, no_color: bool, lock_wait: float, pulse: Pulse, runs: Path | None, max_fail: str,
-    signers: str | None,
+    verbose: bool, no_color: bool, lock_wait: float, stop_timeout: float, pulse: Pulse, runs: Path | None,
+    max_fail: str, signers: str | None,
 ) -> int:  # fmt: skip
     """Change the robots so that the experiment runs on them. FILE is an EDF, or a plan that `srprov plan -o` wrote.
 
@@ -79,12 +79,13 @@ def apply(
         from srprov.execution import RunOptions
 
         permit_run(planned.plan, request.allowed, inventory, request.policies)
-        confirm(planned.plan, yes)
+        confirm(planned.plan, yes, stop_timeout)
         planned = secrets.read(planned)
         phases.begin("apply")
         run_options = RunOptions(
-            forks=forks, wait_timeout_s=wait_timeout, settle_s=settle, lock_wait_s=lock_wait, pulse=pulse,
-            max_fail=failing, tolerate=frozenset(planned.plan.unreachable if unreachable != "fail" else ()),
+            forks=forks, wait_timeout_s=wait_timeout, stop_timeout_s=stop_timeout, settle_s=settle,
+            lock_wait_s=lock_wait, pulse=pulse, max_fail=failing,
+            tolerate=frozenset(planned.plan.unreachable if unreachable != "fail" else ()),
         )  # fmt: skip
         return carry_out(
             planned, fleet, run_options, phases, as_json=as_json, events=events, color=not no_color, runs=runs

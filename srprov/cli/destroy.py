@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 def destroy(
     file: str | None, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, instance: str,
     limit: str, exclude: str, yes: bool, volumes: bool, adopt: bool, events: TextIO | None, verbose: bool,
-    no_color: bool, lock_wait: float, pulse: Pulse, runs: Path | None,
+    no_color: bool, lock_wait: float, stop_timeout: float, pulse: Pulse, runs: Path | None,
 ) -> int:  # fmt: skip
     """Remove everything that an instance owns.
 
@@ -64,9 +64,11 @@ def destroy(
             show_plan(planned.plan, None, verbose=verbose)
         if planned.snapshot and (others := other_instances(planned.snapshot, name, source)):
             err(f"note: the same file also made: {visible(', '.join(others))}; destroy them with --instance NAME")
-        confirm(planned.plan, yes)
+        confirm(planned.plan, yes, stop_timeout)
         phases.begin("destroy")
-        run_options = RunOptions(forks=forks, verb="destroy", lock_wait_s=lock_wait, pulse=pulse)
+        run_options = RunOptions(
+            forks=forks, verb="destroy", stop_timeout_s=stop_timeout, lock_wait_s=lock_wait, pulse=pulse
+        )
         code = carry_out(
             planned, fleet, run_options, phases, as_json=as_json, events=events, color=not no_color, runs=runs
         )

@@ -30,9 +30,15 @@ def refuse_without_terminal(yes: bool) -> None:
         raise RefusedError("there is no terminal to ask on", hint="add --yes to go on without being asked")
 
 
-def confirm(made: Plan, yes: bool) -> None:
-    """Ask before anything is changed, unless there is nothing to do or the user said yes."""
-    if yes or made.empty:
+def confirm(made: Plan, yes: bool, stop_timeout_s: float) -> None:
+    """Say who gets less time to stop than it asks for; ask before anything is changed, unless the user said yes."""
+    if made.empty:
+        return
+    from srprov.execution.options import hurried
+
+    for line in hurried(made, stop_timeout_s):
+        err(f"note: {line}")
+    if yes:
         return
     lost = sum(step.change.destructive for step in made.steps)
     question = "Do this?" if not lost else f"Do this? {lost} steps destroy data."

@@ -1,5 +1,7 @@
 """Ctrl-C or SIGTERM during a run: the first one asks for a soft end, the second one leaves at once.
 
+A soft end is bounded, too: `execution/ending.py`.
+
 A KeyboardInterrupt may be raised at any line of the main thread, and would take the report of what was done with it.
 So while robots are changed, the first one only sets an event. Anywhere else SIGTERM is a KeyboardInterrupt too, so that
 connections are closed and locks are free when the program is gone. In the middle of an import neither is raised at
@@ -22,7 +24,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from types import FrameType
 
-_SAID = b"\ninterrupted: running steps end, no new one begins; once more to leave at once\n"
+_SAID = b"\ninterrupted: running steps have 10 s to end, no new one begins; once more to leave at once\n"
 _SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 

@@ -73,7 +73,10 @@ def locking(function: _F) -> _F:
     heartbeat = click.option(
         "--heartbeat", "pulse", envvar="SRPROV_HEARTBEAT", default="", callback=_pulse, hidden=True
     )
-    return wait(heartbeat(function))
+    stop = click.option("--stop-timeout", type=click.FloatRange(min=0, max=86_400), default=60.0, show_default=True,
+                        metavar="S", help="Kill a service that has not stopped after so many seconds, "
+                        "even if its own stop_grace_period is longer.")  # fmt: skip
+    return wait(stop(heartbeat(function)))
 
 
 def _ask_become(context: click.Context, _option: click.Parameter, wanted: bool) -> None:

@@ -66,11 +66,14 @@ def check_source(snapshot: Snapshot, instance: str, source: str, *, adopt: bool)
 
 
 def owned(snapshot: Snapshot, instance: str) -> Mapping[str, tuple[Observed, ...]]:
-    """Return what exists per robot; a link that was half made (its name, but no alias yet) is the instance's too."""
+    """Return what exists per robot; what was half made and names no instance is the instance's too.
+
+    So is a link with its name and no alias yet. What a build left is whoever's who comes next: he has the robot's lock.
+    """
     names = link_names(instance)
 
     def claimed(item: Observed) -> Observed:
-        half_made = not item.instance and item.name in names
-        return dataclasses.replace(item, instance=instance) if half_made else item
+        half_made = item.name in names or bool(item.state.get("leftover"))
+        return dataclasses.replace(item, instance=instance) if half_made and not item.instance else item
 
     return {host: tuple(claimed(item) for item in items) for host, items in snapshot.observed.items()}

@@ -9,12 +9,13 @@ from __future__ import annotations
 import concurrent.futures
 import itertools
 import threading
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 from srprov.errors import TransportError
 from srprov.execution.audit import AuditEntry, audit
 from srprov.execution.batches import Batch, cut
 from srprov.execution.conditions import wait_for
+from srprov.execution.ending import CLOSING_S, LOOK_S, Ending
 from srprov.execution.lock_set import LockOptions, LockSet
 from srprov.execution.locks import claim
 from srprov.execution.options import RunOptions
@@ -65,7 +66,10 @@ class _Run:
         lost: Mapping[str, str],
     ) -> None:
         self.sessions, self.listener, self.options, self.stop = sessions, listener, options, stop
-        self.robots = {host: RobotExecutor(session, listener) for host, session in sessions.items()}
+        self.robots = {
+            host: RobotExecutor(session, listener, options.stop_timeout_s) for host, session in sessions.items()
+        }
+        self.ending = Ending(stop, options.patience_s, listener)
         self.results: dict[int, StepResult] = {}
         self.lost: dict[str, str] = dict(lost)
         self.kinds: dict[str, set[str]] = {}
@@ -87,20 +91,33 @@ class _Run:
                     done.result()
                     for needs in waiting.values():
                         needs.discard(ended)
+                if self.ending.due():
+                    self._give_up({batches[index].host for index in running.values()}, running)
+                    break
         finally:
             # whoever leaves at once does not wait for a build: it ends with its connection
             pool.shutdown(wait=False, cancel_futures=True)
+        for batch in batches:
+            why = self.ending.closed.get(batch.host, "interrupted")
+            self._end_all(batch.steps, Outcome.NOT_REACHED, why)
 
     def _next(self, running: Mapping[concurrent.futures.Future[None], int]) -> set[concurrent.futures.Future[None]]:
-        """Wait for the next end. An interrupt here asks for a soft stop; a second one leaves at once."""
+        """Wait a moment for the next end. An interrupt here asks for a soft stop; a second one leaves at once."""
         try:
-            return concurrent.futures.wait(running, return_when=concurrent.futures.FIRST_COMPLETED).done
+            return concurrent.futures.wait(running, timeout=LOOK_S, return_when=concurrent.futures.FIRST_COMPLETED).done
         except KeyboardInterrupt:
             if self.stop.is_set():
                 raise
             self.stop.set()
             self.listener(Event(kind="waiting", host="", text="interrupted: running steps end, no new one begins"))
             return set()
+
+    def _give_up(self, late: Collection[str], running: Collection[concurrent.futures.Future[None]]) -> None:
+        """Cut robots off whose steps did not end in time after an interrupt; what even then goes on is left alone."""
+        self.ending.close(late, self.sessions)
+        concurrent.futures.wait(running, timeout=CLOSING_S)
+        for host in late:
+            self.robots.pop(host, None)
 
     def _run_batch(self, batch: Batch) -> None:
         robot = self.robots.get(batch.host)
@@ -112,7 +129,8 @@ class _Run:
             self._steps(robot, batch)
         except TransportError as error:
             self._mark_unreachable(batch.host, error)
-            self._end_all(batch.steps, Outcome.UNREACHABLE, error.message)
+            if batch.host in self.lost:
+                self._end_all(batch.steps, Outcome.UNREACHABLE, error.message)
 
     def _steps(self, robot: RobotExecutor, batch: Batch) -> None:
         acted: list[Step] = []
@@ -183,11 +201,16 @@ class _Run:
         return ""
 
     def _mark_unreachable(self, host: str, error: TransportError) -> None:
-        """Note that a robot cannot be talked to any more."""
-        self.lost[host] = error.message
+        """Note that a robot cannot be talked to any more, unless it is we who ended that."""
+        if host not in self.ending.closed:
+            self.lost[host] = error.message
         self.robots.pop(host, None)
 
     def _end(self, result: StepResult) -> None:
+        if result.step.host not in self.ending.closed:  # what such a robot's thread says so late is of no use
+            self._note(result)
+
+    def _note(self, result: StepResult) -> None:
         self.results[result.step.number] = result
         self.listener(
             Event(
@@ -203,7 +226,7 @@ class _Run:
     def _end_all(self, steps: tuple[Step, ...], outcome: Outcome, reason: str) -> None:
         for step in steps:
             if step.number not in self.results:
-                self._end(StepResult(step=step, outcome=outcome, message=reason))
+                self._note(StepResult(step=step, outcome=outcome, message=reason))
 
 
 def _past(outcome: Outcome) -> str:

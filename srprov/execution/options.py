@@ -3,8 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from srprov.session import Pulse
+from srprov.wire import EngineCall
+
+if TYPE_CHECKING:
+    from srprov.planning.plan import Plan
+
+STOP_TIMEOUT_S = 60.0
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -14,6 +21,10 @@ class RunOptions:
     forks: int = 64
     wait_timeout_s: float = 300.0
     """For a container to become healthy or to complete."""
+    stop_timeout_s: float = STOP_TIMEOUT_S
+    """For a container to stop by itself, whatever its own grace is; then it is killed."""
+    patience_s: float = 10.0
+    """After an interrupt, for running steps to end; then their connections are closed."""
     settle_s: float = 2.0
     """A service must still be running this long after its start."""
     max_fail: int | None = None
@@ -27,3 +38,14 @@ class RunOptions:
     lock_wait_s: float = 0.0
     """How long to wait for a robot that somebody else holds."""
     pulse: Pulse = field(default_factory=Pulse)
+
+
+def hurried(plan: Plan, stop_timeout_s: float) -> list[str]:
+    """Return a line for each service that is killed before the end of the time that it asks for to stop."""
+    return [
+        f"{step.service} on {step.host} asks for {call.stop_grace_s:.0f} s to stop and is killed after "
+        f"{stop_timeout_s:.0f} s; --stop-timeout gives it longer"
+        for step in plan.steps
+        for call in step.commands
+        if isinstance(call, EngineCall) and (call.stop_grace_s or 0.0) > stop_timeout_s
+    ]

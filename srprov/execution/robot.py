@@ -18,6 +18,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
 from srprov.errors import TransportError
+from srprov.execution.options import STOP_TIMEOUT_S
 from srprov.execution.outcome import Event, Listener, Outcome, StepResult
 from srprov.facts.observe import answers_of, observe_queries, parse_observed, parse_probed, probe_queries
 from srprov.modules import MODULES, PROBING, RUNNING
@@ -41,6 +42,7 @@ class RobotExecutor:
 
     session: Session
     listener: Listener
+    stop_timeout_s: float = STOP_TIMEOUT_S
     seen: dict[_Key, Observed] | None = None
     acted: dict[int, float] = field(default_factory=dict)
     """Step number -> seconds that the act took."""
@@ -111,7 +113,8 @@ class RobotExecutor:
         if refused := self._refused(step):
             return refused
         for command in step.commands:
-            reply = self.session.execute(command, lambda line: self._progress(step, line))
+            timely = command.stopping_within(self.stop_timeout_s) if isinstance(command, EngineCall) else command
+            reply = self.session.execute(timely, lambda line: self._progress(step, line))
             if not reply.ok:
                 took = time.monotonic() - started
                 return StepResult(step=step, outcome=Outcome.FAILED, message=_failure(command, reply), duration_s=took)

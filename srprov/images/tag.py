@@ -22,6 +22,7 @@ from srprov.errors import Location
 from srprov.image_reference import parse_reference
 from srprov.images.context import DOCKERFILE, Listing, Read, context_tar, entries_of, folder_entries
 from srprov.images.dockerfile import FieldErrors, context_name, instruction_lines, label_line, render_dockerfile
+from srprov.images.mark import marked
 from srprov.images.plan import ContextFile, Dockerfile, ImagePlan
 
 _TAG_LENGTH = 16
@@ -44,14 +45,15 @@ def plan_image(cdf: ContainerDefinition, listing: Listing, read: Read) -> ImageP
     if cdf.image:
         raise ValueError(f"{cdf.name} names a ready image: nothing is built")
     dockerfile, entries = _from_folder(cdf, listing, read) if cdf.dockerfile else _from_base(cdf, listing, read)
+    built = marked(dockerfile)
     return ImagePlan(
         tag=f"srprov/{_slug(cdf.name)}:{content_hash(dockerfile, entries)[:_TAG_LENGTH]}",
-        dockerfile=dockerfile.text,
-        context=context_tar(dockerfile.text, entries),
+        dockerfile=built.text,
+        context=context_tar(built.text, entries),
         base=dockerfile.base,
         pinned=dockerfile.pinned,
         platforms=cdf.platforms,
-        lines=dockerfile.lines,
+        lines=built.lines,
     )
 
 

@@ -16,6 +16,7 @@ from urllib.parse import quote as url_quote
 from srprov.definitions.model import Service
 from srprov.modules import container_form
 from srprov.modules.container_body import engine_body, parts_of
+from srprov.modules.container_leftover import BUILD, end_process, left_by_build
 from srprov.modules.container_params import ContainerParams
 from srprov.modules.container_status import reached
 from srprov.modules.module import (
@@ -33,9 +34,18 @@ from srprov.modules.module import (
 )
 from srprov.resource import Action, Change, Observed, State
 from srprov.untrusted import integer, mapping, mappings, string, string_map
-from srprov.wire import AnyQuery, Command, EngineCall, EngineQuery, Query, Reply, Run, sh
+from srprov.wire import STOP_MARGIN_S, AnyQuery, Command, EngineCall, EngineQuery, Query, Reply, Run, sh
 
+_LONGEST_GRACE_S = 7 * 86_400
+"""A robot's label may say anything; a run's --stop-timeout is shorter."""
 _EXITED = re.compile(r"^Exited \((-?[0-9]{1,9})\)")
+_NEVER_RUN = {
+    # the engine may have died while it started it, and then refuses to start it for ever
+    "created": "created, never started",
+    "dead": "container is dead",
+    "removing": "container is removing",
+}
+"""State of a container that is made anew -> the cause of that."""
 _HEALTH = re.compile(r"\((healthy|unhealthy|health: starting)\)")
 
 
@@ -69,8 +79,8 @@ class ContainerModule(Module[ContainerParams]):
             return _replacement(name, want, found, _differing(found["parts"], wanted_parts))
         if cause := _wrong_address(want, found):
             return _replacement(name, want, found, cause)
-        if found["state"] in ("dead", "removing"):
-            return _replacement(name, want, found, f"container is {found['state']}")
+        if found["state"] in _NEVER_RUN:
+            return _replacement(name, want, found, _NEVER_RUN[found["state"]])
         return _check_process(name, want.job, found)
 
     def removal(self, found: Observed) -> tuple[Command, ...]:
@@ -146,10 +156,14 @@ def _replacement(name: str, want: ContainerParams, found: State, cause: str) -> 
 
 
 def _stop_and_remove(name: str, state: State) -> tuple[Command, ...]:
-    grace = float(state.get("stop_grace") or 10)
+    grace = float(state.get("stop_grace", 10))
+    left_running = end_process(string(state.get("id"))) if state.get("state") == "created" else ()
     return (
+        *left_running,
         # 304: it stopped already; 404: somebody removed it since
-        EngineCall(method="POST", path=f"/containers/{name}/stop", accept=(204, 304, 404), timeout_s=grace + 60),
+        EngineCall(
+            method="POST", path=f"/containers/{name}/stop", accept=(204, 304, 404), timeout_s=grace + STOP_MARGIN_S
+        ),
         EngineCall(
             method="DELETE", path=f"/containers/{name}", params=(("force", "true"), ("v", "true")), accept=(204, 404)
         ),
@@ -159,18 +173,24 @@ def _stop_and_remove(name: str, state: State) -> tuple[Command, ...]:
 def _parse_one(item: Mapping[str, Any]) -> Observed | None:
     labels = string_map(item.get("Labels"))
     names = item.get("Names")
+    if labels.get(INSTANCE) == BUILD:
+        return left_by_build(item, _state_of(item, {}))
     # whoever runs an image that was committed from a container of ours inherits its labels, but not its name
     name = container_name(labels.get(INSTANCE, ""), labels.get(SERVICE, ""))
     if INSTANCE not in labels or not isinstance(names, list) or f"/{name}" not in names:
         return None
+    return Observed(module="container", name=name, instance=labels[INSTANCE], state=_state_of(item, labels))
+
+
+def _state_of(item: Mapping[str, Any], labels: Mapping[str, str]) -> dict[str, Any]:
     status = string(item.get("Status"))
     exited, health = _EXITED.match(status), _HEALTH.search(status)
-    state: dict[str, Any] = {
+    return {
         "service": labels.get(SERVICE, ""),
         "source": labels.get(SOURCE, ""),
         "hash": labels.get(CONFIG_HASH, ""),
         "parts": dict(part.split("=", 1) for part in labels.get(CONFIG_PARTS, "").split(",") if "=" in part),
-        "stop_grace": integer(labels.get(STOP_GRACE, "10"), default=10),
+        "stop_grace": integer(labels.get(STOP_GRACE, "10"), high=_LONGEST_GRACE_S, default=10),
         "image": string(item.get("Image")),
         "id": string(item.get("Id"))[:12],
         "state": string(item.get("State")),
@@ -180,7 +200,6 @@ def _parse_one(item: Mapping[str, Any]) -> Observed | None:
         "addresses": _ends(item.get("NetworkSettings"), "IPAddress"),
         "network_ids": _ends(item.get("NetworkSettings"), "NetworkID"),
     }
-    return Observed(module="container", name=name, instance=labels[INSTANCE], state=state)
 
 
 def _ends(settings: object, key: str) -> dict[str, str]:
@@ -219,7 +238,6 @@ def _check_process(name: str, job: bool, found: State) -> Change | None:
     if state == "running" or (job and state == "exited" and code == 0):
         return None
     causes = {
-        "created": "created, never started",
         "paused": "paused",
         "restarting": "keeps restarting",
         "exited": f"{'job ' if job else ''}exited with code {code}",

@@ -128,6 +128,8 @@ def _taken(wanted: Mapping[str, Resource]) -> dict[str, Resource]:
 def _orphan_cause(item: Observed, homes: Mapping[str, str], busy: bool, copied: str) -> str:
     if copied:
         return f"copied to {copied}, and compared there"
+    if leftover := item.state.get("leftover"):
+        return str(leftover)
     if item.service:
         return f"moved to {homes[item.service]}" if item.service in homes else "no longer in the experiment"
     return "no longer needed" if busy else "no service of the experiment here any more"

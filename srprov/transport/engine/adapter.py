@@ -6,6 +6,7 @@ Takes a function that dials the engine, returns an adapter for the docker SDK's 
 
 from __future__ import annotations
 
+import weakref
 from typing import Any
 
 import requests.adapters
@@ -50,9 +51,19 @@ class _Pool(urllib3.HTTPConnectionPool):
     def __init__(self, dial: Dial) -> None:
         super().__init__("engine", maxsize=MAX_CHANNELS, block=True)
         self._dial = dial
+        self._made: weakref.WeakSet[_Connection] = weakref.WeakSet()
 
     def _new_conn(self) -> _Connection:
-        return _Connection(self._dial)
+        made = _Connection(self._dial)
+        self._made.add(made)
+        return made
+
+    def abort(self) -> None:
+        """Close every connection, also one that waits for an answer: that ends the wait."""
+        for one in list(self._made):
+            if one.sock is not None:
+                one.sock.abort()
+        self.close()
 
     def warm(self, seconds: float) -> None:
         """Open a connection, and keep it for the first request."""
@@ -90,6 +101,6 @@ class EngineAdapter(requests.adapters.HTTPAdapter):
         return super().send(*args, **kwargs)
 
     def close(self) -> None:
-        """Close every idle connection."""
+        """Close every connection, and end every wait for an answer."""
         super().close()
-        self._pool.close()
+        self._pool.abort()

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     Stream = paramiko.Channel | socket.socket
 
 _PIECE = 32 * 1024
+_BOTH_WAYS = 2
+"""`socket.SHUT_RDWR`, which paramiko's channels take too."""
 
 
 class EngineGone(Exception):
@@ -121,6 +123,8 @@ class EngineSocket:
     def abort(self) -> None:
         """Close at once, whoever reads: that ends their wait."""
         self._closed = True
+        with contextlib.suppress(OSError, EOFError):
+            self._stream.shutdown(_BOTH_WAYS)  # closing a socket does not wake who reads from it
         with contextlib.suppress(OSError, EOFError):
             self._stream.close()
 

@@ -16,7 +16,7 @@ from tests.unit.cli.terminal import Terminal
 
 PLAYER = (sys.executable, "-m", "tests.unit.cli.player")
 RUNS = (1, 2, 3, 5, 8, 12, 19, 30)
-INTERRUPTED = "interrupted: running steps end, no new one begins; once more to leave at once"
+INTERRUPTED = "interrupted: running steps have 10 s to end, no new one begins; once more to leave at once"
 
 
 def told(robots: int) -> list[str]:

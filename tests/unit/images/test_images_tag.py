@@ -136,10 +136,15 @@ def from_dockerfile(text: bytes, **change: object) -> ImagePlan:
 
 def test_a_dockerfile_is_built_as_it_is_and_marked_as_ours() -> None:
     found = from_dockerfile(DOCKERFILE)
-    assert found.dockerfile == DOCKERFILE.decode() + 'LABEL srprov.cdf="lidar"\n'
+    arg, first, *rest = DOCKERFILE.decode().splitlines()
+    mark = "LABEL srprov.instance=.build"
+    make, second, copy = rest
+    named = ['LABEL srprov.cdf="lidar"', 'LABEL srprov.instance=""']
+    assert found.dockerfile.splitlines() == [arg, first, mark, make, second, mark, copy, *named]
     with tarfile.open(fileobj=io.BytesIO(found.context)) as tar:
         assert tar.getnames() == ["Dockerfile", "src", "src/x.c"]
-    assert found.lines[3] == Location("/lab/lidar/Dockerfile", 3)
+    assert found.lines[4] == Location("/lab/lidar/Dockerfile", 3)
+    assert 3 not in found.lines
     assert from_dockerfile(DOCKERFILE.replace(b"\n", b"\r\n")).tag == found.tag
 
 
@@ -169,11 +174,11 @@ def test_what_a_dockerfile_cannot_take_is_refused() -> None:
 @pytest.mark.parametrize(
     ("output", "line"),
     [
-        ('Step 1/7 : FROM debian:bookworm\nStep 6/7 : RUN ["/bin/sh"]\nThe command returned a non-zero code: 1', 8),
+        ('Step 1/7 : FROM debian:bookworm\nStep 7/9 : RUN ["/bin/sh"]\nThe command returned a non-zero code: 1', 8),
         ("Step 1/7 : FROM debian:bookworm\npull access denied", 2),
         ("dockerfile parse error line 1: unknown instruction", 2),
-        ("dockerfile parse error on line 8: unknown", 8),
-        ("Dockerfile:7\n--------------------", 7),
+        ("dockerfile parse error on line 9: unknown", 8),
+        ("Dockerfile:8\n--------------------", 7),
         ("no space left on device", None),
         ("Step 99/7 : x", None),
     ],

@@ -1,0 +1,45 @@
+"""What an engine forgets when it dies: containers of builds, and the process of one that it was starting. Pure."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from srprov.resource import Observed
+from srprov.untrusted import string
+from srprov.wire import Command, Run
+
+BUILD = ".build"
+"""The instance label of containers of a build, which `images/mark.py` sets; no instance has that name."""
+_NAME = re.compile(r"[a-zA-Z0-9][a-zA-Z0-9_.-]{0,254}", re.ASCII)
+_END_PROCESS = r"""for p in /proc/[0-9]*; do
+    case $(tr '\0' ' ' <"$p/cmdline") in
+        *containerd-shim*" -id ID"*) kill -9 "${p#/proc/}" ;;
+        *) grep -q '[/-]ID' "$p/cgroup" && kill -9 "${p#/proc/}" ;;
+    esac
+done 2>/dev/null
+:"""
+"""The shim by its arguments, and the container's own processes by their control group."""
+_ID = re.compile(r"[0-9a-f]{12,64}")
+
+
+def left_by_build(item: Mapping[str, Any], state: Mapping[str, Any]) -> Observed | None:
+    """Return a container of a build that is over; one that runs may belong to a build that is under way."""
+    names = item.get("Names")
+    name = string(names[0]).removeprefix("/") if isinstance(names, list) and names else ""
+    if state["state"] == "running" or not _NAME.fullmatch(name):
+        return None
+    why = {"leftover": "left by a build that was cut off"}
+    return Observed(module="container", name=name, instance="", state={**state, **why})
+
+
+def end_process(container: str) -> tuple[Command, ...]:
+    """Return the script that ends what runs of a container that the engine takes for one that never ran.
+
+    An engine that dies while it starts a container leaves a shim of containerd behind, which it does not know when it
+    is back: it refuses to start that container ("already exists"), and removes it without its shim.
+    """
+    if not _ID.fullmatch(container):
+        return ()
+    return (Run(script=_END_PROCESS.replace("ID", container)),)
