@@ -17,6 +17,7 @@ from srprov.assignment import solve
 from srprov.assignment.model import Assignment
 from srprov.controller.choice import Choice, choice_of, idle_notes, settled
 from srprov.controller.context import contexts
+from srprov.controller.copies import copies
 from srprov.controller.data_plan import plan_data
 from srprov.controller.labpolicy import enforce, with_limits
 from srprov.controller.owners import Owner
@@ -117,7 +118,8 @@ def make_plan(
     desired = _desired(inputs, theirs, vault)
     snapshot = look.probe(snapshot, desired)
     steps, unchanged = diff(desired, owned(snapshot, instance), instance)
-    notes = check_room(steps, choice, instance, snapshot, look, playbooks=bool(theirs))
+    notes = copies(snapshot, instance, choice.previous, placed.placed)
+    notes += check_room(steps, choice, instance, snapshot, look, playbooks=bool(theirs))
     made = _plan(definitions, dataclasses.replace(inputs, snapshot=snapshot), placed, theirs, steps, unchanged, notes)
     enforce(made, look.inventory, request.policies)
     return Planned(

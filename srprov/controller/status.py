@@ -1,48 +1,146 @@
-"""What of an instance runs where. Pure."""
+"""What of an instance runs where, and what of it is missing or wrong. Pure.
+
+What should be there is what the newest placement record says, which every robot of the instance and two more hold, and
+with an EDF also the services of it that were never placed.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
+from srprov.definitions.expand import expand
+from srprov.definitions.model import Experiment
 from srprov.errors import UsageError
 from srprov.facts.model import Snapshot
 from srprov.modules import RUNNING
+from srprov.network.identity import link_names
+from srprov.network.record import PlacementRecord, read_record
+from srprov.resource import Observed
+
+_NOBODY = PlacementRecord()
+_STATES = {"paused": "paused", "restarting": "restarting"}
 
 
-def status_rows(snapshot: Snapshot, instance: str) -> list[dict[str, Any]]:
-    """Return one row per container, and one per service that is known to be on a robot that cannot be reached.
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Status:
+    """The rows of `srprov status`, as its schema describes them."""
+
+    services: list[dict[str, Any]]
+    """One per container, and one per service that should have one and has none in reach."""
+    links: list[dict[str, Any]]
+    """One per network of Docker and VXLAN link that a robot with services on the overlay lacks."""
+
+    @property
+    def as_it_should_be(self) -> bool:
+        """Return whether nothing is missing or wrong."""
+        return not self.links and not any(row["problem"] for row in self.services)
+
+
+def status_of(snapshot: Snapshot, instance: str = "", experiment: Experiment | None = None) -> Status:
+    """Return what is there, missing and wrong.
 
     Args:
         snapshot: The robots as they are.
         instance: The instance's id; empty: all of them.
+        experiment: What the instance should be; None: what the robots' records say of it.
+
+    Raises:
+        UsageError: Two instances of a service would have one name.
     """
-    rows = []
-    for host, items in snapshot.observed.items():
-        for item in items:
-            if item.module in RUNNING and instance in ("", item.instance):
-                rows.append(_row(item.instance, item.service, host, item.state))
-    for name, record in snapshot.placements.items():
-        services = record.get("services")
-        if instance in ("", name) and isinstance(services, Mapping):
-            for service, entry in services.items():
-                robot = entry.get("robot", "") if isinstance(entry, Mapping) else ""
-                if isinstance(robot, str) and robot in snapshot.unreachable:
-                    rows.append(_row(name, str(service), str(robot), {"status": "unreachable", "addresses": {}}))
-    return sorted(rows, key=lambda row: (row["instance"], row["service"], row["robot"]))
+    owners = {item.instance for items in snapshot.observed.values() for item in items if item.module in RUNNING}
+    names = [instance] if instance else sorted({*owners, *snapshot.placements} - {""})
+    looks = [_Look(snapshot, name, experiment) for name in names]
+    rows = [row for look in looks for row in look.rows()]
+    return Status(
+        services=sorted(rows, key=lambda row: (row["instance"], row["service"], row["robot"])),
+        links=[link for look in looks for link in look.links()],
+    )
 
 
-def _row(instance: str, service: str, host: str, state: Mapping[str, Any]) -> dict[str, Any]:
-    return {
-        "instance": instance,
-        "service": service,
-        "robot": host,
-        "state": state.get("status", ""),
-        "health": state.get("health", ""),
-        "address": next((address for address in state["addresses"].values() if address), ""),
-        "image": state.get("image", ""),
-        "container": state.get("id", ""),
-    }
+class _Look:
+    """One instance: what robots have of it, and what they should have."""
+
+    def __init__(self, snapshot: Snapshot, instance: str, experiment: Experiment | None) -> None:
+        self.snapshot, self.instance = snapshot, instance
+        self.record = read_record(snapshot.placements.get(instance)) or _NOBODY
+        tags = {robot: facts.tags for robot, facts in snapshot.facts.items()}
+        away = {name: robot for name, robot in self.record.robots.items() if robot in snapshot.unreachable}
+        self.wanted = expand(experiment, tags, away).services if experiment else None
+        self.found = [
+            (host, item)
+            for host, items in snapshot.observed.items()
+            for item in items
+            if item.module in RUNNING and item.instance == instance
+        ]
+
+    def rows(self) -> Iterator[dict[str, Any]]:
+        """Return a row per container, and per service without one."""
+        there = {(item.service, host) for host, item in self.found}
+        for host, item in self.found:
+            yield self._row(item.service, host, item.state, self._problem(host, item, there))
+        for service, robot in self.record.robots.items():
+            if robot not in self.snapshot.facts:
+                state = "unreachable" if robot in self.snapshot.unreachable else "not in the inventory"
+                yield self._row(service, robot, {"status": state}, "unreachable")
+            elif (service, robot) not in there and (self.wanted is None or service in self.wanted):
+                yield self._row(service, robot, {"status": "missing"}, "missing")
+        for service in sorted(set(self.wanted or ()) - {service for service, _ in there} - set(self.record.robots)):
+            yield self._row(service, "", {"status": "missing"}, "missing")
+
+    def _problem(self, host: str, item: Observed, there: set[tuple[str, str]]) -> str:
+        """Return what is wrong with a container in one of the words of the schema, or nothing."""
+        home, state = self.record.robots.get(item.service, host), item.state
+        if home != host:
+            return "duplicate" if (item.service, home) in there or home not in self.snapshot.facts else "misplaced"
+        if self.wanted is not None and item.service not in self.wanted:
+            return "unwanted"
+        if state["state"] != "running":
+            service = self.wanted[item.service] if self.wanted else None
+            done = state["state"] == "exited" and state["exit_code"] == 0 and (not service or service.runtime.job)
+            return "" if done else _STATES.get(state["state"], "stopped")
+        address = self.record.addresses.get(item.service)
+        if address and str(address) != _address(state):
+            return "address"
+        return "unhealthy" if state["health"] == "unhealthy" else ""
+
+    def _row(self, service: str, host: str, state: Mapping[str, Any], problem: str) -> dict[str, Any]:
+        return {
+            "instance": self.instance,
+            "service": service,
+            "robot": host,
+            "state": state.get("status", ""),
+            "health": state.get("health", ""),
+            "address": _address(state),
+            "image": state.get("image", ""),
+            "container": state.get("id", ""),
+            "problem": problem,
+            "placed_on": self.record.robots.get(service, ""),
+            "given_address": str(self.record.addresses.get(service, "")),
+        }
+
+    def links(self) -> Iterator[dict[str, Any]]:
+        """Return what robots in reach lack of the overlay, by the kernel's and the engine's word."""
+        bridge, link = link_names(self.instance)
+        users = {self.record.robots[service] for service in self.record.addresses if service in self.record.robots}
+        for robot in sorted(users & self.snapshot.observed.keys()):
+            seen = {(item.module, item.name): item.state for item in self.snapshot.observed[robot]}
+            network = f"srprov.{self.instance}"
+            if ("network", network) not in seen:
+                yield self._lack(robot, "network", network, "missing")
+            state = seen.get(("vxlan", link))
+            if state is None:
+                yield self._lack(robot, "vxlan", link, "missing")
+            elif not state["up"] or state["bridge"] != bridge:
+                yield self._lack(robot, "vxlan", link, "down" if not state["up"] else "detached")
+
+    def _lack(self, robot: str, kind: str, name: str, problem: str) -> dict[str, Any]:
+        return {"instance": self.instance, "robot": robot, "kind": kind, "name": name, "problem": problem}
+
+
+def _address(state: Mapping[str, Any]) -> str:
+    return next((address for address in state.get("addresses", {}).values() if address), "")
 
 
 def containers_of(snapshot: Snapshot, instance: str, services: Sequence[str]) -> list[tuple[str, str, str]]:

@@ -157,9 +157,8 @@ def _replacement(name: str, want: ContainerParams, found: State, cause: str) -> 
 
 def _stop_and_remove(name: str, state: State) -> tuple[Command, ...]:
     grace = float(state.get("stop_grace", 10))
-    left_running = end_process(string(state.get("id"))) if state.get("state") == "created" else ()
     return (
-        *left_running,
+        *end_process(string(state.get("unstarted"))),
         # 304: it stopped already; 404: somebody removed it since
         EngineCall(
             method="POST", path=f"/containers/{name}/stop", accept=(204, 304, 404), timeout_s=grace + STOP_MARGIN_S
@@ -193,6 +192,7 @@ def _state_of(item: Mapping[str, Any], labels: Mapping[str, str]) -> dict[str, A
         "stop_grace": integer(labels.get(STOP_GRACE, "10"), high=_LONGEST_GRACE_S, default=10),
         "image": string(item.get("Image")),
         "id": string(item.get("Id"))[:12],
+        "unstarted": string(item.get("Id"))[:12] if item.get("State") == "created" else "",
         "state": string(item.get("State")),
         "status": status,
         "exit_code": int(exited.group(1)) if exited else None,

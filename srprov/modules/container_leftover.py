@@ -34,12 +34,12 @@ def left_by_build(item: Mapping[str, Any], state: Mapping[str, Any]) -> Observed
     return Observed(module="container", name=name, instance="", state={**state, **why})
 
 
-def end_process(container: str) -> tuple[Command, ...]:
-    """Return the script that ends what runs of a container that the engine takes for one that never ran.
+def end_process(unstarted: str) -> tuple[Command, ...]:
+    """Return the script that ends what runs of a container that the engine takes for one that never ran, by its id.
 
     An engine that dies while it starts a container leaves a shim of containerd behind, which it does not know when it
     is back: it refuses to start that container ("already exists"), and removes it without its shim.
     """
-    if not _ID.fullmatch(container):
+    if not _ID.fullmatch(unstarted):
         return ()
-    return (Run(script=_END_PROCESS.replace("ID", container)),)
+    return (Run(script=_END_PROCESS.replace("ID", unstarted)),)

@@ -1,0 +1,39 @@
+"""Services that run twice, or may: they were placed elsewhere while their robot was out of reach. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from srprov.facts.model import Snapshot
+from srprov.modules import RUNNING
+
+
+def copies(
+    snapshot: Snapshot, instance: str, previous: Mapping[str, str], placed: Mapping[str, str]
+) -> tuple[str, ...]:
+    """Return a note for each service that a plan leaves, or finds, on two robots.
+
+    Args:
+        snapshot: The robots as they are.
+        instance: The instance's id.
+        previous: Service -> the robot that it runs on, as far as is known.
+        placed: Service -> its robot from now on.
+    """
+    behind = [
+        f"{service} may still run on {robot}, which cannot be reached: then there are two of it with one address, "
+        f"the other on {placed[service]}; the next apply that reaches {robot} removes the old one"
+        for service, robot in sorted(previous.items())
+        if robot in snapshot.unreachable and placed.get(service, robot) != robot
+    ]
+    running: dict[str, list[str]] = {}
+    for host, items in sorted(snapshot.observed.items()):
+        for item in items:
+            if item.module in RUNNING and item.instance == instance and item.state["state"] == "running":
+                running.setdefault(item.service, []).append(host)
+    twice = [
+        f"{service} runs on {' and '.join(hosts)}, with one address: the newest record of the placement "
+        f"names {placed[service]}, what is elsewhere is a copy from before"
+        for service, hosts in sorted(running.items())
+        if len(hosts) > 1 and service in placed
+    ]
+    return (*behind, *twice)

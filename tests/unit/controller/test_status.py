@@ -1,0 +1,134 @@
+"""What `status` says of an instance: what is there, and what should be there and is not."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from srprov.controller.status import Status, status_of
+from srprov.definitions.model import Experiment
+from srprov.facts.gather import Detail
+from tests.fakes import Behaviour, World
+from tests.worlds import CHECK, apply, experiment, fleet, plan_for, run, service
+
+
+def seen(world: World, instance: str = "hello", what: Experiment | None = None) -> Status:
+    """Return the status of an instance on a world."""
+    return status_of(fleet(world).gather(Detail.BASIC), instance, what)
+
+
+def problems(status: Status) -> dict[tuple[str, str], str]:
+    """Return service and robot -> problem, of the rows that have one."""
+    return {(row["service"], row["robot"]): row["problem"] for row in status.services if row["problem"]}
+
+
+def two() -> Experiment:
+    """Return two services on a robot each."""
+    return experiment(service("a", robot="r1"), service("b", robot="r2"))
+
+
+def test_all_is_well_after_an_apply() -> None:
+    """No problem, with the EDF and without it."""
+    w = World().add("r1", "r2")
+    apply(w, two())
+    for status in (seen(w), seen(w, what=two()), seen(w, "")):
+        assert [row["service"] for row in status.services] == ["a", "b"]
+        assert status.as_it_should_be
+
+
+def test_a_service_whose_container_is_gone_is_missing() -> None:
+    """The record knows that it should be there, and where; also when no instance is named."""
+    w = World().add("r1", "r2")
+    apply(w, two())
+    address = seen(w).services[1]["address"]
+    w.robots["r2"].engine.containers.clear()
+    for status in (seen(w), seen(w, what=two()), seen(w, "")):
+        assert problems(status) == {("b", "r2"): "missing"}
+        row = status.services[1]
+        assert (row["state"], row["placed_on"], row["given_address"]) == ("missing", "r2", address)
+        assert not status.as_it_should_be
+
+
+def test_a_service_that_was_never_placed_is_missing_by_the_edf() -> None:
+    """Only the EDF can know of it; what it does not have any more is unwanted."""
+    w = World().add("r1", "r2")
+    apply(w, two())
+    status = seen(w, what=experiment(service("a", robot="r1"), service("c")))
+    assert problems(status) == {("b", "r2"): "unwanted", ("c", ""): "missing"}
+    assert problems(seen(w)) == {}
+
+
+def test_a_rebooted_robot_lacks_its_link() -> None:
+    """Docker starts the container again, and nobody the VXLAN link: it runs, and reaches no other robot."""
+    w = World().add("r1", "r2")
+    apply(w, two())
+    kernel = w.robots["r2"].kernel
+    for name in [name for name, link in kernel.links.items() if link.kind == "vxlan"]:
+        del kernel.links[name]
+    status = seen(w)
+    assert problems(status) == {}
+    (link,) = status.links
+    assert (link["robot"], link["kind"], link["problem"]) == ("r2", "vxlan", "missing")
+    assert not status.as_it_should_be
+
+
+def test_a_link_that_is_down_or_joined_to_nothing_is_named() -> None:
+    """Both cut its services off, as a missing one does."""
+    w = World().add("r1", "r2")
+    apply(w, two())
+    for robot, field, value in (("r1", "up", False), ("r2", "master", "")):
+        (link,) = (link for link in w.robots[robot].kernel.links.values() if link.kind == "vxlan")
+        setattr(link, field, value)
+    assert [(one["robot"], one["problem"]) for one in seen(w).links] == [("r1", "down"), ("r2", "detached")]
+
+
+def test_a_robots_network_that_is_gone_is_named() -> None:
+    """The engine lost it, with its bridge."""
+    w = World().add("r1", "r2")
+    apply(w, two())
+    w.robots["r1"].engine.networks.clear()
+    assert [(one["robot"], one["kind"]) for one in seen(w).links] == [("r1", "network")]
+
+
+def test_how_a_process_is_wrong_is_told() -> None:
+    """A job that ended well is fine where the EDF says that it is one, or where nobody says anything."""
+    w = World().add("r1")
+    states = {"stopped": "exited", "paused": "paused", "again": "restarting", "sick": "running", "job": "exited"}
+    what = experiment(*(service(name, **({"healthcheck": CHECK} if name == "sick" else {})) for name in states))
+    w.robots["r1"].engine.behaviours["sick"] = Behaviour(healthy_after=-1)
+    apply(w, what)
+    for container in w.robots["r1"].engine.containers.values():
+        container.state = states[container.service]
+        container.code = 137 if container.service == "stopped" else 0
+    expected = {"stopped": "stopped", "paused": "paused", "again": "restarting", "sick": "unhealthy"}
+    assert problems(seen(w)) == {(name, "r1"): problem for name, problem in expected.items()}
+    assert problems(seen(w, what=what))[("job", "r1")] == "stopped"
+    jobs = experiment(*(service(name, job=name == "job") for name in states))
+    assert ("job", "r1") not in problems(seen(w, what=jobs))
+
+
+def test_a_copy_on_a_robot_that_came_back_is_a_duplicate() -> None:
+    """The record tells which of the two is the one that other robots reach."""
+    w = World().add("r1", "r2", "r3")
+    what = experiment(service("a"), service("b"))
+    apply(w, what)
+    homes = {row["service"]: row["robot"] for row in seen(w).services}
+    old = homes["a"]
+    w.robots[old].gone = True
+    assert problems(seen(w))[("a", old)] == "unreachable"
+    moved = plan_for(w, what, reassign_unreachable=True)
+    run(w, moved)
+    w.robots[old].gone = False
+    rows = {(row["robot"], row["problem"], row["placed_on"]) for row in seen(w).services if row["service"] == "a"}
+    home = moved.assignment["a"]
+    assert home != old
+    assert rows == {(home, "", home), (old, "duplicate", home)}
+
+
+def test_a_container_with_another_address_than_peers_have_is_named() -> None:
+    """Peers' hosts files and forwarding tables are made from the record."""
+    w = World().add("r1", "r2")
+    apply(w, two())
+    (container,) = w.robots["r2"].engine.containers.values()
+    ends: dict[str, Any] = container.body["NetworkingConfig"]["EndpointsConfig"]
+    next(iter(ends.values()))["IPAMConfig"]["IPv4Address"] = "10.1.2.3"
+    assert problems(seen(w)) == {("b", "r2"): "address"}
