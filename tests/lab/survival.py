@@ -16,8 +16,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from srprov.lab import engine, state
 from tests.lab.conftest import NOTHING, Done, Lab, busybox, edf, part_of_lab
-from tests.lab.looks import begin
+from tests.lab.looks import begin, wait_until
 
 ROBOTS = ("robot1", "robot2", "robot3", "robot4")
 INSTANCE = "survive"
@@ -41,6 +42,9 @@ echo ----
 cd /var/lib/srprov 2>/dev/null && find . -printf '%p %y %m %l\n' && find . -type f -exec sha256sum {} +
 echo ----
 grep -la SRPROV_SESSION= /proc/[0-9]*/environ 2>/dev/null
+echo ----
+shim='s/^[^ ]*containerd-shim[^ ]* .* -id \([0-9a-f]*\) .*/\1/p'
+for p in $(grep -la containerd-shim /proc/[0-9]*/cmdline 2>/dev/null); do tr '\0' ' ' <$p | sed -n "$shim"; echo; done
 true
 """
 
@@ -57,12 +61,16 @@ class Seen:
     files: list[str]
     left_over: list[str]
     """Processes of a session that should be over."""
+    shims: list[str]
+    """Ids of containers that containerd has a shim for."""
+    running: list[str]
+    """Ids of containers that run, by Docker's word."""
 
 
 def _container(one: dict[str, Any]) -> dict[str, Any]:
     labels, ends = one["Config"]["Labels"], one["NetworkSettings"]["Networks"]
     return {
-        "config-hash": labels["srprov.config-hash"],
+        "config-hash": labels.get("srprov.config-hash"),
         "labels": {key: value for key, value in labels.items() if key.startswith("srprov.")},
         "image": one["Image"],
         "running": one["State"]["Running"],
@@ -88,7 +96,7 @@ def _links(text: str, neighbours: str) -> list[str]:
 
 
 def _parse(text: str) -> Seen:
-    containers, networks, volumes, images, links, neighbours, files, left_over = text.split("----\n")
+    containers, networks, volumes, images, links, neighbours, files, left_over, shims = text.split("----\n")
     there = json.loads(containers or "[]")
     named = {one["Name"].lstrip("/"): _container(one) for one in there}
     assert len(named) == len(there)
@@ -104,6 +112,8 @@ def _parse(text: str) -> Seen:
         _links(links, neighbours),
         sorted(files.splitlines()),
         left_over.split(),
+        sorted(shims.split()),
+        sorted(one["Id"] for one in there if one["State"]["Running"]),
     )
 
 
@@ -159,6 +169,22 @@ class Survivor:
             run.kill()
         return Done(run.returncode, out, err)
 
+    def kill_engine_while_it_starts(self, robot: str, after_s: float) -> Done:
+        """Apply, and kill a robot's engine so many seconds after it made a container."""
+        booted = state.read_robot(self.lab.site, robot)
+        assert booted is not None
+        folder = Path(f"/proc/{booted.init.pid}/root/var/lib/docker/containers")
+        before = set(folder.iterdir())
+        run, _ = self.begin()
+        try:
+            _until(lambda: set(folder.iterdir()) - before or run.poll() is not None, APPLY_LIMIT_S)
+            time.sleep(after_s)  # the moment of the kill, not a wait for something
+            engine.kill(self.lab.site, robot, booted.init.pid)
+            out, err = run.communicate(timeout=APPLY_LIMIT_S)
+        finally:
+            run.kill()
+        return Done(run.returncode, out, err)
+
     def assert_converges(self) -> Done:
         """The next apply ends well, the one after it has nothing to do, and the robots are as if nothing had been."""
         again = self.apply("--lock-wait", "20")
@@ -179,6 +205,7 @@ class Survivor:
                 now, then = getattr(seen[robot], part), getattr(self.undisturbed[robot], part)
                 assert now == then, f"{robot}: {part} are not as after an undisturbed apply: {now}; then: {then}"
             assert seen[robot].left_over == [], f"{robot}: a process runs on"
+            assert seen[robot].shims == seen[robot].running, f"{robot}: a shim without its container is left"
 
     def clear(self) -> None:
         """Destroy all of it; the robots are empty then, and pull their images again next time."""
@@ -188,6 +215,13 @@ class Survivor:
             left = dict(zip(ROBOTS, pool.map(self.lab.leftovers, ROBOTS), strict=True))
             assert left == dict.fromkeys(ROBOTS, NOTHING), f"destroy ended well and left {left}: {gone}"
             list(pool.map(lambda robot: self.lab.shell(robot, "docker", "image", "prune", "--all", "--force"), ROBOTS))
+
+
+def wait_for_engine(lab: Lab, robot: str) -> None:
+    """Wait until the robot's dockerd, which its supervisor starts again, answers."""
+    wait_until(
+        lambda: lab.shell(robot, "docker", "version", check=False).code == 0, 30, f"the engine of {robot} is back"
+    )
 
 
 def kill(run: subprocess.Popen[str]) -> None:

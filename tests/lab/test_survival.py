@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import subprocess
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
-from tests.lab.conftest import Lab
-from tests.lab.looks import wait_until
-from tests.lab.survival import Survivor, counted, kill, prepare
+from tests.lab.conftest import NOTHING, Lab, busybox, edf, part_of_lab
+from tests.lab.looks import begin, wait_until
+from tests.lab.survival import Survivor, counted, kill, prepare, wait_for_engine
 
 pytestmark = pytest.mark.lab
 
@@ -67,13 +68,6 @@ def test_a_robot_that_is_cut_off_in_the_middle_is_finished_later(survivor: Survi
     survivor.assert_converges()
 
 
-def wait_for_engine(lab: Lab, robot: str) -> None:
-    """Wait until the robot's dockerd, which its supervisor starts again, answers."""
-    wait_until(
-        lambda: lab.shell(robot, "docker", "version", check=False).code == 0, 30, f"the engine of {robot} is back"
-    )
-
-
 def test_an_engine_that_crashes_in_the_middle_is_finished_later(survivor: Survivor) -> None:
     """dockerd of one robot gets SIGKILL while it starts a container: that robot's steps fail, the others are done."""
     lab, robot = survivor.lab, "robot2"
@@ -90,3 +84,38 @@ def test_an_engine_that_crashes_in_the_middle_is_finished_later(survivor: Surviv
     assert all(one["message"] for one in wrong.values()), hit
     wait_for_engine(lab, robot)
     survivor.assert_converges()
+
+
+def test_an_engine_that_dies_while_it_starts_a_container_is_finished_later(survivor: Survivor) -> None:
+    """It leaves the container created, and a shim that it does not know: the next apply mends both."""
+    lab, robot = survivor.lab, "robot2"
+    hit = survivor.kill_engine_while_it_starts(robot, 0.2)
+    assert hit.code in (3, 4), hit
+    wait_for_engine(lab, robot)
+    states = lab.shell(robot, "docker", "ps", "--all", "--format", "{{.State}}").out.split()
+    assert states == ["created"], "the engine was to be killed before the start was done"
+    again = survivor.assert_converges()
+    assert any(step["id"].startswith(f"{robot}/container:") for step in again.json["steps"])
+
+
+def test_what_a_killed_build_leaves_is_removed_by_whoever_comes_next(lab_of_module: Lab, tmp_path: Path) -> None:
+    """Its container has no name of ours, only the mark: another experiment's plan names it, and destroy removes it."""
+    lab, robot = lab_of_module, "robot5"
+    (tmp_path / "long.cdf").write_text("cdf: 1\nname: long\nbase: busybox\nrun: [sleep 300]\n", encoding="utf-8")
+    inventory = part_of_lab(lab, [robot], tmp_path / "lab.yml")
+    path, other = tmp_path / "built.edf", tmp_path / "other.edf"
+    path.write_text(edf("built", {"a": {"cdf": "long.cdf", "command": ["sleep", "9"]}}), encoding="utf-8")
+    other.write_text(edf("other", {"a": busybox()}), encoding="utf-8")
+    run = begin(lab, "apply", str(path), "-i", inventory, "--yes")
+    built = ("docker", "ps", "--all", "--format", "{{.Names}}", "--filter", "label=srprov.instance=.build")
+    running = (*built, "--filter", "status=running")
+    named = wait_until(lambda: lab.shell(robot, *running).out.split(), 60, "the build runs a container")  # noqa: PLW0108 - asks again
+    assert lab.srprov("lab", "kill", robot, "--docker").code == 0
+    run.communicate(timeout=60)
+    wait_for_engine(lab, robot)
+    assert lab.shell(robot, *built).out.split() == named, "the engine itself forgets it"
+    planned = lab.srprov("plan", str(other), "-i", inventory)
+    assert f"{named[0]}" in planned.out and "left by a build that was cut off" in planned.out, planned
+    gone = lab.srprov("destroy", str(path), "-i", inventory, "--yes", "--volumes")
+    assert gone.code == 0, gone
+    assert lab.leftovers(robot) == NOTHING
