@@ -36,7 +36,7 @@ PROJECT_KEYS = frozenset(
 OWN_KEYS = PROJECT_KEYS | {
     *("allow", "yes", "adopt", "data", "volumes", "unreachable", "reassign", "ask-become-pass", "limit", "exclude"),
     *("instance", "runs", "events", "out", "svg", "png", "history", "facts"),
-    *("quiet", "json", "detailed-exitcode", "pareto", "follow"),
+    *("quiet", "json", "detailed-exitcode", "exit-code", "pareto", "follow", "stop-timeout"),
 }
 PARAMETERS = {"inventory": "inventories", "json": "as_json", "format": "form", "out": "target", "facts": "stored"}
 """Options that have another name in the code."""

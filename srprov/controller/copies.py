@@ -4,25 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from srprov.controller.ownership import previous_robots
 from srprov.facts.model import Snapshot
 from srprov.modules import RUNNING
 
 
-def copies(
-    snapshot: Snapshot, instance: str, previous: Mapping[str, str], placed: Mapping[str, str]
-) -> tuple[str, ...]:
+def copies(snapshot: Snapshot, instance: str, placed: Mapping[str, str]) -> tuple[str, ...]:
     """Return a note for each service that a plan leaves, or finds, on two robots.
 
     Args:
         snapshot: The robots as they are.
         instance: The instance's id.
-        previous: Service -> the robot that it runs on, as far as is known.
         placed: Service -> its robot from now on.
     """
     behind = [
         f"{service} may still run on {robot}, which cannot be reached: then there are two of it with one address, "
         f"the other on {placed[service]}; the next apply that reaches {robot} removes the old one"
-        for service, robot in sorted(previous.items())
+        for service, robot in sorted(previous_robots(snapshot, instance).items())
         if robot in snapshot.unreachable and placed.get(service, robot) != robot
     ]
     running: dict[str, list[str]] = {}

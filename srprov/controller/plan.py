@@ -118,8 +118,7 @@ def make_plan(
     desired = _desired(inputs, theirs, vault)
     snapshot = look.probe(snapshot, desired)
     steps, unchanged = diff(desired, owned(snapshot, instance), instance)
-    notes = copies(snapshot, instance, choice.previous, placed.placed)
-    notes += check_room(steps, choice, instance, snapshot, look, playbooks=bool(theirs))
+    notes = check_room(steps, choice, instance, snapshot, look, playbooks=bool(theirs))
     made = _plan(definitions, dataclasses.replace(inputs, snapshot=snapshot), placed, theirs, steps, unchanged, notes)
     enforce(made, look.inventory, request.policies)
     return Planned(
@@ -202,14 +201,20 @@ def _plan(
         permissions=permissions(experiment, definitions.containers),
         secrets=used(experiment),
         data=inputs.data.moves,
-        notes=(*_notes(placed), *idle_notes(definitions, experiment, inputs.snapshot), *notes, *inputs.data.notes),
+        notes=(
+            *_notes(inputs, placed),
+            *idle_notes(definitions, experiment, inputs.snapshot),
+            *notes,
+            *inputs.data.notes,
+        ),
         unreachable=inputs.snapshot.unreachable,
         playbooks=tuple(PlaybookUse(name=one.name, file=one.file, place=one.place) for one in theirs),
     )
 
 
-def _notes(placed: Assignment) -> tuple[str, ...]:
+def _notes(inputs: RenderInputs, placed: Assignment) -> tuple[str, ...]:
+    twice = copies(inputs.snapshot, inputs.instance, placed.placed)
     stay = [f"{service} stays on {placed.placed[service]}, which cannot be reached" for service in placed.frozen]
     if placed.gap:
         stay.append(f"the search for the best placement was stopped; {placed.gap:.3f} less may be possible")
-    return tuple(stay)
+    return (*twice, *stay)
