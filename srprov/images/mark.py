@@ -1,8 +1,7 @@
 """Mark the containers of a build, so that those which a killed build leaves behind are known as ours. Pure.
 
 An engine gives containers of a build no name and no label of its own, but each has the labels that the Dockerfile set
-before it. The last instruction takes the mark away again: whoever runs the image runs no part of a build. The mark is
-no part of the content tag, as it changes nothing that runs.
+before it. The last instruction takes the mark away again: whoever runs the image runs no part of a build.
 """
 
 from __future__ import annotations

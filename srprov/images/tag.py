@@ -44,16 +44,16 @@ def plan_image(cdf: ContainerDefinition, listing: Listing, read: Read) -> ImageP
     """
     if cdf.image:
         raise ValueError(f"{cdf.name} names a ready image: nothing is built")
-    dockerfile, entries = _from_folder(cdf, listing, read) if cdf.dockerfile else _from_base(cdf, listing, read)
-    built = marked(dockerfile)
+    written, entries = _from_folder(cdf, listing, read) if cdf.dockerfile else _from_base(cdf, listing, read)
+    dockerfile = marked(written)
     return ImagePlan(
         tag=f"srprov/{_slug(cdf.name)}:{content_hash(dockerfile, entries)[:_TAG_LENGTH]}",
-        dockerfile=built.text,
-        context=context_tar(built.text, entries),
+        dockerfile=dockerfile.text,
+        context=context_tar(dockerfile.text, entries),
         base=dockerfile.base,
         pinned=dockerfile.pinned,
         platforms=cdf.platforms,
-        lines=built.lines,
+        lines=dockerfile.lines,
     )
 
 

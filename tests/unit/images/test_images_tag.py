@@ -40,7 +40,7 @@ def plan(cdf: ContainerDefinition, lab: Disk) -> ImagePlan:
 
 def test_the_plan_is_complete(lab: Disk) -> None:
     found = plan(dataclasses.replace(CDF, platforms=("linux/arm64",)), lab)
-    assert found.tag == "srprov/talker:90526724d44e49dc"
+    assert found.tag == "srprov/talker:ba52aa2d34507f84"
     assert (found.base, found.pinned, found.platforms) == ("docker.io/library/debian:bookworm", False, ("linux/arm64",))
     with tarfile.open(fileobj=io.BytesIO(found.context)) as tar:
         assert tar.getnames() == ["Dockerfile", "files", "files/0", "files/1", "files/1/a.yml"]
