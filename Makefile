@@ -6,6 +6,8 @@ SOURCES := srprov tests tools examples benchmarks
 CHECKED := $(wildcard $(SOURCES))
 # Each worker has a lab of its own; WORKERS=0 runs all tests in one process.
 WORKERS ?= 2
+# How long `make soak` mutates files.
+FUZZ_SECONDS ?= 3600
 PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
 .PHONY: help setup demo test unit soak lint fmt type clean bench-assignment bench-provisioning
@@ -27,9 +29,9 @@ test: setup lint type ## everything: lint, types, all tests (needs root, for the
 unit: setup ## only the tests that need no lab
 	@$(PYTEST) -m "not lab"
 
-soak: setup ## many examples, a disturbance at every moment of an apply, all faults, 50 races (needs root; an hour)
-	@echo "soak: property tests, HYPOTHESIS_PROFILE=long"
-	@HYPOTHESIS_PROFILE=long $(PYTEST) -q -m "not lab"
+soak: setup ## many examples, a disturbance at every moment of an apply, all faults, 50 races (needs root; three hours)
+	@echo "soak: property tests, HYPOTHESIS_PROFILE=long, and mutated files for an hour"
+	@HYPOTHESIS_PROFILE=long FUZZ_SECONDS=$(FUZZ_SECONDS) $(PYTEST) -q -m "not lab"
 	@echo "soak: long tests of the lab"
 	@SRPROV_SOAK=1 $(PYTEST) -q -m soak
 	@echo "soak: python -m tools.soak, results in tools/soak/results.md"

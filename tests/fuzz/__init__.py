@@ -1,0 +1,1 @@
+"""Mutated files of every kind, under the kernel's eye: see fuzzer.py."""
