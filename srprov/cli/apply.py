@@ -10,6 +10,7 @@ import click
 from srprov.cli import inputs, options, output_options
 from srprov.cli.execute import carry_out, confirm, refuse_without_terminal
 from srprov.cli.plan import show_plan
+from srprov.cli.seconds import Seconds
 from srprov.cli.stdout_guard import answers_only
 from srprov.controller.phases import Phases
 from srprov.controller.request import PlanRequest
@@ -35,9 +36,9 @@ if TYPE_CHECKING:
 @options.planning
 @options.MAX_FAIL
 @click.option("-y", "--yes", is_flag=True, help="Do not ask.")
-@click.option("--wait-timeout", type=click.FloatRange(min=0), default=300.0, show_default=True, metavar="S",
+@click.option("--wait-timeout", type=Seconds(min=0), default=300.0, show_default=True, metavar="S",
               help="Seconds for a service to become healthy or to complete.")  # fmt: skip
-@click.option("--settle", type=click.FloatRange(min=0), default=2.0, show_default=True, metavar="S",
+@click.option("--settle", type=Seconds(min=0), default=2.0, show_default=True, metavar="S",
               help="A service must still run so many seconds after its start.")  # fmt: skip
 @click.option("--signers", type=click.Path(exists=True, dir_okay=False), default=None, metavar="FILE",
               help="Only a plan that one of them signed: an allowed_signers file, see ssh-keygen(1).")  # fmt: skip

@@ -13,6 +13,7 @@ import click
 
 from srprov import names
 from srprov.cli.config import user_folder
+from srprov.cli.seconds import Seconds
 from srprov.controller.request import SEARCH_LIMIT_S, PlanRequest
 from srprov.errors import UsageError
 from srprov.session import Pulse
@@ -42,7 +43,7 @@ INSTANCE = click.option(
 JSON = click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout, all else on stderr.")
 TIMEOUT = click.option(
     "--timeout",
-    type=click.FloatRange(min=0.1),
+    type=Seconds(min=0.1),
     default=10.0,
     show_default=True,
     metavar="S",
@@ -68,7 +69,7 @@ def _pulse(_context: click.Context, _option: click.Parameter, text: str) -> Puls
 
 def locking(function: _F) -> _F:
     """Add the options of every verb that changes robots."""
-    wait = click.option("--lock-wait", type=click.FloatRange(min=0), default=0.0, show_default=True, metavar="S",
+    wait = click.option("--lock-wait", type=Seconds(min=0), default=0.0, show_default=True, metavar="S",
                         help="Seconds to wait for robots that somebody else is changing.")  # fmt: skip
     heartbeat = click.option(
         "--heartbeat", "pulse", envvar="SRPROV_HEARTBEAT", default="", callback=_pulse, hidden=True
@@ -129,7 +130,7 @@ _DATA = click.option(
     "copy was compared (move), or start without it (leave). Without this it stays, with its service.",
 )  # fmt: skip
 _SEARCH_LIMIT = click.option(
-    "--time-limit", type=click.FloatRange(min=0, min_open=True), default=SEARCH_LIMIT_S, show_default=True, metavar="S",
+    "--time-limit", type=Seconds(min=0, min_open=True), default=SEARCH_LIMIT_S, show_default=True, metavar="S",
     help="Stop each search after so long, with the best found, and say so; an answer takes up to three.",
 )  # fmt: skip
 

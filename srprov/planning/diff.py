@@ -208,18 +208,16 @@ def _needs(
     }
 
 
-def _reached(
-    needs: Iterable[Need], wanted: Mapping[str, Resource], changed: Mapping[str, object], seen: set[str] | None = None
-) -> set[str]:
-    """Return the ids of changing resources that `needs` reach, through unchanged ones."""
-    seen = set() if seen is None else seen
-    reached = set()
-    for need in needs:
+def _reached(needs: Iterable[Need], wanted: Mapping[str, Resource], changed: Mapping[str, object]) -> set[str]:
+    """Return the ids of changing resources that `needs` reach, through unchanged ones, however many."""
+    reached, seen, left = set(), set(), list(needs)
+    while left:
+        need = left.pop()
         if need.id in seen:
             continue
         seen.add(need.id)
         if need.id in changed:
             reached.add(need.id)
         elif need.id in wanted:
-            reached |= _reached(wanted[need.id].needs, wanted, changed, seen)
+            left.extend(wanted[need.id].needs)
     return reached

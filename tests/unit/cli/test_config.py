@@ -212,3 +212,21 @@ def test_the_users_own_configuration_names_a_program_by_its_absolute_path(
 
     assert run(["locks"]) == 5
     assert (tmp_path / "ran").exists() is absolute
+
+
+@pytest.mark.parametrize("seconds", ["inf", "-inf", "nan", "1e300", "86401.0", "-1"])
+def test_a_project_cannot_make_a_wait_endless_or_impossible(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], seconds: str
+) -> None:
+    """TOML has `inf` and `nan`, which timers do not take."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    for key, verb in (("timeout", "status"), ("lock-wait", "apply"), ("settle", "apply"), ("time-limit", "plan")):
+        write(tmp_path / "srprov.toml", f"{key} = {seconds}\n")
+        assert run([verb, "e.edf", "-i", "h"]) == 5
+        said = capsys.readouterr().err
+        assert f"srprov.toml:1: '{key}' cannot have this value" in said or "is not in the range" in said, said
+        (tmp_path / "srprov.toml").unlink()
+        option = f"--{key}={seconds}"
+        assert run([verb, "e.edf", "-i", "h", option]) == 5
+        assert f"for '--{key}'" in capsys.readouterr().err.replace("\n", " ")

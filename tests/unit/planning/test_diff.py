@@ -58,6 +58,16 @@ def test_needs_reach_through_what_is_right() -> None:
     assert unchanged == 1
 
 
+def test_needs_reach_through_a_chain_of_thousands() -> None:
+    """No experiment is so deep that Python would run out of levels."""
+    right = {f"v{number}" for number in range(1, 3000)}
+    wanted = [volume(f"v{number}", f"r1/volume:v{number + 1}") for number in range(3000)] + [volume("v3000")]
+    found = {"r1": [there("volume", name, source="s") for name in right]}
+    steps, unchanged = diff(wanted, found, "hello")
+    assert [(step.name, step.needs) for step in steps] == [("v3000", ()), ("v0", (1,))]
+    assert unchanged == 2999
+
+
 def test_a_circle_is_refused_by_name() -> None:
     """Needs in a circle are an error that names all in it, not those that only wait for it."""
     circle = [volume("a", "r1/volume:b"), volume("b", "r1/volume:a"), volume("free")]
