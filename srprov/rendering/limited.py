@@ -9,6 +9,7 @@ so that it is known what it was at when a limit ended it.
 from __future__ import annotations
 
 import dataclasses
+import functools
 import json
 import math
 import os
@@ -21,7 +22,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, NoReturn
 
-from jinja2 import TemplateError
+from jinja2 import Template, TemplateError
 
 from srprov.definitions.playbookmodel import Playbook
 from srprov.rendering.environment import environment
@@ -131,10 +132,15 @@ def _address_space() -> int:
         return 0
 
 
+@functools.lru_cache(maxsize=256)
+def _template(text: str) -> Template:
+    """Compile a playbook, once for all robots, and in the child too: the compiler computes constants."""
+    return environment().from_string(text)
+
+
 def _rendered(playbook: Playbook, context: Mapping[str, Any]) -> Rendered:
     try:
-        # compiled here too: the compiler computes constants
-        text = environment().from_string(playbook.marked).render(**context)
+        text = _template(playbook.marked).render(**context)
     except _FAILURES as error:
         return Rendered(fault=str(error)[:LONGEST_FAULT] or type(error).__name__, line=_line(error))
     if len(text) > LONGEST_TEXT:
