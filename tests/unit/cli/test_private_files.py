@@ -75,7 +75,7 @@ def test_a_plan_file_is_the_users_alone_also_where_one_was(here: Path) -> None:
         assert done.returncode == 0, done
         assert stat.S_IMODE((here / name).stat().st_mode) == 0o600
     shown = srprov(here, "plan", "e.edf", "-i", "inv.yml", "-o", "/dev/stdout")
-    assert '"format": 1' in shown.stdout
+    assert '"format": 2' in shown.stdout
 
 
 def test_a_variable_of_the_controller_goes_into_no_plan_file_and_no_output(here: Path) -> None:
