@@ -134,7 +134,7 @@ PROCESSES_AND_SOCKETS = frozenset(
     {"socket", "socketserver", "subprocess", "asyncio", "multiprocessing", "pty", "http", "ftplib"}
 )
 PROCESS_CALLS = frozenset({"system", "popen", "fork", "forkpty", "posix_spawn", "posix_spawnp"})
-_PROGRAMS = ("definitions/inventory.py", "definitions/script.py", "definitions/secretvalues.py")
+_PROGRAMS = tuple(f"definitions/{name}.py" for name in ("inventory", "script", "program", "secretvalues"))
 _CHILD = "rendering/limited.py"
 _SIGNS = "controller/signature.py"
 MAY_REACH_OUT = ("transport/", "lab/", *_PROGRAMS, _CHILD, _SIGNS)

@@ -7,14 +7,14 @@ Takes the program's path; adds to the `HostTree`. Runs it with `--list` (and `--
 from __future__ import annotations
 
 import os
-import signal
 import subprocess
 import time
 
 from srprov import regular_file
 from srprov.definitions.groups import HostTree, variables_of
+from srprov.definitions.program import read_both, stop
 from srprov.errors import DefinitionError, Diagnostic, Location
-from srprov.untrusted import parse_json
+from srprov.untrusted import MAX_JSON_CHARACTERS, parse_json
 from srprov.yamldoc import nodes
 from srprov.yamldoc.nodes import Map, Node, Scalar, Seq, Source
 
@@ -78,11 +78,14 @@ def _answer(path: str, arguments: list[str], end: float) -> Map:
     except OSError as error:
         raise _failed(path, f"cannot be run: {error.strerror}") from None
     try:
-        out, err = process.communicate(timeout=max(end - time.monotonic(), 0.01))
-    except subprocess.TimeoutExpired:
-        os.killpg(process.pid, signal.SIGKILL)
-        process.communicate()
+        out, err = read_both(process, end, MAX_JSON_CHARACTERS + 1)
+        if len(out) > MAX_JSON_CHARACTERS:
+            raise _failed(path, f"'{' '.join(arguments)}' printed more than {MAX_JSON_CHARACTERS >> 20} MiB")
+        process.wait(max(end - time.monotonic(), 0.01))
+    except (TimeoutError, subprocess.TimeoutExpired):
         raise _failed(path, f"'{' '.join(arguments)}' gave no answer in time", "the deadline is 30 seconds") from None
+    finally:
+        stop(process)
     if process.returncode != 0:
         last = (err.decode("utf-8", "replace").strip().splitlines() or [""])[-1]
         raise _failed(path, f"'{' '.join(arguments)}' ended with {process.returncode}: {last[:200]}")

@@ -7,16 +7,14 @@ what a service uses. A variable that was read leaves the environment, so that no
 
 from __future__ import annotations
 
-import contextlib
 import os
-import selectors
-import signal
 import subprocess
 import time
 from collections.abc import Iterable, MutableMapping
 
 from srprov import regular_file
 from srprov.definitions.model import Experiment
+from srprov.definitions.program import read_both, stop
 from srprov.definitions.secretmodel import SecretSource
 from srprov.errors import DefinitionError, Diagnostic
 from srprov.secret import Secret, Vault, redact
@@ -102,46 +100,19 @@ def _run(source: SecretSource, environ: MutableMapping[str, str], limit_s: float
     )
     end = time.monotonic() + limit_s
     try:
-        out, err = _read(process, end)
+        out, err = read_both(process, end, _LARGEST + 1)
+        if len(out) > _LARGEST:
+            return out  # the caller says so; the rest of it is not waited for
         code = process.wait(max(end - time.monotonic(), 0.0))
     except (TimeoutError, subprocess.TimeoutExpired):
         raise ValueError(f"'{program}' did not end within {limit_s:g} s") from None
     finally:
-        _kill(process)
+        stop(process)
     if code != 0:
         _redact_output(out)
         said = " ".join(redact(err.decode("utf-8", "replace")).split())[-_COMPLAINT:]
         raise ValueError(f"'{program}' ended with {code}" + (f": {said}" if said else ""))
     return out
-
-
-def _read(process: subprocess.Popen[bytes], end: float) -> tuple[bytes, bytes]:
-    """Read both streams to their ends; what is beyond the largest secret is thrown away."""
-    assert process.stdout and process.stderr
-    got = {process.stdout: bytearray(), process.stderr: bytearray()}
-    with selectors.DefaultSelector() as waiting:
-        for stream in got:
-            waiting.register(stream, selectors.EVENT_READ)
-        while waiting.get_map():
-            for key, _ in waiting.select(max(end - time.monotonic(), 0.0)):
-                piece = os.read(key.fd, 1 << 16)
-                buffer = got[key.fileobj]  # type: ignore[index]  # the very streams that were registered
-                buffer += piece[: max(0, _LARGEST + 1 - len(buffer))]
-                if not piece:
-                    waiting.unregister(key.fileobj)
-            if time.monotonic() >= end:
-                raise TimeoutError
-    return bytes(got[process.stdout]), bytes(got[process.stderr])
-
-
-def _kill(process: subprocess.Popen[bytes]) -> None:
-    """End the command with all its children, and close its pipes."""
-    with contextlib.suppress(ProcessLookupError):
-        os.killpg(process.pid, signal.SIGKILL)  # what it left in the background too
-    process.wait()
-    for pipe in (process.stdout, process.stderr):
-        if pipe:
-            pipe.close()
 
 
 def _redact_output(out: bytes) -> None:

@@ -12,6 +12,7 @@ from srprov.definitions import load_inventory
 from srprov.definitions.model import Inventory
 from srprov.errors import DefinitionError
 from srprov.secret import Secret
+from tests.bounded import bounded
 
 REAL = """\
 ---
@@ -203,6 +204,18 @@ def test_program_that_hangs_is_ended_with_all_it_started(tmp_path: Path, monkeyp
         script.read(str(path), HostTree(), deadline_s=0.3)
     assert time.monotonic() - begin < 5
     assert "gave no answer in time" in error.value.problems[0].message
+
+
+def test_a_program_that_never_stops_printing_is_refused_at_once(tmp_path: Path) -> None:
+    from srprov.definitions import script
+    from srprov.definitions.groups import HostTree
+
+    path = tmp_path / "inventory.sh"
+    path.write_text("#!/bin/sh\nexec cat /dev/zero\n")
+    path.chmod(0o755)
+    with pytest.raises(DefinitionError) as error:
+        bounded(lambda: script.read(str(path), HostTree()))
+    assert "printed more than 8 MiB" in error.value.problems[0].message
 
 
 def test_folder_and_several_inventories_and_names(tmp_path: Path) -> None:

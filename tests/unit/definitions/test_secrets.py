@@ -199,6 +199,7 @@ def test_what_gives_no_value_is_told_at_the_line_of_the_edf(tmp_path: Path) -> N
     (tmp_path / "large").write_bytes(b"x" * 600_000)
     assert "larger than" in failure(source(file=str(tmp_path / "large")))
     assert "larger than" in failure(python("print('x' * 3_000_000)"))
+    assert "larger than" in failure(python("while True: print('x' * 1000)"))
 
 
 def test_everything_that_is_missing_is_told_at_once() -> None:
