@@ -22,15 +22,12 @@ class WantKeys:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class AlsoKeys:
+class AlsoKeys(WantKeys):
     """What should be true and is, so that no step is about it."""
 
     robot: str
     module: str
     name: str
-    params: Mapping[str, Any]
-    needs: tuple[Need, ...]
-    source: str
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

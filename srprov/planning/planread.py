@@ -17,7 +17,7 @@ from srprov.modules import MODULES
 from srprov.modules.params import read_params
 from srprov.planning.plan import Plan, Step
 from srprov.planning.planfile import FORMAT, MAX_CHARACTERS, PlanFile, differences, document, pieces
-from srprov.planning.plankeys import AlsoKeys, CommandKeys, Document, SecretKeys, StepKeys, WantKeys
+from srprov.planning.plankeys import CommandKeys, Document, SecretKeys, StepKeys, WantKeys
 from srprov.resource import Action, Change, Condition, Need, Observed, Resource
 from srprov.untrusted import parse_json
 from srprov.wire import Command, CopyImage, CopyVolume, EngineCall, Put, Run
@@ -142,7 +142,7 @@ def _check_needs(needs: Sequence[Need]) -> None:
         Condition(need.condition)  # raises ValueError
 
 
-def _resource(host: str, module: str, name: str, read: WantKeys | AlsoKeys, blobs: Mapping[str, bytes]) -> Resource:
+def _resource(host: str, module: str, name: str, read: WantKeys, blobs: Mapping[str, bytes]) -> Resource:
     _check_needs(read.needs)
     return Resource(
         host=host,

@@ -1,0 +1,101 @@
+"""Plans that are kept in files: what is derived again when one is applied is what was planned."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import pytest
+
+from srprov.controller.authority import check_file
+from srprov.controller.plan import Planned
+from srprov.controller.request import PlanRequest
+from srprov.controller.saved import check_plan, plan_file
+from srprov.definitions.model import Definitions
+from srprov.errors import RefusedError, StalePlan, UsageError
+from srprov.planning.planfile import PlanFile, dump
+from srprov.planning.planread import load
+from tests.fakes import World
+from tests.worlds import Experiment, apply, experiment, fleet, made, run, service
+
+FIRST = experiment(service("one", robot="r1"), service("two", robot="r2"), service("old", robot="r3"))
+SECOND = experiment(
+    service("one", robot="r1", command=("new",)),
+    service("two", robot="r2", command=("new",), depends_on={"one": "started"}),
+    service("three", robot="r3"),
+)
+
+
+@pytest.fixture
+def world() -> World:
+    """Return three robots on which the first experiment runs, and one that does nothing."""
+    world = World().add("r1", "r2", "r3", "r4")
+    assert apply(world, FIRST).exit_code == 0
+    return world
+
+
+def planned(world: World, what: Experiment = SECOND) -> Planned:
+    whole = made(world, Definitions(experiment=what, containers={}), PlanRequest(exact=True, adopt=True))
+    return dataclasses.replace(whole, definitions=None)
+
+
+def reread(one: Planned) -> PlanFile:
+    """Return the plan as it comes out of its file."""
+    text = dump(plan_file(one))
+    saved = load(text, "plan.json")
+    check_file(saved, "plan.json")
+    assert dump(saved) == text
+    return saved
+
+
+def test_the_steps_are_those_that_were_planned(world: World) -> None:
+    one = planned(world)
+    again = check_plan(reread(one), fleet(world), adopt=True)
+    assert [(step.id, step.number, step.needs, step.waits, step.change) for step in again.plan.steps] == [
+        (step.id, step.number, step.needs, step.waits, step.change) for step in one.plan.steps
+    ]
+    assert run(world, again.plan).exit_code == 0
+    assert planned(world).plan.empty
+
+
+def test_a_robot_that_is_away_by_then_is_left_alone_and_the_others_are_done(world: World) -> None:
+    saved = reread(planned(world))
+    world.robots["r3"].gone = True
+    checked = check_plan(saved, fleet(world), adopt=True)
+    assert set(checked.plan.unreachable) == {"r3"}
+    assert {step.host for step in checked.plan.steps if step.commands} == {"r1", "r2", "r4"}
+    assert run(world, checked.plan).exit_code == 4
+    assert ("two", "r2") in world.running() and ("old", "r3") in world.running()
+
+
+@pytest.mark.parametrize("chosen", [["r1"], ["r2"], ["r1", "r3"]])
+def test_a_plan_for_some_robots_is_done_on_these(world: World, chosen: list[str]) -> None:
+    one = planned(world).limited(chosen)
+    saved = reread(one)
+    checked = check_plan(saved, fleet(world), adopt=True)
+    assert [step.id for step in checked.plan.steps] == [step.id for step in one.plan.steps]
+    assert {step.host for step in checked.plan.steps} <= set(chosen)
+    assert run(world, checked.plan).exit_code == 0
+
+
+def test_what_moved_is_told_as_such_also_where_no_step_is_about_it(world: World) -> None:
+    """A file that was right, and a container that nobody wants: the plan is stale, not contradicted."""
+    saved = reread(planned(world))
+    container = next(one for one in world.robots["r2"].engine.containers.values() if one.service == "two")
+    container.state, container.code = "exited", 1
+    with pytest.raises(StalePlan, match=r"r2: resources container:srprov\.hello\.two"):
+        check_plan(saved, fleet(world), adopt=True)
+
+
+def test_an_instance_of_another_source_needs_adopt_again(world: World) -> None:
+    saved = reread(planned(world))
+    with pytest.raises(RefusedError, match="was made from"):
+        check_plan(saved, fleet(world))
+
+
+def test_steps_that_do_not_follow_are_named(world: World) -> None:
+    saved = reread(planned(world))
+    first = next(step for step in saved.plan.steps if step.want)
+    steps = tuple(step for step in saved.plan.steps if step is not first)
+    changed = dataclasses.replace(saved, plan=dataclasses.replace(saved.plan, steps=steps))
+    with pytest.raises((UsageError, StalePlan)):
+        check_plan(changed, fleet(world), adopt=True)
