@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import AbstractContextManager
 from types import MappingProxyType, SimpleNamespace
 from typing import Any
 from unittest import mock
 
-from srprov.controller import plan
+from srprov.controller import ownership, plan
 from srprov.controller.fleet import Fleet
 from srprov.controller.remove import make_removal
 from srprov.controller.request import PlanRequest
@@ -16,6 +17,7 @@ from srprov.definitions.model import Definitions, Experiment, Host, Inventory, N
 from srprov.execution import Event, RunOptions, RunResult, run_plan
 from srprov.facts.gather import Gathering
 from srprov.planning.plan import Plan
+from srprov.record.memory import Memory
 from srprov.secret import Vault
 from tests.fakes import World
 
@@ -62,7 +64,7 @@ def made(
     """Make a plan with all that led to it."""
     engine = request.exact or any(one.requires.disk for one in definitions.experiment.services.values())
     ports = any(one.runtime.ports or one.runtime.expose for one in definitions.experiment.services.values())
-    with Gathering(inventory(world), world.reader, engine=engine, ports=ports) as look:
+    with remembering_all(world), Gathering(inventory(world), world.reader, engine=engine, ports=ports) as look:
         return plan.make_plan(definitions, look, request, vault or Vault())
 
 
@@ -73,7 +75,13 @@ def fleet(world: World) -> Fleet:
 
 def removal_for(world: World, instance: str = "hello", *, volumes: bool = False) -> Plan:
     """Make the plan that removes an instance."""
-    return make_removal(fleet(world), instance, volumes=volumes).plan
+    with remembering_all(world):
+        return make_removal(fleet(world), instance, volumes=volumes).plan
+
+
+def remembering_all(world: World) -> AbstractContextManager[object]:
+    """Let plans believe every robot's record, as if this machine's last run had given it to all of them."""
+    return mock.patch.object(ownership, "recall", return_value=Memory(robots=frozenset(world.robots)))
 
 
 def run(world: World, plan: Plan, options: RunOptions = QUICK) -> RunResult:

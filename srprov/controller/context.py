@@ -43,16 +43,16 @@ def contexts(inputs: RenderInputs) -> tuple[dict[str, dict[str, Any]], dict[str,
 def _witnesses(inputs: RenderInputs, members: Collection[str]) -> list[str]:
     """Return robots beyond the members that keep the placement record too.
 
-    When all members are out of reach, they are who knows that services may still run there. Those that keep it already
-    go on doing so; then names decide.
+    When all members are out of reach, they are who knows that services may still run there. Those that keep the one
+    that is believed go on doing so; then names decide.
     """
-    path = _record_path(inputs.instance)
-    keepers = {host for host, items in inputs.snapshot.observed.items() if any(item.name == path for item in items)}
+    keepers = {host for host, held in inputs.snapshot.records.items() if inputs.instance in held}
     others = [host for host, facts in inputs.snapshot.facts.items() if host not in members and facts.docker is not None]
     return sorted(others, key=lambda host: (host not in keepers, host))[:_WITNESSES]
 
 
-def _record_path(instance: str) -> str:
+def record_path(instance: str) -> str:
+    """Return where a robot keeps the placement record."""
     return f"{STATE_ROOT}/{instance}/placement.json"
 
 
@@ -110,7 +110,7 @@ def _robot(facts: HostFacts) -> dict[str, Any]:
 
 def _files(inputs: RenderInputs, *, member: bool) -> list[dict[str, Any]]:
     """Return the record of the whole placement, and for a robot that runs something the hosts file."""
-    path, content = _record_path(inputs.instance), canonical(inputs.record) + "\n"
+    path, content = record_path(inputs.instance), canonical(inputs.record) + "\n"
     record = {"path": path, "content": content, "mode": "0644", "in_place": False}
     hosts = f"{STATE_ROOT}/{inputs.instance}/hosts"
     names = {"path": hosts, "content": hosts_file(inputs.overlay), "mode": "0644", "in_place": True}

@@ -1,4 +1,7 @@
-"""What robots say of an instance: where its services run now, and whose it is. Pure."""
+"""What robots say of an instance: whom to believe, where its services run now, and whose it is.
+
+Reads what this machine remembers of the instance; all else is pure.
+"""
 
 from __future__ import annotations
 
@@ -8,9 +11,36 @@ from collections.abc import Iterable, Mapping
 from srprov.errors import RefusedError
 from srprov.facts.model import Snapshot
 from srprov.modules import RUNNING
+from srprov.network.belief import believe
 from srprov.network.identity import link_names
 from srprov.network.record import read_record
+from srprov.record.memory import digest, recall
 from srprov.resource import Observed
+
+
+def trusting(snapshot: Snapshot, instance: str, *, adopt: bool) -> tuple[Snapshot, tuple[str, ...]]:
+    """Return the snapshot with the record of an instance that is believed, and notes for the plan.
+
+    Raises:
+        RefusedError: Robots say of others what nobody else says, and `adopt` is not given.
+    """
+    memory = recall(instance)
+    order = {record: at for at, record in enumerate(memory.records)}
+    belief = believe(instance, snapshot, memory.robots, lambda record: order.get(digest(record), -1))
+    if belief.doubts and not adopt:
+        raise RefusedError(
+            f"no run of this machine knows instance '{instance}', and what robots say of it cannot be checked: "
+            + "; ".join(belief.doubts),
+            hint="look at these robots; --adopt believes the record that most of them hold",
+        )
+    others = {name: record for name, record in snapshot.placements.items() if name != instance}
+    record = belief.claimed if adopt else belief.record
+    records = {
+        robot: {name: one for name, one in held.items() if name != instance or robot in belief.holders}
+        for robot, held in snapshot.records.items()
+    }
+    placements = others | ({instance: record} if record is not None else {})
+    return dataclasses.replace(snapshot, placements=placements, records=records), belief.notes
 
 
 def previous_robots(snapshot: Snapshot, instance: str) -> dict[str, str]:

@@ -21,7 +21,7 @@ from srprov.controller.copies import copies
 from srprov.controller.data_plan import plan_data
 from srprov.controller.labpolicy import enforce, with_limits
 from srprov.controller.owners import Owner
-from srprov.controller.ownership import check_source, owned
+from srprov.controller.ownership import check_source, owned, trusting
 from srprov.controller.permissions import permit_planning
 from srprov.controller.phases import Phases
 from srprov.controller.playbooks import playbooks
@@ -46,6 +46,7 @@ from srprov.planning.diff import diff
 from srprov.planning.limit import limited
 from srprov.planning.plan import Plan, PlaybookUse, Step
 from srprov.planning.policy import permissions
+from srprov.record.memory import known_images
 from srprov.resource import Resource
 from srprov.secret import Vault
 
@@ -102,12 +103,12 @@ def make_plan(
     instance = request.instance or definitions.experiment.name
     source = source_of(definitions.experiment.file)
     phases = phases or Phases()
-    snapshot = look.first()
+    snapshot, notes = trusting(look.first(), instance, adopt=request.adopt)
     check_source(snapshot, instance, source, adopt=request.adopt)
     choice = choice_of(definitions, look.inventory, snapshot, instance, request)
     placed, choice = settled(choice, request.search_limit_s)
     if placed is None:
-        snapshot = look.closer(choice.detail)
+        snapshot, notes = trusting(look.closer(choice.detail), instance, adopt=request.adopt)
         choice = choice_of(definitions, look.inventory, snapshot, instance, request)
         phases.begin("assignment")
         placed = solve.solve(choice.problem, request.search_limit_s)
@@ -118,7 +119,7 @@ def make_plan(
     desired = _desired(inputs, theirs, vault)
     snapshot = look.probe(snapshot, desired)
     steps, unchanged = diff(desired, owned(snapshot, instance), instance)
-    notes = check_room(steps, choice, instance, snapshot, look, playbooks=bool(theirs))
+    notes = (*notes, *check_room(steps, choice, instance, snapshot, look, playbooks=bool(theirs)))
     made = _plan(definitions, dataclasses.replace(inputs, snapshot=snapshot), placed, theirs, steps, unchanged, notes)
     enforce(made, look.inventory, request.policies)
     return Planned(
@@ -163,6 +164,7 @@ def _inputs(
         record=record(overlay, experiment, placed.placed, source, snapshot.placements.get(overlay.instance)),
         snapshot=snapshot,
         data=plan_data(experiment, placed.placed, choice.data, snapshot, request),
+        known_images=known_images() if images else {},
     )
 
 

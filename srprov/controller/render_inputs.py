@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from srprov.controller.data_plan import DataPlan
@@ -32,3 +32,5 @@ class RenderInputs:
     """The placement record that every robot gets."""
     snapshot: Snapshot
     data: DataPlan
+    known_images: Mapping[str, Collection[str]] = field(default_factory=dict)
+    """Content tag -> ids of images that this machine had built; a robot's own word for a tag is not enough."""

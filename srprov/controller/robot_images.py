@@ -29,9 +29,13 @@ def image_of(inputs: RenderInputs, service: Service) -> str:
 
 
 def robot_images(inputs: RenderInputs, blobs: dict[str, bytes]) -> dict[str, list[dict[str, Any]]]:
-    """Return robot -> its images; one to build comes from a robot that has it, else the first of its architecture."""
+    """Return robot -> its images; one to build comes from a robot that has it, else the first of its architecture.
+
+    A robot has it for others when its image is one that this machine had built: the tag alone is the robot's own word.
+    """
     wanted: dict[str, dict[str, dict[str, Any]]] = {}
     present = {(h, e.name) for h, items in inputs.snapshot.observed.items() for e in items if e.module == "image"}
+    trusted = _known(inputs)
     plans = {plan.tag: plan for plan in inputs.images.values()}
     for name, host in sorted(inputs.placed.items()):
         facts = inputs.snapshot.facts.get(host)
@@ -44,8 +48,9 @@ def robot_images(inputs: RenderInputs, blobs: dict[str, bytes]) -> dict[str, lis
         if (host, image) in present:
             wanted.setdefault(host, {}).setdefault(image, _copied(image, host))
             continue
-        holder = next((h for h in _alike(inputs.snapshot, facts) if (h, image) in present), None)
-        builder = holder or _alike(inputs.snapshot, facts)[0]
+        alike = _alike(inputs.snapshot, facts)
+        holder = next((h for h in alike if (h, image) in trusted), None)
+        builder = holder or next(h for h in alike if (h, image) not in present)
         if holder is None:
             plan = plans[image]
             digest = hashlib.sha256(plan.context).hexdigest()
@@ -55,6 +60,16 @@ def robot_images(inputs: RenderInputs, blobs: dict[str, bytes]) -> dict[str, lis
         if builder != host:
             wanted.setdefault(host, {})[image] = _copied(image, builder)
     return {host: [images[name] for name in sorted(images)] for host, images in wanted.items()}
+
+
+def _known(inputs: RenderInputs) -> set[tuple[str, str]]:
+    """Return (robot, image) where the robot's image is one that this machine had built under that tag."""
+    return {
+        (host, seen.name)
+        for host, items in inputs.snapshot.observed.items()
+        for seen in items
+        if seen.module == "image" and seen.state["id"] in inputs.known_images.get(seen.name, ())
+    }
 
 
 def _copied(image: str, source: str) -> dict[str, Any]:

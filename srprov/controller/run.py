@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from srprov import __version__
+from srprov.controller import remembering
 from srprov.controller.data_owner import remember_owner
 from srprov.controller.fleet import Fleet
 from srprov.controller.phases import Phases
@@ -65,13 +66,15 @@ def run(
             folder.event(event_json(event))
             listener(event)
 
+        forgetful = remembering.begin(planned)
         result = run_plan(planned.plan, fleet.connected(), recorded, replace(options, run=folder.name), stop)
+        forgetful = remembering.note_built(result) or remembering.end(planned, result, options.verb) or forgetful
         document = run_json(planned.plan, result, fleet.connected(), phases)
         folder.put_json("result.json", lambda: {**document, "run": str(folder.path)})
     return RunReport(
         document={**document, "run": str(folder.path) if folder.path.is_dir() else None},
         failures=tuple(failures(result, planned.images)),
-        record_problem=folder.problem,
+        record_problem=folder.problem or forgetful,
         result=result,
     )
 

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 from srprov.planning.plan import Step
+from srprov.resource import State
 
 
 class Outcome(enum.Enum):
@@ -29,6 +30,8 @@ class StepResult:
     message: str = ""
     """Why it failed or was skipped, in words; for a failed command what ran and what it said."""
     duration_s: float = 0.0
+    after: State | None = None
+    """What was seen when it was verified; None unless it changed something that is there."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

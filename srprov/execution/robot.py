@@ -140,7 +140,9 @@ class RobotExecutor:
         due = self._due(step)
         remade = step.want is None and step.id in self.made
         if due is None or remade:
-            return StepResult(step=step, outcome=Outcome.CHANGED, duration_s=self.acted[step.number])
+            seen = (self.seen or {}).get((step.module, step.name))
+            took = self.acted[step.number]
+            return StepResult(step=step, outcome=Outcome.CHANGED, duration_s=took, after=seen.state if seen else None)
         message = f"{failed}: {due.cause}{self._log_end(step)}"
         return StepResult(step=step, outcome=Outcome.FAILED, message=message, duration_s=self.acted[step.number])
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -31,3 +31,5 @@ class ConnectOptions:
     """Open the channel to the Docker Engine in the background while the first questions are asked."""
     vault: Vault = field(default_factory=Vault)
     """What the sessions put in the place of the names of secrets."""
+    image_ids: Callable[[str], Collection[str]] = field(default=lambda _tag: ())
+    """Gives the ids that an image may have which one robot gives another under a tag; none: it may have any."""

@@ -168,6 +168,7 @@ def lab_session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
         up = lab.srprov("lab", "up", "-n", str(ROBOTS))
         assert up.code == 0, up
         os.environ.setdefault("SRPROV_RUNS", str(folder / "runs"))  # not among the user's own
+        os.environ.setdefault("XDG_STATE_HOME", str(folder / "state"))
         yield lab
         gone = lab.srprov("lab", "down")
         assert gone.code == 0, gone

@@ -23,6 +23,7 @@ from srprov.transport import connect
 from srprov.transport.engine.client import Engine
 from srprov.transport.engine.link import EngineLink, EngineSocket
 from srprov.wire import CopyImage, EngineCall, EngineQuery, Query, Run
+from tests.unit.transport.archives import loadable, saved
 
 pytestmark = pytest.mark.skipif(os.geteuid() != 0, reason="needs root, as the shell is root's")
 MIB = 1 << 20
@@ -290,7 +291,8 @@ def test_a_call_sends_its_body_and_judges_the_status(session: Session, play: Cal
 
 
 def test_an_image_is_copied_without_being_held(play: Callable[[Answer], PlayedEngine]) -> None:
-    image = os.urandom(5 * MIB)
+    layer = os.urandom(5 * MIB)
+    image = saved({"a:1": layer})
     loaded: list[bytes] = []
 
     def answer(request: str, _headers: dict[str, str], body: bytes) -> bytes:
@@ -304,7 +306,7 @@ def test_an_image_is_copied_without_being_held(play: Callable[[Answer], PlayedEn
     target = connect(Host(name="target", address="x", connection="local"), peers=lambda _name: source)
     seen: list[str] = []
     assert target.execute(CopyImage(image="a:1", source_host="source"), seen.append).ok
-    assert loaded == [image]
+    assert len(loaded) == 1 and layer in loaded[0] and loadable(loaded[0]) == {"a:1": layer}
     assert any("MiB copied" in line for line in seen)
     failed = target.execute(CopyImage(image="nope:1", source_host="source"))
     assert (failed.ok, failed.err) == (False, "source: its engine cannot give nope:1: no such image")

@@ -1,0 +1,99 @@
+"""Whose placement record is believed: a robot speaks for itself, and for others only where a run gave it the words.
+
+Takes all robots as they are, and the robots and the records of this machine's last run; gives a `Belief`. Pure.
+
+| of the robots of this machine's last run   | what counts                                           |
+|--------------------------------------------|-------------------------------------------------------|
+| one still has the record that it was given | that record                                           |
+| all have others: somebody else was there   | the one that most of them have                        |
+| none has any, or there was no run          | the one that most robots have, as far as it is theirs |
+
+So a robot that runs nothing cannot move what others are sent, by a record of its own with a higher serial.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from srprov.facts.model import Snapshot
+
+Record = Mapping[str, Any]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Belief:
+    """What is known of an instance's last placement."""
+
+    record: Record | None = None
+    """What counts without anybody's consent."""
+    claimed: Record | None = None
+    """What counts when the user says that it may: the record that most robots hold."""
+    holders: frozenset[str] = frozenset()
+    """Robots that hold the record that was taken."""
+    doubts: tuple[str, ...] = ()
+    """What `claimed` says beyond `record`, in words."""
+    notes: tuple[str, ...] = ()
+
+
+def believe(
+    instance: str, snapshot: Snapshot, keepers: Collection[str], written: Callable[[Record], int] = lambda _record: -1
+) -> Belief:
+    """Return what is believed of an instance's records.
+
+    Args:
+        instance: The instance's id.
+        snapshot: All robots as they are.
+        keepers: The robots that this machine's last run gave a record to; empty where there was none.
+        written: Tells which of the records of that run one is, the newest the highest; -1 for none of them.
+    """
+    held = {robot: records[instance] for robot, records in snapshot.records.items() if instance in records}
+    trusted = {robot: record for robot, record in held.items() if robot in keepers}
+    if trusted:
+        ours = max(trusted.values(), key=written)
+        best = ours if written(ours) >= 0 else _most_held(trusted)
+        holders = frozenset(robot for robot, record in held.items() if record == best)
+        odd = sorted(robot for robot, record in held.items() if record != best and written(record) < 0)
+        notes = tuple(f"{robot} holds another record of this instance: it is not believed" for robot in odd)
+        return Belief(record=best, claimed=best, holders=holders, notes=notes)
+    if not held:
+        return Belief()
+    most = _most_held(held)
+    holders = frozenset(robot for robot, record in held.items() if record == most)
+    doubts = (*_differing(held, most), *_of_others(most, holders, snapshot))
+    return Belief(record=_of_own(most, holders), claimed=most, holders=holders, doubts=doubts)
+
+
+def _most_held(held: Mapping[str, Record]) -> Record:
+    """Return the record that most robots hold, of several the newest."""
+    return max(held.values(), key=lambda record: (sum(one == record for one in held.values()), int(record["serial"])))
+
+
+def _of_own(record: Record, holders: Collection[str]) -> Record:
+    """Return what a record says of the robots that hold it."""
+    services = {name: entry for name, entry in record.get("services", {}).items() if entry["robot"] in holders}
+    robots = {name: entry for name, entry in record.get("robots", {}).items() if name in holders}
+    return {**record, "services": services, "robots": robots}
+
+
+def _differing(held: Mapping[str, Record], most: Record) -> list[str]:
+    first = min(robot for robot, record in held.items() if record == most)
+    return [
+        f"{first} and {robot} hold different records of it (serial {most['serial']} and {record['serial']})"
+        for robot, record in sorted(held.items())
+        if record != most
+    ]
+
+
+def _of_others(record: Record, holders: Collection[str], snapshot: Snapshot) -> list[str]:
+    """Say what a record says of robots that cannot be asked."""
+    away: dict[str, list[str]] = {}
+    for service, entry in sorted(record.get("services", {}).items()):
+        if entry["robot"] in snapshot.unreachable:
+            away.setdefault(entry["robot"], []).append(service)
+    who = min(holders)
+    return [
+        f"{who} says that {', '.join(services)} run{'s' * (len(services) == 1)} on {robot}, which cannot be reached"
+        for robot, services in sorted(away.items())
+    ]

@@ -1,0 +1,107 @@
+"""What this machine remembers between runs: which placement record it gave to whom, and which images it had built.
+
+Takes and gives values; a small JSON file per instance, and one for images, below the user's folder for state. A file
+that is missing or broken is as no memory at all: then robots are believed less, not more.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import json
+import os
+import urllib.parse
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from srprov import private
+from srprov.record.folder import default_root
+from srprov.untrusted import mapping, parse_json, string
+
+_LONGEST = 1 << 20
+_MOST_IMAGES = 2000
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Memory:
+    """What runs of this machine wrote of one instance."""
+
+    robots: frozenset[str] = frozenset()
+    """That were given a record."""
+    records: tuple[str, ...] = ()
+    """`digest` of each record that robots may have, the newest last: more than one while a run is not at its end."""
+
+
+def digest(record: Mapping[str, Any]) -> str:
+    """Return what a record is known by."""
+    return hashlib.sha256(json.dumps(record, sort_keys=True).encode()).hexdigest()
+
+
+def recall(instance: str) -> Memory:
+    """Return what is remembered of an instance."""
+    try:
+        with _place(instance).open("rb") as file:
+            kept = mapping(parse_json(file.read(_LONGEST).decode("utf-8")))
+    except (OSError, ValueError):
+        return Memory()
+    robots, records = ([string(one) for one in items] if isinstance(items := kept.get(key), list) else []
+                       for key in ("robots", "records"))  # fmt: skip
+    return Memory(robots=frozenset(robots), records=tuple(records))
+
+
+def remember(instance: str, memory: Memory) -> str:
+    """Keep the memory of an instance, an empty one: forget it; return why that is not possible, or nothing."""
+    place = _place(instance)
+    if memory.robots:
+        document = {"robots": sorted(memory.robots), "records": memory.records}
+        return "" if memory == recall(instance) else _write(place, document)
+    try:
+        place.unlink(missing_ok=True)
+    except OSError as error:
+        return f"{place}: {error.strerror or error}"
+    return ""
+
+
+def known_images() -> dict[str, frozenset[str]]:
+    """Return content tag -> the ids of images that a run of this machine had built under it."""
+    try:
+        with _images().open("rb") as file:
+            kept = mapping(parse_json(file.read(_LONGEST).decode("utf-8")))
+    except (OSError, ValueError):
+        return {}
+    return {string(tag): frozenset(map(string, ids)) for tag, ids in kept.items() if isinstance(ids, list)}
+
+
+def note_images(built: Mapping[str, Collection[str]]) -> str:
+    """Remember ids of images that were built; return why that is not possible, or nothing."""
+    known = known_images()
+    news = {tag: known.get(tag, frozenset()) | set(ids) for tag, ids in built.items()}
+    if all(known.get(tag) == ids for tag, ids in news.items()):
+        return ""
+    newest = [*((tag, ids) for tag, ids in known.items() if tag not in news), *news.items()][-_MOST_IMAGES:]
+    return _write(_images(), {tag: sorted(ids) for tag, ids in newest})
+
+
+def _images() -> Path:
+    return default_root().parent / "images.json"
+
+
+def _write(place: Path, document: object) -> str:
+    """Replace a file; return why that is not possible, or nothing."""
+    partial = place.with_name(f"{place.name}.{os.getpid()}.part")
+    try:
+        private.make_folder(place.parent)
+        private.write_file(partial, json.dumps(document))
+        os.replace(partial, place)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            partial.unlink(missing_ok=True)
+        return f"{error.filename or place}: {error.strerror or error}"
+    return ""
+
+
+def _place(instance: str) -> Path:
+    name = urllib.parse.quote(instance, safe="") or "-"
+    return default_root().parent / "placements" / f"{name[:200]}.json"

@@ -1,0 +1,160 @@
+"""An image as one robot's engine saves it -> an archive, written here, of that image under that tag, and no other.
+
+Takes pieces of a tar and gives pieces of a tar; one piece is in memory at a time. Loading an archive gives the engine
+whatever tags stand in it: a robot's own would replace any image of the robot that loads it. So only plain files and
+links inside of the archive are passed on, and its list of images is written anew, with the one that is wanted.
+
+Source: Docker Image Specification v1.2, "Combined Image JSON + Filesystem Changeset Format"; moby's `docker save`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import posixpath
+import re
+import tarfile
+from collections.abc import Collection, Iterator
+from typing import Any
+
+from srprov.untrusted import json_or_none, mapping, mappings, string
+
+_LIST = "manifest.json"
+_OTHER_LISTS = ("repositories", "index.json", "oci-layout")
+"""Say the same in other forms; an engine reads them only where there is no manifest.json."""
+_LONGEST_LIST = 1 << 20
+_LONGEST_DOCUMENT = 1 << 20
+_MOST_DOCUMENTS = 64
+_DIGEST = re.compile("sha256:[0-9a-f]{64}")
+_MOST_FILES = 4096
+_PIECE = 1 << 20
+
+
+class ForeignImage(Exception):
+    """The archive is none, or not the image that is wanted; the text says why."""
+
+
+def only(chunks: Iterator[bytes], image: str, ids: Collection[str] = ()) -> Iterator[bytes]:
+    """Pass on one image of an archive.
+
+    Args:
+        chunks: The archive as it comes.
+        image: The tag that is wanted.
+        ids: The ids of which the image must have one, `sha256:…`; empty where nobody knows any. An id is the hash of
+            the configuration, or of a manifest, or an index of manifests, that leads to it.
+
+    Raises:
+        ForeignImage: The archive is broken, or does not hold that image.
+    """
+    listed: bytes | None = None
+    small: dict[str, bytes] = {}
+    names: set[str] = set()
+    try:
+        with tarfile.open(fileobj=_Incoming(chunks), mode="r|") as archive:
+            for member in archive:
+                name = posixpath.normpath(member.name)
+                if name == _LIST:
+                    listed = _small(archive, member, _LONGEST_LIST)
+                elif name not in _OTHER_LISTS and not member.isdir():
+                    _check(name, member, names)
+                    yield from _passed_on(archive, member, name, small)
+    except (tarfile.TarError, EOFError, UnicodeError) as error:
+        raise ForeignImage(f"what comes is no archive of an image: {error}") from error
+    entry = _entry(listed, image, names)
+    if ids and not any(_leads_to(one, small.get(entry["Config"], b""), small.values()) for one in ids):
+        raise ForeignImage(f"it gives another image under {image} than the one that was built")
+    yield from _file(_LIST, json.dumps([entry]).encode())
+    yield b"\0" * 1024
+
+
+def _check(name: str, member: tarfile.TarInfo, names: set[str]) -> None:
+    """Refuse what no engine writes: paths that leave the archive, devices, files that come twice, too many."""
+    target = posixpath.normpath(posixpath.join(posixpath.dirname(name), member.linkname)) if member.issym() else name
+    if not (member.isreg() or member.issym()) or any(path.startswith(("/", "..")) for path in (name, target)):
+        raise ForeignImage(f"{name!r} is no file that an image has")
+    if name in names or len(names) > _MOST_FILES or target in (_LIST, *_OTHER_LISTS):
+        raise ForeignImage(f"{name!r} comes twice, or is one too many")
+    names.add(name)
+
+
+def _passed_on(
+    archive: tarfile.TarFile, member: tarfile.TarInfo, name: str, small: dict[str, bytes]
+) -> Iterator[bytes]:
+    """Give a file with a header of our own; keep one that may be a configuration or a manifest."""
+    header = tarfile.TarInfo(name)
+    header.size, header.type, header.linkname = member.size, member.type, member.linkname
+    yield header.tobuf(tarfile.PAX_FORMAT)
+    content = archive.extractfile(member) if member.isreg() else None
+    keep = member.isreg() and member.size <= _LONGEST_DOCUMENT and len(small) < _MOST_DOCUMENTS
+    left, kept = member.size, bytearray()
+    while content is not None and left:
+        piece = content.read(min(left, _PIECE))
+        if not piece:
+            raise ForeignImage(f"{name!r} ends too early")
+        left -= len(piece)
+        kept += piece if keep else b""
+        yield piece
+    yield b"\0" * (-member.size % 512)
+    if keep:
+        small[name] = bytes(kept)
+
+
+def _leads_to(image_id: str, config: bytes, small: Collection[bytes]) -> bool:
+    """Return whether an id is a configuration's hash, or that of documents that name it, one naming the next."""
+    documents = {f"sha256:{hashlib.sha256(one).hexdigest()}": one for one in (*small, config)}
+    wanted, named = f"sha256:{hashlib.sha256(config).hexdigest()}", {image_id}
+    for _ in range(3):
+        if wanted in named:
+            return True
+        texts = [documents.get(one, b"").decode("utf-8", "replace") for one in named]
+        named = {match for one in texts for match in _DIGEST.findall(one)}
+    return wanted in named
+
+
+def _small(archive: tarfile.TarFile, member: tarfile.TarInfo, longest: int) -> bytes:
+    content = archive.extractfile(member) if member.isreg() and member.size <= longest else None
+    if content is None:
+        raise ForeignImage(f"{member.name!r} is no list of images")
+    return content.read()
+
+
+def _entry(listed: bytes | None, image: str, names: set[str]) -> dict[str, Any]:
+    """Return the one entry of the list that is wanted, with no other tag."""
+    every = mappings(json_or_none((listed or b"").decode("utf-8", "replace")))
+    found = [one for one in every if image in (tags if isinstance(tags := one.get("RepoTags"), list) else [])]
+    if len(found) != 1:
+        raise ForeignImage(f"its archive holds {image} {len(found)} times, not once")
+    layers = found[0].get("Layers")
+    entry = {
+        "Config": string(mapping(found[0]).get("Config")),
+        "RepoTags": [image],
+        "Layers": [string(layer) for layer in layers] if isinstance(layers, list) else [],
+    }
+    missing = [name for name in (entry["Config"], *entry["Layers"]) if name not in names]
+    if missing:
+        raise ForeignImage(f"{str(missing[0])[:80]!r} is not in its archive")
+    return entry
+
+
+def _file(name: str, content: bytes) -> Iterator[bytes]:
+    header = tarfile.TarInfo(name)
+    header.size = len(content)
+    yield header.tobuf(tarfile.PAX_FORMAT)
+    yield content + b"\0" * (-len(content) % 512)
+
+
+class _Incoming(io.RawIOBase):
+    """Pieces that come, as a file to read."""
+
+    def __init__(self, chunks: Iterator[bytes]) -> None:
+        self._chunks, self._rest = chunks, b""
+
+    def read(self, size: int = -1) -> bytes:
+        """Return so many bytes, fewer only at the end."""
+        parts: list[bytes] = []
+        while size > 0 and (self._rest or (piece := next(self._chunks, b""))):
+            data = self._rest or piece
+            parts.append(data[:size])
+            self._rest, size = data[size:], size - len(parts[-1])
+        return b"".join(parts)

@@ -1,0 +1,102 @@
+"""Robots that lie about others, or never stop to talk: it concerns them, and nobody else."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+
+from tests.lab.conftest import Lab, busybox, edf, part_of_lab
+
+RECORD = "/var/lib/srprov/lies/placement.json"
+
+
+def test_a_robot_that_runs_nothing_redirects_no_traffic(lab_of_module: Lab, tmp_path: Path) -> None:
+    """Its forged record, with the highest serial and itself as the end of another's tunnel, while that is away."""
+    lab, path = lab_of_module, tmp_path / "lies.edf"
+    services = {name: busybox(robot=robot, network="overlay") for name, robot in (("a", "robot1"), ("b", "robot2"))}
+    path.write_text(edf("lies", services), encoding="utf-8")
+    robots = ["robot1", "robot2", "robot3"]
+    whole = part_of_lab(lab, robots, tmp_path / "whole.yml")
+    gone = part_of_lab(lab, robots, tmp_path / "gone.yml", robot2={"ansible_port": 1})
+    home = {"XDG_STATE_HOME": str(tmp_path / "state")}
+    applied = lab.srprov("apply", str(path), "-i", whole, "--yes", "--settle", "0", env=home)
+    assert applied.code == 0, applied
+    tunnels = lab.shell("robot1", "bridge", "fdb", "show").out
+
+    said = json.loads(lab.shell("robot1", "cat", RECORD).out)
+    liar = said["robots"]["robot1"]["vtep"].rsplit(".", 1)[0] + ".66"
+    said["robots"]["robot2"]["vtep"], said["serial"] = liar, 999_999
+    lab.shell("robot3", "sh", "-c", f"mkdir -p /var/lib/srprov/lies; printf %s '{json.dumps(said)}' > {RECORD}")
+
+    again = lab.srprov("apply", str(path), "-i", gone, "--yes", "--unreachable", "skip", "--settle", "0", env=home)
+    assert again.code == 0 and "robot3 holds another record of this instance" in again.out + again.err, again
+    assert lab.shell("robot1", "bridge", "fdb", "show").out == tunnels and liar not in tunnels
+
+    lab.shell("robot3", "sh", "-c", f"mkdir -p /var/lib/srprov/lies; printf %s '{json.dumps(said)}' > {RECORD}")
+    stranger = lab.srprov("plan", str(path), "-i", gone, env={"XDG_STATE_HOME": str(tmp_path / "none")})
+    assert stranger.code == 9 and "robot1 and robot3 hold different records" in stranger.err, stranger
+    assert lab.srprov("destroy", str(path), "-i", whole, "--yes", env=home).code == 0
+
+
+def test_a_robot_that_never_stops_to_talk_is_out_of_reach_and_the_others_go_on(
+    lab_of_module: Lab, tmp_path: Path
+) -> None:
+    lab = lab_of_module
+    lab.shell("robot3", "sh", "-c", "echo 'cat /dev/zero' > /root/.bashrc")
+    try:
+        inventory = part_of_lab(lab, ["robot1", "robot3"], tmp_path / "lab.yml")
+        began = time.monotonic()
+        asked = lab.srprov("facts", "-i", inventory, "--json")
+        assert asked.code == 4 and set(asked.json["robots"]) == {"robot1"}, asked
+        assert "printed more than 1 MiB before the shell was ready" in asked.json["unreachable"]["robot3"]
+        assert time.monotonic() - began < 8
+    finally:
+        lab.shell("robot3", "rm", "-f", "/root/.bashrc")
+
+
+def test_logs_of_many_lines_and_of_a_very_long_one_come_whole(lab_of_module: Lab, tmp_path: Path) -> None:
+    lab, path = lab_of_module, tmp_path / "chatty.edf"
+    noise = "head -c 3000000 /dev/zero | tr '\\0' x; echo; seq 1 5000; sleep 86400"
+    path.write_text(edf("chatty", {"loud": busybox("sh", "-c", noise, robot="robot1")}), encoding="utf-8")
+    inventory = part_of_lab(lab, ["robot1"], tmp_path / "lab.yml")
+    assert lab.srprov("apply", str(path), "-i", inventory, "--yes", "--settle", "1").code == 0
+    shown = lab.srprov("logs", str(path), "-i", inventory, "-n", "3000000")
+    lines = shown.out.splitlines()
+    assert shown.code == 0 and not shown.err and lines[-1] == "loud | 5000", shown.err
+    assert len(lines) < 5_010 and sum(line.count("x") for line in lines) == 3_000_000
+
+
+def test_an_image_is_copied_only_from_where_it_was_built_and_without_what_lies_beside_it(
+    lab_of_module: Lab, tmp_path: Path
+) -> None:
+    """A tag that a robot lists is its own word; and the archive that it gives is written anew."""
+    lab, path, home = lab_of_module, tmp_path / "lies.edf", {"XDG_STATE_HOME": str(tmp_path / "state")}
+    (tmp_path / "x.cdf").write_text("cdf: 1\nname: lies\nbase: busybox\ncommand: [sleep, '86400']\n", encoding="utf-8")
+    inventory = part_of_lab(lab, ["robot1", "robot2", "robot3"], tmp_path / "lab.yml")
+
+    def on(robot: str) -> str:
+        service = {"cdf": "x.cdf", "robot": robot, "stop_signal": "SIGKILL"}
+        path.write_text(edf("lies", {"one": service}), encoding="utf-8")
+        return str(path)
+
+    def how() -> list[tuple[str, str]]:
+        steps = lab.srprov("plan", on("robot2"), "-i", inventory, "--json", env=home).json["steps"]
+        return sorted((one["robot"], one["cause"]) for one in steps if one["module"] == "image")
+
+    applied = lab.srprov("apply", on("robot1"), "-i", inventory, "--yes", "--settle", "0", "--json", env=home)
+    assert applied.code == 0, applied
+    tag = next(one["id"].partition("image:")[2] for one in applied.json["steps"] if "/image:" in one["id"])
+    assert how() == [("robot2", "not on the robot; copied from robot1")]
+    lab.shell("robot1", "docker", "tag", tag, "srprov/kept:1")
+    moved = lab.srprov("apply", on("robot2"), "-i", inventory, "--yes", "--settle", "0", "--reassign", env=home)
+    assert moved.code == 0, moved
+    ids = [lab.shell(robot, "docker", "image", "inspect", "-f", "{{.Id}}", tag).out for robot in ("robot1", "robot2")]
+    assert ids[0] == ids[1] and "srprov/kept" not in lab.shell("robot2", "docker", "images").out
+
+    lab.shell("robot2", "docker", "rm", "-f", "srprov.lies.one")
+    lab.shell("robot2", "docker", "rmi", tag)
+    lab.shell("robot1", "docker", "tag", "busybox", tag)
+    ((robot, cause),) = how()
+    assert robot == "robot2" and cause.startswith("not on the robot; built here"), cause
+    assert lab.srprov("destroy", str(path), "-i", inventory, "--yes", env=home).code == 0

@@ -1,0 +1,70 @@
+"""From which robot another gets an image: a tag that a robot lists is its own word."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from srprov.controller.remembering import note_built
+from srprov.controller.robot_images import robot_images
+from srprov.facts.model import Docker, HostFacts, Snapshot
+from srprov.images.plan import ImagePlan
+from srprov.record.memory import known_images, note_images
+from srprov.resource import Observed
+
+TAG = "srprov/x:0123456789abcdef"
+
+
+def sources(known: dict[str, set[str]], **ids: str) -> dict[str, tuple[str, str]]:
+    """Return robot -> (source, from) of the image that `b` runs, where robots list an image of an id under its tag."""
+    plan = ImagePlan(tag=TAG, dockerfile="FROM x", context=b"tar", base="x", pinned=True)
+    docker = Docker(version="20.10", api_version="1.41")
+    facts = {name: HostFacts(name=name, arch="x86_64", docker=docker) for name in ("a", "b", "c")}
+    observed = {
+        name: (Observed(module="image", name=TAG, instance="", state={"id": ids.get(name, ""), "labels": {}}),)
+        * (name in ids)
+        for name in facts
+    }
+    inputs: Any = SimpleNamespace(
+        experiment=SimpleNamespace(services={"one": SimpleNamespace(image="", cdf="x")}),
+        placed={"one": "b"},
+        images={"x": plan},
+        references={},
+        snapshot=Snapshot(facts=facts, observed=observed),
+        known_images=known,
+    )
+    found = robot_images(inputs, {})
+    return {host: (one["source"], one.get("from", "")) for host, images in found.items() for one in images}
+
+
+def test_an_image_that_this_machine_had_built_is_copied() -> None:
+    assert sources({TAG: {"sha256:1"}}, c="sha256:1") == {"b": ("copy", "c")}
+
+
+@pytest.mark.parametrize("known", [{}, {TAG: {"sha256:1"}}])
+def test_a_robot_that_lists_the_tag_of_another_image_is_no_source(known: dict[str, set[str]]) -> None:
+    """It is built anew, by a robot that does not say that it has it already."""
+    assert sources(known, a="sha256:evil") == {"b": ("build", "")}
+
+
+def test_without_anybody_who_has_it_the_first_robot_builds() -> None:
+    assert sources({}) == {"a": ("build", ""), "b": ("copy", "a")}
+
+
+def test_ids_of_what_a_run_had_built_are_remembered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+
+    def result(source: str, after: object) -> Any:
+        want = SimpleNamespace(module="image", name=TAG, params=SimpleNamespace(source=source))
+        return SimpleNamespace(step=SimpleNamespace(want=want), after=after)
+
+    ran: Any = SimpleNamespace(
+        results=[result("build", {"id": "sha256:1"}), result("copy", {"id": "sha256:2"}), result("build", None)]
+    )
+    assert note_built(ran) == "" and known_images() == {TAG: {"sha256:1"}}
+    assert note_images({TAG: ["sha256:3"]}) == "" and known_images() == {TAG: {"sha256:1", "sha256:3"}}
+    (tmp_path / "srprov" / "images.json").write_text("[", encoding="utf-8")
+    assert known_images() == {}

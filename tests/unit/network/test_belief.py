@@ -1,0 +1,150 @@
+"""Whose placement record counts: a robot speaks for itself, and for others only where a run gave it the words."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+import pytest
+
+from srprov.controller import ownership
+from srprov.errors import RefusedError
+from srprov.facts.model import Snapshot
+from srprov.facts.placements import parse_placements
+from srprov.network.belief import believe
+from srprov.record.memory import Memory, digest, recall, remember
+from srprov.wire import Reply
+from tests import worlds
+from tests.fakes import World
+from tests.worlds import apply, experiment, plan_for, service
+
+
+def record(serial: int = 3, **more: Any) -> dict[str, Any]:
+    """Return a record of services a on r1 and b on r2."""
+    entry = {"ip": "10.200.0.2", "mac": "02:00:00:00:00:01", "network": "overlay"}
+    services = {"a": {**entry, "robot": "r1"}, "b": {**entry, "robot": "r2"}}
+    robots = {name: {"gateway": "10.200.0.1", "vtep": f"10.0.0.{name[1:]}"} for name in ("r1", "r2")}
+    return {"instance": "hello", "serial": serial, "services": services, "robots": robots, "source": "x", **more}
+
+
+FORGED = record(999_999, robots={"r1": {"vtep": "10.0.0.66"}, "r2": {"vtep": "10.0.0.66"}})
+
+
+def seen(unreachable: tuple[str, ...] = (), **held: dict[str, Any]) -> Snapshot:
+    records = {robot: {"hello": one} for robot, one in held.items()}
+    return Snapshot(facts={}, observed={}, records=records, unreachable=dict.fromkeys(unreachable, "down"))
+
+
+def test_a_robot_that_no_run_gave_a_record_is_not_believed_and_named() -> None:
+    belief = believe("hello", seen(r1=record(), r2=record(), r9=FORGED), {"r1", "r2"})
+    assert belief.record == record() and belief.holders == {"r1", "r2"} and not belief.doubts
+    assert len(belief.notes) == 1 and belief.notes[0].startswith("r9 holds another record")
+
+
+def test_a_witness_that_lies_is_outdone_by_what_this_machine_wrote() -> None:
+    """Also alone against one: the record that was given wins over any serial."""
+    known = [digest(record(2)), digest(record())]
+    order = lambda one: known.index(digest(one)) if digest(one) in known else -1  # noqa: E731
+    for held in ({"r1": record(), "r9": FORGED}, {"r1": record(2), "r9": FORGED}):
+        belief = believe("hello", seen(**held), {"r1", "r2", "r9"}, order)
+        assert belief.record == held["r1"] and [note[:2] for note in belief.notes] == ["r9"]
+
+
+def test_what_another_machine_wrote_on_most_of_our_robots_counts() -> None:
+    belief = believe("hello", seen(r1=record(7), r2=record(7), r3=FORGED), {"r1", "r2", "r3"}, lambda _one: -1)
+    assert belief.record == record(7)
+
+
+def test_without_a_memory_each_record_counts_for_its_own_robot() -> None:
+    belief = believe("hello", seen(("r2",), r1=record()), ())
+    assert belief.record is not None and set(belief.record["services"]) == {"a"} == {"a"}
+    assert set(belief.record["robots"]) == {"r1"} and belief.claimed == record()
+    assert belief.doubts == ("r1 says that b runs on r2, which cannot be reached",)
+    assert not believe("hello", seen(r1=record(), r2=record()), ()).doubts
+
+
+def test_without_a_memory_records_that_differ_are_a_doubt() -> None:
+    belief = believe("hello", seen(r1=record(), r2=record(), r9=FORGED), ())
+    assert belief.claimed == record(), "one robot outvotes nobody"
+    assert belief.doubts == ("r1 and r9 hold different records of it (serial 3 and 999999)",)
+
+
+def test_no_record_is_no_belief() -> None:
+    assert believe("hello", seen(), {"r1"}).record is None
+    assert believe("other", seen(r1=record()), {"r1"}).record is None
+
+
+# --- in a plan ----------------------------------------------------------------------------------------------------
+
+TWO = experiment(service("one", robot="a", network="overlay"), service("two", robot="b", network="overlay"))
+
+
+def forged(world: World, host: str, liar: str) -> None:
+    """Let a robot that runs nothing hold a record that sends what is meant for `host` to itself."""
+    path = "/var/lib/srprov/hello/placement.json"
+    said = json.loads(world.robots["a"].disk.files[path])
+    said["robots"][host]["vtep"], said["serial"] = world.robots[liar].kernel.address, 999_999
+    world.robots[liar].disk.files[path] = json.dumps(said).encode()
+
+
+def remembered(world: World, *robots: str) -> Any:
+    """Let this machine remember that it gave the record of `a` to some robots."""
+    (held,) = parse_placements(Reply(status=0, out=world.robots["a"].disk.records())).values()
+    memory = Memory(robots=frozenset(robots), records=(digest(held),))
+    return recalling(memory)
+
+
+def recalling(memory: Memory) -> Any:
+    """Let plans of a world find this memory, whatever the instance."""
+    found = mock.patch.object(ownership, "recall", lambda _name: memory)
+    return mock.patch.object(worlds, "remembering_all", lambda _world: found)
+
+
+@pytest.mark.parametrize("keepers", [("a", "b"), ("a", "b", "c", "d")])
+def test_a_robot_that_runs_nothing_does_not_redirect_what_others_send(keepers: tuple[str, ...]) -> None:
+    """Neither a stranger nor a witness, while a member is out of reach."""
+    world = World().add("a", "b", "c", "d")
+    apply(world, TWO)
+    forged(world, "b", "d")
+    world.robots["b"].gone = True
+    with remembered(world, *keepers):
+        plan = plan_for(world, TWO)
+    assert [step.id for step in plan.steps if step.host == "a"] == []
+    assert any("d holds another record" in note for note in plan.notes)
+    assert plan.assignment == {"one": "a", "two": "b"}
+
+
+def test_without_a_memory_the_plan_is_refused_with_what_robots_say() -> None:
+    world = World().add("a", "b", "c", "d")
+    apply(world, TWO)
+    forged(world, "b", "d")
+    nothing = recalling(Memory())
+    with nothing, pytest.raises(RefusedError, match="a and d hold different records of it") as caught:
+        plan_for(world, TWO)
+    assert caught.value.exit_code == 9 and "--adopt" in caught.value.hint
+    with nothing:
+        assert [step for step in plan_for(world, TWO, adopt=True).steps if step.host == "a"] == []
+
+
+# --- the memory ---------------------------------------------------------------------------------------------------
+
+
+def test_a_memory_comes_back_and_is_its_users_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    kept = Memory(robots=frozenset({"r1", "r2"}), records=("a", "b"))
+    assert recall("hello") == Memory() and remember("hello", kept) == "" and recall("hello") == kept
+    (file,) = (tmp_path / "srprov" / "placements").iterdir()
+    assert file.stat().st_mode & 0o077 == 0 and file.parent.stat().st_mode & 0o077 == 0
+    for broken in ("", "[]", "{", '{"robots": 7, "records": {}}', "\0", "[" * 5000):
+        file.write_text(broken, encoding="utf-8")
+        assert recall("hello") == Memory()
+    assert remember("hello", Memory()) == "" and not file.exists() and remember("hello", Memory()) == ""
+    assert recall("../../x") == Memory()
+
+
+def test_a_memory_that_cannot_be_written_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "srprov").write_text("a file", encoding="utf-8")
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    assert "srprov" in remember("hello", Memory(robots=frozenset({"r1"})))

@@ -1,0 +1,99 @@
+"""What one robot saves is written anew before another loads it: one image, one tag, nothing beside it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import tarfile
+from collections.abc import Collection, Iterator
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from srprov.transport.image_archive import ForeignImage, only
+from tests.unit.transport.archives import image_id, loadable, saved
+
+WANTED = {"srprov/x:1": b"layer" * 1000}
+
+
+def pieces(data: bytes, size: int) -> Iterator[bytes]:
+    return (data[at : at + size] for at in range(0, len(data), size))
+
+
+def passed(data: bytes, image: str = "srprov/x:1", size: int = 700, known: Collection[str] = ()) -> bytes:
+    return b"".join(only(pieces(data, size), image, known))
+
+
+@given(st.integers(1, 9000))
+def test_an_image_comes_through_in_any_pieces(size: int) -> None:
+    assert loadable(passed(saved(WANTED), size=size)) == WANTED
+
+
+def test_further_tags_and_images_stay_behind() -> None:
+    more = {**WANTED, "busybox:latest": b"evil"}
+    assert loadable(passed(saved(more))) == WANTED
+    assert loadable(passed(saved(WANTED, tags=["busybox:latest", "srprov/x:1"]))) == WANTED
+
+
+def test_an_image_of_another_id_is_refused() -> None:
+    """Before its list is given, without which an engine loads nothing."""
+    assert loadable(passed(saved(WANTED), known=[image_id("srprov/x:1")])) == WANTED
+    given: list[bytes] = []
+    with pytest.raises(ForeignImage, match="another image under srprov/x:1"):
+        given += only(pieces(saved(WANTED), 700), "srprov/x:1", [image_id("other")])
+    assert b"RepoTags" not in b"".join(given)
+
+
+def member(name: str, kind: bytes = tarfile.REGTYPE, link: str = "") -> tarfile.TarInfo:
+    found = tarfile.TarInfo(name)
+    found.type, found.linkname = kind, link
+    return found
+
+
+@pytest.mark.parametrize(
+    "odd",
+    [
+        member("../../etc/passwd"), member("/etc/passwd"), member("a", tarfile.SYMTYPE, "../../etc"),
+        member("a", tarfile.SYMTYPE, "/etc/passwd"), member("a", tarfile.SYMTYPE, "manifest.json"),
+        member("./manifest.json", tarfile.SYMTYPE, "b"), member("a", tarfile.LNKTYPE, "b"),
+        member("a", tarfile.CHRTYPE), member("a", tarfile.FIFOTYPE),
+    ],
+    ids=lambda one: f"{one.name} {one.type!r} {one.linkname}",
+)  # fmt: skip
+def test_what_no_engine_writes_is_refused(odd: tarfile.TarInfo) -> None:
+    with pytest.raises(ForeignImage):
+        passed(saved(WANTED, [(odd, b"")]))
+
+
+def test_a_layer_that_is_a_link_to_another_comes_through() -> None:
+    """Docker writes a layer that comes twice as a link."""
+    link = member("b/layer.tar", tarfile.SYMTYPE, "../a/layer.tar")
+    assert loadable(passed(saved(WANTED, [(member("a/layer.tar"), b"x"), (link, b"")]))) == WANTED
+
+
+@pytest.mark.parametrize("data", [b"", b"x" * 2000, saved(WANTED)[:3000], saved({"other:1": b"x"}), b"\0" * 4096])
+def test_what_is_no_archive_of_the_image_is_refused(data: bytes) -> None:
+    with pytest.raises(ForeignImage):
+        passed(data)
+
+
+@given(st.binary(max_size=2000), st.integers(0, 2000))
+def test_whatever_comes_is_passed_on_or_refused(noise: bytes, at: int) -> None:
+    whole = saved(WANTED)
+    try:
+        passed(whole[:at] + noise + whole[at + len(noise) :])
+    except ForeignImage:
+        return
+
+
+def test_an_id_that_is_a_manifest_s_leads_to_its_image() -> None:
+    """Docker's newer store names an image by its manifest, or by an index of manifests."""
+    manifest = json.dumps({"config": {"digest": image_id("srprov/x:1")}}).encode()
+    index = json.dumps({"manifests": [{"digest": f"sha256:{hashlib.sha256(manifest).hexdigest()}"}]}).encode()
+    blobs = [(member(f"blobs/sha256/{hashlib.sha256(one).hexdigest()}"), one) for one in (manifest, index)]
+    for one in (manifest, index):
+        known = [f"sha256:{hashlib.sha256(one).hexdigest()}"]
+        assert loadable(passed(saved(WANTED, blobs), known=known)) == WANTED
+        with pytest.raises(ForeignImage):
+            passed(saved(WANTED), known=known)
