@@ -123,7 +123,9 @@ _HISTORY = click.option(
     help="Earlier runs (DIR/*/assignment.json): fairness evens out what robots carried in them.",
 )  # fmt: skip
 _REASSIGN = click.option("--reassign", is_flag=True, help="Let running services move when that is cheaper.")
-_ADOPT = click.option("--adopt", is_flag=True, help="Take over an instance that another file made.")
+_ADOPT = click.option(
+    "--adopt", is_flag=True, help="Take over an instance that another file made, or that only robots know."
+)
 _DATA = click.option(
     "--data", type=click.Choice(["move", "leave"]), default=None,
     help="When a service goes to another robot than its data is on: copy the data there and remove it here once the "
