@@ -66,8 +66,13 @@ def believe(
 
 
 def _most_held(held: Mapping[str, Record]) -> Record:
-    """Return the record that most robots hold, of several the newest."""
-    return max(held.values(), key=lambda record: (sum(one == record for one in held.values()), int(record["serial"])))
+    """Return the record that most robots hold, those first that it says anything of; of several the newest."""
+
+    def weight(record: Record) -> tuple[int, int, int]:
+        holders = [robot for robot, one in held.items() if one == record]
+        return sum(robot in record.get("robots", {}) for robot in holders), len(holders), int(record["serial"])
+
+    return max(held.values(), key=weight)
 
 
 def _of_own(record: Record, holders: Collection[str]) -> Record:

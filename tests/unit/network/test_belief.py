@@ -71,6 +71,10 @@ def test_without_a_memory_records_that_differ_are_a_doubt() -> None:
     assert belief.doubts == ("r1 and r9 hold different records of it (serial 3 and 999999)",)
 
 
+def test_of_one_against_one_the_word_of_whom_it_is_about_counts_more() -> None:
+    assert believe("hello", seen(("r2",), r1=record(), r9=FORGED), ()).claimed == record()
+
+
 def test_no_record_is_no_belief() -> None:
     assert believe("hello", seen(), {"r1"}).record is None
     assert believe("other", seen(r1=record()), {"r1"}).record is None
