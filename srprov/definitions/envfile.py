@@ -8,11 +8,13 @@ written: nothing is interpolated.
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from srprov.errors import Diagnostic, Location
 
 _NAME = re.compile(r"(?:export\s+)?(?P<name>[A-Za-z_][A-Za-z0-9_.-]*)\s*(?P<sign>[=:]?)[ \t]*")
+MAX_BYTES = 256 * 1024
+_MOST_PROBLEMS = 100
 _ESCAPES = {"n": "\n", "t": "\t", "r": "\r", '"': '"', "\\": "\\", "$": "$"}
 
 
@@ -27,7 +29,7 @@ def parse(text: str, file: str, environ: Mapping[str, str]) -> tuple[dict[str, s
     problems: list[Diagnostic] = []
     lines = text.splitlines()
     number = 0
-    while number < len(lines):
+    while number < len(lines) and len(problems) <= _MOST_PROBLEMS:
         line, start = lines[number], number + 1
         number += 1
         bare = line.strip()
@@ -47,9 +49,7 @@ def parse(text: str, file: str, environ: Mapping[str, str]) -> tuple[dict[str, s
         bare_names.discard(match["name"])
         rest = line.lstrip()[match.end() :]
         if rest[:1] in ("'", '"'):
-            while (end := _end_of_quote(rest)) < 0 and number < len(lines):
-                rest += "\n" + lines[number]
-                number += 1
+            rest, end, number = _quoted(rest, lines, number)
             if end < 0:
                 place = Location(file, start, column + match.end())
                 problems.append(Diagnostic(place, "the quote is not closed", "", line))
@@ -61,13 +61,24 @@ def parse(text: str, file: str, environ: Mapping[str, str]) -> tuple[dict[str, s
     return found, bare_names, problems
 
 
-def _end_of_quote(text: str) -> int:
-    """Return the index of the closing quote of a text that begins with one, or -1."""
-    position = 1
+def _quoted(rest: str, lines: Sequence[str], number: int) -> tuple[str, int, int]:
+    """Return a quoted text with the lines that it goes on in, where its quote ends (or -1), and the line after it."""
+    pieces, end = [rest], _end_of_quote(rest, rest[0], 1)
+    while end < 0 and number < len(lines):
+        # a backslash at the end of a line escapes the line's end, nothing of the next one
+        inside = _end_of_quote(lines[number], rest[0], 0)
+        end = inside if inside < 0 else sum(len(one) + 1 for one in pieces) + inside
+        pieces.append(lines[number])
+        number += 1
+    return "\n".join(pieces), end, number
+
+
+def _end_of_quote(text: str, quote: str, position: int) -> int:
+    """Return the index of the first quote from a position on that is not escaped, or -1."""
     while position < len(text):
-        if text[position] == "\\" and text[0] == '"':
+        if text[position] == "\\" and quote == '"':
             position += 2
-        elif text[position] == text[0]:
+        elif text[position] == quote:
             return position
         else:
             position += 1

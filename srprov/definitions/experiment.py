@@ -34,8 +34,8 @@ from srprov.yamldoc import loader, nodes
 from srprov.yamldoc.allowance import allowance
 from srprov.yamldoc.nodes import Findings, Map, Node, Scalar
 
-_MOST_BYTES = 8 * 1024 * 1024
-_MOST_VALUES = 60_000
+_MOST_BYTES = 2 * 1024 * 1024
+_MOST_VALUES = 30_000
 """Of an EDF with all files that it names."""
 _METADATA = ("license", "doi", "notes")
 

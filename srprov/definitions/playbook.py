@@ -29,7 +29,7 @@ VARIABLES = (
 """What a playbook is rendered with; docs/playbooks.md says what each holds."""
 
 
-MAX_LENGTH = 200_000
+MAX_LENGTH = 50_000
 """Ours have a few hundred characters; checking takes time with the square of it."""
 
 
@@ -81,7 +81,7 @@ def read(file: str, shown: str, name: str, place: str) -> Playbook:
     Raises:
         DefinitionError: With everything that is wrong with it.
     """
-    text = loader.read_text(file, shown).replace("\r\n", "\n").replace("\r", "\n")
+    text = loader.read_text(file, shown, 20 * MAX_LENGTH).replace("\r\n", "\n").replace("\r", "\n")
     source = Source(shown, tuple(text.split("\n")))
     findings = Findings()
     if len(text) > MAX_LENGTH:
@@ -129,8 +129,9 @@ def _check_template(text: str, source: Source, findings: Findings) -> bool:
     except TemplateSyntaxError as error:
         findings.add(Scalar(source, error.lineno, 1, ""), f"is no Jinja2 template: {error.message}")
         return False
-    except RecursionError:
-        findings.add(Scalar(source, 1, 1, ""), "is no Jinja2 template: its expressions are nested too deeply")
+    except (RecursionError, ValueError) as error:  # ValueError: a number of thousands of digits
+        why = "its expressions are nested too deeply" if isinstance(error, RecursionError) else "a number is too long"
+        findings.add(Scalar(source, 1, 1, ""), f"is no Jinja2 template: {why}")
         return False
     names = list(tree.find_all(syntax.Name))
     known = {*VARIABLES, *env.globals, *(one.name for one in names if one.ctx == "store"), "loop"}

@@ -18,7 +18,7 @@ from srprov.errors import DefinitionError
 from srprov.yamldoc import nodes
 from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq
 
-MOST_BYTES = 8 * 1024 * 1024
+MOST_BYTES = 2 * 1024 * 1024
 MOST_ENTRIES = 1000
 """Of one list or map."""
 MOST_VALUES = 20_000

@@ -113,7 +113,7 @@ def _env_files(node: Node | None, folder: str, environ: Mapping[str, str], findi
             continue
         try:
             shown = paths.shown_beside(item.source.file, item.text)
-            found, bare, problems = envfile.parse(loader.read_text(real, shown), shown, environ)
+            found, bare, problems = envfile.parse(loader.read_text(real, shown, envfile.MAX_BYTES), shown, environ)
         except DefinitionError as error:
             found, bare, problems = {}, set(), list(error.problems)
         findings.extend(map(nodes.without_secrets, problems))

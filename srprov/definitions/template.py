@@ -19,6 +19,7 @@ MARK = "\ue001"
 BLOCKS = ("if", "elif", "else", "endif", "for", "endfor", "set")
 _OPENERS = {"{{": "}}", "{%": "%}", "{#": "#}"}
 _OPENING = re.compile(r"\{\{|\{%|\{#")
+_WORD = re.compile(r"[-+]?\s*(\w*)")
 _MOST_BRANCHES = 8
 _MARKED = re.compile(f"{MARK}([0-9]+)_([0-9]+){MARK}")
 
@@ -41,20 +42,25 @@ class _Frame:
 
 
 def pieces(text: str) -> list[Piece]:
-    """Cut a template that Jinja2 has accepted."""
+    """Cut a template; one that Jinja2 does not accept comes to an end, too."""
     found, at = [], 0
     while match := _OPENING.search(text, at):
         begin, opener = match.start(), match.group()
-        end = text.find("#}", begin) + 2 if opener == "{#" else _end(text, begin + 2, _OPENERS[opener])
+        end = _end_of_comment(text, begin) if opener == "{#" else _end(text, begin + 2, _OPENERS[opener])
         if begin > at:
             found.append(Piece("text", at, begin))
         kind = {"{{": "value", "{%": "block", "{#": "comment"}[opener]
-        word = re.match(r"[-+]?\s*(\w*)", text[begin + 2 :])
+        word = _WORD.match(text, begin + 2)
         found.append(Piece(kind, begin, end, word.group(1) if word and kind == "block" else ""))
         at = end
     if at < len(text):
         found.append(Piece("text", at, len(text)))
     return found
+
+
+def _end_of_comment(text: str, at: int) -> int:
+    end = text.find("#}", at + 2)
+    return end + 2 if end >= 0 else len(text)
 
 
 def _end(text: str, at: int, closer: str) -> int:

@@ -17,6 +17,8 @@ class Allowance:
 
     bytes: int
     values: int
+    most_bytes: int = 0
+    """Of all files together, for messages."""
 
 
 current: ContextVar[Allowance | None] = ContextVar("current", default=None)
@@ -25,7 +27,7 @@ current: ContextVar[Allowance | None] = ContextVar("current", default=None)
 @contextmanager
 def allowance(most_bytes: int, most_values: int) -> Iterator[None]:
     """Limit all that is read in the block, together. Inside of another block, that one's limits go on."""
-    token = current.set(current.get() or Allowance(most_bytes, most_values))
+    token = current.set(current.get() or Allowance(most_bytes, most_values, most_bytes))
     try:
         yield
     finally:

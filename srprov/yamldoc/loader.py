@@ -49,7 +49,8 @@ def read_text(path: str | FilePath, shown: str = "", most: int = MAX_BYTES) -> s
         if left := current.get():
             left.bytes -= len(data)
             if left.bytes < 0:
-                raise OSError(errno.EFBIG, "with all other files that are named, it is too much to be read")
+                together = f"with it, all files that belong together are larger than {left.most_bytes >> 20} MiB"
+                raise OSError(errno.EFBIG, together)
     except OSError as error:
         reason = _IN_WORDS.get(type(error), error.strerror)
         raise DefinitionError([Diagnostic(Location(name), f"cannot be read: {reason}")]) from None

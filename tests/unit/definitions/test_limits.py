@@ -42,14 +42,14 @@ EDFS = {
     "a limit": (service(f"ulimits: {{nofile: {10**30}}}"), "expected"),
     "1e999": (service("cost: 1e999"), "expected a number"),
     "10**5000": (service(f"cost: {10**4000}"), "expected a number"),
-    "a command": (service(f"command: '{'a' * 4_000_000}'"), "is longer than 100000 characters"),
+    "a command": (service(f"command: '{'a' * 1_500_000}'"), "is longer than 100000 characters"),
     "misspelt keys and names": (
         edf("".join(f"  service-{i:04}: {{image: x, depends_on: [servise-{i:04}], cots: 3}}\n" for i in ROWS)),
         "there are more than 100 problems",
     ),
     "many services": (edf("".join(f"  s{i}: {{image: x}}\n" for i in range(1001))), "1001 entries; 1000 are the most"),
     "many values": (
-        edf("  a: {image: x}\n", f"x-a: [{', '.join(['[' + '1, ' * 999 + '1]'] * 30)}]\n"),
+        edf("  a: {image: x}\n", f"x-a: [{', '.join(['[' + '1, ' * 999 + '1]'] * 25)}]\n"),
         "the document holds more than 20000 values",
     ),
     "a circle of a thousand": (
@@ -91,7 +91,7 @@ def test_a_small_experiment_that_names_much_is_refused(tmp_path: Path) -> None:
     """A thousand services of one large file each: every file is fine alone."""
     (tmp_path / "a.env").write_text("".join(f"V{i}={'x' * 90}\n" for i in ROWS))
     text = edf("".join(f"  s{i}: {{image: x, env_file: a.env}}\n" for i in ROWS))
-    assert "with all other files that are named, it is too much to be read" in problems(tmp_path / "a.edf", text)
+    assert "with it, all files that belong together are larger than 2 MiB" in problems(tmp_path / "a.edf", text)
 
 
 def test_cdfs_cannot_extend_each_other_for_ever(tmp_path: Path) -> None:
@@ -250,3 +250,48 @@ def test_the_nearest_of_many_names_is_still_found() -> None:
     known = [f"service-{number:04}" for number in range(1000)]
     assert did_you_mean("servise-0500", known) == "did you mean 'service-0500'?"
     assert did_you_mean("x" * 10_000, known) == ""
+
+
+ENV_FILES = {
+    "variables": "".join(f"V{number}=b\n" for number in range(25_000)),
+    "a quote over many lines": "A='\n" + "x\n" * 120_000,
+    "quotes that do not end": "A='x\n" * 40_000,
+    "no variables": "=\n" * 120_000,
+    "blanks": "A=" + " " * 250_000 + "x",
+}
+
+
+@pytest.mark.parametrize("case", ENV_FILES)
+def test_an_env_file_is_read_in_time(tmp_path: Path, case: str) -> None:
+    (tmp_path / "a.env").write_text(ENV_FILES[case])
+    problems(tmp_path / "a.edf", service("env_file: a.env"))
+
+
+def test_an_env_file_of_megabytes_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "a.env").write_text("A=b\n" * 100_000)
+    assert "cannot be read: it is larger than 256 KiB" in problems(tmp_path / "a.edf", service("env_file: a.env"))
+
+
+PLAYBOOKS = {
+    "substitutions": f"- file: /a\n  content: [{'{{ host }}, ' * 4000}]\n",
+    "items": "".join(f"- file: /a{number}\n  content: b\n" for number in range(1700)),
+    "unknown modules": "".join(f"- fil: /a{number}\n" for number in range(3000)),
+    "branches": "{% if host %}\n" + "{% elif host %}\n- file: /a\n  content: b\n" * 1100 + "{% endif %}\n",
+    "blocks": "{% for a in b %}\n" * 1500 + "{% endfor %}\n" * 1500,
+    "parentheses": "- file: {{ " + "(" * 40_000 + " }}\n",
+    "a comment that does not end": "[]\n{#\n",
+    "a number": "- file: {{ " + "9" * 5000 + " }}\n",
+    "a tag that does not end": "{{ '" * 12_000,
+}
+
+
+@pytest.mark.parametrize("case", PLAYBOOKS)
+def test_a_playbook_is_read_in_time(tmp_path: Path, case: str) -> None:
+    (tmp_path / "p.yml").write_text(PLAYBOOKS[case])
+    problems(tmp_path / "a.edf", edf("  a: {image: x}\n", "playbooks: {before: [p.yml]}\n"))
+
+
+def test_a_playbook_of_megabytes_is_refused(tmp_path: Path) -> None:
+    for size, says in ((50_001, "is longer than 50000 characters"), (10_000_000, "it is larger than 1000000 bytes")):
+        (tmp_path / "p.yml").write_text("#" * size)
+        assert says in problems(tmp_path / "a.edf", edf("  a: {image: x}\n", "playbooks: {before: [p.yml]}\n"))
