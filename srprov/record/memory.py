@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from srprov import private
+from srprov import private, regular_file
 from srprov.record.folder import default_root
 from srprov.untrusted import mapping, parse_json, string
 
@@ -42,8 +42,7 @@ def digest(record: Mapping[str, Any]) -> str:
 def recall(instance: str) -> Memory:
     """Return what is remembered of an instance."""
     try:
-        with _place(instance).open("rb") as file:
-            kept = mapping(parse_json(file.read(_LONGEST).decode("utf-8")))
+        kept = mapping(parse_json(regular_file.read_text(_place(instance), _LONGEST)))
     except (OSError, ValueError):
         return Memory()
     robots, records = ([string(one) for one in items] if isinstance(items := kept.get(key), list) else []
@@ -67,8 +66,7 @@ def remember(instance: str, memory: Memory) -> str:
 def known_images() -> dict[str, frozenset[str]]:
     """Return content tag -> the ids of images that a run of this machine had built under it."""
     try:
-        with _images().open("rb") as file:
-            kept = mapping(parse_json(file.read(_LONGEST).decode("utf-8")))
+        kept = mapping(parse_json(regular_file.read_text(_images(), _LONGEST)))
     except (OSError, ValueError):
         return {}
     return {string(tag): frozenset(map(string, ids)) for tag, ids in kept.items() if isinstance(ids, list)}
