@@ -37,7 +37,7 @@ def confirm(made: Plan, yes: bool, stop_timeout_s: float) -> None:
     from srprov.execution.options import hurried
 
     for line in hurried(made, stop_timeout_s):
-        err(f"note: {line}")
+        err(f"warning: {line}")
     if yes:
         return
     lost = sum(step.change.destructive for step in made.steps)

@@ -31,6 +31,12 @@ FAULTS: dict[str, tuple[str, ...]] = {
     "SIGKILL of a robot's dockerd during an apply": (
         "test_survival.py::test_an_engine_that_crashes_in_the_middle_is_finished_later",
     ),
+    "SIGKILL of a robot's dockerd while it starts a container": (
+        "test_survival.py::test_an_engine_that_dies_while_it_starts_a_container_is_finished_later",
+    ),
+    "SIGKILL of a robot's dockerd during a build": (
+        "test_survival.py::test_what_a_killed_build_leaves_is_removed_by_whoever_comes_next",
+    ),
     "a robot loses power during an apply, or is off": (
         "test_failures.py::test_robots_that_cannot_be_reached_are_named_and_the_others_done",
         "test_failures.py::test_a_service_does_not_start_before_one_whose_robot_is_gone",
