@@ -44,8 +44,9 @@ def plan_data(
     if request.data == "move":
         for one in moves:
             _check_copy(one, now.held, snapshot)
+    finished = tuple(_finished(experiment, placed, now)) if request.data == "move" else ()
     return DataPlan(
-        moves=moves,
+        moves=(*moves, *finished),
         owner=_with_adopted(request, now.held),
         copies=_copies(moves, now.held, request),
         notes=tuple(_kept_notes(experiment, placed, now, moves, request.data)),
@@ -63,6 +64,15 @@ def _moves(
             source = home if home in having or home in snapshot.unreachable else newest(having)
             if source and source != target:
                 yield DataMove(service=name, volume=volume, source=source, target=target, how=how)
+
+
+def _finished(experiment: Experiment, placed: Mapping[str, str], now: DataNow) -> Iterator[DataMove]:
+    """Return the moves of which only the removal is left: the copy is whole, and its source is still there."""
+    for name, service in sorted(experiment.services.items()):
+        target = placed.get(name, "")
+        for volume in roaming(service, now.instance):
+            if source := now.held.copied.get((target, volume)):
+                yield DataMove(service=name, volume=volume, source=source, target=target, how="move")
 
 
 def _check_copy(move: DataMove, held: Holdings, snapshot: Snapshot) -> None:

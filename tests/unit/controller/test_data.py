@@ -110,6 +110,7 @@ def test_a_whole_copy_replaces_its_source_only_with_the_owners_label_and_word() 
     whole = robots(r1=volume("r1"), r2=volume("r2", LATE, copy=label))
     now, plan = data_of(web(), whole, "r2", {"web": "r1"}, data="move")
     assert now.home == {"web": "r2"} and plan.copies == {("r2", LOG): ("r1", label)}
+    assert [(one.source, one.target, one.how) for one in plan.moves] == [("r1", "r2", "move")], "it is said, too"
     _, quiet = data_of(web(), whole, "r2", {"web": "r2"})
     assert quiet.copies == {} and "--data move removes it on r1" in quiet.notes[0]
     for seen in (
