@@ -65,6 +65,8 @@ class Engine:
     containers: dict[str, Container] = field(default_factory=dict)
     networks: dict[str, dict[str, Any]] = field(default_factory=dict)
     volumes: dict[str, dict[str, str]] = field(default_factory=dict)
+    data: dict[str, str] = field(default_factory=dict)
+    """Volume -> what is in it."""
     images: dict[str, dict[str, str]] = field(default_factory=dict)
     behaviours: dict[str, Behaviour] = field(default_factory=dict)
     unpullable: set[str] = field(default_factory=set)
@@ -267,7 +269,17 @@ class Engine:
             if any(m["Type"] == "volume" and m["Source"] == name for m in one.body["HostConfig"].get("Mounts", [])):
                 return _error(409, f"remove {name}: volume is in use - [{identity(one.name)}]")
         del self.volumes[name]
+        self.data.pop(name, None)
         return Reply(status=204)
+
+    def rename_data(self, half: str, name: str) -> str:
+        """Do what `mv -T` does with the folders of two volumes; return what it complains of."""
+        if half not in self.volumes or name not in self.volumes:
+            return "Error: no such volume"
+        if self.data.get(name):
+            return "mv: cannot move: Directory not empty"
+        self.data[name] = self.data.pop(half, "")
+        return ""
 
     def _pull(self, repository: str, tag: str) -> Reply:
         name = f"{repository}{'@' if ':' in tag else ':'}{tag}"

@@ -23,13 +23,14 @@ from srprov.facts.probes import PROBES
 from srprov.modules import MODULES
 from srprov.secret import Vault
 from srprov.session import Measures, Progress, Pulse, Traffic, no_progress
-from srprov.wire import AnyQuery, Command, CopyImage, EngineCall, EngineQuery, Put, Query, Reply, Run
+from srprov.wire import AnyQuery, Command, CopyImage, CopyVolume, EngineCall, EngineQuery, Put, Query, Reply, Run
 from tests.fake_engine import Behaviour, Container, Engine
 from tests.fake_kernel import Disk, Kernel, shell_reply
 
 __all__ = ["Behaviour", "Entry", "FakeRobot", "Fault", "World"]
 
 _THERE = re.compile(r"\[ -e (\S+) \] \|\| echo ([0-9]+)")
+_TAKE_PLACE = re.compile(r"from=\$\(docker volume .* (\S+)\) && to=\$\(docker volume .* (\S+)\) && sync")
 _LOGS = re.compile(r"docker logs --tail (\d+) (\S+) 2>&1")
 
 
@@ -235,6 +236,7 @@ class FakeRobot:
             "containers": {n: (c.state, c.code, c.body) for n, c in sorted(self.engine.containers.items())},
             "networks": dict(sorted(self.engine.networks.items())),
             "volumes": dict(sorted(self.engine.volumes.items())),
+            "data": dict(sorted(self.engine.data.items())),
             "links": {n: vars(link).copy() for n, link in sorted(self.kernel.links.items())},
             "fdb": sorted(self.kernel.fdb),
             "files": dict(sorted(self.disk.files.items())),
@@ -356,11 +358,21 @@ class FakeRobot:
             if there:
                 self.engine.images[command.image] = {}
             reply = shell_reply("" if there else f"{source.host}: its engine cannot give {command.image}")
+        elif isinstance(command, CopyVolume):
+            giver, there = self.world.robots[command.source_host].engine, command.into in self.engine.volumes
+            data = giver.data.get(command.volume, "")
+            assert not any(c.state == "running" and command.volume in str(c.body) for c in giver.containers.values())
+            self.engine.data[command.into] = data[: len(data) // 2] if half else data
+            reply = shell_reply("" if there and command.volume in giver.volumes else "no such volume")
         else:
             reply = self._script(command, half)
         return shell_reply("injected failure") if half and reply.ok else reply
 
     def _script(self, run: Run, half: bool) -> Reply:
+        if run.script.startswith("for p in /proc/"):
+            return shell_reply("injected failure" if half else "")  # no process outlives its container here
+        if match := _TAKE_PLACE.match(run.script):
+            return shell_reply("injected failure" if half else self.engine.rename_data(match[1], match[2]))
         said = self.disk.run(run.script)
         if said is not None:
             return shell_reply(said)

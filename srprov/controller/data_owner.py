@@ -66,25 +66,40 @@ def remember_owner(plan: Plan, owner: Owner | None) -> None:
         keep(replace(owner, source=plan.source, places=places))
 
 
-def check_saved(plan: Plan, snapshot: Snapshot) -> None:
+def check_saved(plan: Plan, wants: Collection[Resource], snapshot: Snapshot) -> None:
     """Refuse a plan from a file that would attach, move or remove data which was not made here from its source.
+
+    `wants` is all that it wants, also what is right already.
 
     Raises:
         RefusedError: Names the volumes.
     """
-    uses = {use for step in plan.steps if step.want for use in _uses(step.host, step.want)}
+    uses = {use for want in wants for use in _uses(want.host, want)}
     uses |= {(step.host, step.name) for step in plan.steps if MODULES[step.module].holds_data}
-    found = [
-        (robot, item)
+    found = {
+        (robot, item.name): item
         for robot, items in snapshot.observed.items()
         for item in items
         if (robot, item.name) in uses and MODULES[item.module].holds_data
-    ]
-    if found:
-        owners = owners_of(plan.instance, plan.source)
-        refuse_strange(
-            [one for one in found if one[1].instance != plan.instance or not any(own.knows(*one) for own in owners)]
-        )
+    }
+    if not found:
+        return
+    owners = [one for one in owners_of(plan.instance, plan.source) if one.instance == plan.instance]
+    strange = {
+        use: item
+        for use, item in found.items()
+        if item.instance != plan.instance or not any(owner.knows(use[0], item) for owner in owners)
+    }
+    for want in wants:
+        source = (MODULES[want.module].taken_from(want.params), want.name)
+        if (item := found.get(source)) and not any(_proves(owner, want, source[0], item) for owner in owners):
+            strange[source] = item
+    refuse_strange([(robot, item) for (robot, _), item in strange.items()])
+
+
+def _proves(owner: Owner, want: Resource, source: str, item: Observed) -> bool:
+    """Return whether a wanted copy carries the owner's word for what it replaces: a file could say any."""
+    return bool(want.params.copy == owner.copy_label(source, item.state["created"], want.host, want.name))
 
 
 def _uses(host: str, want: Resource) -> Iterator[tuple[str, str]]:

@@ -109,7 +109,7 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False) -> Planned
     with Gathering(part, fleet.sessions.get, engine=True, forks=fleet.forks) as look:
         snapshot = look.probe(look.closer(Detail.ENGINE), wants)
     _refuse_stale(saved, wants, snapshot)
-    check_saved(saved.plan, snapshot)
+    check_saved(saved.plan, wants, snapshot)
     check_source(snapshot, saved.plan.instance, saved.plan.source, adopt=adopt)
     _check_networks(wants, saved.plan.instance, snapshot)
     steps = _derived(saved, wants, snapshot)

@@ -82,6 +82,10 @@ class Module(ABC, Generic[P]):
         """
         return ""
 
+    def is_copy(self, want: P, found: State) -> bool:
+        """Return whether one that was found is the whole copy that is wanted, so that its source may be removed."""
+        return False
+
     @abstractmethod
     def queries(self) -> tuple[AnyQuery, ...]:
         """Return what to ask to see every resource of this kind that is ours, of all instances."""

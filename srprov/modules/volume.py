@@ -129,6 +129,10 @@ class VolumeModule(Module[VolumeParams]):
         """Return the robot that the data comes from."""
         return want.from_
 
+    def is_copy(self, want: VolumeParams, found: State) -> bool:
+        """Compare the proof."""
+        return bool(want.copy) and found["copy"] == want.copy
+
 
 def _create(name: str, labels: dict[str, str]) -> EngineCall:
     body = canonical({"Name": name, "Labels": labels})

@@ -106,13 +106,24 @@ def _by_id(desired: Iterable[Resource]) -> dict[str, Resource]:
 
 def _orphans(wanted: Mapping[str, Resource], observed: ObservedByRobot, instance: str) -> list[Step]:
     homes = {one.service: one.host for one in wanted.values() if one.service}
-    copied = {there: one.host for there, one in _taken(wanted).items()}
+    found = {(host, item.module, item.name): item for host, items in observed.items() for item in items}
+    copied = {
+        there: one.host
+        for there, one in _taken(wanted).items()
+        if _is_copied(one, found.get((one.host, one.module, one.name)))
+    }
     return [
         removal_step(host, item, _orphan_cause(item, homes, host in homes.values(), copied.get(there, "")))
         for host, item in _owned(observed, instance)
         if (there := resource_id(host, item.module, item.name)) in copied
         or (there not in wanted and not MODULES[item.module].keeps(item.state))
     ]
+
+
+def _is_copied(heir: Resource, item: Observed | None) -> bool:
+    """Return whether this plan copies, or an earlier one did: what is there for another reason replaces nothing."""
+    module = MODULES[heir.module]
+    return item is None or not module.keeps(item.state) or module.is_copy(heir.params, item.state)
 
 
 def _taken(wanted: Mapping[str, Resource]) -> dict[str, Resource]:

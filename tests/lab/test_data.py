@@ -154,10 +154,7 @@ def test_data_is_moved_whole_also_when_the_move_was_killed_in_the_middle(home: H
     file = home.write(target)
     assert kill_at(home, file, "progress", 1) == -9
     assert home.volumes(source) == [VOLUME] and home.show(source) == before, "the source is whole"
-    plan = str(home.folder / "move.json")
-    kept = home.run("plan", file, "--data", "move", "-o", plan)
-    assert kept.code == 0, kept
-    done = home.apply(plan, "--lock-wait", "30")
+    done = home.apply(file, "--data", "move", "--lock-wait", "30")
     assert (done.code, home.running()) == (0, [target]), done
     assert f"! data of web ({VOLUME}) is copied from {source} to {target}" in done.out
     assert home.show(target) == before

@@ -20,8 +20,10 @@ from srprov.definitions.expand import expand
 from srprov.definitions.model import Experiment
 from srprov.errors import RefusedError
 from srprov.facts.model import HostFacts, Snapshot
+from srprov.planning.diff import diff, removal_plan
 from srprov.planning.plan import Plan
-from srprov.resource import Observed
+from srprov.resource import Action, Observed, Resource
+from tests.resources import resource
 from tests.worlds import experiment, service
 
 MINE = Owner(instance="x", edf="/e/x.edf", token="0123456789abcdef")
@@ -163,17 +165,15 @@ def test_a_plan_from_a_file_is_held_against_the_tokens_of_its_source(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What its steps mount, make or remove."""
-    from srprov.planning.diff import removal_plan
-
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     seen = robots(r1=volume("r1"))
     plan = Plan(instance="x", source="s", steps=removal_plan(seen.observed, "x", volumes=True))
     with pytest.raises(RefusedError, match=f"{LOG} on r1"):
-        check_saved(plan, seen)
+        check_saved(plan, (), seen)
     keep(dataclasses.replace(MINE, source="s"))
-    check_saved(plan, seen)
+    check_saved(plan, (), seen)
     with pytest.raises(RefusedError):
-        check_saved(dataclasses.replace(plan, source="t"), seen)
+        check_saved(dataclasses.replace(plan, source="t"), (), seen)
 
 
 def test_each_replica_has_a_volume_of_its_own() -> None:
@@ -197,3 +197,26 @@ def test_data_that_was_kept_on_a_robot_out_of_reach_is_not_forgotten() -> None:
     assert now.home == {"web": "r1"} and [(one.source, one.how) for one in plan.moves] == [("r1", "")]
     here = robots(r1=None, r2=None)
     assert data_of(web(), here, "r2", {}, owner=knows)[1].moves == (), "it can be seen that it is gone"
+
+
+def test_a_plan_cannot_have_data_removed_that_was_not_copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A volume that is on the target for another reason is no copy, and the proof in a file is worked out again."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    keep(dataclasses.replace(MINE, source="s"))
+
+    def wants(copy: str) -> Resource:
+        written = {"instance": "x", "source": "s", "from": "r1", "copy": copy}
+        return resource("volume", LOG, written, host="r2", source="p")
+
+    label = MINE.copy_label("r1", EARLY, "r2", LOG)
+    left = robots(r1=volume("r1"), r2=volume("r2", LATE, copy="a" * 40))
+    for copy in ("", label, "b" * 40):
+        assert diff([wants(copy)], left.observed, "x")[0] == (), "nothing was copied, so nothing is removed"
+    plan = Plan(instance="x", source="s", steps=())
+    for copy in ("", "a" * 40):
+        with pytest.raises(RefusedError, match=f"{LOG} on r1"):
+            check_saved(plan, [wants(copy)], left)
+    check_saved(plan, [wants(label)], left)
+    whole = robots(r1=volume("r1"), r2=volume("r2", LATE, copy=label))
+    (removal,) = diff([wants(label)], whole.observed, "x")[0]
+    assert (removal.host, removal.change.action, removal.change.destructive) == ("r1", Action.DELETE, False)

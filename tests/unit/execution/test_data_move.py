@@ -1,0 +1,125 @@
+"""`--data move` on robots in memory: each command of it fails, is half done, or is the last before contact is lost."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from srprov.controller.authority import check_file
+from srprov.controller.owners import Owner, keep
+from srprov.controller.request import PlanRequest
+from srprov.controller.saved import check_plan, plan_file
+from srprov.definitions.containermodel import Mount
+from srprov.definitions.model import Definitions, Experiment
+from srprov.errors import RefusedError
+from srprov.planning.planfile import dump
+from srprov.planning.planread import load
+from srprov.resource import Action
+from tests.fakes import Fault, World
+from tests.worlds import experiment, fleet, made, plan_for, run, service
+
+LOG = "srprov.hello.log"
+OWNER = Owner(instance="hello", edf="/e/hello.edf", token="0123456789abcdef")
+DATA = "all that was ever written"
+
+
+def web(robot: str) -> Experiment:
+    return experiment(service("web", robot=robot, mounts=(Mount(kind="volume", source="log", target="/log"),)))
+
+
+def begun() -> World:
+    """Give two robots, of which r1 runs the service and has data."""
+    world = World().add("r1", "r2")
+    assert run(world, plan_for(world, web("r1"), owner=OWNER)).exit_code == 0
+    world.robots["r1"].engine.data[LOG] = DATA
+    return world
+
+
+def move(world: World) -> int:
+    return run(world, plan_for(world, web("r2"), owner=OWNER, data="move")).exit_code
+
+
+def holding(world: World) -> dict[str, str]:
+    """Give robot -> its data, by the volume's real name."""
+    return {name: robot.engine.data[LOG] for name, robot in world.robots.items() if robot.engine.data.get(LOG)}
+
+
+def moved(world: World) -> None:
+    assert world.running() == [("web", "r2")] and world.doubles == []
+    assert {name: dict(robot.engine.volumes) for name, robot in world.robots.items()}["r1"] == {}
+    assert list(world.robots["r2"].engine.volumes) == [LOG]
+    assert holding(world) == {"r2": DATA}
+
+
+def test_a_move_stops_the_service_copies_starts_it_and_removes_the_source_last() -> None:
+    """In this order, and a second plan has nothing to do."""
+    world = begun()
+    plan = plan_for(world, web("r2"), owner=OWNER, data="move")
+    kinds = ("container", "volume")
+    order = [(step.host, step.module, step.change.action) for step in plan.steps if step.module in kinds]
+    assert order == [
+        ("r1", "container", Action.DELETE), ("r2", "volume", Action.RUN), ("r2", "container", Action.CREATE),
+        ("r1", "volume", Action.DELETE),
+    ]  # fmt: skip
+    assert not any(step.change.destructive for step in plan.steps)
+    assert run(world, plan).exit_code == 0
+    moved(world)
+    assert plan_for(world, web("r2"), owner=OWNER, data="move").empty
+    assert plan_for(world, web("r2"), owner=OWNER).empty
+
+
+@pytest.mark.parametrize("how", ["refuse", "half", "lost", "lost-after"])
+def test_whatever_command_of_a_move_goes_wrong_the_data_is_whole_and_the_next_apply_ends_it(how: str) -> None:
+    """Counted over both robots."""
+    world = begun()
+    before = world.commands
+    assert move(world) == 0
+    count = world.commands - before
+    assert count > 12
+    for at in range(1, count + 1):
+        world = begun()
+        world.fault = Fault(at=world.commands + at, how=how)
+        code = move(world)
+        assert code != 0 or how == "half", at
+        assert DATA in holding(world).values(), at
+        world.fault = None
+        for robot in world.robots.values():
+            robot.gone, robot.holder = False, None
+        assert move(world) == 0, at
+        moved(world)
+
+
+def test_a_move_from_a_plan_file_is_held_to_what_its_values_say(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also where only the removal is left; another controller is refused."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    for fault_at_removal in (False, True):
+        world = begun()
+        if fault_at_removal:
+            world.fault = Fault(at=world.commands + _removal_of_data(world), how="refuse")
+            assert move(world) != 0
+            world.fault = None
+            assert holding(world) == {"r1": DATA, "r2": DATA}
+        request = PlanRequest(owner=OWNER, data="move", adopt=True)
+        planned = made(world, Definitions(experiment=web("r2"), containers={}), request)
+        saved = plan_file(planned.__class__(plan=planned.plan, snapshot=planned.snapshot, desired=planned.desired))
+        read = load(dump(saved), "plan.json")
+        check_file(read, "plan.json")
+        with pytest.raises(RefusedError, match=LOG):
+            check_plan(read, fleet(world), adopt=True)
+        keep(Owner(instance="hello", edf="/e/hello.edf", token=OWNER.token, source=planned.plan.source))
+        assert run(world, check_plan(read, fleet(world), adopt=True).plan).exit_code == 0
+        moved(world)
+        for one in (tmp_path / "srprov" / "owners").iterdir():
+            one.unlink()
+
+
+def _removal_of_data(world: World) -> int:
+    """Return which command of a move removes the source."""
+    again = begun()
+    since = again.commands
+    assert move(again) == 0
+    sent = [entry.host == "r1" and getattr(entry.what, "method", "") == "DELETE" for entry in again.done()[since:]]
+    return max(at for at, removes in enumerate(sent, 1) if removes)
