@@ -10,7 +10,10 @@ groups: U. Junker, *QuickXplain*, AAAI 2004, over an exact answer to "can these 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+import time
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import replace
 
 import numpy as np
@@ -19,11 +22,50 @@ from srprov.assignment.arrays import arrays
 from srprov.assignment.model import Problem, ServiceGroup
 from srprov.assignment.solve_flow import assign
 from srprov.assignment.solve_pools import solve_table
-from srprov.assignment.table import Array
+from srprov.assignment.table import Array, ProblemTable, Selection
+
+_LEAST_S = 0.05
+"""With less left, or when that is left at the end, a search was not long enough to prove anything."""
+
+
+_until: ContextVar[float | None] = ContextVar("until", default=None)
+
+
+class OutOfTimeError(Exception):
+    """The time for explaining is over: whether something can be placed is not known."""
+
+
+@contextmanager
+def time_limit(seconds: float) -> Iterator[None]:
+    """Limit all searches in the block together; beyond that they raise OutOfTimeError."""
+    token = _until.set(time.monotonic() + seconds)
+    try:
+        yield
+    finally:
+        _until.reset(token)
+
+
+def _solved(table: ProblemTable) -> Selection | None:
+    """Return a cover, or None when there is none.
+
+    Raises:
+        OutOfTimeError: The time was over before that was known.
+    """
+    until = _until.get()
+    if until is None:
+        return solve_table(table)
+    if (left := until - time.monotonic()) > _LEAST_S:
+        found = solve_table(table, left)
+        if found is not None or until - time.monotonic() > _LEAST_S:
+            return found
+    raise OutOfTimeError
 
 
 def smallest_conflict(problem: Problem) -> tuple[ServiceGroup, ...]:
     """Return nodes, cut down to services of which none can be left out; empty when all can be placed.
+
+    Raises:
+        OutOfTimeError: A `time_limit` around this was reached.
 
     Several conflicts may exist. Services with the fewest robots are looked at first. (The smallest of all would be the
     girth of a transversal matroid, which is NP-hard to find.)
@@ -64,15 +106,17 @@ def feasible(problem: Problem) -> bool:
     if not laid.anti_affinity and assign(free[:nodes], laid.allowed[:nodes]) is not None:
         return True
     table = laid.table(free)
-    return not table.plain and solve_table(table) is not None
+    return not table.plain and _solved(table) is not None
 
 
 def places_needed(problem: Problem) -> int:
     """Return the fewest slots that could do if every robot could run everything: pools together wherever they fit."""
+    if not problem.pools:
+        return len(problem.nodes)
     laid = arrays(problem)
     somewhere: Array = np.ones((len(laid.items), laid.nodes), dtype=bool)
     table = laid.table(np.ones(somewhere.shape, dtype=np.int64), somewhere)
-    found = solve_table(replace(table, robots=np.arange(laid.nodes), anti_affinity=()))
+    found = _solved(replace(table, robots=np.arange(laid.nodes), anti_affinity=()))
     assert found is not None, "there is a place for every node"
     return len(found.items)
 

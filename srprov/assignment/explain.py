@@ -7,18 +7,38 @@ resolve it, or lines for the plan. Pure.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 from srprov.assignment import remedies
-from srprov.assignment.conflict import cut, feasible, places_needed, smallest_conflict
+from srprov.assignment.conflict import OutOfTimeError, cut, feasible, places_needed, smallest_conflict, time_limit
 from srprov.assignment.model import Assignment, Problem, ServiceGroup
 from srprov.assignment.remedies import listed, quoted
 from srprov.assignment.report import reasons as _reasons
 from srprov.errors import NoAssignment
 
+_LONGEST_S = 2.0
+"""For finding out why: every part of a conflict, and every remedy, is a search of its own."""
+
 
 def no_assignment(problem: Problem) -> NoAssignment:
     """Return the error for a problem that has no solution: the conflict, what is missing, what would help."""
+    # where nothing can be placed even with no relation in the way, that is quickly found out
+    for one in (problem, replace(problem, anti_affinity=())):
+        with suppress(OutOfTimeError), time_limit(_LONGEST_S):
+            return _no_assignment(one)
+    return _not_known(problem)
+
+
+def _not_known(problem: Problem) -> NoAssignment:
+    """Return the error where no placement was found, nor a conflict that explains it, in the time there is."""
+    count = sum(len(node) for node in problem.nodes)
+    message = f"no placement of {_count(count, 'service')} was found, nor in {_LONGEST_S:g} s why there is none"
+    hint = "loosen different_robot, same_robot or pools, add robots, or search longer: --time-limit"
+    return NoAssignment(message, hint=hint)
+
+
+def _no_assignment(problem: Problem) -> NoAssignment:
     conflict = smallest_conflict(problem)
     services = tuple(name for node in conflict for name in node)
     misses = {name: _reasons(problem, name) for name in services}
@@ -26,6 +46,8 @@ def no_assignment(problem: Problem) -> NoAssignment:
         return NoAssignment("there is no robot to place anything on", hint="name robots in the inventory")
     if services and services[0] in problem.fixed:
         return _fixed(problem, services[0])
+    if not conflict:  # there is a placement, which the search did not find in its time
+        return _not_known(problem)
     alone = cut(problem, services)
     helps = remedies.for_conflict(alone)
     return NoAssignment(_message(alone, conflict), misses=misses, hint="; or ".join(helps))

@@ -6,9 +6,10 @@ Takes a Problem that holds nothing but the services of one conflict; gives hints
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 
-from srprov.assignment.conflict import feasible
+from srprov.assignment.conflict import OutOfTimeError, feasible
 from srprov.assignment.model import Problem, ServiceGroup
 from srprov.assignment.requirements import UnmetRequirement
 from srprov.definitions.model import Pool
@@ -22,8 +23,11 @@ _TRIED = 12
 
 
 def for_conflict(problem: Problem) -> list[str]:
-    """Return what would help, one change each; several together where no single one does."""
-    helps = [*_slots(problem), *_abilities(problem), *_relations(problem), *_robots(problem), *_pools(problem)]
+    """Return what would help, one change each, as far as time allows; several together where no single one does."""
+    helps: list[str] = []
+    with suppress(OutOfTimeError):
+        for kind in (_slots, _abilities, _relations, _robots, _pools):
+            helps.extend(kind(problem))
     return helps or [_leave_out(problem)]
 
 

@@ -8,6 +8,7 @@ same input each time. It imports numpy and OR-Tools, so `solve` imports it only 
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 
 from srprov.assignment.arrays import Arrays, arrays
@@ -18,12 +19,13 @@ from srprov.assignment.table import Array, ProblemTable, Selection
 
 
 def decide(problem: Problem, seconds: float | None = None) -> Decision | None:
-    """Return the best placement, or the best found in `seconds` for each search."""
+    """Return the best placement, or the best found in `seconds` for all searches together; None may mean none found."""
+    until = None if seconds is None else time.monotonic() + seconds
     laid = arrays(problem)
-    best = _best(problem, laid, seconds)
+    best = _best(problem, laid, until)
     if best is None:
         return None
-    least = _least(problem, laid, best, seconds)
+    least = _least(problem, laid, best, until)
     pairs = zip(best.outcome.items, best.outcome.places, strict=True)
     return Decision(
         chosen=tuple((laid.names[item], *laid.places[place]) for item, place in pairs),
@@ -33,9 +35,14 @@ def decide(problem: Problem, seconds: float | None = None) -> Decision | None:
     )
 
 
-def run(table: ProblemTable, seconds: float | None = None) -> Selection | None:
-    """Return the cheapest choice of a table by the method that fits it, or None when there is none."""
-    return flow(table) if table.plain else solve_table(table, seconds)
+def run(table: ProblemTable, until: float | None = None) -> Selection | None:
+    """Return the cheapest choice of a table by the method that fits it, or None when there is none.
+
+    With a limit, by time.monotonic(), the best found by then; None when none was.
+    """
+    if table.plain:
+        return flow(table)
+    return solve_table(table, None if until is None else max(0.0, until - time.monotonic()))
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,31 +54,32 @@ class _Best:
     """Millionths."""
 
 
-def _best(problem: Problem, laid: Arrays, seconds: float | None) -> _Best | None:
+def _best(problem: Problem, laid: Arrays, until: float | None) -> _Best | None:
     if not problem.sticky or not laid.moves.any():
-        return _free(laid, laid.wanted, seconds)
+        return _free(laid, laid.wanted, until)
     # where everything can stay that could stay alone, fewer moves are not possible, and only the cost is left to decide
-    stay = run(laid.table(laid.wanted, laid.fewest()), seconds)
+    stay = run(laid.table(laid.wanted, laid.fewest()), until)
     if stay is not None:
         return _Best(stay, stay.cost - stay.bound)
     factor = 1 + laid.nodes * int(laid.wanted[laid.allowed].max(initial=0))
-    found = run(laid.table(laid.sticky(laid.wanted)), seconds)
+    found = run(laid.table(laid.sticky(laid.wanted)), until)
     return None if found is None else _Best(found, (found.cost - found.bound) % factor)
 
 
-def _free(laid: Arrays, wanted: Array, seconds: float | None) -> _Best | None:
+def _free(laid: Arrays, wanted: Array, until: float | None) -> _Best | None:
     factor = 1 + int(laid.moves.max(axis=1, initial=0).sum())
-    found = run(laid.table(laid.free(wanted)), seconds)
+    found = run(laid.table(laid.free(wanted)), until)
     return None if found is None else _Best(found, found.cost // factor - found.bound // factor)
 
 
-def _least(problem: Problem, laid: Arrays, best: _Best, seconds: float | None) -> _Best:
+def _least(problem: Problem, laid: Arrays, best: _Best, until: float | None) -> _Best:
     """Return the choice of least cost, which stickiness and fairness may keep from being the best."""
     if (laid.wanted == laid.cost).all() and not (problem.sticky and laid.moves.any()):
         return best
-    cheapest = _free(laid, laid.cost, seconds)
-    assert cheapest is not None, "stickiness and fairness change costs, not what is possible"
-    return cheapest
+    cheapest = _free(laid, laid.cost, until)
+    assert cheapest is not None or until is not None, "stickiness and fairness change costs, not what is possible"
+    # where the time is over nothing is known of another choice, except that it costs something
+    return cheapest or _Best(best.outcome, max(1, _units(laid, best.outcome)))
 
 
 def _units(laid: Arrays, found: Selection) -> int:

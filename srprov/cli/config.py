@@ -110,6 +110,10 @@ def _read(file: _File, verbs: Mapping[str, Any]) -> dict[str, Any]:
     """Return what a file sets; an empty table where there is none."""
     if not file.path.is_file():
         return {}
+    if not file.own and os.path.realpath(file.path) != os.path.join(os.path.realpath(file.path.parent), file.path.name):
+        if file.table:
+            return {}  # of other tools; what it holds would be told by errors
+        raise UsageError(f"{file.path} is a link to another file", hint="put a file of its own in its place")
     # tomllib came with Python 3.11; tomli is the same library for 3.10
     toml = importlib.import_module("tomllib" if sys.version_info >= (3, 11) else "tomli")
     try:

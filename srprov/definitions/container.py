@@ -57,10 +57,17 @@ def load(path: str, folder: str, environ: Mapping[str, str], shown: str = "") ->
         layer = reader.read(absolute, shown or path, ())
     if findings.problems or layer is None:
         raise DefinitionError(findings.problems)
-    _check_origin(layer, findings, bool(unsupported.problems))
-    definition = _definition(layer, absolute, folder, findings)
-    if findings.problems:
-        raise DefinitionError(findings.problems)
+    try:
+        _check_origin(layer, findings, bool(unsupported.problems))
+        definition = _definition(layer, absolute, folder, findings)
+        if findings.problems:
+            raise DefinitionError(findings.problems)
+    except DefinitionError as error:
+        own = reader.own
+        if own is None or all(paths.inside(file, folder) for file in reader.files):
+            raise
+        hidden = paths.hide_merged(error.problems, lambda f: _definition(own, absolute, folder, f), Findings(), folder)
+        raise DefinitionError(hidden) from None
     return Container(
         definition=definition,
         layer=merging.select(layer, runtime.RUNTIME_FIELDS),
@@ -77,6 +84,7 @@ class _ExtendsReader:
         self.findings = findings
         self.unsupported = unsupported
         self.files: list[str] = []
+        self.own: Map | None = None  # the first file's layer, with nothing merged
 
     def read(self, path: str, shown: str, trail: tuple[str, ...]) -> Map | None:
         """Return the merged layer, or None when something is wrong (it is in the findings)."""
@@ -98,6 +106,7 @@ class _ExtendsReader:
         layer = merging.normalise(root, self.environ, own, ()) if not own.problems else root
         if not own.problems:
             note_unsupported_of_cdf(layer, self.unsupported)
+        self.own = self.own or layer
         parent = self._parent(root, path, shown, trail, own)
         self.findings.extend(own.problems)
         if own.problems or parent is None:

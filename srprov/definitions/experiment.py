@@ -6,6 +6,7 @@ service whose entry breaks the schema is left out of the later checks, so that o
 
 from __future__ import annotations
 
+import functools
 import os
 from collections.abc import Mapping
 from dataclasses import replace
@@ -59,30 +60,49 @@ def _load(path: str, environ: Mapping[str, str]) -> Definitions:
     folder = os.path.dirname(os.path.abspath(path))
     schema.check(root, "edf", findings)
     schema.check_tags(root, findings, merging.RUNTIME_MERGED)
-    entries = checks.service_maps(root)
-    containers = _containers(entries, folder, environ, findings)
-    services, bare = _services(root, containers, folder, environ, findings)
-    sources = secrets.sources(root, folder, findings)
-    playbooks = playbook.from_experiment(root, folder, findings)
-    by_service = {name: containers.get(_cdf_key(entries[name])) for name in services}
-    checks.check(root, services, by_service, findings)
+    containers = _containers(checks.service_maps(root), folder, environ, findings)
+    known = findings.copy()
+    try:
+        experiment = _checked(root, path, containers, environ, findings)
+    except DefinitionError as error:
+        within = {key: one for key, one in containers.items() if all(paths.inside(file, folder) for file in one.files)}
+        if len(within) == len(containers):
+            raise
+        alone = functools.partial(_checked, root, path, within, environ)
+        raise DefinitionError(paths.hide_merged(error.problems, alone, known, folder)) from None
     note_unsupported(root, unsupported)
     for one in containers.values():
         unsupported.extend(one.unsupported)
-    if findings.problems:
-        raise DefinitionError(findings.problems)
-    experiment = replace(
-        _experiment(root, path, services),
-        secrets=sources,
-        playbooks=playbooks,
-        outside=taken.outside(path, folder, services, by_service),
-        environment=bare,
-    )
     return Definitions(
         experiment=experiment,
         containers=MappingProxyType({key: one.definition for key, one in sorted(containers.items())}),
         unsupported=tuple(sorted(paths.hide_outside(unsupported.problems, folder))),
         variables=taken.variables(experiment.environment, environ),
+    )
+
+
+def _checked(
+    root: Map, path: str, containers: Mapping[str, Container], environ: Mapping[str, str], findings: Findings
+) -> Experiment:
+    """Return the experiment as it is with these containers.
+
+    Raises:
+        DefinitionError: The findings hold something, old or new.
+    """
+    folder, entries = os.path.dirname(os.path.abspath(path)), checks.service_maps(root)
+    services, bare = _services(root, containers, folder, environ, findings)
+    sources = secrets.sources(root, folder, findings)
+    playbooks = playbook.from_experiment(root, folder, findings)
+    by_service = {name: containers.get(_cdf_key(entries[name])) for name in services}
+    checks.check(root, services, by_service, findings)
+    if findings.problems:
+        raise DefinitionError(findings.problems)
+    return replace(
+        _experiment(root, path, services),
+        secrets=sources,
+        playbooks=playbooks,
+        outside=taken.outside(path, folder, services, by_service),
+        environment=bare,
     )
 
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import ast
 import re
-import shlex
 
+from srprov.definitions import words
 from srprov.definitions.groups import HostTree, Variables
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.yamldoc import nodes
@@ -59,7 +59,7 @@ def read(text: str, file: str, tree: HostTree) -> None:
 
 def _host(place: Scalar, group: str, tree: HostTree) -> None:
     try:
-        name, *pairs = shlex.split(place.text, comments=True)
+        name, *pairs = words.split(place.text, comments=True)
     except ValueError as error:
         tree.findings.add(place, f"cannot be split into words: {str(error).lower()}")
         return

@@ -14,7 +14,7 @@ from types import MappingProxyType
 from srprov.definitions import hostvars, inifile, schema, script
 from srprov.definitions.groups import Group, HostEntry, HostTree, Variables, variables_of
 from srprov.definitions.model import Inventory
-from srprov.definitions.paths import hide_outside
+from srprov.definitions.paths import hide_outside, inside
 from srprov.errors import DefinitionError, Diagnostic, Location, did_you_mean
 from srprov.yamldoc import loader, nodes
 from srprov.yamldoc.allowance import allowance
@@ -52,11 +52,12 @@ def _tree(paths: Sequence[str], folders: Sequence[str], unnamed: Collection[str]
     for path in paths:
         for part in _files(path, tree):
             try:
+                _check_place(part, path if path in unnamed else "")
                 _read(part, tree, may_run=part == path and path not in unnamed)
             except DefinitionError as error:
                 tree.findings.extend(error.problems)
     for folder in folders:
-        _read_variables(folder, tree)
+        _read_variables(folder, tree, next((path for path in unnamed if _folder(path) == folder), ""))
     return tree
 
 
@@ -65,8 +66,8 @@ def _finish(tree: HostTree, source: str, *, may_run: bool) -> Inventory:
         _check_own(variables, tree)
     depths, members = tree.depths(), tree.members()
     groups_of: dict[str, set[str]] = {name: set() for name in tree.hosts}
-    for group, inside in members.items():
-        for name in inside:
+    for group, contained in members.items():
+        for name in contained:
             groups_of[name].add(group)
     hosts = {}
     for name in sorted(tree.hosts):
@@ -79,7 +80,7 @@ def _finish(tree: HostTree, source: str, *, may_run: bool) -> Inventory:
             tree.findings.add(tree.hosts[name].place, message, (), _NAME_IT)
     if tree.findings.problems:
         raise DefinitionError(tree.findings.problems)
-    by_group = {name: tuple(sorted(inside)) for name, inside in sorted(members.items())}
+    by_group = {name: tuple(sorted(contained)) for name, contained in sorted(members.items())}
     return Inventory(hosts=MappingProxyType(hosts), groups=MappingProxyType(by_group), source=source)
 
 
@@ -179,15 +180,22 @@ def _read_part(group: str, part: str, node: Node, tree: HostTree, path: nodes.Pa
             tree.findings.add(value, f"the host '{name}' is a map of variables, not {nodes.kind(value)}", (*path, name))
 
 
-def _read_variables(folder: str, tree: HostTree) -> None:
-    """Add `group_vars/` and `host_vars/` of one folder."""
+def _check_place(path: str, unnamed: str) -> None:
+    """Raise for a file that an inventory which the user did not name would read elsewhere through a link."""
+    if unnamed and os.path.lexists(path) and not inside(path, _folder(unnamed)):
+        message = f"'{os.path.relpath(path, _folder(unnamed))}' lies elsewhere, and you did not name this inventory"
+        raise DefinitionError([Diagnostic(Location(unnamed), message, hint=_NAME_IT)])
+
+
+def _read_variables(folder: str, tree: HostTree, unnamed: str) -> None:
+    """Add `group_vars/` and `host_vars/` of one folder; of an inventory `unnamed` only what lies in its folder."""
     for kind, holders in (("group_vars", tree.groups), ("host_vars", tree.hosts)):
         beside = os.path.normpath(os.path.join(folder, kind))
         for name, holder in holders.items() if os.path.isdir(beside) else ():
-            holder.from_files.update(_variables(beside, name, tree))
+            holder.from_files.update(_variables(beside, name, tree, unnamed))
 
 
-def _variables(folder: str, name: str, tree: HostTree) -> Variables:
+def _variables(folder: str, name: str, tree: HostTree, unnamed: str) -> Variables:
     """Read a host's or group's file, or every file of its folder; one that is wholly a vault says nothing to us."""
     found: Variables = {}
     if "/" in name or name in (".", ".."):
@@ -200,12 +208,13 @@ def _variables(folder: str, name: str, tree: HostTree) -> Variables:
             named = [inner for inner in files if os.path.splitext(inner)[1] in ("", ".yml", ".yaml", ".json")]
             parts += [os.path.join(parent, inner) for inner in sorted(named) if not inner.startswith(".")]
         for part in parts:
-            found.update(_variables_file(part, tree))
+            found.update(_variables_file(part, tree, unnamed))
     return found
 
 
-def _variables_file(path: str, tree: HostTree) -> Variables:
+def _variables_file(path: str, tree: HostTree, unnamed: str) -> Variables:
     try:
+        _check_place(path, unnamed)
         text = loader.read_text(path)
         root = None if text.startswith("$ANSIBLE_VAULT;") else loader.parse(text, path)
     except DefinitionError as error:

@@ -8,11 +8,13 @@ also inside a folder.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import stat
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import replace
 
-from srprov.errors import Diagnostic, Location
+from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.yamldoc.nodes import Findings, Path, Scalar
 
 _MOST_FILES = 20_000
@@ -32,7 +34,7 @@ def inside(path: str, folder: str) -> bool:
     return real == root or real.startswith(root.rstrip("/") + "/")
 
 
-def hide_outside(problems: Iterable[Diagnostic], *folders: str) -> list[Diagnostic]:
+def hide_outside(problems: Collection[Diagnostic], *folders: str) -> list[Diagnostic]:
     """Return problems without what a file outside of some folders holds: a stranger's EDF may name any file as its CDF.
 
     Of such a file one problem is left, which says nothing but that there is one.
@@ -47,6 +49,22 @@ def hide_outside(problems: Iterable[Diagnostic], *folders: str) -> list[Diagnost
             hint = f"see `srprov validate {os.path.realpath(file)}`, or copy it into the folder"
             shown.append(Diagnostic(Location(one.location.file), message, hint=hint))
     return list(dict.fromkeys(shown))
+
+
+def hide_merged(
+    problems: Collection[Diagnostic], alone: Callable[[Findings], object], findings: Findings, folder: str
+) -> list[Diagnostic]:
+    """Return problems of what was merged with a file outside of `folder`, without what they may tell of that file.
+
+    What `alone` adds to the findings, looking at the files in the folder alone, is shown; of the rest only the place.
+    """
+    with contextlib.suppress(DefinitionError):  # too many; they are in the findings nevertheless
+        alone(findings)
+    known = set(findings.problems)
+    message = f"does not fit a file outside of {_name(folder)}, of which nothing is shown"
+    hint = "copy that file into the folder to see what is wrong"
+    hidden = (replace(one, message=message, path="", hint=hint) for one in problems if one not in known)
+    return [*(one for one in problems if one in known), *dict.fromkeys(hidden)]
 
 
 def root_for(folder: str, experiment_folder: str) -> str:
@@ -76,9 +94,16 @@ def resolve(node: Scalar, experiment_folder: str, findings: Findings, path: Path
         findings.add(node, f"'{text}' does not exist", path, f"it is looked for in {_name(folder)}")
     elif tree and (fault := _fault_below(absolute, root)):
         findings.add(node, f"'{text}' {fault}", path, _SHIPPED_HINT)
+    elif not _utf8(real := os.path.realpath(absolute)):
+        findings.add(node, f"'{text}' leads to a name that is not UTF-8", path, "engines take no such name; rename it")
     else:
-        return os.path.realpath(absolute)
+        return real
     return ""
+
+
+def _utf8(path: str) -> bool:
+    """Return whether a path of the file system is text: Python has other bytes as halves of surrogate pairs."""
+    return not any("\ud800" <= character <= "\udfff" for character in path)
 
 
 def _name(folder: str) -> str:

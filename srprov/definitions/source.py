@@ -1,7 +1,7 @@
 """Where an experiment comes from: the text that tells two experiments of the same name apart.
 
-A git checkout with a remote gives the remote's URL (without credentials) and the path inside, so that every clone
-of one repository is the same source. Anything else gives `user@host:path`. Reads `.git/config`, runs nothing.
+A git checkout with a remote gives the remote's URL (scheme, host and path) and the path inside, so that every clone of
+one repository is the same source. Anything else gives `user@host:path`. Reads `.git/config`, runs nothing.
 """
 
 from __future__ import annotations
@@ -9,12 +9,15 @@ from __future__ import annotations
 import configparser
 import re
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from srprov import regular_file
 from srprov.owner import owner
 
 _LARGEST = 64 * 1024
-"""Bytes of a file of git's that is read."""
+"""Bytes of git's configuration that are read."""
+_LONGEST_URL = 1024
+_SCP = re.compile(r"(?:[^@/]*@)?([A-Za-z0-9._-]+):(?!//)/?(.+)")
 
 
 def source_of(path: str) -> str:
@@ -28,19 +31,33 @@ def source_of(path: str) -> str:
 
 
 def _remote(git: Path) -> str:
-    """Return the URL of `origin`; a worktree's `.git` is a file that names the real folder."""
+    """Return the URL of `origin`, or nothing.
+
+    No link is followed, nor the file that a worktree or submodule has as `.git`: either may come with a stranger's
+    project, and lead to a repository whose address is nobody's business.
+    """
+    config = git / "config"
     parser = configparser.RawConfigParser(strict=False, allow_no_value=True)
     try:
-        if git.is_file():
-            git = (git.parent / _text(git).removeprefix("gitdir:").strip()).resolve()
-            if (git / "commondir").is_file():
-                git = (git / _text(git / "commondir").strip()).resolve()
-        parser.read_string(_text(git / "config"))
-    except (OSError, ValueError, RuntimeError, configparser.Error):  # RuntimeError: links that lead in a circle
+        if git.is_symlink() or config.is_symlink():
+            return ""
+        parser.read_string(regular_file.read_text(config, _LARGEST, "replace"))
+    except (OSError, ValueError, configparser.Error):
         return ""
-    url = parser.get('remote "origin"', "url", fallback="") or ""
-    return re.sub(r"(?<=://)[^/@]*@", "", url)
+    return _address(parser.get('remote "origin"', "url", fallback="") or "")
 
 
-def _text(path: Path) -> str:
-    return regular_file.read_text(path, _LARGEST, "replace")
+def _address(url: str) -> str:
+    """Return `scheme://host/path` of a remote: no user, no password, no query; "" for what has no such form."""
+    if scp := _SCP.fullmatch(url):
+        url = f"ssh://{scp[1]}/{scp[2]}"
+    if len(url.encode()) > _LONGEST_URL or not url.isprintable():
+        return ""
+    try:
+        parts = urlsplit(url)
+        host = f"[{parts.hostname}]" if ":" in (parts.hostname or "") else parts.hostname
+        port = f":{parts.port}" if parts.port else ""
+    except ValueError:
+        return ""
+    # an '@' in the path may be the end of a password with a '/' in it
+    return f"{parts.scheme}://{host}{port}{parts.path}" if parts.scheme and host and "@" not in parts.path else ""

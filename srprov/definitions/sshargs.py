@@ -6,7 +6,7 @@ first of a name being the one that counts for ssh. Pure.
 
 from __future__ import annotations
 
-import shlex
+from srprov.definitions.words import split
 
 _WITHOUT_EFFECT = set("46AaCfGgKkMNnqsTtVvXxYy")
 """Flags that change nothing for srprov's connections: compression, verbosity, terminals, forwarding."""
@@ -24,7 +24,7 @@ def parse(text: str) -> list[tuple[str, str]]:
     if len(text) > _LONGEST:
         raise ValueError(f"ssh's arguments are longer than {_LONGEST} characters")
     try:
-        words = shlex.split(text)
+        words = split(text)
     except ValueError as error:
         raise ValueError(f"ssh's arguments cannot be split into words: {str(error).lower()}") from None
     options: list[tuple[str, str]] = []

@@ -6,15 +6,15 @@ Takes text that the schema has already looked at; gives plain values, or raises 
 from __future__ import annotations
 
 import re
-import shlex
 
+from srprov.definitions import words
 from srprov.definitions.containermodel import Port
 from srprov.yamldoc.nodes import Map, Node, Scalar, Seq
 
 _DURATION = re.compile(r"([0-9]+(?:\.[0-9]+)?)(us|ms|s|m|h)", re.ASCII)
 _SECONDS = {"us": 1e-6, "ms": 1e-3, "s": 1.0, "m": 60.0, "h": 3600.0}
 _LONGEST_COMMAND = 100_000
-"""Characters; splitting takes time with the square of a word, and no kernel takes a longer one."""
+"""Characters; no kernel takes a longer word."""
 _LONGEST_S = 24 * 3600.0
 MOST_PORTS = 1000
 """That a service may publish: Docker starts a process for each."""
@@ -50,15 +50,15 @@ def text_map(node: Node | None) -> dict[str, str]:
     return {key: text(value) for key, value in entries.items()}
 
 
-def duration(words: str) -> float:
+def duration(written: str) -> float:
     """Read `1m30s` as seconds.
 
     Raises:
         ValueError: It is longer than a day; clocks and timers overflow somewhere beyond that.
     """
-    seconds = sum(float(count) * _SECONDS[unit] for count, unit in _DURATION.findall(words))
+    seconds = sum(float(count) * _SECONDS[unit] for count, unit in _DURATION.findall(written))
     if not seconds <= _LONGEST_S:
-        raise ValueError(f"'{words[:40]}' is longer than 24h")
+        raise ValueError(f"'{written[:40]}' is longer than 24h")
     return seconds
 
 
@@ -68,7 +68,7 @@ def command_words(node: Node) -> tuple[str, ...]:
         if len(node.text) > _LONGEST_COMMAND:
             raise ValueError(f"is longer than {_LONGEST_COMMAND} characters")
         try:
-            return tuple(shlex.split(node.text))
+            return words.split(node.text)
         except ValueError as error:
             raise ValueError(f"cannot be split into words: {str(error).lower()}") from None
     return texts(node)

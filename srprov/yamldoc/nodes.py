@@ -175,6 +175,12 @@ class Findings:
         """Begin with nothing found."""
         self._found: dict[Diagnostic, Path] = {}
 
+    def copy(self) -> Findings:
+        """Return the same problems at the same places, to add others to."""
+        findings = Findings()
+        findings._found = dict(self._found)
+        return findings
+
     def add(self, node: Node, message: str, path: Path = (), hint: str = "") -> None:
         """Add one problem at a node; the same one twice counts once.
 

@@ -141,6 +141,26 @@ def test_a_projects_inventory_lies_in_its_folder(tmp_path: Path, inventory: str)
         default_map(VERBS, tmp_path / "lab", own(tmp_path))
 
 
+def test_a_projects_configuration_is_no_link_to_a_file_elsewhere(tmp_path: Path) -> None:
+    """Errors name keys; of a file that other tools share nothing is read."""
+    write(tmp_path / "elsewhere.toml", "hunter2 = 1\n[tool.srprov]\nhunter2 = 1\n")
+    (tmp_path / "project").mkdir()
+    (tmp_path / "project" / "pyproject.toml").symlink_to(tmp_path / "elsewhere.toml")
+    assert not default_map(VERBS, tmp_path / "project", own(tmp_path))["plan"]
+    (tmp_path / "project" / "srprov.toml").symlink_to(tmp_path / "elsewhere.toml")
+    with pytest.raises(UsageError, match="is a link to another file") as refused:
+        default_map(VERBS, tmp_path / "project", own(tmp_path))
+    assert "hunter2" not in str(refused.value)
+
+
+def test_the_users_own_configuration_may_be_a_link(tmp_path: Path) -> None:
+    write(tmp_path / "dotfiles.toml", "yes = true\n")
+    folder = user_folder(own(tmp_path))
+    folder.mkdir(parents=True)
+    (folder / "srprov.toml").symlink_to(tmp_path / "dotfiles.toml")
+    assert default_map(VERBS, tmp_path, own(tmp_path))["apply"]["yes"] is True
+
+
 def test_a_relative_folder_for_configuration_is_ignored(tmp_path: Path) -> None:
     """It would be one of the project, with the rights of the user's own."""
     write(tmp_path / "config" / "srprov" / "srprov.toml", "yes = true\n")

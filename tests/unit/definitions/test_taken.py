@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 from pathlib import Path
 
 import pytest
@@ -133,6 +135,91 @@ def test_variables_of_hosts_that_are_links_elsewhere_are_not_shown(here: Path) -
         load_inventory(["inv.yml"])
     assert MARK not in repr(refused.value.problems)
     assert check_files(["inv.yml"])
+
+
+FOREIGN = """cdf: 1
+image: busybox
+requires: {arch: [arm64]}
+ports: ["8123:80"]
+volumes: ["decoy-volume:/decoy-target"]
+"""
+DECOYS = ("arm64", "8123", "decoy")
+
+
+@pytest.mark.parametrize(
+    "service",
+    [
+        "{cdf: CDF, requires: {arch: [amd64]}}",
+        "{cdf: CDF, ports: ['8123:81']}",
+        "{cdf: CDF, secrets: [{source: q, target: /decoy-target}]}",
+        "{cdf: CDF}\n  b: {image: busybox, replicas: 2, ports: ['8123:80']}",
+        "{cdf: CDF}\n  b: {image: busybox, depends_on: {a: {condition: service_healthy}}}",
+    ],
+)
+@pytest.mark.parametrize("cdf", ["../victim/f.cdf", "t.cdf"])
+def test_messages_of_merged_files_show_no_value_of_a_file_outside(
+    here: Path, capsys: pytest.CaptureFixture[str], service: str, cdf: str
+) -> None:
+    """Nor of one that a CDF in the folder extends; what is wrong with the EDF alone is still shown."""
+    (here / "victim" / "f.cdf").write_text(FOREIGN)
+    (here / "exp" / "t.cdf").write_text("cdf: 1\nextends: ../victim/f.cdf\n")
+    written = service.replace("CDF", cdf)
+    edf(here, f"{written}\n  z: {{image: busybox, depends_on: [nobody]}}", "secrets: {q: {env: X}}\n")
+    assert run(["validate", "e.edf"]) == 5
+    lines = capsys.readouterr().out.splitlines()
+    messages = [line for line in lines if "error:" in line or "hint:" in line]
+    assert any("nobody" in line for line in messages)
+    asked_for = [decoy for decoy in DECOYS if decoy not in written]
+    assert not [line for line in messages for decoy in asked_for if decoy in line], messages
+    assert not [line for line in messages if "line " in line or "'/decoy-target'" in line], messages
+
+
+def test_a_cdf_that_extends_one_outside_tells_of_itself_alone(here: Path) -> None:
+    (here / "victim" / "f.cdf").write_text(FOREIGN)
+    (here / "exp" / "t.cdf").write_text(
+        "cdf: 1\nextends: ../victim/f.cdf\nports: ['8123:99']\nexpose: ['99999']\nrun: [ls]\n"
+    )
+    told = [one.message for one in check_files([here / "exp" / "t.cdf"])]
+    assert "'99999' is not within ports 1 to 65535" in told
+    assert any("of which nothing is shown" in one for one in told)
+    assert not [one for one in told if "8123" in one or "'image'" in one]
+
+
+def test_an_inventory_of_a_project_reads_no_variables_elsewhere(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Named by srprov.toml, not by the user: a link to a file, to a folder, or in a folder."""
+    (here / "victim" / "vars").mkdir()
+    (here / "victim" / "vars" / "r1.yml").write_text("ansible_host: 192.0.2.77\n")
+    (here / "exp" / "srprov.toml").write_text("inventory = 'inv.yml'\n")
+    for kind, name, link in (
+        ("host_vars", "r1.yml", "vars/r1.yml"), ("group_vars", "all", "vars"), ("host_vars", "r1/x.yml", "vars/r1.yml"),
+        (".", "host_vars", "vars"),
+    ):  # fmt: skip
+        place = here / "exp" / kind / name
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.symlink_to(here / "victim" / link)
+        assert run(["locks"]) == 5, (kind, name)
+        assert "you did not name this inventory" in capsys.readouterr().err
+        assert load_inventory(["inv.yml"]).hosts["r1"], "the user's own may"
+        place.unlink()
+        if kind != ".":
+            shutil.rmtree(here / "exp" / kind)
+
+
+def test_a_folder_of_a_project_as_inventory_reads_no_file_elsewhere(here: Path) -> None:
+    (here / "exp" / "lab").mkdir()
+    (here / "exp" / "lab" / "robots.yml").symlink_to(here / "exp" / "inv.yml")
+    with pytest.raises(DefinitionError, match="1 problem") as refused:
+        load_inventory(["lab"], unnamed=["lab"])
+    assert "'robots.yml' lies elsewhere" in refused.value.problems[0].message
+    assert load_inventory(["lab"]).hosts.keys() == {"r1"}
+
+
+def test_a_link_to_a_name_that_no_engine_takes_is_refused(here: Path) -> None:
+    strange = here / "exp" / os.fsdecode(b"data\xff")
+    strange.mkdir()
+    (here / "exp" / "data").symlink_to(strange.name)
+    (told,) = check_files([edf(here, "{image: busybox, volumes: ['./data:/data:ro']}")])
+    assert told.message == "'./data' leads to a name that is not UTF-8"
 
 
 @pytest.mark.parametrize(
