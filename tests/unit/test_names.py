@@ -19,7 +19,8 @@ from srprov.errors import DefinitionError, UsageError
 from srprov.facts.observe import observe_queries, parse_observed
 from srprov.facts.placements import parse_placements
 from srprov.network.record import read_record
-from srprov.planning import planfile
+from srprov.planning import planfile, planread
+from srprov.planning.plan import Plan
 from srprov.wire import Reply
 from tests.unit.planning.test_policy import experiment
 
@@ -99,9 +100,9 @@ def test_a_robots_name_in_an_inventory_is_held_to_the_rule(tmp_path: Path, name:
 
 def test_a_plan_file_names_its_instance_by_the_rule() -> None:
     """The record of its run would be a folder anywhere."""
-    whole = {"format": 1, "instance": "../../x", "source": "", "blobs": {}, "steps": []}
+    whole = planfile.dump(planfile.PlanFile(plan=Plan(instance="../../x", source="", steps=()), fingerprints={}))
     with pytest.raises(UsageError, match="cannot be the name of an instance"):
-        planfile.load(json.dumps(whole), "plan.json")
+        planread.load(whole, "plan.json")
 
 
 @pytest.mark.parametrize("name", ["../../etc", "a\n", "x" * 99])

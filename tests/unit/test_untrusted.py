@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from srprov import untrusted
-from srprov.controller.status import status_rows
+from srprov.controller.status import status_of
 from srprov.errors import UsageError
 from srprov.execution.locks import Holder, parse_holder
 from srprov.facts.gather import _without_mute
@@ -140,7 +140,7 @@ def test_a_record_of_any_shape_ends_nobody_s_verb(odd: object) -> None:
         line = json.dumps({"instance": "hello", "serial": 3, "services": {"b": good}, **fields})
         found = parse_placements(Reply(status=0, out=f"{line}\n"))
         snapshot = Snapshot(facts={}, observed={}, placements=found, records={"r1": found}, unreachable={"away": "x"})
-        status_rows(snapshot, "")
+        status_of(snapshot)
         read_record(found["hello"])
         list(foreign_uses("other", ("b", "l"), snapshot, None))
         _without_mute(snapshot)

@@ -47,10 +47,12 @@ def wait_ready(
 
 def _wait(host: str, streams: Streams, nonce: str, deadline: Deadline, user: str, password: Secret | None) -> None:
     noise, complaints, answered = bytearray(), bytearray(), False
-    while ready_line(nonce) not in noise:
+    while True:
         out, err = streams.read()
         noise += out
         complaints += err
+        if ready_line(nonce) in noise:
+            return
         if password and complaints.count(sudo_prompt(nonce)) > answered:
             if answered:  # it was wrong, and a third try might lock the account
                 hint = "check ansible_become_password, or what was typed for --ask-become-pass"
