@@ -67,15 +67,16 @@ ROOMS: Mapping[str, Room] = {
     "facts": room("errors names wire session untrusted resource modules definitions.model"),
     "assignment": room("errors definitions.containermodel definitions.model facts.model"),
     "network": room("errors names untrusted definitions.model facts.model"),
-    "images": room("errors wire image_reference definitions.containermodel definitions.model", "jinja2"),
+    "images": room(
+        "errors wire image_reference definitions.containermodel definitions.dockerfile definitions.model", "jinja2"
+    ),
     "rendering": room("errors untrusted resource data definitions modules yamldoc", "jinja2 yaml"),
     "modules": room(
         "errors wire untrusted resource secret definitions.model definitions.containermodel definitions.secretmodel"
     ),
     "planning": room(
         "errors names untrusted resource wire secret image_reference modules facts.model definitions.containermodel"
-        " definitions.model"
-        " definitions.secretmodel"
+        " definitions.model definitions.secretmodel network.identity"
     ),
     "execution": room("errors untrusted resource wire session modules planning facts owner"),
     "record": room("errors private regular_file untrusted resource secret definitions.model facts planning execution"),

@@ -7,12 +7,12 @@ are derived again in `controller.saved`, from the robots as they are. Touches no
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Collection, Iterator, Mapping
+from dataclasses import replace
 
 from srprov.definitions.containermodel import ContainerDefinition
-from srprov.definitions.dockerfile import fetches, images_of
-from srprov.definitions.model import Experiment, Service
+from srprov.definitions.dockerfile import fetches, images_of, unclear
+from srprov.definitions.model import Experiment, NetworkSettings, Service
 from srprov.definitions.secretmodel import SecretSource
 from srprov.errors import UsageError
 from srprov.images.tag import read_context
@@ -59,6 +59,7 @@ def asked(saved: PlanFile) -> tuple[Permission, ...]:
     sources |= {source.name: source for source in plan.secrets}
     by_place = {str(place): service for place, service in enumerate(services)}
     whole = Experiment(name=plan.instance, file="", folder="", services=by_place, secrets=sources)
+    reach = [one for network in _networks(saved) for one in permissions(replace(whole, services={}, network=network))]
     unused = sorted(names_of(steps) - used)
     names, run = _names(saved), {service.cdf for service in services}
     # of what is right already, only checks are asked on the robots
@@ -66,6 +67,7 @@ def asked(saved: PlanFile) -> tuple[Permission, ...]:
     strange += [want for want in saved.also_wanted if want.module in PROBING]
     return (
         *permissions(whole, builds),
+        *reach,
         *(Permission(kind="secret", service="", what=f"{name}, from {sources[name].origin}") for name in unused),
         *(Permission(kind="playbook", service=want.id, what=_shown(want)) for want in strange),
     )
@@ -83,6 +85,12 @@ def _services(saved: PlanFile) -> Iterator[tuple[Resource, Service]]:
             yield want, service
 
 
+def _networks(saved: PlanFile) -> set[NetworkSettings]:
+    """Return the overlays that a plan makes, as EDFs would ask for them."""
+    found = (want.params for want in _wants(saved))
+    return {NetworkSettings(subnet=one.subnet, port=one.port) for one in found if isinstance(one, NetworkParams)}
+
+
 def _builds(saved: PlanFile) -> dict[str, ContainerDefinition]:
     """Return tag -> what is known of its CDF, of the images that are built here: those whose tag is their content's."""
     found = {}
@@ -90,7 +98,12 @@ def _builds(saved: PlanFile) -> dict[str, ContainerDefinition]:
         if isinstance(want.params, ImageParams) and want.params.source == "build":
             tag, text = read_context(want.params.blob or b"")
             # a tag that is believed by name must be that of what is built under it
-            if tag and want.name.startswith("srprov/") and want.name.rpartition(":")[2] == tag:
+            if (
+                tag
+                and unclear(text) is None
+                and want.name.startswith("srprov/")
+                and want.name.rpartition(":")[2] == tag
+            ):
                 found[want.name] = ContainerDefinition(
                     name=want.name, file="", folder="", images=images_of(text), fetches=fetches(text)
                 )
@@ -99,7 +112,7 @@ def _builds(saved: PlanFile) -> dict[str, ContainerDefinition]:
 
 def _of_edf(service: Service, builds: Mapping[str, ContainerDefinition]) -> Service:
     """Return a service as an EDF states it: with the CDF, where its image is built."""
-    return dataclasses.replace(service, image="", cdf=service.image) if service.image in builds else service
+    return replace(service, image="", cdf=service.image) if service.image in builds else service
 
 
 def _names(saved: PlanFile) -> Names:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from srprov.definitions.containermodel import Runtime
-from srprov.definitions.dockerfile import images_of
+from srprov.definitions.dockerfile import images_of, unclear
 from srprov.definitions.labpolicy import LabPolicy, load
 from srprov.definitions.model import Definitions, Inventory
 from srprov.errors import RefusedError
@@ -166,7 +166,8 @@ def _dockerfile(context: bytes) -> str:
     try:
         with tarfile.open(fileobj=io.BytesIO(context), mode="r:") as tar:
             stream = tar.extractfile("Dockerfile")
-            return stream.read(_MOST_BYTES).decode("utf-8", "replace") if stream else "FROM $NOTHING"
+            text = stream.read(_MOST_BYTES).decode("utf-8", "replace") if stream else ""
+            return text if text and unclear(text) is None else "FROM $NOTHING"
     except (tarfile.TarError, KeyError, ValueError):
         return "FROM $NOTHING"
 

@@ -5,6 +5,7 @@ Takes the text; gives instructions with their lines. Pure. Nothing is expanded; 
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Iterator
 
@@ -20,6 +21,13 @@ _FROM_OPTION = re.compile(r"\s--from=(\S+)")
 _ADD_LINE = re.compile(r"\s*(?:ONBUILD\s+)*ADD\b(?P<what>.*)", re.IGNORECASE)
 _LOCAL = re.compile(r"[\w./ \t\"\[\],=*?@+:-]*", re.ASCII)
 """What cannot be a URL once `://` is not in it: no variable and no escape."""
+_STRANGE = re.compile("[\x00-\x08\x0a-\x1f\x7f-\x9f\u2028\u2029]")
+"""Control characters and separators of lines: each reader of a Dockerfile has its own idea of them."""
+_OTHER_BLANK = re.compile(r"[^\S \t\r]")
+_ESCAPE = re.compile(r"#\s*escape\s*=\s*[^\\\s]", re.IGNORECASE)
+_OPTIONS = re.compile(r"(?:--\S*(?:\s+|$))*")
+_QUOTE = re.compile(r"[\"'\\]")
+_CONTINUED = re.compile(r"(?<!\\)\\$")
 _HEREDOC = re.compile(r"<<-?([\"']?)([A-Za-z_][A-Za-z0-9_]*)\1")
 
 
@@ -29,10 +37,13 @@ def is_dockerfile(path: str) -> bool:
     return name.endswith("Dockerfile") or name.startswith("Dockerfile.") or name.endswith(".dockerfile")
 
 
-def instructions(text: str) -> Iterator[tuple[int, str, str]]:
-    """Yield (line, INSTRUCTION, rest) with continued lines joined, comments and here-documents left out."""
+def instructions(text: str, *, here_documents: bool = True) -> Iterator[tuple[int, str, str]]:
+    """Yield (line, INSTRUCTION, rest) with continued lines joined, comments left out.
+
+    Here-documents are left out too, but with `here_documents=False`: an old builder takes their lines for instructions.
+    """
     start, joined, ends = 0, "", []  # type: int, str, list[str]
-    for number, line in enumerate(text.splitlines(), 1):
+    for number, line in enumerate(text.removeprefix("\ufeff").split("\n"), 1):
         bare = line.strip()
         if ends:
             if bare == ends[0]:
@@ -41,14 +52,23 @@ def instructions(text: str) -> Iterator[tuple[int, str, str]]:
         if not bare or bare.startswith("#"):
             continue
         start = start or number
-        if bare.endswith("\\"):
-            joined += bare[:-1] + " "
+        whole = line.rstrip(" \t\r")
+        if _CONTINUED.search(whole):
+            joined += whole[:-1]
             continue
-        word, _, rest = (joined + bare).strip().partition(" ")
-        if word.upper() in ("RUN", "COPY", "ADD"):
-            ends = [match[2] for match in _HEREDOC.finditer(rest)]
-        yield start, word.upper(), rest.strip()
+        word, *rest = (joined + line).strip().split(None, 1)
+        if here_documents and word.upper() in ("RUN", "COPY", "ADD"):
+            ends = [match[2] for match in _HEREDOC.finditer(" ".join(rest))]
+        yield start, word.upper(), " ".join(rest)
         start, joined = 0, ""
+
+
+def stages(text: str) -> Iterator[tuple[int, str, str]]:
+    """Yield (line, image, name) of every stage; the name is in lower case, or empty."""
+    for number, word, rest in instructions(text):
+        match = _FROM.fullmatch(rest) if word == "FROM" else None
+        if match is not None:
+            yield number, match["image"], (match["name"] or "").lower()
 
 
 def has_healthcheck(text: str) -> bool:
@@ -96,13 +116,17 @@ def _readings(text: str) -> Iterator[list[str]]:
     Here-documents are not left out: the engine's classic builder takes their lines for instructions.
     """
     whole = text.lstrip("\ufeff").replace("\r\n", "\n")
-    for joint in ("\\\\", "`"):
-        yield re.sub(rf"{joint}[ \t]*\n(?:[ \t]*(?:#[^\n]*)?\n)*", "", whole).splitlines()
+    for joint in ("\\\\", "`", r"(?<!\\)\\", "(?<!`)`"):  # of two at a line's end the second joins, or does not
+        yield re.sub(rf"{joint}[ \t]*\n(?:[ \t]*(?:#[^\n]*)?\n)*", "", whole).split("\n")
 
 
 def check(text: str, shown: str) -> list[Diagnostic]:
     """Return what is wrong with a Dockerfile as far as srprov can tell."""
-    lines = text.splitlines()
+    lines = text.split("\n")
+    if (found := unclear(text)) is not None:
+        message = f"Docker may read this line otherwise than srprov does: {found[1]}"
+        hint = "write FROM, COPY and ADD with plain words and spaces, or as a JSON list"
+        return [Diagnostic(Location(shown, found[0]), message, "", lines[found[0] - 1].rstrip("\r"), hint)]
     first = next(((number, word, rest) for number, word, rest in instructions(text) if word != "ARG"), None)
     if first is None:
         return [Diagnostic(Location(shown), "holds no instruction", hint="a Dockerfile begins with FROM")]
@@ -117,18 +141,59 @@ def check(text: str, shown: str) -> list[Diagnostic]:
 
 
 def _wrong_bases(text: str, shown: str) -> list[Diagnostic]:
-    """Return every FROM whose image cannot be one; what holds a variable or quotes is left to the builder."""
-    lines = text.splitlines()
-    stages = {"scratch"}
+    """Return every FROM whose image cannot be one; what holds a variable is left to the builder."""
+    lines = text.split("\n")
+    known = {"scratch"}
     found = []
-    for number, word, rest in instructions(text):
-        match = _FROM.fullmatch(rest) if word == "FROM" else None
-        if match is None:
-            continue
-        image = match["image"]
-        if image.lower() not in stages and not _EXPANDED.search(image) and (wrong := images.fault(image)):
+    for number, image, name in stages(text):
+        if image.lower() not in known and not _EXPANDED.search(image) and (wrong := images.fault(image)):
             at = next((line for line in range(number, len(lines) + 1) if image in lines[line - 1]), number)
             place = Location(shown, at, lines[at - 1].find(image) + 1)
             found.append(Diagnostic(place, wrong, "", lines[at - 1], images.hint(image)))
-        stages.add((match["name"] or "").lower())
+        known.add(name)
     return found
+
+
+def unclear(text: str) -> tuple[int, str] | None:
+    """Return the first line that Docker may read otherwise than srprov does, and why; None where both read the same.
+
+    Docker takes quotes and escapes out of options and arguments, ends lines at line feeds only, and takes other
+    characters for blanks than others do.
+    """
+    for number, line in enumerate(text.removeprefix("\ufeff").replace("\r\n", "\n").split("\n"), 1):
+        if strange := _STRANGE.search(line):
+            return number, f"it holds the character U+{ord(strange[0]):04X}"
+        if _OTHER_BLANK.match(line.lstrip(" \t")):
+            return number, "it begins with a blank that is neither a space nor a tab"
+        if _ESCAPE.match(line.strip()):
+            return number, "it changes the escape character"
+    for number, instruction, words in instructions(text, here_documents=False):
+        word, rest = instruction, words
+        while word == "ONBUILD" and rest:
+            first, *others = rest.split(None, 1)
+            word, rest = first.upper(), " ".join(others)
+        if word in ("FROM", "COPY", "ADD") and (why := _unclear_words(word, rest)):
+            return number, why
+    return None
+
+
+def _unclear_words(instruction: str, rest: str) -> str:
+    """Return why the words of a FROM, COPY or ADD may not be what they look like, or nothing."""
+    if _OTHER_BLANK.search(rest):
+        return "it holds a blank that is neither a space nor a tab"
+    options = _OPTIONS.match(rest)
+    words = rest[options.end() :] if options else rest
+    if options and _QUOTE.search(options[0]):
+        return "an option holds a quote or an escape"
+    # what a COPY copies is in the build's context, however it is written
+    taken_as_is = instruction == "COPY" or (instruction == "ADD" and _is_list(words))
+    return "a name holds a quote or an escape" if not taken_as_is and _QUOTE.search(words) else ""
+
+
+def _is_list(words: str) -> bool:
+    """Return whether words are a JSON list of texts, which Docker takes as they are."""
+    try:
+        value = json.loads(words) if words.startswith("[") else None
+    except (ValueError, RecursionError):
+        return False
+    return isinstance(value, list) and all(isinstance(one, str) for one in value)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import json
 import re
+import unicodedata
 from collections.abc import Sequence
 
 LONGEST_LINE = 65_000
@@ -49,7 +50,7 @@ def one_line(what: str, value: str) -> str:
     Raises:
         ValueError: It has one: a line break, say, cannot be written into a Dockerfile.
     """
-    if any(ord(c) < 32 or ord(c) == 127 or 0xD800 <= ord(c) < 0xE000 for c in value):
+    if any(unicodedata.category(c) in ("Cc", "Cs", "Zl", "Zp") for c in value):
         raise ValueError(f"{what} has a line break or another control character, which an image cannot keep")
     return value
 

@@ -18,6 +18,7 @@ from collections.abc import Iterable, Sequence
 from functools import partial
 
 from srprov.definitions.containermodel import ContainerDefinition
+from srprov.definitions.dockerfile import stages
 from srprov.errors import Location
 from srprov.image_reference import parse_reference
 from srprov.images.context import DOCKERFILE, Listing, Read, context_tar, entries_of, folder_entries
@@ -142,16 +143,16 @@ def _refuse() -> None:
 
 def _bases(text: str) -> tuple[str, bool]:
     """Return what the last stage starts from, and whether all stages start from digests."""
-    stages: dict[str, str] = {}
+    known: dict[str, str] = {}
     base, pinned = "", True
-    for match in re.finditer(r"(?im)^[ \t]*FROM[ \t]+(?:--\S+[ \t]+)*(\S+)(?:[ \t]+AS[ \t]+(\S+))?", text):
-        base = stages.get(match[1].lower(), match[1])
-        if match[1].lower() not in stages and base != "scratch":
+    for _, image, name in stages(text):
+        base = known.get(image.lower(), image)
+        if image.lower() not in known and base != "scratch":
             try:
                 reference = parse_reference(base)
                 base, pinned = reference.canonical, pinned and reference.pinned
             except ValueError:
                 pinned = False  # a variable stands in it; only the builder knows
-        if match[2]:
-            stages[match[2].lower()] = base
+        if name:
+            known[name] = base
     return base, pinned and bool(base)

@@ -69,6 +69,11 @@ def network_name(instance: str) -> str:
     return f"srprov.{instance}"
 
 
+def is_for_overlays(subnet: str) -> bool:
+    """Return whether a subnet lies within those that srprov itself chooses from, and is no larger than they are."""
+    return _is_ours(to_network(subnet))
+
+
 def identify(
     instance: str, settings: NetworkSettings, snapshot: Snapshot, record: PlacementRecord | None = None
 ) -> InstanceIdentity:
@@ -132,7 +137,7 @@ def _subnet(
             hint = "choose another, or leave it out to have one chosen"
             raise UsageError(f"network.subnet {wanted} overlaps {conflict.where}", hint=hint)
         return wanted
-    if used is not None:
+    if used is not None and _is_ours(used):  # another one was an EDF's wish, or is a robot's lie
         return used
     count = 1 << (PREFIX - POOL.prefixlen)
     start = number("subnet", instance) % count
@@ -187,6 +192,10 @@ def _check_names(instance: str, names: tuple[str, str], snapshot: Snapshot) -> N
 
 def _is_vni(number: int) -> bool:
     return 0 < number <= VNI_LAST
+
+
+def _is_ours(network: IPv4Network | None) -> bool:
+    return network is not None and network.subnet_of(POOL) and network.prefixlen >= PREFIX
 
 
 def _fits(network: IPv4Network | None) -> TypeGuard[IPv4Network]:

@@ -13,9 +13,10 @@ from dataclasses import dataclass
 from types import MappingProxyType
 
 from srprov.definitions.containermodel import ContainerDefinition, Port, Runtime
-from srprov.definitions.model import Experiment, Service
+from srprov.definitions.model import Experiment, NetworkSettings, Service
 from srprov.errors import RefusedError
 from srprov.image_reference import parse_reference
+from srprov.network.identity import is_for_overlays
 
 KINDS = (
     "privileged",
@@ -41,11 +42,14 @@ KINDS = (
 )
 ASKED_FIRST = ("outside", "env", "secret", "playbook")
 """Kinds that `plan` must not serve without permission either: to plan is to read, render or ask what they say."""
-_SOCKETS = ("/var/run/docker.sock", "/run/docker.sock", "/run/containerd/containerd.sock")
+_SOCKETS = ("/run/docker.sock", "/run/containerd/containerd.sock", "/run/podman/podman.sock")
+_ENGINES = (
+    *("/run/docker", "/run/containerd", "/run/podman", "/run/containers", "/run/srprov", "/run/user"),
+    *("/var/lib/docker", "/var/lib/containerd", "/var/lib/containers", "/var/lib/srprov"),
+)
+"""Folders in which engines, or srprov, keep sockets, images, volumes or secrets: /run/user of those without root."""
 _REALTIME = ("memlock", "nice", "rtprio", "rttime")
 """Limits that take memory or the processor away from everything else on the robot."""
-_OUTLIVES = ("always", "unless-stopped")
-"""Restart policies by which the engine starts a container when the robot boots, long after the experiment's end."""
 _FIRST_FREE_PORT = 1024
 _IMAGE_ID = re.compile(r"(sha256:)?[0-9a-f]+")
 _BUILT_HERE = "srprov/"
@@ -68,6 +72,7 @@ def permissions(
     """List what the experiment and its CDFs ask for, sorted by kind and service; playbooks last, in their order."""
     found = [one for service in experiment.services.values() for one in _of_service(service)]
     found += [one for service in experiment.services.values() for one in _of_image(service, containers)]
+    found += _of_network(experiment.network)
     for service in experiment.services.values():
         for use in service.secrets:
             # whoever writes an EDF could name any variable, file or program of the controller
@@ -109,17 +114,31 @@ def require(asked: Collection[Permission], allowed: Collection[str]) -> None:
 def mount_kind(source: str) -> tuple[str, str]:
     """Return the kind of a bind mount, and why it is graver than it looks.
 
-    A folder that holds the engine's socket gives it away just so, and /proc leads to every file of the robot by another
-    name. Symbolic links of the robot are not known here: they need `host-path` in any case.
+    A folder that holds the engine's socket gives it away just so, as does whatever is, holds or lies below a folder of
+    an engine's; /proc leads to every file of the robot by another name. Symbolic links of the robot but for /var/run
+    are not known here: they need `host-path` in any case.
     """
     path = posixpath.normpath("/" + source.lstrip("/"))
+    if path == "/var/run" or path.startswith("/var/run/"):
+        path = path.removeprefix("/var")  # a link to it on every robot
     if path in _SOCKETS:
         return "docker-socket", ""
     if path == "/proc" or path.startswith("/proc/"):
         return "docker-socket", "leads to every file of the robot"
     if any(socket.startswith(f"{path.rstrip('/')}/") for socket in _SOCKETS):
         return "docker-socket", "holds the engine's socket"
+    if any(f"{one}/".startswith(f"{path.rstrip('/')}/") or path.startswith(f"{one}/") for one in _ENGINES):
+        return "docker-socket", "what an engine or srprov keeps"
     return "host-path", ""
+
+
+def _of_network(settings: NetworkSettings) -> Iterator[Permission]:
+    """Yield what the overlay takes from the robots' own network: their containers would have its addresses, or port."""
+    if settings.subnet is not None and not is_for_overlays(settings.subnet):
+        what = f"{settings.subnet} leads into the overlay on every robot, not to who has these addresses outside"
+        yield Permission(kind="host-network", service="network.subnet", what=what)
+    if settings.port < _FIRST_FREE_PORT:
+        yield Permission(kind="low-port", service="network.port", what=f"{settings.port}/udp, on every robot")
 
 
 def _of_service(service: Service) -> Iterator[Permission]:
@@ -193,7 +212,7 @@ def _lasting(run: Runtime) -> Iterator[tuple[str, str]]:
         if name in _REALTIME:
             yield "realtime", f"ulimit {name}={soft}:{hard}"
     yield from (("low-port", what) for what in _low_ports(run.ports))
-    if run.restart in _OUTLIVES:
+    if run.restart not in ("", "no"):  # Docker starts on-failure:N too: a container that the boot ended has failed
         yield "restart-always", f"restart: {run.restart}, also when the robot boots after the experiment"
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from srprov.definitions.dockerfile import fetches, images_of
+from srprov.definitions.dockerfile import check, fetches, images_of, stages, unclear
 
 URL = "http://169.254.169.254/latest/meta-data /x"
 FETCHED = [
@@ -51,3 +51,56 @@ def test_every_image_that_a_dockerfile_names_is_known() -> None:
 def test_an_image_behind_a_continued_line_is_known() -> None:
     assert "srprov/other:1" in images_of("FROM a\nFR\\\nOM srprov/other:1\n")
     assert "srprov/other:1" in images_of("FROM a\nFROM \\\n srprov/other:1\n")
+
+
+UNCLEAR = [
+    'FROM a\nCOPY --f"rom"=srprov/victim:1 /x /x\n',
+    "FROM a\nCOPY --fr\\om=srprov/victim:1 /x /x\n",
+    "FROM a\nCOPY --fr\\\nom'='srprov/victim:1 /x /x\n",
+    'FROM a\nONBUILD copy --f"rom"=srprov/victim:1 /x /x\n',
+    "FROM a\nCOPY \f--from=srprov/victim:1 /x /x\n",
+    "FROM a\nCOPY --chown=1\u00a0--from=srprov/victim:1 /x /x\n",
+    "FROM a\nFROM\fsrprov/victim:1\n",
+    "FROM a\nFROM\vsrprov/victim:1\n",
+    'FROM a\nFROM srprov/vic"tim":1\n',
+    "FROM a\nADD\vhttp://127.0.0.1/x /x\n",
+    'FROM a\nADD http:"//"127.0.0.1/x /x\n',
+    'FROM a\nADD [ "x", http:"//"127.0.0.1/x /x\n',
+    "FROM a\nADD http:\\//127.0.0.1/x /x\n",
+    'FROM a\nRUN <<END\nADD http:"//"127.0.0.1/x /x\nEND\n',
+    'FROM a\nRUN x \\\\\nADD http:"//"127.0.0.1/x /x\n',
+    "FROM a\n# note\u2028FROM srprov/victim:1\n",
+    "FROM a\nRUN x\rFROM srprov/victim:1\n",
+    "FROM a\nAD\\\n\u00a0# note\nD http://127.0.0.1/x /x\n",
+    "# escape=`\nFROM a\n",
+]
+
+
+@pytest.mark.parametrize("text", UNCLEAR)
+def test_what_docker_may_read_otherwise_is_refused_at_its_line(text: str) -> None:
+    (found,) = check(text, "Dockerfile")
+    assert "Docker may read this line otherwise" in found.message
+    where = unclear(text)
+    assert where is not None and found.location.line == where[0] <= text.count("\n")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        'ARG TAG=1\nFROM --platform=$BUILDPLATFORM debian:${TAG} AS b\nRUN "a\\\\b" \\\n  x\nCOPY --from=b "a b" /x\n',
+        'FROM a\r\nCOPY --chown=$U:$G ["a b", "/x/"]\r\nADD \\\r\n  ["a b", "/x"]\r\n',
+        '\ufeffFROM a\nENV A=\'1\' B="\u00a02"\nADD $WHERE /x\nRUN `x`\n# "copy" it\n',
+    ],
+)
+def test_an_ordinary_dockerfile_reads_the_same(text: str) -> None:
+    assert (unclear(text), check(text, "Dockerfile")) == (None, [])
+
+
+def test_an_instruction_after_a_line_that_ends_with_two_escapes_is_seen() -> None:
+    text = "FROM a\nRUN x \\\\\nADD http://127.0.0.1/x /x\nRUN y \\\\\nFROM srprov/other:1\n"
+    assert fetches(text) and "srprov/other:1" in images_of(text)
+
+
+def test_stages_are_read_behind_continued_lines() -> None:
+    text = "FROM a AS one\nFR\\\nOM b@sha256:0 \\\n# note\n  AS Two\nFROM\ttwo\n"
+    assert list(stages(text)) == [(1, "a", "one"), (2, "b@sha256:0", "two"), (6, "two", "")]

@@ -221,3 +221,11 @@ def test_a_link_of_our_name_that_is_anothers() -> None:
     link = Link(name="srpvabf8c589", kind="vxlan", alias="srprov:twin")
     with pytest.raises(UsageError, match="link srpvabf8c589 on r1 belongs to 'twin'"):
         identify("hello", NO_WISH, found(robot("r1", links=(link,))))
+
+
+def test_a_robot_cannot_have_a_subnet_of_the_labs_network_kept() -> None:
+    """What srprov would not choose is the EDF's own wish, which asks for a permission, or it is not used."""
+    used = network("hello", subnet="192.168.50.0/28", vni=1234567, port=4789)
+    assert identify("hello", NO_WISH, with_networks(used)).subnet == HELLO.subnet
+    wish = NetworkSettings(subnet="192.168.50.0/28")
+    assert str(identify("hello", wish, with_networks(used)).subnet) == "192.168.50.0/28"

@@ -8,12 +8,16 @@ from typing import Any
 import pytest
 
 from srprov.definitions.containermodel import ContainerDefinition, Mount
+from srprov.definitions.model import NetworkSettings
 from srprov.definitions.secretmodel import SecretSource, SecretUse
 from srprov.planning.policy import KINDS, permissions, refused
 from tests.worlds import experiment, service
 
 SOCKET = "/run/docker.sock"
 HOLDS = "holds the engine's socket"
+KEPT = ("/run/docker", "/var/run/docker/plugins", "/var/lib/docker/volumes", "/var/lib/docker", "/var", "/var/lib",
+        "/var/lib/../lib/containerd/", "/run/srprov", "/var/run/srprov/x", "/var/lib/srprov/x", "/var/lib/containers",
+        "/run/user/1000/docker.sock", "/run/user")  # fmt: skip
 ASKS: list[tuple[dict[str, Any], list[tuple[str, str]]]] = [
     ({}, []),
     ({"network": "none"}, []),
@@ -49,6 +53,10 @@ ASKS: list[tuple[dict[str, Any], list[tuple[str, str]]]] = [
             ("/run/containerd", "docker-socket", HOLDS),
             ("/proc/1/root/run/x", "docker-socket", "leads to every file of the robot"),
             ("/run/docker.sock.d", "host-path", ""),
+            *((path, "docker-socket", "what an engine or srprov keeps") for path in KEPT),
+            *((path, "docker-socket", HOLDS) for path in ("/var/run/containerd", "//run/./podman")),
+            ("/var/lib/dockers", "host-path", ""),
+            ("/var/running", "host-path", ""),
         )
     ],
     ({"ulimits": (("rtprio", 0, 99), ("nofile", 1, 2), ("memlock", -1, -1))},
@@ -58,7 +66,11 @@ ASKS: list[tuple[dict[str, Any], list[tuple[str, str]]]] = [
     ({"restart": "always"}, [("restart-always", "restart: always, also when the robot boots after the experiment")]),
     ({"restart": "unless-stopped"},
      [("restart-always", "restart: unless-stopped, also when the robot boots after the experiment")]),
-    ({"restart": "on-failure:3", "tty": True, "shm_size": 1, "ports": (("", 8080, 80, "tcp"),), "user": "0"}, []),
+    *[
+        ({"restart": one}, [("restart-always", f"restart: {one}, also when the robot boots after the experiment")])
+        for one in ("on-failure", "on-failure:3")
+    ],
+    ({"restart": "no", "tty": True, "shm_size": 1, "ports": (("", 8080, 80, "tcp"),), "user": "0"}, []),
 ]  # fmt: skip
 
 
@@ -79,6 +91,28 @@ def test_every_kind_is_asked_by_something() -> None:
         "env",
         "outside",
     } == set(KINDS)
+
+
+@pytest.mark.parametrize(
+    ("network", "asked"),
+    [
+        (NetworkSettings(), []),
+        (NetworkSettings(subnet="10.200.0.0/20", port=4790), []),
+        (NetworkSettings(subnet="10.200.0.0/29", port=1024), []),
+        (NetworkSettings(subnet="192.168.50.0/28"), [("host-network", "network.subnet")]),
+        (NetworkSettings(subnet="10.77.0.0/24"), [("host-network", "network.subnet")]),
+        (NetworkSettings(subnet="10.200.0.0/19"), [("host-network", "network.subnet")]),
+        (NetworkSettings(subnet="10.0.0.0/8"), [("host-network", "network.subnet")]),
+        (NetworkSettings(port=123), [("low-port", "network.port")]),
+    ],
+)
+def test_an_overlay_asks_for_what_it_takes_from_the_robots_own_network(
+    network: NetworkSettings, asked: list[tuple[str, str]]
+) -> None:
+    """The kernel sends packets to such a subnet into the overlay, whoever has the addresses in the lab's network."""
+    found = permissions(dataclasses.replace(experiment(service("a")), network=network))
+    assert [(one.kind, one.service) for one in found] == asked
+    assert all((network.subnet or "") in one.what or str(network.port) in one.what for one in found)
 
 
 IMAGES: list[tuple[str, str]] = [
