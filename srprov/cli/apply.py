@@ -76,7 +76,7 @@ def apply(
         planned = _planned(source, fleet, request, secrets.vault, phases).limited(chosen)
         if not as_json and not (yes and output_options.is_quiet()):
             show_plan(planned.plan, None, verbose=verbose)
-        from srprov.controller.permissions import permit_run
+        from srprov.controller.permissions import may_trigger, permit_run
         from srprov.execution import RunOptions
 
         permit_run(planned.plan, request.allowed, inventory, request.policies)
@@ -85,7 +85,7 @@ def apply(
         phases.begin("apply")
         run_options = RunOptions(
             forks=forks, wait_timeout_s=wait_timeout, stop_timeout_s=stop_timeout, settle_s=settle,
-            lock_wait_s=lock_wait, pulse=pulse, max_fail=failing,
+            lock_wait_s=lock_wait, pulse=pulse, max_fail=failing, triggers=may_trigger(request.allowed),
             tolerate=frozenset(planned.plan.unreachable if unreachable != "fail" else ()),
         )  # fmt: skip
         return carry_out(

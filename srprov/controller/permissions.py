@@ -55,6 +55,11 @@ def permit_run(
     require_decided(plan.data)
 
 
+def may_trigger(allowed: Collection[str]) -> bool:
+    """Return whether a build may run what its base brings: ONBUILD instructions, of which a plan cannot know."""
+    return "all" in allowed or {"built-image", "engine-fetch"} <= set(allowed)
+
+
 def require_decided(moves: Iterable[DataMove]) -> None:
     """Refuse a plan that would leave data behind without the user's word.
 

@@ -63,12 +63,17 @@ def instructions(text: str, *, here_documents: bool = True) -> Iterator[tuple[in
         start, joined = 0, ""
 
 
-def stages(text: str) -> Iterator[tuple[int, str, str]]:
+def stages(text: str, *, here_documents: bool = True) -> Iterator[tuple[int, str, str]]:
     """Yield (line, image, name) of every stage; the name is in lower case, or empty."""
-    for number, word, rest in instructions(text):
+    for number, word, rest in instructions(text, here_documents=here_documents):
         match = _FROM.fullmatch(rest) if word == "FROM" else None
         if match is not None:
             yield number, match["image"], (match["name"] or "").lower()
+
+
+def is_open(image: str) -> bool:
+    """Return whether only the builder knows which image a name in FROM means."""
+    return _EXPANDED.search(image) is not None
 
 
 def has_healthcheck(text: str) -> bool:
@@ -104,10 +109,15 @@ def images_of(text: str) -> tuple[str, ...]:
 def fetches(text: str) -> tuple[str, ...]:
     """Return what any reading of the text ADDs that is not surely a file of the build's context, sorted.
 
+    An image that only the builder knows counts too: its ONBUILD instructions may ADD anything.
+
     A classic build's engine fetches a URL itself, in the robot's own network: its loopback, its metadata service.
     """
     added = {match["what"].strip() for lines in _readings(text) for line in lines if (match := _ADD_LINE.match(line))}
-    return tuple(sorted(what for what in added if not _LOCAL.fullmatch(what) or "://" in what or "git@" in what))
+    unknown = {f"FROM {image}" for image in images_of(text) if is_open(image)}
+    return tuple(
+        sorted(unknown | {what for what in added if not _LOCAL.fullmatch(what) or "://" in what or "git@" in what})
+    )
 
 
 def _readings(text: str) -> Iterator[list[str]]:
@@ -141,7 +151,7 @@ def check(text: str, shown: str) -> list[Diagnostic]:
 
 
 def _wrong_bases(text: str, shown: str) -> list[Diagnostic]:
-    """Return every FROM whose image cannot be one; what holds a variable is left to the builder."""
+    """Return every FROM whose image cannot be one; what holds a variable or quotes is left to the builder."""
     lines = text.split("\n")
     known = {"scratch"}
     found = []
@@ -185,8 +195,8 @@ def _unclear_words(instruction: str, rest: str) -> str:
     words = rest[options.end() :] if options else rest
     if options and _QUOTE.search(options[0]):
         return "an option holds a quote or an escape"
-    # what a COPY copies is in the build's context, however it is written
-    taken_as_is = instruction == "COPY" or (instruction == "ADD" and _is_list(words))
+    # what a COPY copies is in the build's context, however it is written; what FROM names is asked for then
+    taken_as_is = instruction in ("COPY", "FROM") or (instruction == "ADD" and _is_list(words))
     return "a name holds a quote or an escape" if not taken_as_is and _QUOTE.search(words) else ""
 
 

@@ -67,7 +67,8 @@ class _Run:
     ) -> None:
         self.sessions, self.listener, self.options, self.stop = sessions, listener, options, stop
         self.robots = {
-            host: RobotExecutor(session, listener, options.stop_timeout_s) for host, session in sessions.items()
+            host: RobotExecutor(session, listener, options.stop_timeout_s, options.triggers)
+            for host, session in sessions.items()
         }
         self.ending = Ending(stop, options.patience_s, listener)
         self.results: dict[int, StepResult] = {}

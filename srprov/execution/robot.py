@@ -20,11 +20,12 @@ from dataclasses import dataclass, field
 from srprov.errors import TransportError
 from srprov.execution.options import STOP_TIMEOUT_S
 from srprov.execution.outcome import Event, Listener, Outcome, StepResult
+from srprov.execution.triggers import refuse_triggers
 from srprov.facts.observe import answers_of, observe_queries, parse_observed, parse_probed, probe_queries
 from srprov.modules import MODULES, PROBING, RUNNING
 from srprov.planning.plan import Step
 from srprov.resource import Action, Change, Observed
-from srprov.session import Session
+from srprov.session import Progress, Session
 from srprov.wire import Command, EngineCall, Put, Reply, Run
 
 _Key = tuple[str, str]
@@ -43,6 +44,8 @@ class RobotExecutor:
     session: Session
     listener: Listener
     stop_timeout_s: float = STOP_TIMEOUT_S
+    triggers: bool = False
+    """ONBUILD instructions of bases may run."""
     seen: dict[_Key, Observed] | None = None
     acted: dict[int, float] = field(default_factory=dict)
     """Step number -> seconds that the act took."""
@@ -113,8 +116,7 @@ class RobotExecutor:
         if refused := self._refused(step):
             return refused
         for command in step.commands:
-            timely = command.stopping_within(self.stop_timeout_s) if isinstance(command, EngineCall) else command
-            reply = self.session.execute(timely, lambda line: self._progress(step, line))
+            reply = self._execute(command, lambda line: self._progress(step, line))
             if not reply.ok:
                 took = time.monotonic() - started
                 return StepResult(step=step, outcome=Outcome.FAILED, message=_failure(command, reply), duration_s=took)
@@ -125,6 +127,18 @@ class RobotExecutor:
             return StepResult(step=step, outcome=Outcome.FAILED, message=message, duration_s=took)
         self._done(step, time.monotonic() - started)
         return None
+
+    def _execute(self, command: Command, progress: Progress) -> Reply:
+        """Send one command; a build only where it runs nothing that nobody was asked about."""
+        if isinstance(command, EngineCall):
+            command = command.stopping_within(self.stop_timeout_s)
+            if (
+                command.path == "/build"
+                and not self.triggers
+                and (no := refuse_triggers(command, self.session, progress))
+            ):
+                return no
+        return self.session.execute(command, progress)
 
     def _done(self, step: Step, took_s: float) -> None:
         """Remember that a step was done, and is to be verified."""

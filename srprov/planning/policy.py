@@ -156,6 +156,8 @@ def _of_image(service: Service, containers: Mapping[str, ContainerDefinition]) -
             yield Permission(kind="built-image", service=service.name, what=f"{name}: {why}")
     for source in cdf.fetches if cdf else ():
         what = f"ADD {source}: the robot's engine fetches it, from the robot's own network"
+        if source.startswith("FROM "):
+            what = f"{source}: which ONBUILD instructions run then is not known"
         yield Permission(kind="engine-fetch", service=service.name, what=what)
 
 

@@ -1,0 +1,67 @@
+"""What a build would run that nobody was asked about: ONBUILD instructions of the images that it starts from.
+
+An engine runs them as part of the build, so they can copy files of other experiments' images, or fetch a URL from the
+robot's own network. Only the image says that it has some, so each is looked at on the robot right before the build.
+"""
+
+from __future__ import annotations
+
+import io
+import tarfile
+
+from srprov.definitions.dockerfile import is_open, stages
+from srprov.session import Progress, Session
+from srprov.untrusted import mapping
+from srprov.wire import EngineCall, EngineQuery, Reply
+
+_MOST_BYTES = 8 << 20
+"""Of a Dockerfile inside a build's context."""
+
+
+def refuse_triggers(build: EngineCall, session: Session, progress: Progress) -> Reply | None:
+    """Return a failure where a build would run what nobody was asked about, and None where it may begin.
+
+    An image that is not there is pulled first, as the build itself would do, which would then run it at once. What has
+    a variable or quotes in its name is left to the builder: it was asked for as `built-image` and `engine-fetch`.
+
+    Raises:
+        TransportError: The robot cannot be talked to any more.
+    """
+    for name in _bases(build.blob):
+        query = EngineQuery(path=f"/images/{name}/json")
+        (reply,) = session.ask([query])
+        if not reply.ok:
+            pulled = session.execute(_pull(name, build.timeout_s), progress)
+            if not pulled.ok:
+                return pulled
+            (reply,) = session.ask([query])
+        answer = mapping(reply.json())
+        if not reply.ok or not answer:
+            return Reply(status=reply.status, ok=False, err=f"the base {name} cannot be looked at: {reply.err}")
+        if triggers := mapping(answer.get("Config")).get("OnBuild"):
+            why = f"the base {name} has ONBUILD instructions, which would run unasked: {str(triggers)[:200]}"
+            return Reply(status=0, ok=False, err=f"{why}; if you trust it: --allow built-image --allow engine-fetch")
+    return None
+
+
+def _bases(context: bytes) -> list[str]:
+    """Return the images that a Dockerfile starts from, in their order."""
+    with tarfile.open(fileobj=io.BytesIO(context), mode="r:") as tar:
+        stream = tar.extractfile("Dockerfile")
+        text = stream.read(_MOST_BYTES).decode("utf-8", "replace") if stream else ""
+    known, found = {"scratch"}, []
+    for _, image, name in stages(text, here_documents=False):
+        if image.lower() not in known and not is_open(image):
+            found.append(image)
+        known.add(name)
+    return list(dict.fromkeys(found))
+
+
+def _pull(name: str, timeout_s: float) -> EngineCall:
+    repository, _, digest = name.partition("@")
+    tag = digest
+    if not digest:
+        before, _, after = name.rpartition(":")
+        repository, tag = (before, after) if before and "/" not in after else (name, "latest")
+    params = (("fromImage", repository), ("tag", tag))
+    return EngineCall(method="POST", path="/images/create", params=params, stream=True, timeout_s=timeout_s)

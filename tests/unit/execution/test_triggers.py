@@ -1,0 +1,78 @@
+"""A build begins only when its bases bring no ONBUILD instructions, or the user allowed what those may do."""
+
+from __future__ import annotations
+
+import io
+import json
+import tarfile
+from collections.abc import Sequence
+from typing import Any, cast
+
+import pytest
+
+from srprov.execution.triggers import refuse_triggers
+from srprov.session import Progress, Session, no_progress
+from srprov.wire import AnyQuery, EngineCall, Reply
+
+
+class Robot:
+    """An engine with images, and a registry to pull more from."""
+
+    def __init__(self, here: dict[str, Any], registry: dict[str, Any]) -> None:
+        self.here, self.registry, self.pulled = here, registry, list[str]()
+
+    def ask(self, queries: Sequence[AnyQuery]) -> Sequence[Reply]:
+        (query,) = queries
+        name = getattr(query, "path", "").removeprefix("/images/").removesuffix("/json")
+        if name not in self.here:
+            return [Reply(status=404, ok=False, err="No such image")]
+        return [Reply(status=200, out=json.dumps({"Id": "x", "Config": {"OnBuild": self.here[name]}}))]
+
+    def execute(self, command: EngineCall, progress: Progress) -> Reply:
+        params = dict(command.params)
+        name, tag = params["fromImage"], params["tag"]
+        self.pulled.append(f"{name} {tag}")
+        found = {one: has for one, has in self.registry.items() if one.split(":")[0].split("@")[0] == name}
+        self.here |= found
+        return Reply(status=200, ok=bool(found), err="" if found else "no such image in the registry")
+
+
+def refusal(robot: Robot, dockerfile: str) -> Reply | None:
+    """Return what comes of looking at the bases of a build."""
+    file = io.BytesIO()
+    with tarfile.open(fileobj=file, mode="w") as tar:
+        member = tarfile.TarInfo("Dockerfile")
+        member.size = len(dockerfile.encode())
+        tar.addfile(member, io.BytesIO(dockerfile.encode()))
+    build = EngineCall(method="POST", path="/build", blob=file.getvalue(), stream=True)
+    return refuse_triggers(build, cast(Session, robot), no_progress)
+
+
+@pytest.mark.parametrize(
+    "dockerfile",
+    [
+        "FROM evil/base:1\n",
+        "FROM good AS one\nFROM scratch\nFR\\\nOM evil/base:1\nRUN x\n",
+        "FROM good\nRUN <<END\nFROM evil/base:1\nEND\n",
+    ],
+)
+@pytest.mark.parametrize("there", [True, False])
+def test_a_build_on_a_base_with_triggers_is_refused(dockerfile: str, there: bool) -> None:
+    """Whether the base is on the robot, or the build would pull it."""
+    evil = {"evil/base:1": ["COPY --from=srprov/victim:1 /secret /stolen"]}
+    refused = refusal(Robot({"good": None} | (evil if there else {}), evil), dockerfile)
+    assert refused is not None and not refused.ok
+    assert "evil/base:1 has ONBUILD instructions" in refused.err and "--allow built-image" in refused.err
+
+
+def test_a_build_on_ordinary_bases_begins() -> None:
+    robot = Robot({"good": None, "good:2": []}, {"other@sha256:1": None})
+    text = "FROM good AS a\nFROM a AS b\nFROM good:2\nFROM scratch\nFROM other@sha256:1\nFROM $X\n"
+    assert refusal(robot, text) is None
+    assert robot.pulled == ["other sha256:1"]
+
+
+def test_a_base_that_cannot_be_looked_at_is_not_built_on() -> None:
+    robot = Robot({}, {})
+    refused = refusal(robot, "FROM lab:5000/gone\n")
+    assert refused is not None and not refused.ok and robot.pulled == ["lab:5000/gone latest"]
