@@ -237,4 +237,4 @@ def _network_hint(words: str) -> str:
     try:
         return f"did you mean '{ipaddress.IPv4Network(words, strict=False)}'?"
     except ValueError:
-        return "for example 10.77.0.0/24"
+        return "for example 10.200.0.0/24"
