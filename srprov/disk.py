@@ -11,15 +11,61 @@ import itertools
 import os
 import tarfile
 from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from srprov import regular_file
 from srprov.images.plan import ListedFile
 
-MAX_BYTES = 256 * regular_file.MIB
-"""Of one file or folder that is shipped; definitions/paths.py tells it at its line."""
+MAX_BYTES = 96 * regular_file.MIB
+"""Of all that an experiment ships, and so of one file or folder, which definitions/paths.py tells at its line. It is
+held twice while a tar is made of it."""
 MAX_FILES = 50_000
-"""Below one folder, also those that a `.dockerignore` leaves out."""
+"""Below all folders that are shipped, also those that a `.dockerignore` leaves out."""
+
+
+@dataclass
+class _Budget:
+    """How much may still be shipped, and what has been read."""
+
+    bytes: int = MAX_BYTES
+    files: int = MAX_FILES
+    contents: dict[str, bytes] = field(default_factory=dict)
+    """By real path; a file that is shipped under several names is held once."""
+
+    def read(self, path: str | Path, *, keep: bool = True) -> bytes:
+        """Return a file's content, which counts each time that it is shipped."""
+        real = os.path.realpath(path)
+        try:
+            content = self.contents[real] if real in self.contents else regular_file.read(path, self.bytes)
+        except OSError as error:
+            raise _too_much(path) if error.errno == errno.EFBIG else error from None
+        if len(content) > self.bytes:
+            raise _too_much(path)
+        if keep:
+            self.contents[real] = content
+        self.bytes -= len(content)
+        return content
+
+
+_budget: ContextVar[_Budget | None] = ContextVar("budget", default=None)
+
+
+@contextmanager
+def together() -> Iterator[None]:
+    """Let all that is read in the block count against one limit."""
+    token = _budget.set(_Budget())
+    try:
+        yield
+    finally:
+        _budget.reset(token)
+
+
+def _too_much(path: str | Path) -> OSError:
+    most = f"{MAX_BYTES // regular_file.MIB} MiB or {MAX_FILES} files"
+    return OSError(errno.EFBIG, f"with it, all that is shipped is more than {most}", os.fspath(path))
 
 
 def read(path: str) -> bytes:
@@ -28,7 +74,7 @@ def read(path: str) -> bytes:
     Raises:
         OSError: It cannot be read, is no regular file or too large.
     """
-    return regular_file.read(path, MAX_BYTES)
+    return (_budget.get() or _Budget()).read(path)
 
 
 def listing(path: str) -> Iterator[ListedFile]:
@@ -53,9 +99,11 @@ def listing(path: str) -> Iterator[ListedFile]:
 
 def _below(root: Path) -> list[Path]:
     """Return everything below a folder, sorted; raises OSError when that is too much."""
-    found = list(itertools.islice(root.rglob("*"), MAX_FILES + 1))
-    if len(found) > MAX_FILES:
-        raise OSError(errno.EFBIG, f"it holds more than {MAX_FILES} files", str(root))
+    budget = _budget.get() or _Budget()
+    found = list(itertools.islice(root.rglob("*"), budget.files + 1))
+    if len(found) > budget.files:
+        raise _too_much(root)
+    budget.files -= len(found)
     return sorted(found)
 
 
@@ -65,7 +113,7 @@ def tree_tar(path: str) -> bytes:
     Raises:
         OSError: It cannot be read, holds too much, or something that is no file.
     """
-    buffer, root, left = io.BytesIO(), Path(path), MAX_BYTES
+    buffer, root, budget = io.BytesIO(), Path(path), _budget.get() or _Budget()
 
     def neutral(entry: tarfile.TarInfo) -> tarfile.TarInfo:
         entry.uid = entry.gid = entry.mtime = 0
@@ -80,8 +128,7 @@ def tree_tar(path: str) -> bytes:
             if one.is_symlink() or one.is_dir():
                 tar.addfile(neutral(entry))
                 continue
-            content = regular_file.read(one, left)
-            left -= len(content)
+            content = budget.read(one, keep=False)
             entry.type, entry.linkname, entry.size = tarfile.REGTYPE, "", len(content)
             tar.addfile(neutral(entry), io.BytesIO(content))
     return buffer.getvalue()

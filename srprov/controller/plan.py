@@ -34,6 +34,7 @@ from srprov.definitions.pins import unknown_pins
 from srprov.definitions.playbookmodel import Playbook
 from srprov.definitions.secretvalues import used
 from srprov.definitions.source import source_of
+from srprov.disk import together
 from srprov.errors import DefinitionError
 from srprov.facts.gather import Gathering
 from srprov.facts.model import Snapshot
@@ -114,9 +115,10 @@ def make_plan(
         placed = solve.solve(choice.problem, request.search_limit_s)
     phases.begin("plan")
     overlay = layout(choice.experiment, placed.placed, snapshot, instance=instance)
-    inputs = _inputs(definitions, choice, placed, overlay, snapshot, source, request)
     theirs = (*choice.experiment.playbooks, *request.playbooks)
-    desired = _desired(inputs, theirs, vault)
+    with together():
+        inputs = _inputs(definitions, choice, placed, overlay, snapshot, source, request)
+        desired = _desired(inputs, theirs, vault)
     snapshot = look.probe(snapshot, desired)
     steps, unchanged = diff(desired, owned(snapshot, instance), instance)
     notes = (*notes, *check_room(steps, choice, instance, snapshot, look, playbooks=bool(theirs)))

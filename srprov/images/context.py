@@ -22,7 +22,7 @@ Listing = Callable[[str], Iterable[ListedFile]]
 """Absolute path of a file or folder -> every file in it, at any depth, symbolic links not followed; raises OSError."""
 
 DOCKERFILE = "Dockerfile"
-MOST_BYTES = 256 * 1024 * 1024
+MOST_BYTES = 96 * 1024 * 1024
 """Of all files of a context, which is held in memory."""
 _LONGEST_PATTERN = 255
 _MOST_WORK = 500_000_000

@@ -154,5 +154,5 @@ def test_a_dockerignore_that_cannot_be_is_refused(lines: list[str], says: str) -
 
 def test_a_context_has_a_size() -> None:
     big = [ListedFile(str(number)) for number in range(300)]
-    with pytest.raises(ValueError, match="it holds more than 256 MiB"):
+    with pytest.raises(ValueError, match="it holds more than 96 MiB"):
         entries_of("", "/x", "", lambda _: big, lambda _: bytes(1 << 20))

@@ -1,0 +1,82 @@
+"""All that an experiment ships together has one limit, and a file that it ships often is read once."""
+
+from __future__ import annotations
+
+import os
+import tracemalloc
+from pathlib import Path
+
+import pytest
+
+from srprov import disk, regular_file
+from srprov.definitions import load_experiment
+from srprov.errors import SrprovError
+from srprov.regular_file import MIB
+from tests.fakes import World
+from tests.worlds import made
+
+
+def cdf(folder: Path, *sources: str, name: str = "a") -> None:
+    """Write a CDF that ships files."""
+    files = "".join(f"  - {{src: {source}, dest: /x{number}}}\n" for number, source in enumerate(sources))
+    (folder / f"{name}.cdf").write_text(f"cdf: 1\nname: {name}\nbase: busybox\nfiles:\n{files}")
+
+
+def sparse(path: Path, mib: int) -> None:
+    """Make a file that takes no room on the disk."""
+    path.touch()
+    os.truncate(path, mib * MIB)
+
+
+@pytest.mark.parametrize("kind", ["one image", "images", "folders"])
+def test_all_that_is_shipped_together_has_one_limit(tmp_path: Path, kind: str) -> None:
+    """Twelve times 40 MiB in one image, one image for each, and twelve folders: refused, in little memory."""
+    sparse(tmp_path / "big", 40)
+    names = [f"s{number}" for number in range(12)]
+    if kind == "one image":
+        cdf(tmp_path, *["big"] * 12)
+        services = ["a: {cdf: a.cdf, network: none}"]
+    elif kind == "images":
+        for name in names:
+            cdf(tmp_path, "big", name=name)
+        services = [f"{name}: {{cdf: {name}.cdf, network: none}}" for name in names]
+    else:
+        for name in names:
+            (tmp_path / name).mkdir()
+            os.link(tmp_path / "big", tmp_path / name / "big")
+        mounts = ", ".join(f"'./{name}:/{name}:ro'" for name in names)
+        services = [f"a: {{image: busybox, network: none, volumes: [{mounts}]}}"]
+    lines = "".join(f"  {one}\n" for one in services)
+    (tmp_path / "e.edf").write_text(f"edf: 1\nname: big\nplacement: {{slots_per_robot: 12}}\nservices:\n{lines}")
+    definitions, world = load_experiment(tmp_path / "e.edf"), World().add("r1")
+    tracemalloc.start()
+    try:
+        with pytest.raises(SrprovError) as refused:
+            made(world, definitions)
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    told = str(refused.value) + str([one.message for one in getattr(refused.value, "problems", ())])
+    assert "all that is shipped is more than 96 MiB or 50000 files" in told
+    assert (refused.value.exit_code, peak < 220 * MIB) == (5, True), peak / MIB
+
+
+def test_a_file_that_is_shipped_often_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "small").write_text("x")
+    (tmp_path / "link").symlink_to("small")
+    opened: list[str] = []
+    read = regular_file.read
+    monkeypatch.setattr(regular_file, "read", lambda path, most: (opened.append(str(path)), read(path, most))[1])
+    with disk.together():
+        assert [disk.read(str(tmp_path / name)) for name in ("small", "link", "small")] == [b"x"] * 3
+    assert len(opened) == 1
+
+
+def test_files_count_over_all_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(disk._Budget, "__init__", lambda self: self.__dict__.update(bytes=9, files=5, contents={}))
+    for number in range(3):
+        (tmp_path / str(number)).write_text("x")
+    with disk.together():
+        assert len(list(disk.listing(str(tmp_path)))) == 3
+        with pytest.raises(OSError, match="more than 96 MiB or 50000 files"):
+            disk.tree_tar(str(tmp_path))
