@@ -30,7 +30,7 @@ MAX_FILES = 50_000
 class _Budget:
     """How much may still be shipped, and what has been read."""
 
-    bytes: int = MAX_BYTES
+    left: int = MAX_BYTES
     files: int = MAX_FILES
     contents: dict[str, bytes] = field(default_factory=dict)
     """By real path; a file that is shipped under several names is held once."""
@@ -39,14 +39,14 @@ class _Budget:
         """Return a file's content, which counts each time that it is shipped."""
         real = os.path.realpath(path)
         try:
-            content = self.contents[real] if real in self.contents else regular_file.read(path, self.bytes)
+            content = self.contents[real] if real in self.contents else regular_file.read(path, self.left)
         except OSError as error:
             raise _too_much(path) if error.errno == errno.EFBIG else error from None
-        if len(content) > self.bytes:
+        if len(content) > self.left:
             raise _too_much(path)
         if keep:
             self.contents[real] = content
-        self.bytes -= len(content)
+        self.left -= len(content)
         return content
 
 

@@ -101,8 +101,7 @@ def make_plan(
         NoAssignment, UsageError, RenderError, PlanError: as their rooms say.
     """
     definitions = _plannable(definitions, look.inventory, request)
-    instance = request.instance or definitions.experiment.name
-    source = source_of(definitions.experiment.file)
+    instance, source = request.instance or definitions.experiment.name, source_of(definitions.experiment.file)
     phases = phases or Phases()
     snapshot, notes = trusting(look.first(), instance, adopt=request.adopt)
     check_source(snapshot, instance, source, adopt=request.adopt)

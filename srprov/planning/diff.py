@@ -151,7 +151,9 @@ def _in_order(steps: Sequence[Step], wanted: Mapping[str, Resource]) -> tuple[St
     if len(by_key) != len(steps):
         raise PlanError("two steps for one resource")
     taken = _taken(wanted)
-    needs = {key: _needs(key, by_key, wanted, taken) for key in by_key}
+    removals = {key: (one.id, one) for key, one in by_key.items() if one.change.action is Action.DELETE}
+    changed = {one.id: key for key, one in by_key.items() if one.want is not None}
+    needs = {key: _needs(key, by_key[key], removals, changed, wanted, taken) for key in by_key}
     numbers: dict[Key, int] = {}
     missing = {key: len(before) for key, before in needs.items()}
     followers: dict[Key, list[Key]] = {key: [] for key in by_key}
@@ -196,26 +198,27 @@ def _waits(want: Resource | None, wanted: Mapping[str, Resource]) -> tuple[Need,
 
 
 def _needs(
-    key: Key, by_key: Mapping[Key, Step], wanted: Mapping[str, Resource], taken: Mapping[str, Resource]
-) -> set[Key]:
-    """Return the steps that must have succeeded before one."""
-    step = by_key[key]
-    removals = {k: one for k, one in by_key.items() if one.change.action is Action.DELETE and k != key}
-    here = {k: MODULES[one.module] for k, one in removals.items() if one.host == step.host}
-    changed = {one.id: k for k, one in by_key.items() if one.want is not None}
+    key: Key, step: Step, removals: Mapping[Key, tuple[str, Step]], changed: Mapping[str, Key],
+    wanted: Mapping[str, Resource], taken: Mapping[str, Resource],
+) -> set[Key]:  # fmt: skip
+    """Return the steps that must have succeeded before one; `removals` have their ids beside."""
+    removals = {k: one for k, one in removals.items() if k != key}
+    here = {k: MODULES[one.module] for k, (_, one) in removals.items() if one.host == step.host}
     if step.want is None:
         # what was copied goes last: after the copy, and after what needs the copy was made
         heir = taken.get(step.id)
-        users = {one.id for one in wanted.values() if heir and heir.id in (one.id, *(need.id for need in one.needs))}
+        readers = wanted.values() if heir else ()
+        users = {one.id for one in readers if heir and heir.id in (one.id, *(need.id for need in one.needs))}
         after = {changed[one] for one in users if one in changed}
         return after | {k for k, module in here.items() if module.removed_before(step.module)}
     needs = {changed[one] for one in _reached(step.want.needs, wanted, changed)}
     if source := MODULES[step.module].taken_from(step.want.params):
-        needs |= {k for k, one in removals.items() if one.host == source and one.module in RUNNING}
+        needs |= {k for k, (_, one) in removals.items() if one.host == source and one.module in RUNNING}
     needs |= {k for k, module in here.items() if MODULES[step.module].made_after_removal_of(module.kind)}
     # nothing stands twice, and no service runs twice
+    own = step.id
     return needs | {
-        k for k, one in removals.items() if one.id == step.id or (step.service and one.service == step.service)
+        k for k, (name, one) in removals.items() if name == own or (step.service and one.service == step.service)
     }
 
 

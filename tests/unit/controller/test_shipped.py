@@ -11,6 +11,7 @@ import pytest
 from srprov import disk, regular_file
 from srprov.definitions import load_experiment
 from srprov.errors import SrprovError
+from srprov.planning import plan
 from srprov.regular_file import MIB
 from tests.fakes import World
 from tests.worlds import made
@@ -73,10 +74,25 @@ def test_a_file_that_is_shipped_often_is_read_once(tmp_path: Path, monkeypatch: 
 
 
 def test_files_count_over_all_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(disk._Budget, "__init__", lambda self: self.__dict__.update(bytes=9, files=5, contents={}))
+    monkeypatch.setattr(disk._Budget, "__init__", lambda self: self.__dict__.update(left=9, files=5, contents={}))
     for number in range(3):
         (tmp_path / str(number)).write_text("x")
     with disk.together():
         assert len(list(disk.listing(str(tmp_path)))) == 3
         with pytest.raises(OSError, match="more than 96 MiB or 50000 files"):
             disk.tree_tar(str(tmp_path))
+
+
+def test_a_thousand_containers_are_put_in_order_without_being_compared_with_each_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each container is named a few times, not once for each of the others."""
+    named: list[str] = []
+    name_of = plan.resource_id
+    monkeypatch.setattr(plan, "resource_id", lambda *words: (named.append(""), name_of(*words))[1])
+    (tmp_path / "e.edf").write_text(
+        "edf: 1\nname: many\nplacement: {slots_per_robot: 300}\n"
+        "services: {s: {image: busybox, replicas: 300, network: none}}\n"
+    )
+    steps = made(World().add("r1"), load_experiment(tmp_path / "e.edf")).plan.steps
+    assert len(named) < 20 * len(steps)
