@@ -68,11 +68,13 @@ ROOMS: Mapping[str, Room] = {
     "assignment": room("errors definitions.containermodel definitions.model facts.model"),
     "network": room("errors names untrusted definitions.model facts.model"),
     "images": room(
-        "errors wire image_reference definitions.containermodel definitions.dockerfile definitions.model", "jinja2"
+        "errors plain_tar wire image_reference definitions.containermodel definitions.dockerfile definitions.model",
+        "jinja2",
     ),
     "rendering": room("errors untrusted resource data definitions modules yamldoc", "jinja2 yaml"),
     "modules": room(
-        "errors wire untrusted resource secret definitions.model definitions.containermodel definitions.secretmodel"
+        "errors plain_tar wire untrusted resource secret definitions.model definitions.containermodel"
+        " definitions.secretmodel"
     ),
     "planning": room(
         "errors names untrusted resource wire secret image_reference modules facts.model definitions.containermodel"
@@ -87,6 +89,7 @@ ROOMS: Mapping[str, Room] = {
     "private": room(),
     "secret": room("redaction"),
     "redaction": room(),
+    "plain_tar": room(),
     "wire": room("errors untrusted resource"),
     "session": room("errors wire"),
     "resource": room("errors wire"),

@@ -14,7 +14,7 @@ from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.dockerfile import fetches, images_of, unclear
 from srprov.definitions.model import Experiment, NetworkSettings, Service
 from srprov.definitions.secretmodel import SecretSource
-from srprov.errors import UsageError
+from srprov.errors import RefusedError, UsageError
 from srprov.images.tag import read_context
 from srprov.modules import MODULES, PROBING
 from srprov.modules.file import FileParams
@@ -71,6 +71,33 @@ def asked(saved: PlanFile) -> tuple[Permission, ...]:
         *(Permission(kind="secret", service="", what=f"{name}, from {sources[name].origin}") for name in unused),
         *(Permission(kind="playbook", service=want.id, what=_shown(want)) for want in strange),
     )
+
+
+def check_underlay(saved: PlanFile, live: Collection[str]) -> None:
+    """Refuse packets to where only the file says that a robot is.
+
+    Args:
+        saved: A plan that was not written on this controller.
+        live: The addresses of robots that answer.
+
+    Raises:
+        RefusedError: Links would send to an address of a robot that does not answer, or the record would name it.
+    """
+    told = _names(saved).vteps - set(live)
+    if strange := sorted(told & {vtep for want in _wants(saved) for vtep in _vteps(want)}):
+        raise RefusedError(
+            f"packets would go to {', '.join(strange)}, which only this file says to be a robot that is out of reach",
+            hint="apply it when that robot answers, or plan the EDF here",
+        )
+
+
+def _vteps(want: Resource) -> Collection[str]:
+    """Return where packets go by what a resource says: a link, or the record of a placement."""
+    if isinstance(want.params, VxlanParams):
+        return (want.params.local, *(vtep for _, vtep in want.params.fdb))
+    content = want.params.content if isinstance(want.params, FileParams) else ""
+    record = read_record(mapping(json_or_none(content))) if want.name.endswith("/placement.json") else None
+    return record.vteps.values() if record else ()
 
 
 def _wants(saved: PlanFile) -> tuple[Resource, ...]:

@@ -9,13 +9,15 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 
 from srprov.controller.data import DataNow, roaming, used
-from srprov.controller.owners import Owner, keep, owners_of
+from srprov.controller.owners import Owner, keep
 from srprov.definitions.model import Experiment
 from srprov.errors import RefusedError
 from srprov.facts.model import Snapshot
 from srprov.modules import MODULES
 from srprov.planning.plan import Plan
 from srprov.resource import Observed, Resource
+
+_ADOPT = "take them over with their data by --adopt, or run it under another name with --instance NAME"
 
 
 def check_owner(experiment: Experiment, placed: Mapping[str, str], now: DataNow) -> None:
@@ -36,7 +38,7 @@ def check_owner(experiment: Experiment, placed: Mapping[str, str], now: DataNow)
     )
 
 
-def refuse_strange(found: Collection[tuple[str, Observed]]) -> None:
+def refuse_strange(found: Collection[tuple[str, Observed]], hint: str = _ADOPT) -> None:
     """Refuse volumes whose token this controller does not have.
 
     Raises:
@@ -48,26 +50,26 @@ def refuse_strange(found: Collection[tuple[str, Observed]]) -> None:
         )
         raise RefusedError(
             f"these volumes were not made from this file on this controller: {named}",
-            hint="take them over with their data by --adopt, or run it under another name with --instance NAME",
+            hint=hint,
         )
 
 
 def remember_owner(plan: Plan, owner: Owner | None) -> None:
-    """Write down who owns the volumes that a plan makes or takes over, before it is done or kept.
+    """Write down who owns an instance, and the volumes that a plan makes or takes over, before it is done or kept.
 
     Raises:
         UsageError: That cannot be written.
     """
     steps = [step for step in plan.steps if MODULES[step.module].holds_data]
-    if owner and (steps or owner.adopted):
+    if owner:
         gone = {step.name for step in steps if owner.places.get(step.name) == step.host}
         made = {step.name: step.host for step in steps if step.want is not None}
         places = {name: robot for name, robot in owner.places.items() if name not in gone} | made
         keep(replace(owner, source=plan.source, places=places))
 
 
-def check_saved(plan: Plan, wants: Collection[Resource], snapshot: Snapshot) -> None:
-    """Refuse a plan from a file that would attach, move or remove data which was not made here from its source.
+def check_saved(plan: Plan, wants: Collection[Resource], snapshot: Snapshot, owners: Collection[Owner]) -> None:
+    """Refuse a plan from a file that would attach, move or remove data of others than `owners`, who wrote the file.
 
     `wants` is all that it wants, also what is right already.
 
@@ -84,7 +86,6 @@ def check_saved(plan: Plan, wants: Collection[Resource], snapshot: Snapshot) -> 
     }
     if not found:
         return
-    owners = [one for one in owners_of(plan.instance, plan.source) if one.instance == plan.instance]
     strange = {
         use: item
         for use, item in found.items()
@@ -94,7 +95,8 @@ def check_saved(plan: Plan, wants: Collection[Resource], snapshot: Snapshot) -> 
         source = (MODULES[want.module].taken_from(want.params), want.name)
         if (item := found.get(source)) and not any(_proves(owner, want, source[0], item) for owner in owners):
             strange[source] = item
-    refuse_strange([(robot, item) for (robot, _), item in strange.items()])
+    hint = "a plan that was written here may use what was made here: plan the EDF here, if need be with --adopt"
+    refuse_strange([(robot, item) for (robot, _), item in strange.items()], hint)
 
 
 def _proves(owner: Owner, want: Resource, source: str, item: Observed) -> bool:

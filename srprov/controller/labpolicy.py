@@ -6,8 +6,6 @@ all policies allow. Everything is looked at in the plan itself, so a plan from a
 
 from __future__ import annotations
 
-import io
-import tarfile
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -18,6 +16,7 @@ from srprov.definitions.labpolicy import LabPolicy, load
 from srprov.definitions.model import Definitions, Inventory
 from srprov.errors import RefusedError
 from srprov.image_reference import parse_reference
+from srprov.images.tag import read_context
 from srprov.modules.container_params import ContainerParams
 from srprov.modules.image import ImageParams
 from srprov.planning.plan import Plan, Step
@@ -25,8 +24,6 @@ from srprov.planning.policy import KINDS, Permission
 
 Policies = tuple[LabPolicy, ...]
 NAME = "policy.yml"
-_MOST_BYTES = 8 << 20
-"""Of a Dockerfile inside a build's context."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,14 +159,9 @@ def _pulled(name: str, params: ImageParams) -> tuple[str, ...]:
 
 
 def _dockerfile(context: bytes) -> str:
-    """Return the Dockerfile of a build's context; a variable where it cannot be read, so that nothing passes."""
-    try:
-        with tarfile.open(fileobj=io.BytesIO(context), mode="r:") as tar:
-            stream = tar.extractfile("Dockerfile")
-            text = stream.read(_MOST_BYTES).decode("utf-8", "replace") if stream else ""
-            return text if text and unclear(text) is None else "FROM $NOTHING"
-    except (tarfile.TarError, KeyError, ValueError):
-        return "FROM $NOTHING"
+    """Return the Dockerfile of a build's context; a variable for one that srprov did not write: nothing passes."""
+    text = read_context(context)[1]
+    return text if text and unclear(text) is None else "FROM $NOTHING"
 
 
 def _comes_from(name: str, registries: Iterable[str]) -> bool:

@@ -52,6 +52,10 @@ class Owner:
         """Return the label of a whole copy, on robot `target`, of what `source` has since `created`."""
         return self._proof("copy", source, created, target, volume)
 
+    def plan_proof(self, digest: str) -> str:
+        """Return what proves that this controller wrote a plan file with this digest."""
+        return self._proof("plan", digest)
+
     def knows(self, robot: str, item: Observed) -> bool:
         """Return whether a volume that was found is the owner's."""
         mine = bool(self.token) and hmac.compare_digest(

@@ -52,7 +52,7 @@ def make_removal(
         notes.append(f"{len(kept)} data volume(s) stay: {', '.join(sorted(set(kept)))}; --volumes removes them")
     plan = Plan(
         instance=instance,
-        source=known.source if known else source,
+        source=source or (known.source if known else ""),
         steps=steps,
         notes=tuple(notes),
         unreachable=snapshot.unreachable,

@@ -12,11 +12,13 @@ from collections.abc import Mapping
 import srprov
 from srprov import disk
 from srprov.controller import authority
+from srprov.controller.authority import check_underlay
 from srprov.controller.data_owner import check_saved, remember_owner
 from srprov.controller.fleet import Fleet
 from srprov.controller.ownership import check_source, owned
 from srprov.controller.permissions import require_decided
 from srprov.controller.plan import Planned
+from srprov.controller.plan_proof import check_claim, proved, provers
 from srprov.definitions.model import NetworkSettings
 from srprov.errors import StalePlan, UsageError
 from srprov.facts.gather import Detail, Gathering
@@ -33,6 +35,7 @@ from srprov.planning.plan import Step
 from srprov.planning.planfile import PlanFile, differences, step_out
 from srprov.planning.planread import named
 from srprov.resource import Resource
+from srprov.secret import redact
 
 
 def plan_file(planned: Planned) -> PlanFile:
@@ -63,7 +66,7 @@ def plan_file(planned: Planned) -> PlanFile:
 
 
 def kept_plan(planned: Planned) -> PlanFile:
-    """Return the plan for a file, and write down who owns the volumes that it makes or takes over.
+    """Return the plan for a file, with the proof that it was written here, and write down who owns the instance.
 
     Raises:
         RefusedError: It would leave data behind, and the user has not said so.
@@ -71,7 +74,10 @@ def kept_plan(planned: Planned) -> PlanFile:
     """
     require_decided(planned.plan.data)
     remember_owner(planned.plan, planned.owner)
-    return plan_file(planned)
+    saved = plan_file(planned)
+    # as they are written: the proof is about the file
+    inputs = {name: redact(text) for name, text in saved.inputs.items()}
+    return proved(dataclasses.replace(saved, inputs=inputs), planned.owner)
 
 
 def _inputs(planned: Planned) -> dict[str, str]:
@@ -94,8 +100,8 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False) -> Planned
     Raises:
         StalePlan: Names what moved on which robot.
         UsageError: A robot of the plan is not in the inventory; or the file's steps are not those that follow.
-        RefusedError: Another source made the instance, and `adopt` does not take it over; or it would use data that was
-            not made here from its source.
+        RefusedError: Another source made the instance, and `adopt` does not take it over; or the file was not written
+            here, and would change an instance that was made here, use data, or send packets to a robot out of reach.
     """
     missing = sorted(set(saved.fingerprints) - set(fleet.inventory.hosts))
     if missing:
@@ -109,8 +115,13 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False) -> Planned
     with Gathering(part, fleet.sessions.get, engine=True, forks=fleet.forks) as look:
         snapshot = look.probe(look.closer(Detail.ENGINE), wants)
     _refuse_stale(saved, wants, snapshot)
-    check_saved(saved.plan, wants, snapshot)
+    owners = provers(saved)
+    check_saved(saved.plan, wants, snapshot, owners)
     check_source(snapshot, saved.plan.instance, saved.plan.source, adopt=adopt)
+    if not owners:
+        check_underlay(saved, {facts.underlay_address for facts in snapshot.facts.values()})
+        if not adopt:
+            check_claim(saved, snapshot)
     _check_networks(wants, saved.plan.instance, snapshot)
     steps = _derived(saved, wants, snapshot)
     unreachable = {**saved.plan.unreachable, **snapshot.unreachable}

@@ -8,15 +8,15 @@ content on every architecture.
 
 from __future__ import annotations
 
+import functools
 import hashlib
-import io
 import json
 import posixpath
 import re
-import tarfile
 from collections.abc import Iterable, Sequence
 from functools import partial
 
+from srprov import plain_tar
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.dockerfile import stages
 from srprov.errors import Location
@@ -29,6 +29,8 @@ from srprov.images.plan import ContextFile, Dockerfile, ImagePlan
 _TAG_LENGTH = 16
 _FORMAT = 1
 """Counts up when the same definition shall build something else than before."""
+
+_FOLDER = 0o755
 
 
 def plan_image(cdf: ContainerDefinition, listing: Listing, read: Read) -> ImagePlan:
@@ -69,27 +71,25 @@ def content_hash(dockerfile: Dockerfile, entries: Iterable[ContextFile]) -> str:
     return hashlib.sha256(json.dumps(whole, sort_keys=True, separators=(",", ":")).encode()).hexdigest()
 
 
+@functools.lru_cache(maxsize=4096)  # many images of a plan file may have one context
 def read_context(context: bytes) -> tuple[str, str]:
     """Return a build context's content tag and Dockerfile; "" for one that `plan_image` would not write."""
     try:
-        with tarfile.open(fileobj=io.BytesIO(context), mode="r:") as tar:
-            entries = [_context_file(tar, one) for one in tar.getmembers() if not one.isdir()]
-        text = next(one.content for one in entries if one.path == DOCKERFILE).decode()
-        if context_tar(text, entries) != context:
-            return "", ""
-    except (tarfile.TarError, ValueError, OverflowError, OSError, EOFError, StopIteration):
+        members = list(plain_tar.members(context))
+        plain_tar.check_paths(members)
+        text = next(one.content or b"" for one in members if one.path == DOCKERFILE).decode()
+    except (ValueError, StopIteration):
+        return "", ""
+    entries = [ContextFile(path=one.path, content=one.content or b"", mode=one.mode, link=one.link)
+               for one in members if not one.is_folder]  # fmt: skip
+    folders = {one.path for one in members if one.is_folder and one.mode == _FOLDER}
+    above = {one.path.rpartition("/")[0] for one in members} - {""}
+    own = ContextFile(path=DOCKERFILE, content=text.encode())
+    paths = [one.path for one in members]
+    if paths != sorted(paths) or folders != above or len(folders) + len(entries) != len(members) or own not in entries:
         return "", ""
     base, pinned = _bases(text)
     return content_hash(Dockerfile(text=text, base=base, pinned=pinned), entries)[:_TAG_LENGTH], text
-
-
-def _context_file(tar: tarfile.TarFile, one: tarfile.TarInfo) -> ContextFile:
-    if one.issym():
-        return ContextFile(path=one.name, link=one.linkname, mode=one.mode)
-    if one.type != tarfile.REGTYPE or one.sparse:
-        raise ValueError(f"{one.name} is neither a file nor a link")
-    stream = tar.extractfile(one)
-    return ContextFile(path=one.name, content=stream.read() if stream else b"", mode=one.mode)
 
 
 def locate_failure(plan: ImagePlan, output: str) -> Location | None:

@@ -6,12 +6,12 @@ path holds the content's hash and appears by one rename, so that being there mea
 
 from __future__ import annotations
 
+import functools
 import hashlib
-import io
-import tarfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from srprov import plain_tar
 from srprov.modules.file import remove_path
 from srprov.modules.module import STATE_ROOT, Module, Names
 from srprov.resource import Action, Change, Observed, State
@@ -62,42 +62,27 @@ class TreeModule(Module[TreeParams]):
 
     def is_own(self, name: str, want: TreeParams, names: Names) -> bool:
         """Compare the name with the content's hash; and take only files and folders below one that is no link."""
-        digest = hashlib.sha256(want.blob).hexdigest()[:24]
-        return name == f"{STATE_ROOT}/{names.instance}/trees/{digest}" and _is_plain(want.blob)
+        digest = _plain_digest(want.blob)
+        return bool(digest) and name == f"{STATE_ROOT}/{names.instance}/trees/{digest}"
 
     def removal(self, found: Observed) -> tuple[Command, ...]:
         """Remove it and what is empty above it."""
         return (remove_path(found.name),)
 
 
-def _is_plain(blob: bytes) -> bool:
-    """Return whether a tar is such as srprov ships: one file or folder, and nothing that could lie elsewhere.
+@functools.lru_cache(maxsize=4096)  # many robots of a plan file may have one tree
+def _plain_digest(blob: bytes) -> str:
+    """Return the hash that names a tree; "" for a tar that is not such as srprov ships.
 
-    A mount of its top entry would follow a link there to any folder of the robot, and so would whatever lies below one.
-    It must be byte for byte what is written here for its entries: no program that unpacks it finds others.
+    That is one file or folder, and nothing that could lie elsewhere: a mount of its top entry would follow a link there
+    to any folder of the robot, and so would whatever lies below one.
     """
-    again = io.BytesIO()
     try:
-        with (
-            tarfile.open(fileobj=io.BytesIO(blob), mode="r:") as tar,
-            tarfile.open(fileobj=again, mode="w", format=tarfile.PAX_FORMAT) as copy,
-        ):
-            members = tar.getmembers()
-            for one in members:
-                entry = tarfile.TarInfo(one.name)
-                entry.type, entry.mode, entry.linkname, entry.size = one.type, one.mode, one.linkname, one.size
-                copy.addfile(entry, tar.extractfile(one) if one.type == tarfile.REGTYPE and not one.sparse else None)
-    except (tarfile.TarError, ValueError, OverflowError, OSError, EOFError):
-        return False
-    return again.getvalue() == blob and _stays_inside(members)
-
-
-def _stays_inside(members: Sequence[tarfile.TarInfo]) -> bool:
-    names, links = {one.name for one in members}, {one.name for one in members if one.issym()}
-    for one in members:
-        parts = one.name.split("/")
-        above = {"/".join(parts[:depth]) for depth in range(1, len(parts))}
-        fits = one.type in (tarfile.REGTYPE, tarfile.DIRTYPE) or (one.issym() and len(parts) > 1)
-        if not fits or one.mode not in (0o644, 0o755) or {"", ".", ".."} & set(parts) or above & links:
-            return False
-    return len(names) == len(members) and len({name.split("/")[0] for name in names}) == 1
+        members = list(plain_tar.members(blob))
+        plain_tar.check_paths(members)
+    except ValueError:
+        return ""
+    tops = [one for one in members if "/" not in one.path]
+    if len(tops) != 1 or tops[0].link is not None or any(one.mode not in (0o644, 0o755) for one in members):
+        return ""
+    return hashlib.sha256(blob).hexdigest()[:24]

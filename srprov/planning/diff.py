@@ -50,7 +50,8 @@ def diff(
     compared = [one for one in wanted.values() if one.id not in settled]
     due = [due_step(one, there.get((one.host, one.module, one.name))) for one in compared]
     steps = [step for step in due if step is not None]
-    orphans = _orphans(wanted, observed, instance)
+    copying = {step.id for step in (*steps, *beside) if step.want}
+    orphans = _orphans(wanted, there, observed, instance, copying)
     rebuilt, taken = rebuild_users(steps, orphans, wanted, there)
     changing = [*rebuild_stranded(rebuilt, there), *orphans, *beside]
     again = _asked_again(changing, wanted, there)
@@ -104,31 +105,38 @@ def _by_id(desired: Iterable[Resource]) -> dict[str, Resource]:
     return wanted
 
 
-def _orphans(wanted: Mapping[str, Resource], observed: ObservedByRobot, instance: str) -> list[Step]:
+def _orphans(
+    wanted: Mapping[str, Resource], there: There, observed: ObservedByRobot, instance: str, copying: Collection[str]
+) -> list[Step]:
     homes = {one.service: one.host for one in wanted.values() if one.service}
-    found = {(host, item.module, item.name): item for host, items in observed.items() for item in items}
     copied = {
-        there: one.host
-        for there, one in _taken(wanted).items()
-        if _is_copied(one, found.get((one.host, one.module, one.name)))
+        source: one.host
+        for source, one in _taken(wanted).items()
+        if one.id in copying or _is_copied(one, there.get((one.host, one.module, one.name)))
     }
     return [
-        removal_step(host, item, _orphan_cause(item, homes, host in homes.values(), copied.get(there, "")))
+        removal_step(host, item, _orphan_cause(item, homes, host in homes.values(), copied.get(id_, "")))
         for host, item in _owned(observed, instance)
-        if (there := resource_id(host, item.module, item.name)) in copied
-        or (there not in wanted and not MODULES[item.module].keeps(item.state))
+        if (id_ := resource_id(host, item.module, item.name)) in copied
+        or (id_ not in wanted and not MODULES[item.module].keeps(item.state))
     ]
 
 
 def _is_copied(heir: Resource, item: Observed | None) -> bool:
-    """Return whether this plan copies, or an earlier one did: what is there for another reason replaces nothing."""
-    module = MODULES[heir.module]
-    return item is None or not module.keeps(item.state) or module.is_copy(heir.params, item.state)
+    """Return whether an earlier plan copied: what is there for another reason replaces nothing."""
+    return item is not None and MODULES[heir.module].is_copy(heir.params, item.state)
 
 
 def _taken(wanted: Mapping[str, Resource]) -> dict[str, Resource]:
-    """Return the id of each resource that is replaced by one on another robot -> that one."""
+    """Return the id of each resource that is replaced by one on another robot -> that one.
+
+    Raises:
+        PlanError: One would be replaced by itself.
+    """
     sources = {key: MODULES[one.module].taken_from(one.params) for key, one in wanted.items()}
+    for key, source in sources.items():
+        if source == wanted[key].host:
+            raise PlanError(f"{key} cannot be copied from {source}, where it is", hint="name another robot")
     return {
         resource_id(source, wanted[key].module, wanted[key].name): wanted[key]
         for key, source in sources.items()

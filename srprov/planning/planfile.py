@@ -46,6 +46,8 @@ class PlanFile:
     """File name -> text, of the definitions that it was made from."""
     made_by: str = ""
     """srprov's version."""
+    proof: str = ""
+    """What only the controller that wrote it can make: `controller.plan_proof`."""
 
 
 def dump(saved: PlanFile) -> str:
@@ -83,6 +85,7 @@ def _document(saved: PlanFile, blobs: dict[str, bytes]) -> dict[str, Any]:
         "limit": list(saved.limit),
         "fingerprints": saved.fingerprints,
         "inputs": dict(sorted(saved.inputs.items())),
+        "proof": saved.proof,
     }
 
 

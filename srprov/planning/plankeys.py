@@ -117,4 +117,5 @@ class Document:
     limit: tuple[str, ...]
     fingerprints: Mapping[str, Mapping[str, Any]]
     inputs: Mapping[str, AnyText]
+    proof: str
     blobs: Mapping[str, str]

@@ -103,6 +103,7 @@ def _plan_file(read: Document) -> PlanFile:
         limit=read.limit,
         inputs=read.inputs,
         made_by=read.srprov,
+        proof=read.proof,
     )
 
 

@@ -161,19 +161,16 @@ def test_a_token_is_kept_under_instance_and_real_path_and_read_by_its_owner_only
         assert read_owner("../../x", str(edf)).token != fresh.token
 
 
-def test_a_plan_from_a_file_is_held_against_the_tokens_of_its_source(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_plan_from_a_file_is_held_against_the_tokens_of_who_wrote_it() -> None:
     """What its steps mount, make or remove."""
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     seen = robots(r1=volume("r1"))
     plan = Plan(instance="x", source="s", steps=removal_plan(seen.observed, "x", volumes=True))
-    with pytest.raises(RefusedError, match=f"{LOG} on r1"):
-        check_saved(plan, (), seen)
-    keep(dataclasses.replace(MINE, source="s"))
-    check_saved(plan, (), seen)
+    for owners in ([], [dataclasses.replace(MINE, token="another")]):
+        with pytest.raises(RefusedError, match=f"{LOG} on r1"):
+            check_saved(plan, (), seen, owners)
+    check_saved(plan, (), seen, [MINE])
     with pytest.raises(RefusedError):
-        check_saved(dataclasses.replace(plan, source="t"), (), seen)
+        check_saved(dataclasses.replace(plan, instance="y"), (), seen, [MINE])
 
 
 def test_each_replica_has_a_volume_of_its_own() -> None:
@@ -199,10 +196,8 @@ def test_data_that_was_kept_on_a_robot_out_of_reach_is_not_forgotten() -> None:
     assert data_of(web(), here, "r2", {}, owner=knows)[1].moves == (), "it can be seen that it is gone"
 
 
-def test_a_plan_cannot_have_data_removed_that_was_not_copied(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_plan_cannot_have_data_removed_that_was_not_copied() -> None:
     """A volume that is on the target for another reason is no copy, and the proof in a file is worked out again."""
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
-    keep(dataclasses.replace(MINE, source="s"))
 
     def wants(copy: str) -> Resource:
         written = {"instance": "x", "source": "s", "from": "r1", "copy": copy}
@@ -215,8 +210,8 @@ def test_a_plan_cannot_have_data_removed_that_was_not_copied(tmp_path: Path, mon
     plan = Plan(instance="x", source="s", steps=())
     for copy in ("", "a" * 40):
         with pytest.raises(RefusedError, match=f"{LOG} on r1"):
-            check_saved(plan, [wants(copy)], left)
-    check_saved(plan, [wants(label)], left)
+            check_saved(plan, [wants(copy)], left, [MINE])
+    check_saved(plan, [wants(label)], left, [MINE])
     whole = robots(r1=volume("r1"), r2=volume("r2", LATE, copy=label))
     (removal,) = diff([wants(label)], whole.observed, "x")[0]
     assert (removal.host, removal.change.action, removal.change.destructive) == ("r1", Action.DELETE, False)

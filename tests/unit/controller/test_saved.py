@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
+from unittest import mock
 
 import pytest
 
 from srprov.controller.authority import check_file
+from srprov.controller.owners import owners_folder, read_owner
 from srprov.controller.plan import Planned
 from srprov.controller.request import PlanRequest
-from srprov.controller.saved import check_plan, plan_file
+from srprov.controller.saved import check_plan, kept_plan
 from srprov.definitions.model import Definitions
 from srprov.errors import RefusedError, StalePlan, UsageError
 from srprov.planning.planfile import PlanFile, dump
@@ -25,6 +28,12 @@ SECOND = experiment(
 )
 
 
+@pytest.fixture(autouse=True)
+def _alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Owners' tokens are the user's: no test sees those of another."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+
+
 @pytest.fixture
 def world() -> World:
     """Return three robots on which the first experiment runs, and one that does nothing."""
@@ -34,13 +43,14 @@ def world() -> World:
 
 
 def planned(world: World, what: Experiment = SECOND) -> Planned:
-    whole = made(world, Definitions(experiment=what, containers={}), PlanRequest(exact=True, adopt=True))
+    request = PlanRequest(exact=True, adopt=True, owner=read_owner(what.name, what.file))
+    whole = made(world, Definitions(experiment=what, containers={}), request)
     return dataclasses.replace(whole, definitions=None)
 
 
 def reread(one: Planned) -> PlanFile:
     """Return the plan as it comes out of its file."""
-    text = dump(plan_file(one))
+    text = dump(kept_plan(one))
     saved = load(text, "plan.json")
     check_file(saved, "plan.json")
     assert dump(saved) == text
@@ -99,3 +109,27 @@ def test_steps_that_do_not_follow_are_named(world: World) -> None:
     changed = dataclasses.replace(saved, plan=dataclasses.replace(saved.plan, steps=steps))
     with pytest.raises((UsageError, StalePlan)):
         check_plan(changed, fleet(world), adopt=True)
+
+
+def test_a_plan_from_elsewhere_sends_nothing_to_a_robot_that_does_not_answer(world: World) -> None:
+    """Its address is only what the file says; the robot may be anywhere."""
+    saved = dataclasses.replace(reread(planned(world)), proof="")
+    check_plan(saved, fleet(world), adopt=True)
+    world.robots["r3"].gone = True
+    with pytest.raises(RefusedError, match=r"packets would go to 10\.0\.0\.3"):
+        check_plan(saved, fleet(world), adopt=True)
+
+
+def test_a_plan_from_elsewhere_changes_no_instance_that_was_made_here(world: World) -> None:
+    """It names the source that this controller made the instance from; the controller's own plan is done."""
+    with mock.patch("srprov.controller.plan.source_of", return_value="lab@desk:/e/hello.edf"):
+        saved = reread(planned(world))
+    check_plan(saved, fleet(world))
+    for proof in ("", "0" * 40):
+        forged = dataclasses.replace(saved, proof=proof)
+        with pytest.raises(RefusedError, match=r"not written on this controller.* on r1, r2, r3"):
+            check_plan(forged, fleet(world))
+        check_plan(forged, fleet(world), adopt=True)
+    for twin in owners_folder().iterdir():
+        twin.unlink()
+    check_plan(forged, fleet(world))

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from srprov.controller.authority import check_file
 from srprov.controller.owners import Owner, keep
+from srprov.controller.plan_proof import proved
 from srprov.controller.request import PlanRequest
 from srprov.controller.saved import check_plan, plan_file
 from srprov.definitions.containermodel import Mount
@@ -105,7 +107,7 @@ def test_a_move_from_a_plan_file_is_held_to_what_its_values_say(
         request = PlanRequest(owner=OWNER, data="move", adopt=True)
         planned = made(world, Definitions(experiment=web("r2"), containers={}), request)
         saved = plan_file(planned.__class__(plan=planned.plan, snapshot=planned.snapshot, desired=planned.desired))
-        read = load(dump(saved), "plan.json")
+        read = load(dump(proved(saved, OWNER)), "plan.json")
         check_file(read, "plan.json")
         with pytest.raises(RefusedError, match=LOG):
             check_plan(read, fleet(world), adopt=True)
@@ -114,6 +116,29 @@ def test_a_move_from_a_plan_file_is_held_to_what_its_values_say(
         moved(world)
         for one in (tmp_path / "srprov" / "owners").iterdir():
             one.unlink()
+
+
+def test_a_plan_file_that_was_not_written_here_neither_reads_nor_removes_data(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It names the right source; its steps are what they claim. Neither --adopt nor a proof of another plan helps."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    world = begun()
+    definitions = Definitions(experiment=web("r1"), containers={})
+    mine = made(world, definitions, PlanRequest(owner=OWNER, adopt=True))
+    keep(replace(OWNER, source=mine.plan.source))
+    file = plan_file(replace(mine, definitions=None))
+    read = load(dump(proved(file, OWNER)), "plan.json")
+    assert check_plan(read, fleet(world), adopt=True).plan == mine.plan
+    for one in (
+        replace(read, proof=""),
+        replace(read, proof="é"),
+        replace(read, proof=proved(replace(file, made_by="another"), OWNER).proof),
+        proved(file, replace(OWNER, token="guessed")),
+    ):
+        with pytest.raises(RefusedError, match=f"{LOG} on r1"):
+            check_plan(load(dump(one), "plan.json"), fleet(world), adopt=True)
+    assert holding(world) == {"r1": DATA}
 
 
 def _removal_of_data(world: World) -> int:

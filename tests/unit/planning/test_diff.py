@@ -98,6 +98,24 @@ def test_only_our_orphans_are_removed() -> None:
     assert shown(steps) == ["- r1 file /var/lib/srprov/hello/x", "+ r1 volume a"]
 
 
+def test_a_source_of_data_goes_only_where_this_plan_copies_it_or_its_copy_is_there() -> None:
+    """Not when it is its own copy, nor when the robot that should have the copy is out of reach and no step copies."""
+
+    def copy(label: str = "", host: str = "r2") -> Resource:
+        return resource("volume", "v", {"instance": "hello", "source": "s", "from": "r1", "copy": label}, host=host)
+
+    found = {"r1": [there("volume", "v")]}
+    (copying,) = diff([copy()], {}, "hello")[0]
+    assert shown(diff([copy()], found, "hello")[0]) == ["! r2 volume v", "- r1 volume v"]
+    assert shown(diff([copy()], found, "hello", settled=[copy().id], beside=[copying])[0])[1:] == ["- r1 volume v"]
+    assert diff([copy()], found, "hello", settled=[copy().id])[0] == ()
+    for label, theirs, gone in (("", "", False), ("a", "b", False), ("a", "a", True)):
+        both = {**found, "r2": [there("volume", "v", copy=theirs)]}
+        assert [step.host for step in diff([copy(label)], both, "hello")[0]] == (["r1"] if gone else [])
+    with pytest.raises(PlanError, match="cannot be copied from r1, where it is"):
+        diff([copy(host="r1")], found, "hello")
+
+
 def test_the_cause_of_a_removal_is_said() -> None:
     """A removal says whether a service moved, left, or was the robot's last."""
     world = World().add("r1", "r2", "r3")

@@ -1,0 +1,59 @@
+"""Which plan files this controller wrote: they alone may use data, and change containers, that it made before.
+
+A plan file says itself which instance and which source it is for. So it carries a proof over all that stands in it,
+made with the token of the instance's owner, which lies on this controller only.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import hmac
+
+from srprov.controller.owners import Owner, owners_of
+from srprov.errors import RefusedError
+from srprov.facts.model import Snapshot
+from srprov.modules import RUNNING
+from srprov.modules.module import canonical
+from srprov.planning.planfile import PlanFile, document
+
+
+def proved(saved: PlanFile, owner: Owner | None) -> PlanFile:
+    """Return a plan with its owner's proof; one that nobody owns has none."""
+    return dataclasses.replace(saved, proof=owner.plan_proof(_digest(saved)) if owner and owner.token else "")
+
+
+def provers(saved: PlanFile) -> tuple[Owner, ...]:
+    """Return the owners, known to this controller, in whose name it wrote a plan; none for one from elsewhere."""
+    owners = owners_of(saved.plan.instance, saved.plan.source)
+    if not owners or not saved.proof.isascii():
+        return ()
+    digest = _digest(saved)
+    return tuple(one for one in owners if hmac.compare_digest(one.plan_proof(digest), saved.proof))
+
+
+def check_claim(saved: PlanFile, snapshot: Snapshot) -> None:
+    """Refuse a plan that was not written here, and names a source that is, where containers of the instance are.
+
+    Raises:
+        RefusedError: Names the robots.
+    """
+    instance = saved.plan.instance
+    if not owners_of(instance, saved.plan.source):
+        return
+    robots = sorted(
+        robot
+        for robot, items in snapshot.observed.items()
+        if any(one.module in RUNNING and one.instance == instance for one in items)
+    )
+    if robots:
+        raise RefusedError(
+            f"this plan was not written on this controller, and says that it is of the source whose instance "
+            f"'{instance}' this controller made on {', '.join(robots)}",
+            hint="plan its EDF here; or --adopt lets this plan change the instance",
+        )
+
+
+def _digest(saved: PlanFile) -> str:
+    """Return the sha256 of all that stands in a plan file; bytes stand in it by theirs."""
+    return hashlib.sha256(canonical(document(dataclasses.replace(saved, proof=""))).encode()).hexdigest()
