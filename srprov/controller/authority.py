@@ -196,6 +196,11 @@ def _wrong(saved: PlanFile) -> Iterator[str]:
         yield f"fingerprints: {host} has none, and the plan relies on it"
     if copies != {(move.volume, move.source, move.target) for move in plan.data if move.how == "move"}:
         yield "data: what is copied is not what is said there"
+    known = saved.fingerprints.keys() | plan.unreachable.keys()
+    waits = {need.id for step in plan.steps for need in step.waits}
+    for needed in sorted(waits | {need.id for want in _wants(saved) for need in want.needs}):
+        if needed.partition("/")[0] not in known:
+            yield f"{needed}: something waits for it, and the plan knows no such robot"
     sources = {source.name for source in plan.secrets}
     written = names_of(step.want for step in plan.steps if step.want)
     for name in sorted(written | {use.source for _, one in _services(saved) for use in one.secrets}):

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
 from srprov.definitions.containermodel import Runtime
+from srprov.modules import run_limits
 from srprov.modules.params import ParameterError
 
 
@@ -48,12 +48,8 @@ class ContainerParams:
             raise ParameterError("network", "network: an overlay needs 'name', 'ip' and 'mac'")
         if self.run.mounts:
             raise ParameterError("run", "run: mounts stand beside it, in the engine's form")
-        if not re.fullmatch(r"(all|-?[0-9]{1,9})?", self.run.gpus):
-            raise ParameterError("run", f"run.gpus: expected 'all' or a number, not {self.run.gpus!r}")
-        if not re.fullmatch(r"[a-z-]*(:[0-9]{1,9})?", self.run.restart):
-            raise ParameterError(
-                "run", f"run.restart: expected a policy such as on-failure:3, not {self.run.restart!r}"
-            )
+        if wrong := next(run_limits.broken(self.run), ""):
+            raise ParameterError("run", f"run.{wrong}")
         for mount in self.mounts:
             if not (isinstance(mount.get("Type"), str) and isinstance(mount.get("Target"), str)):
                 raise ParameterError("mounts", "mounts: each needs 'Type' and 'Target'")

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from srprov import names
 from srprov.definitions.secretmodel import SecretSource
 from srprov.errors import Location, UsageError
-from srprov.modules import MODULES
+from srprov.modules import MODULES, RUNNING
 from srprov.modules.params import read_params
 from srprov.planning.plan import Plan, Step
 from srprov.planning.planfile import FORMAT, MAX_CHARACTERS, PlanFile, differences, document, pieces
@@ -115,6 +115,8 @@ def _secret(name: str, read: SecretKeys) -> SecretSource:
 
 def _step(read: StepKeys, blobs: Mapping[str, bytes]) -> Step:
     want, found = read.want, read.found
+    if read.module not in MODULES:
+        raise ValueError(f"step {read.number} is of a kind that there is not: {read.module[:60]!r}")
     _check_needs(read.waits)
     change = Change(
         action=Action[read.action.upper()],
@@ -140,7 +142,12 @@ def _step(read: StepKeys, blobs: Mapping[str, bytes]) -> Step:
 
 def _check_needs(needs: Sequence[Need]) -> None:
     for need in needs:
-        Condition(need.condition)  # raises ValueError
+        condition = Condition(need.condition)  # raises ValueError
+        robot, _, rest = need.id.partition("/")
+        kind, _, name = rest.partition(":")
+        waited = condition not in (Condition.PRESENT, Condition.AFTER)
+        if not (robot and name) or kind not in (RUNNING if waited else MODULES):
+            raise ValueError(f"nothing can wait for {need.id[:60]!r} to be {need.condition}")
 
 
 def _resource(host: str, module: str, name: str, read: WantKeys, blobs: Mapping[str, bytes]) -> Resource:

@@ -148,3 +148,11 @@ def test_many_members_and_deep_paths_cost_little() -> None:
     began = time.process_time()
     assert _plain_digest(many) == "" and _plain_digest(deep) == ""
     assert time.process_time() - began < 2
+
+
+def test_one_context_of_a_thousand_images_is_looked_at_once() -> None:
+    """As in a plan file whose images all name one blob."""
+    context = context_tar("FROM x\n", [ContextFile(path=f"f{at}") for at in range(2000)])
+    before = read_context.cache_info().misses
+    assert {read_context(context) for _ in range(1000)} == {read_context(context)}
+    assert read_context.cache_info().misses == before + 1

@@ -17,6 +17,7 @@ from srprov.definitions.model import Definitions
 from srprov.errors import RefusedError, StalePlan, UsageError
 from srprov.planning.planfile import PlanFile, dump
 from srprov.planning.planread import load
+from srprov.resource import Need
 from tests.fakes import World
 from tests.worlds import Experiment, apply, experiment, fleet, made, run, service
 
@@ -133,3 +134,24 @@ def test_a_plan_from_elsewhere_changes_no_instance_that_was_made_here(world: Wor
     for twin in owners_folder().iterdir():
         twin.unlink()
     check_plan(forged, fleet(world))
+
+
+def test_a_step_of_a_kind_that_there_is_not_and_a_wait_that_cannot_end_are_refused_when_the_file_is_read(
+    world: World,
+) -> None:
+    saved = reread(planned(world))
+
+    def read(**changed: object) -> None:
+        first = next(step for step in saved.plan.steps if step.module == "container")
+        steps = tuple(dataclasses.replace(one, **changed) if one is first else one for one in saved.plan.steps)  # type: ignore[arg-type] # any field
+        text = dump(dataclasses.replace(saved, plan=dataclasses.replace(saved.plan, steps=steps)))
+        check_file(load(text, "plan.json"), "plan.json")
+
+    read()
+    with pytest.raises(UsageError, match="a kind that there is not: 'zzz'"):
+        read(module="zzz", want=None)
+    for wrong in ("", "xyz", "r1/zzz:q", "r1/file:/x", "/container:x", "r1/container:"):
+        with pytest.raises(UsageError, match="nothing can wait for"):
+            read(waits=(Need(wrong, "healthy"),))
+    with pytest.raises(UsageError, match="the plan knows no such robot"):
+        read(waits=(Need("nosuch/container:srprov.x.y", "healthy"),))

@@ -34,7 +34,7 @@ OTHER: dict[str, Any] = {
     "sysctls": {"a": "1"},
     "group_add": ("x",),
     "security_opt": ("x",),
-    "device_cgroup_rules": ("x",),
+    "device_cgroup_rules": ("c 81:* rmw",),
     "tty": True,
     "expose": ((1, "tcp"),),
     "mem_limit": 1,

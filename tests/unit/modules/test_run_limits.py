@@ -1,0 +1,47 @@
+"""What a plan file or a playbook says of a container is held to what an EDF may say."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import Any
+
+import pytest
+
+from srprov.data import schema
+from srprov.definitions.containermodel import HealthCheck, Runtime
+from srprov.modules.run_limits import _ULIMITS, broken
+
+NEVER = HealthCheck(test=("CMD", "true"), interval_s=1e9)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("restart", "always:0"), ("restart", "always:3"), ("restart", "Always"), ("restart", ""),
+        ("ulimits", (("RTPRIO", 99, 99),)), ("ulimits", (("MEMLOCK", -1, -1),)), ("ulimits", (("nofile", -2, 1),)),
+        ("stop_grace_s", 1e9), ("stop_grace_s", -1.0), ("healthcheck", NEVER),
+        ("healthcheck", HealthCheck(test=("SHELL", "true"))), ("healthcheck", HealthCheck(test=("CMD",), retries=1001)),
+        ("ipc", "container:other"), ("pid", "container:other"), ("pid", "Host"), ("gpus", "-1"),
+        ("pull_policy", "never!"),
+        ("cap_add", ("net_admin",)), ("devices", (("dev/x", "/dev/x", "rwm"),)), ("device_cgroup_rules", ("x",)),
+        ("ports", (("", 0, 80, "tcp"),)), ("ports", (("", 80, 80, "TCP"),)), ("expose", ((70_000, "tcp"),)),
+        ("ports", tuple(("", port, port, "tcp") for port in range(1, 1002))), ("mem_limit", -1), ("cpus", -1.0),
+        ("working_dir", "etc"),
+    ],
+)  # fmt: skip
+def test_what_no_edf_could_say_is_refused(field: str, value: Any) -> None:
+    """Spelt in another way, a value would pass the question for its permission; or hold a robot for ever."""
+    (wrong,) = broken(dataclasses.replace(Runtime(), **{field: value}))
+    assert wrong.startswith(field)
+
+
+def test_what_an_edf_says_is_taken() -> None:
+    """And the names of limits are those of the schema."""
+    check = HealthCheck(test=("CMD-SHELL", "true"), retries=1000)
+    many = Runtime(
+        restart="on-failure:3", ulimits=(("rtprio", 99, 99), ("memlock", -1, -1)), stop_grace_s=86_400.0, ipc="host",
+        pid="host", gpus="all", cap_add=("NET_ADMIN",), devices=(("/dev/x", "/dev/y", "rw"),), healthcheck=check,
+        device_cgroup_rules=("c 81:* rmw",), ports=(("::", 65_535, 1, "udp"),), expose=((1, "tcp"),), cpus=0.5,
+    )  # fmt: skip
+    assert list(broken(Runtime())) == list(broken(many)) == []
+    assert set(schema("edf")["$defs"]["ulimits"]["propertyNames"]["enum"]) == _ULIMITS
