@@ -17,7 +17,7 @@ from srprov.facts.model import Snapshot
 from srprov.modules import RUNNING
 from srprov.network.identity import link_names
 from srprov.network.record import PlacementRecord, read_record
-from srprov.resource import Observed
+from srprov.resource import Observed, State
 
 _NOBODY = PlacementRecord()
 _STATES = {"paused": "paused", "restarting": "restarting"}
@@ -49,9 +49,12 @@ def status_of(snapshot: Snapshot, instance: str = "", experiment: Experiment | N
     Raises:
         UsageError: Two instances of a service would have one name.
     """
-    owners = {item.instance for items in snapshot.observed.values() for item in items if item.module in RUNNING}
-    names = [instance] if instance else sorted({*owners, *snapshot.placements} - {""})
-    looks = [_Look(snapshot, name, experiment) for name in names]
+    found = _running(snapshot)
+    names = [instance] if instance else sorted({*found, *snapshot.placements} - {""})
+    states = {
+        robot: {(item.module, item.name): item.state for item in items} for robot, items in snapshot.observed.items()
+    }
+    looks = [_Look(snapshot, states, name, found.get(name, ()), experiment) for name in names]
     rows = [row for look in looks for row in look.rows()]
     return Status(
         services=sorted(rows, key=lambda row: (row["instance"], row["service"], row["robot"])),
@@ -59,21 +62,32 @@ def status_of(snapshot: Snapshot, instance: str = "", experiment: Experiment | N
     )
 
 
+def _running(snapshot: Snapshot) -> dict[str, list[tuple[str, Observed]]]:
+    """Return instance -> what runs its services, each with its robot. One look at all: robots may name many."""
+    found: dict[str, list[tuple[str, Observed]]] = {}
+    for host, items in snapshot.observed.items():
+        for item in items:
+            if item.module in RUNNING:
+                found.setdefault(item.instance, []).append((host, item))
+    return found
+
+
 class _Look:
     """One instance: what robots have of it, and what they should have."""
 
-    def __init__(self, snapshot: Snapshot, instance: str, experiment: Experiment | None) -> None:
-        self.snapshot, self.instance = snapshot, instance
+    def __init__(
+        self,
+        snapshot: Snapshot,
+        states: Mapping[str, Mapping[tuple[str, str], State]],
+        instance: str,
+        found: Sequence[tuple[str, Observed]],
+        experiment: Experiment | None,
+    ) -> None:
+        self.snapshot, self.states, self.instance, self.found = snapshot, states, instance, found
         self.record = read_record(snapshot.placements.get(instance)) or _NOBODY
         tags = {robot: facts.tags for robot, facts in snapshot.facts.items()}
         away = {name: robot for name, robot in self.record.robots.items() if robot in snapshot.unreachable}
         self.wanted = expand(experiment, tags, away).services if experiment else None
-        self.found = [
-            (host, item)
-            for host, items in snapshot.observed.items()
-            for item in items
-            if item.module in RUNNING and item.instance == instance
-        ]
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """Return a row per container, and per service without one."""
@@ -124,8 +138,8 @@ class _Look:
         """Return what robots in reach lack of the overlay, by the kernel's and the engine's word."""
         bridge, link = link_names(self.instance)
         users = {self.record.robots[service] for service in self.record.addresses if service in self.record.robots}
-        for robot in sorted(users & self.snapshot.observed.keys()):
-            seen = {(item.module, item.name): item.state for item in self.snapshot.observed[robot]}
+        for robot in sorted(users & self.states.keys()):
+            seen = self.states[robot]
             network = f"srprov.{self.instance}"
             if ("network", network) not in seen:
                 yield self._lack(robot, "network", network, "missing")

@@ -12,6 +12,15 @@ from srprov.resource import Observed, Resource
 from srprov.untrusted import text
 from srprov.wire import AnyQuery, Reply
 
+_MOST = 1000
+"""Things of a kind that a robot has; plans and tables grow with them, and a robot may say anything."""
+_MOST_SMALL = dict.fromkeys(("image", "file", "secret"), 10_000)
+"""Images are nobody's, and one service may have many files."""
+
+
+class TooManyError(Exception):
+    """A robot names more things of a kind than it is believed; the text says how many those are."""
+
 
 @contextlib.contextmanager
 def answers_of(robot: str) -> Iterator[None]:
@@ -20,6 +29,8 @@ def answers_of(robot: str) -> Iterator[None]:
         yield
     except SrprovError:
         raise
+    except TooManyError as error:
+        raise TransportError(robot, str(error), hint="remove there what is not used any more") from error
     except Exception as error:  # parsers do not raise; the one that does must not end the run of all others
         message = f"its answers cannot be read: {type(error).__name__}: {text(str(error))}"
         raise TransportError(robot, message, hint="report it, with what the robot answers") from error
@@ -31,14 +42,21 @@ def observe_queries(kinds: Iterable[str] = tuple(MODULES)) -> tuple[AnyQuery, ..
 
 
 def parse_observed(replies: Sequence[Reply], kinds: Iterable[str] = tuple(MODULES)) -> tuple[Observed, ...]:
-    """Read the replies to `observe_queries(kinds)`."""
+    """Read the replies to `observe_queries(kinds)`.
+
+    Raises:
+        TooManyError: There are more things of a kind than a robot can have.
+    """
     found: list[Observed] = []
     start = 0
     for kind in kinds:
         count = len(MODULES[kind].queries())
         # the label of an instance that cannot be is not ours: names become paths and containers
         seen = MODULES[kind].parse(replies[start : start + count])
-        found += (one for one in seen if not one.instance or names.valid("instance", one.instance))
+        ours = [one for one in seen if not one.instance or names.valid("instance", one.instance)]
+        if len(ours) > (most := _MOST_SMALL.get(kind, _MOST)):
+            raise TooManyError(f"it has more than {most} things of the kind {kind}")
+        found += ours
         start += count
     return tuple(found)
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
+import time
 from typing import Any
 
 from srprov.controller.status import Status, status_of
 from srprov.definitions.model import Experiment
 from srprov.facts.gather import Detail
+from srprov.resource import Observed
 from tests.fakes import Behaviour, World
 from tests.worlds import CHECK, apply, experiment, fleet, plan_for, run, service
 
@@ -132,3 +135,23 @@ def test_a_container_with_another_address_than_peers_have_is_named() -> None:
     ends: dict[str, Any] = container.body["NetworkingConfig"]["EndpointsConfig"]
     next(iter(ends.values()))["IPAMConfig"]["IPv4Address"] = "10.1.2.3"
     assert problems(seen(w)) == {("b", "r2"): "address"}
+
+
+def test_a_thousand_instances_on_each_of_a_dozen_robots_are_told_in_time() -> None:
+    """A robot may name so many; each was looked for among the containers of all."""
+    robots = [f"r{number}" for number in range(12)]
+    there = {
+        robot: tuple(
+            Observed(
+                module="container", name=f"srprov.i{number}{robot}.a", instance=f"i{number}{robot}",
+                state={"service": "a", "state": "running", "health": "", "addresses": {}},
+            )
+            for number in range(1000)
+        )
+        for robot in robots
+    }  # fmt: skip
+    known = fleet(World().add(*robots)).gather(Detail.BASIC)
+    began = time.process_time()
+    status = status_of(dataclasses.replace(known, observed=there))
+    assert len(status.services) == 12_000
+    assert time.process_time() - began < 2
