@@ -10,7 +10,6 @@ Source: Docker Image Specification v1.2, "Combined Image JSON + Filesystem Chang
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 import posixpath
 import re
@@ -18,6 +17,7 @@ import tarfile
 from collections.abc import Collection, Iterator
 from typing import Any
 
+from srprov.transport.tar_stream import TarError, TarStream
 from srprov.untrusted import json_or_none, mapping, mappings, string
 
 _LIST = "manifest.json"
@@ -27,8 +27,6 @@ _LONGEST_LIST = 1 << 20
 _LONGEST_DOCUMENT = 1 << 20
 _MOST_DOCUMENTS = 64
 _DIGEST = re.compile("sha256:[0-9a-f]{64}")
-_MOST_FILES = 4096
-_PIECE = 1 << 20
 
 
 class ForeignImage(Exception):
@@ -51,17 +49,18 @@ def only(chunks: Iterator[bytes], image: str, ids: Collection[str] = ()) -> Iter
     small: dict[str, bytes] = {}
     names: set[str] = set()
     try:
-        with tarfile.open(fileobj=_Incoming(chunks), mode="r|") as archive:
-            for member in archive:
-                name = posixpath.normpath(member.name)
-                if name == _LIST:
-                    listed = _small(archive, member, _LONGEST_LIST)
-                elif name not in _OTHER_LISTS and not member.isdir():
-                    _check(name, member, names)
-                    yield from _passed_on(archive, member, name, small)
-    except (tarfile.TarError, EOFError, UnicodeError) as error:
+        archive = TarStream(chunks)
+        for member in archive:
+            name = posixpath.normpath(member.name)
+            if not member.isdir():
+                _check(name, member, names)
+            if name == _LIST:
+                listed = _small(archive, member)
+            elif name not in _OTHER_LISTS and not member.isdir():
+                yield from _passed_on(archive, member, name, small)
+    except (TarError, UnicodeError) as error:
         raise ForeignImage(f"what comes is no archive of an image: {error}") from error
-    entry = _entry(listed, image, names)
+    entry = _entry(listed, image, names - {_LIST, *_OTHER_LISTS})
     if ids and not any(_leads_to(one, small.get(entry["Config"], b""), small.values()) for one in ids):
         raise ForeignImage(f"it gives another image under {image} than the one that was built")
     yield from _file(_LIST, json.dumps([entry]).encode())
@@ -69,30 +68,25 @@ def only(chunks: Iterator[bytes], image: str, ids: Collection[str] = ()) -> Iter
 
 
 def _check(name: str, member: tarfile.TarInfo, names: set[str]) -> None:
-    """Refuse what no engine writes: paths that leave the archive, devices, files that come twice, too many."""
+    """Refuse what no engine writes: paths that leave the archive, files that come twice, lists that are links."""
     target = posixpath.normpath(posixpath.join(posixpath.dirname(name), member.linkname)) if member.issym() else name
-    if not (member.isreg() or member.issym()) or any(path.startswith(("/", "..")) for path in (name, target)):
+    lists = (_LIST, *_OTHER_LISTS)
+    if any(path.startswith(("/", "..")) for path in (name, target)):
         raise ForeignImage(f"{name!r} is no file that an image has")
-    if name in names or len(names) > _MOST_FILES or target in (_LIST, *_OTHER_LISTS):
-        raise ForeignImage(f"{name!r} comes twice, or is one too many")
+    if name in names or (member.issym() and (target in lists or name in lists)):
+        raise ForeignImage(f"{name!r} comes twice")
     names.add(name)
 
 
-def _passed_on(
-    archive: tarfile.TarFile, member: tarfile.TarInfo, name: str, small: dict[str, bytes]
-) -> Iterator[bytes]:
+def _passed_on(archive: TarStream, member: tarfile.TarInfo, name: str, small: dict[str, bytes]) -> Iterator[bytes]:
     """Give a file with a header of our own; keep one that may be a configuration or a manifest."""
     header = tarfile.TarInfo(name)
-    header.size, header.type, header.linkname = member.size, member.type, member.linkname
+    header.size, header.linkname = member.size, member.linkname
+    header.type = tarfile.SYMTYPE if member.issym() else tarfile.REGTYPE
     yield header.tobuf(tarfile.PAX_FORMAT)
-    content = archive.extractfile(member) if member.isreg() else None
     keep = member.isreg() and member.size <= _LONGEST_DOCUMENT and len(small) < _MOST_DOCUMENTS
-    left, kept = member.size, bytearray()
-    while content is not None and left:
-        piece = content.read(min(left, _PIECE))
-        if not piece:
-            raise ForeignImage(f"{name!r} ends too early")
-        left -= len(piece)
+    kept = bytearray()
+    for piece in archive.content():
         kept += piece if keep else b""
         yield piece
     yield b"\0" * (-member.size % 512)
@@ -112,11 +106,10 @@ def _leads_to(image_id: str, config: bytes, small: Collection[bytes]) -> bool:
     return wanted in named
 
 
-def _small(archive: tarfile.TarFile, member: tarfile.TarInfo, longest: int) -> bytes:
-    content = archive.extractfile(member) if member.isreg() and member.size <= longest else None
-    if content is None:
+def _small(archive: TarStream, member: tarfile.TarInfo) -> bytes:
+    if member.size > _LONGEST_LIST:
         raise ForeignImage(f"{member.name!r} is no list of images")
-    return content.read()
+    return b"".join(archive.content())
 
 
 def _entry(listed: bytes | None, image: str, names: set[str]) -> dict[str, Any]:
@@ -142,19 +135,3 @@ def _file(name: str, content: bytes) -> Iterator[bytes]:
     header.size = len(content)
     yield header.tobuf(tarfile.PAX_FORMAT)
     yield content + b"\0" * (-len(content) % 512)
-
-
-class _Incoming(io.RawIOBase):
-    """Pieces that come, as a file to read."""
-
-    def __init__(self, chunks: Iterator[bytes]) -> None:
-        self._chunks, self._rest = chunks, b""
-
-    def read(self, size: int = -1) -> bytes:
-        """Return so many bytes, fewer only at the end."""
-        parts: list[bytes] = []
-        while size > 0 and (self._rest or (piece := next(self._chunks, b""))):
-            data = self._rest or piece
-            parts.append(data[:size])
-            self._rest, size = data[size:], size - len(parts[-1])
-        return b"".join(parts)
