@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import time
 
-_SLOWEST = 64 * 1024
+SLOWEST = 64 * 1024
 """bytes/s of the slowest link that an answer's length is allowed time for."""
 
 
@@ -42,7 +42,7 @@ class Patience:
 
     def moved(self, size: int) -> None:
         """Count bytes that were sent or received."""
-        self._at += size / _SLOWEST
+        self._at += size / SLOWEST
 
     def left(self) -> float:
         """Return the seconds that are left."""

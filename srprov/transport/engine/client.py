@@ -23,7 +23,7 @@ from srprov.errors import TransportError
 from srprov.session import Progress
 from srprov.transport.engine.adapter import EngineAdapter
 from srprov.transport.engine.answers import demultiplexed, follow, lines, message_of, quoted, within
-from srprov.transport.engine.link import EachWait, EngineGone, EngineLink
+from srprov.transport.engine.link import EngineGone, EngineLink, WaitInAll
 from srprov.wire import EngineCall, Reply
 
 _HERE = "tcp://engine:2375"
@@ -170,7 +170,7 @@ class Engine:
             TransportError: There is no such container, or the engine or the robot went away.
         """
         params = {"stdout": 1, "stderr": 1, "tail": tail if tail >= 0 else "all", "follow": int(follow)}
-        timeout = (_LOG_TIMEOUT_S, None if follow else EachWait(_LOG_TIMEOUT_S))
+        timeout = (_LOG_TIMEOUT_S, None if follow else WaitInAll(_LOG_TIMEOUT_S))
         no, hint, broken = (
             f"no log of {container}",
             "srprov status lists what is there",

@@ -9,13 +9,14 @@ from __future__ import annotations
 import contextlib
 import io
 import threading
+import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from srprov.errors import TransportError
 from srprov.session import Traffic
-from srprov.transport.deadline import Deadline
+from srprov.transport.deadline import SLOWEST, Deadline
 from srprov.wire import Reply
 
 if TYPE_CHECKING:
@@ -38,8 +39,8 @@ class EngineLate(EngineGone):
     """The engine did not answer within its time."""
 
 
-class EachWait(float):
-    """A timeout of every single wait: for a stream whose length, and whose reader's pace, nobody knows."""
+class WaitInAll(float):
+    """A timeout of all waits together, which bytes give back at 64 KiB/s: the time that a reader takes is its own."""
 
 
 class EngineSocket:
@@ -51,16 +52,18 @@ class EngineSocket:
         self._complaint = complaint
         self.waiting = waiting
         self._deadline: Deadline | None = None
-        self._each_wait: float | None = None
+        self._waits: WaitInAll | None = None
+        self._left = 0.0
         self._reader = _Reader(self)
         self._answers = 0
         self._closed = False
         self._lock = threading.Lock()
 
     def settimeout(self, seconds: float | None) -> None:
-        """Allow so many seconds for everything from now on together, or for each wait."""
-        self._each_wait = seconds if isinstance(seconds, EachWait) else None
-        self._deadline = None if seconds is None or self._each_wait is not None else Deadline(seconds)
+        """Allow so many seconds for everything from now on together, or for the waits alone."""
+        self._waits = seconds if isinstance(seconds, WaitInAll) else None
+        self._left = self._waits or 0.0
+        self._deadline = None if seconds is None or self._waits is not None else Deadline(seconds)
 
     @contextlib.contextmanager
     def _in_time(self) -> Iterator[Stream]:
@@ -69,13 +72,17 @@ class EngineSocket:
         Raises:
             EngineLate: The deadline is over.
         """
-        if self._deadline is not None and self._deadline.passed:
+        left = self._deadline.left() if self._deadline else self._left if self._waits is not None else None
+        if left is not None and left <= 0:
             raise EngineLate
-        self._stream.settimeout(self._deadline.left(0.001) if self._deadline else self._each_wait)
+        self._stream.settimeout(left if left is None else max(left, 0.001))
+        began = time.monotonic()
         try:
             yield self._stream
         except TimeoutError:
             raise EngineLate from None
+        finally:
+            self._left -= time.monotonic() - began
 
     def sendall(self, data: bytes) -> None:
         """Send everything, or raise EngineGone with the reason."""
@@ -96,6 +103,8 @@ class EngineSocket:
             data = stream.recv(min(len(buffer), 1 << 20))
         if not data and (why := self._complaint()):
             raise EngineGone(why)
+        if self._waits is not None:
+            self._left = min(self._waits, self._left + len(data) / SLOWEST)
         buffer[: len(data)] = data
         return len(data)
 

@@ -87,6 +87,8 @@ class PlayedEngine:
         self.connections = 0
         self.hang_up_after = b""
         """The answer after which it hangs up."""
+        self.trickle = (b"", 0.0)
+        """An answer's head, after which bytes come one by one, so many seconds apart."""
         self._answer = answer
         self._server = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
         self._server.bind(str(path))
@@ -118,10 +120,18 @@ class PlayedEngine:
             if not answer:
                 if self.hang_up_after:
                     sock.sendall(self.hang_up_after)
+                with contextlib.suppress(OSError):
+                    self._trickle(sock, *self.trickle)
                 break
             with contextlib.suppress(BrokenPipeError):
                 sock.sendall(answer)
         sock.close()
+
+    def _trickle(self, sock: socket.socket, head: bytes, pause_s: float) -> None:
+        sock.sendall(head)
+        while head:
+            time.sleep(pause_s)
+            sock.sendall(b"x")
 
 
 @pytest.fixture
@@ -418,3 +428,16 @@ def test_a_log_is_not_cut_because_its_reader_takes_time(
     assert next(log) == "x" * 99
     time.sleep(0.5)
     assert sum(1 for _ in log) == 19_999
+
+
+def test_a_log_that_trickles_ends(
+    session: Session, play: Callable[[Answer], PlayedEngine], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A byte now and then is no silence, and no log that was asked for up to its end."""
+    monkeypatch.setattr("srprov.transport.engine.client._LOG_TIMEOUT_S", 0.3)
+    engine = play(lambda *_: b"")
+    engine.trickle = b"HTTP/1.1 200 OK\r\nConnection: close\r\n\r\n", 0.05
+    began = time.monotonic()
+    with pytest.raises(TransportError, match="the log of web ended: the Docker Engine did not answer within"):
+        list(session.container_log("web", tail=5, follow=False))
+    assert time.monotonic() - began < 3
