@@ -16,9 +16,11 @@ from srprov.definitions.containermodel import HealthCheck, Mount, Runtime
 from srprov.definitions.model import Definitions, Experiment, Host, Inventory, NetworkSettings, Placement, Service
 from srprov.execution import Event, RunOptions, RunResult, run_plan
 from srprov.facts.gather import Gathering
+from srprov.facts.placements import parse_placements
 from srprov.planning.plan import Plan
-from srprov.record.memory import Memory
+from srprov.record.memory import Memory, digest
 from srprov.secret import Vault
+from srprov.wire import Reply
 from tests.fakes import World
 
 AS_IT_IS = PlanRequest()
@@ -81,7 +83,13 @@ def removal_for(world: World, instance: str = "hello", *, volumes: bool = False)
 
 def remembering_all(world: World) -> AbstractContextManager[object]:
     """Let plans believe every robot's record, as if this machine's last run had given it to all of them."""
-    return mock.patch.object(ownership, "recall", return_value=Memory(robots=frozenset(world.robots)))
+
+    def remembered(instance: str) -> Memory:
+        held = [parse_placements(Reply(status=0, out=robot.disk.records())) for robot in world.robots.values()]
+        records = sorted((one[instance] for one in held if instance in one), key=lambda record: int(record["serial"]))
+        return Memory(robots=frozenset(world.robots), records=tuple(map(digest, records)))
+
+    return mock.patch.object(ownership, "recall", remembered)
 
 
 def run(world: World, plan: Plan, options: RunOptions = QUICK) -> RunResult:

@@ -52,6 +52,8 @@ def status(
         if volumes:
             kept = with_sizes(kept, fleet, snapshot)
     seen = status_of(snapshot, name, experiment)
+    for line in (*seen.disputes, *seen.notes):
+        err(f"note: {visible(line)}")
     if as_json:
         listed = {"volumes": kept} if volumes else {}
         out_json({"services": seen.services, "links": seen.links, **listed, "unreachable": dict(snapshot.unreachable)})

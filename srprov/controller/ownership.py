@@ -7,11 +7,12 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Mapping
+from typing import Any
 
 from srprov.errors import RefusedError
 from srprov.facts.model import Snapshot
 from srprov.modules import RUNNING
-from srprov.network.belief import believe
+from srprov.network.belief import Belief, believe
 from srprov.network.identity import link_names
 from srprov.network.record import read_record
 from srprov.record.memory import digest, recall
@@ -24,23 +25,43 @@ def trusting(snapshot: Snapshot, instance: str, *, adopt: bool) -> tuple[Snapsho
     Raises:
         RefusedError: Robots say of others what nobody else says, and `adopt` is not given.
     """
-    memory = recall(instance)
-    order = {record: at for at, record in enumerate(memory.records)}
-    belief = believe(instance, snapshot, memory.robots, lambda record: order.get(digest(record), -1))
+    belief = _belief(snapshot, instance)
     if belief.doubts and not adopt:
         raise RefusedError(
-            f"no run of this machine knows instance '{instance}', and what robots say of it cannot be checked: "
+            f"what robots say of instance '{instance}' cannot be checked by a run of this machine: "
             + "; ".join(belief.doubts),
-            hint="look at these robots; --adopt believes the record that most of them hold",
+            hint="look at these robots, or wait for those that are away; --adopt believes the record that most hold",
         )
-    others = {name: record for name, record in snapshot.placements.items() if name != instance}
-    record = belief.claimed if adopt else belief.record
     records = {
         robot: {name: one for name, one in held.items() if name != instance or robot in belief.holders}
         for robot, held in snapshot.records.items()
     }
-    placements = others | ({instance: record} if record is not None else {})
+    record = belief.claimed if adopt else belief.record
+    placements = {instance: record} if record is not None else {}
     return dataclasses.replace(snapshot, placements=placements, records=records), belief.notes
+
+
+def looking(snapshot: Snapshot, instance: str = "") -> tuple[Snapshot, tuple[str, ...], tuple[str, ...]]:
+    """Return the snapshot with what is believed of an instance, or of all; with what is disputed, and notes on it.
+
+    For who changes nothing: nothing is refused. What is disputed counts for nobody but the robot that says it.
+    """
+    disputes: list[str] = []
+    notes: list[str] = []
+    placements: dict[str, Mapping[str, Any]] = {}
+    for name in sorted({name for held in snapshot.records.values() for name in held if instance in ("", name)}):
+        belief = _belief(snapshot, name)
+        record = belief.record if belief.disputes else belief.claimed
+        placements |= {name: record} if record is not None else {}
+        disputes += [f"instance '{name}': robots disagree: {one}" for one in belief.disputes]
+        notes += [f"instance '{name}': {one}" for one in (*belief.absent, *belief.notes)]
+    return dataclasses.replace(snapshot, placements=placements), tuple(disputes), tuple(notes)
+
+
+def _belief(snapshot: Snapshot, instance: str) -> Belief:
+    memory = recall(instance)
+    order = {record: at for at, record in enumerate(memory.records)}
+    return believe(instance, snapshot, memory.robots, lambda record: order.get(digest(record), -1))
 
 
 def previous_robots(snapshot: Snapshot, instance: str) -> dict[str, str]:

@@ -6,7 +6,7 @@ from srprov.controller.data import holdings
 from srprov.controller.data_owner import refuse_strange
 from srprov.controller.fleet import Fleet
 from srprov.controller.owners import Owner
-from srprov.controller.ownership import check_source, owned, trusting
+from srprov.controller.ownership import check_source, looking, owned
 from srprov.controller.plan import Planned
 from srprov.facts.gather import Detail
 from srprov.facts.model import Snapshot
@@ -32,7 +32,7 @@ def make_removal(
     Raises:
         RefusedError: `source` is given and another source made the instance; or what would go is another's data.
     """
-    snapshot, beliefs = trusting(fleet.gather(Detail.BASIC), instance, adopt=True)
+    snapshot, disputes, beliefs = looking(fleet.gather(Detail.BASIC), instance)
     if source:
         check_source(snapshot, instance, source, adopt=adopt)
     if volumes and not adopt:
@@ -41,6 +41,7 @@ def make_removal(
     known = read_record(snapshot.placements.get(instance))
     away = sorted({robot for robot in (known.robots.values() if known else ()) if robot in snapshot.unreachable})
     notes = [
+        *disputes,
         *beliefs,
         *(
             f"{robot} holds services of this instance and cannot be reached; destroy again when it is back"

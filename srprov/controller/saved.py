@@ -15,7 +15,7 @@ from srprov.controller import authority
 from srprov.controller.authority import check_underlay
 from srprov.controller.data_owner import check_saved, remember_owner
 from srprov.controller.fleet import Fleet
-from srprov.controller.ownership import check_source, owned
+from srprov.controller.ownership import check_source, looking, owned
 from srprov.controller.permissions import require_decided
 from srprov.controller.plan import Planned
 from srprov.controller.plan_proof import check_claim, proved, provers
@@ -144,7 +144,7 @@ def _refuse_stale(saved: PlanFile, wants: tuple[Resource, ...], snapshot: Snapsh
 
 def _check_networks(wants: tuple[Resource, ...], instance: str, snapshot: Snapshot) -> None:
     """Hold the overlay of a plan file to what an EDF's is held to: nothing on a robot may have its subnet or VNI."""
-    record = read_record(snapshot.placements.get(instance))
+    record = read_record(looking(snapshot, instance)[0].placements.get(instance))
     overlays = [want.params for want in wants if isinstance(want.params, NetworkParams)]
     for subnet, vni, port in sorted({(one.subnet, one.vni, one.port) for one in overlays}):
         identify(instance, NetworkSettings(subnet=subnet, vni=vni, port=port), snapshot, record)

@@ -1,7 +1,7 @@
-"""What of an instance runs where, and what of it is missing or wrong. Pure.
+"""What of an instance runs where, and what of it is missing or wrong.
 
-What should be there is what the newest placement record says, which every robot of the instance and two more hold, and
-with an EDF also the services of it that were never placed.
+What should be there is what the placement record says that is believed, and with an EDF also the services of it that
+were never placed. Reads what this machine remembers of its runs; all else is pure.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from srprov.controller.ownership import looking
 from srprov.definitions.expand import expand
 from srprov.definitions.model import Experiment
 from srprov.errors import UsageError
@@ -31,11 +32,15 @@ class Status:
     """One per container, and one per service that should have one and has none in reach."""
     links: list[dict[str, Any]]
     """One per network of Docker and VXLAN link that a robot with services on the overlay lacks."""
+    disputes: tuple[str, ...] = ()
+    """What robots say that contradicts others, or that nobody can confirm."""
+    notes: tuple[str, ...] = ()
+    """What else there is to say of the robots' records."""
 
     @property
     def as_it_should_be(self) -> bool:
         """Return whether nothing is missing or wrong."""
-        return not self.links and not any(row["problem"] for row in self.services)
+        return not self.links and not self.disputes and not any(row["problem"] for row in self.services)
 
 
 def status_of(snapshot: Snapshot, instance: str = "", experiment: Experiment | None = None) -> Status:
@@ -49,6 +54,7 @@ def status_of(snapshot: Snapshot, instance: str = "", experiment: Experiment | N
     Raises:
         UsageError: Two instances of a service would have one name.
     """
+    snapshot, disputes, notes = looking(snapshot, instance)
     found = _running(snapshot)
     names = [instance] if instance else sorted({*found, *snapshot.placements} - {""})
     states = {
@@ -59,6 +65,8 @@ def status_of(snapshot: Snapshot, instance: str = "", experiment: Experiment | N
     return Status(
         services=sorted(rows, key=lambda row: (row["instance"], row["service"], row["robot"])),
         links=[link for look in looks for link in look.links()],
+        disputes=disputes,
+        notes=notes,
     )
 
 
@@ -158,7 +166,10 @@ def _address(state: Mapping[str, Any]) -> str:
 
 
 def containers_of(snapshot: Snapshot, instance: str, services: Sequence[str]) -> list[tuple[str, str, str]]:
-    """Return (service, robot, container's name) of the services that are named, or of all.
+    """Return (label, robot, container's name) of the services that are named, or of all.
+
+    The label is the service's name where the believed placement has it; anywhere else, or where robots contradict each
+    other, it is `SERVICE@ROBOT`: a container may carry any service's name.
 
     Raises:
         UsageError: A service has no container on any robot, and no robot is out of reach.
@@ -169,14 +180,20 @@ def containers_of(snapshot: Snapshot, instance: str, services: Sequence[str]) ->
         for item in items
         if item.module in RUNNING and item.instance == instance
     )
+    believed, disputes, _ = looking(snapshot, instance)
+    home = {} if disputes else (read_record(believed.placements.get(instance)) or _NOBODY).robots
+
+    def labelled(chosen: Sequence[tuple[str, str, str]]) -> list[tuple[str, str, str]]:
+        return [(name if home.get(name) == host else f"{name}@{host}", host, it) for name, host, it in chosen]
+
     known = [service for service, _, _ in there]
     unknown = sorted(set(services) - set(known))
     if snapshot.unreachable and (unknown or not there):
-        return [one for one in there if one[0] in services]  # what is missing may be on a robot that is away
+        return labelled([one for one in there if one[0] in services])  # what is missing may be on a robot that is away
     if unknown:
         raise UsageError(
             f"no container of {', '.join(unknown)} on these robots", hint=f"there are: {', '.join(known) or 'none'}"
         )
     if not there:
         raise UsageError(f"nothing of {instance} on these robots", hint="srprov apply starts it")
-    return [one for one in there if not services or one[0] in services]
+    return labelled([one for one in there if not services or one[0] in services])

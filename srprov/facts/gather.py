@@ -1,4 +1,4 @@
-"""All robots at once: their facts, everything of ours on them, and the newest placement record of each instance.
+"""All robots at once: their facts, everything of ours on them, and the placement records that each holds.
 
 Takes an inventory and a way to get a Reader per robot; gives a `Snapshot`. A robot that fails is an entry of
 `unreachable`. One round trip of the shell per robot; engine queries travel beside it.
@@ -146,9 +146,7 @@ def _put_together(futures: Mapping[str, Future[Answers]]) -> Snapshot:
             unreachable[name] = _said(error)
             continue
         facts[name], observed[name], records[name] = said.facts, said.observed, said.placements
-    every = [record for held in records.values() for record in held.values()]
-    newest = {record["instance"]: record for record in sorted(every, key=lambda record: int(record["serial"]))}
-    return Snapshot(facts=facts, observed=observed, records=records, placements=newest, unreachable=unreachable)
+    return Snapshot(facts=facts, observed=observed, records=records, unreachable=unreachable)
 
 
 def _without_mute(snapshot: Snapshot) -> Snapshot:

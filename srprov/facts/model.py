@@ -113,7 +113,7 @@ class Snapshot:
     observed: Mapping[str, tuple[Observed, ...]]
     """Per reachable robot, of every instance."""
     placements: Mapping[str, Mapping[str, Any]] = field(default_factory=lambda: MappingProxyType({}))
-    """instance -> a placement record: the newest one that any robot holds, or the one that is believed."""
+    """instance -> the placement record that is believed (`controller/ownership.py`); empty as robots are asked."""
     records: Mapping[str, Mapping[str, Mapping[str, Any]]] = field(default_factory=lambda: MappingProxyType({}))
     """Robot -> instance -> the record that it holds."""
     unreachable: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))

@@ -2,13 +2,13 @@
 
 Takes all robots as they are, and the robots and the records of this machine's last run; gives a `Belief`. Pure.
 
-| of the robots of this machine's last run   | what counts                                           |
-|--------------------------------------------|-------------------------------------------------------|
-| one still has the record that it was given | that record                                           |
-| all have others: somebody else was there   | the one that most of them have                        |
-| none has any, or there was no run          | the one that most robots have, as far as it is theirs |
+| of the robots of this machine's last run                 | what counts                                       |
+|----------------------------------------------------------|---------------------------------------------------|
+| one still has the record that it was given               | that record                                       |
+| all answer, and most records are one: somebody was there | that record                                       |
+| anything else, or there was no run                       | of each robot's record, what it says of the robot |
 
-So a robot that runs nothing cannot move what others are sent, by a record of its own with a higher serial.
+So no robot can move what others are sent, by a record of its own with a higher serial, nor by cutting others off.
 """
 
 from __future__ import annotations
@@ -32,9 +32,16 @@ class Belief:
     """What counts when the user says that it may: the record that most robots hold."""
     holders: frozenset[str] = frozenset()
     """Robots that hold the record that was taken."""
-    doubts: tuple[str, ...] = ()
-    """What `claimed` says beyond `record`, in words."""
+    disputes: tuple[str, ...] = ()
+    """Why `claimed` may be wrong, in words: robots that contradict each other, or that nobody can confirm."""
+    absent: tuple[str, ...] = ()
+    """What `claimed` says of robots that cannot be asked, in words."""
     notes: tuple[str, ...] = ()
+
+    @property
+    def doubts(self) -> tuple[str, ...]:
+        """What `claimed` says beyond `record`, in words."""
+        return (*self.disputes, *self.absent)
 
 
 def believe(
@@ -50,9 +57,8 @@ def believe(
     """
     held = {robot: records[instance] for robot, records in snapshot.records.items() if instance in records}
     trusted = {robot: record for robot, record in held.items() if robot in keepers}
-    if trusted:
-        ours = max(trusted.values(), key=written)
-        best = ours if written(ours) >= 0 else _most_held(trusted)
+    best = _settled(trusted, [robot for robot in keepers if robot in snapshot.unreachable], written)
+    if best is not None:
         holders = frozenset(robot for robot, record in held.items() if record == best)
         odd = sorted(robot for robot, record in held.items() if record != best and written(record) < 0)
         notes = tuple(f"{robot} holds another record of this instance: it is not believed" for robot in odd)
@@ -61,8 +67,27 @@ def believe(
         return Belief()
     most = _most_held(held)
     holders = frozenset(robot for robot, record in held.items() if record == most)
-    doubts = (*_differing(held, most), *_of_others(most, holders, snapshot))
-    return Belief(record=_of_own(most, holders), claimed=most, holders=holders, doubts=doubts)
+    disputes = _differing(held, most)
+    if away := sorted(robot for robot in keepers if robot in snapshot.unreachable):
+        who, cut_off = ", ".join(sorted(held)), ", ".join(away)
+        disputes.append(
+            f"{who} do{'es' * (len(held) == 1)} not hold what this machine wrote, and {cut_off} cannot be asked"
+        )
+    absent = tuple(_of_others(most, holders, snapshot))
+    return Belief(record=_of_own(held, most), claimed=most, holders=holders, disputes=tuple(disputes), absent=absent)
+
+
+def _settled(trusted: Mapping[str, Record], away: Collection[str], written: Callable[[Record], int]) -> Record | None:
+    """Return the record that needs nobody's consent: this machine's, or one that most who were given one agree on.
+
+    None: there is none, or `away` tells of robots that could contradict.
+    """
+    ours = max(trusted.values(), key=written, default=None)
+    if ours is None or written(ours) >= 0:
+        return ours
+    most = _most_held(trusted)
+    agree = 2 * sum(record == most for record in trusted.values()) > len(trusted)
+    return most if agree and not away else None
 
 
 def _most_held(held: Mapping[str, Record]) -> Record:
@@ -75,11 +100,14 @@ def _most_held(held: Mapping[str, Record]) -> Record:
     return max(held.values(), key=weight)
 
 
-def _of_own(record: Record, holders: Collection[str]) -> Record:
-    """Return what a record says of the robots that hold it."""
-    services = {name: entry for name, entry in record.get("services", {}).items() if entry["robot"] in holders}
-    robots = {name: entry for name, entry in record.get("robots", {}).items() if name in holders}
-    return {**record, "services": services, "robots": robots}
+def _of_own(held: Mapping[str, Record], most: Record) -> Record:
+    """Return what each robot's record says of the robot itself; where two have one service, `most` decides."""
+    services: dict[str, Any] = {}
+    robots: dict[str, Any] = {}
+    for robot, record in sorted(held.items(), key=lambda one: one[1] == most):
+        services |= {name: entry for name, entry in record.get("services", {}).items() if entry["robot"] == robot}
+        robots |= {name: entry for name, entry in record.get("robots", {}).items() if name == robot}
+    return {**most, "services": services, "robots": robots}
 
 
 def _differing(held: Mapping[str, Record], most: Record) -> list[str]:

@@ -39,10 +39,13 @@ def foreign_uses(
         snapshot: All robots as they are.
         ours: The subnet that the instance has now.
     """
-    for other, placement in sorted(snapshot.placements.items()):
-        if other != instance:
-            where = f"instance '{other}'"
-            yield _of_another(where, placement.get("subnet"), placement.get("vni"), placement.get("port"))
+    said: set[tuple[object, ...]] = set()
+    for robot, held in sorted(snapshot.records.items()):
+        for other, placement in sorted(held.items()):
+            claim = tuple(placement.get(key) for key in ("subnet", "vni", "port"))
+            if other != instance and (other, *claim) not in said:  # of every robot: none can hide another's claim
+                said.add((other, *claim))
+                yield _of_another(f"instance '{other}' (as {robot} says)", *claim)
     for robot, things in sorted(snapshot.observed.items()):
         for thing in things:
             if "subnet" in thing.state and thing.instance != instance:

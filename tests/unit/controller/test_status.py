@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import dataclasses
+import json
 import time
 from typing import Any
+from unittest import mock
 
-from srprov.controller.status import Status, status_of
+from srprov.controller import ownership
+from srprov.controller.status import Status, containers_of, status_of
 from srprov.definitions.model import Experiment
 from srprov.facts.gather import Detail
+from srprov.record.memory import Memory
 from srprov.resource import Observed
+from tests import worlds
 from tests.fakes import Behaviour, World
 from tests.worlds import CHECK, apply, experiment, fleet, plan_for, run, service
 
 
 def seen(world: World, instance: str = "hello", what: Experiment | None = None) -> Status:
     """Return the status of an instance on a world."""
-    return status_of(fleet(world).gather(Detail.BASIC), instance, what)
+    with worlds.remembering_all(world):
+        return status_of(fleet(world).gather(Detail.BASIC), instance, what)
 
 
 def problems(status: Status) -> dict[tuple[str, str], str]:
@@ -155,3 +161,48 @@ def test_a_thousand_instances_on_each_of_a_dozen_robots_are_told_in_time() -> No
     status = status_of(dataclasses.replace(known, observed=there))
     assert len(status.services) == 12_000
     assert time.process_time() - began < 2
+
+
+def forge(world: World, liar: str, without: str) -> None:
+    """Let a robot hold a record of the highest serial that lacks a service and its robot."""
+    path = "/var/lib/srprov/hello/placement.json"
+    said = json.loads(world.robots[liar].disk.files[path])
+    del said["robots"][said["services"].pop(without)["robot"]]
+    world.robots[liar].disk.files[path] = json.dumps({**said, "serial": 10**9}).encode()
+
+
+def test_a_robot_that_leaves_another_out_hides_nothing() -> None:
+    """Neither where this machine wrote the record nor where it remembers nothing, nor when no instance is named."""
+    w = World().add("r1", "r2", "r3")
+    apply(w, two())
+    with worlds.remembering_all(w):
+        ours = ownership.recall("hello")
+    w.robots["r2"].engine.containers.clear()
+    forge(w, "r1", without="b")
+    for memory in (ours, Memory()):
+        for name in ("hello", ""):
+            with mock.patch.object(ownership, "recall", lambda _name, kept=memory: kept):
+                status = status_of(fleet(w).gather(Detail.BASIC), name)
+            assert problems(status) == {("b", "r2"): "missing"} and not status.as_it_should_be
+            (said,) = (*status.disputes, *status.notes)
+            assert "r1" in said and "hello" in said
+            assert bool(status.disputes) is (memory == Memory()) and ("r2" in said) is (memory == Memory())
+
+
+def test_the_log_of_a_decoy_is_not_labelled_as_the_service() -> None:
+    """Whatever name a container carries, and whatever the record of its robot says."""
+    w = World().add("r1", "r2", "r3")
+    apply(w, two())
+    with worlds.remembering_all(w):
+        ours = ownership.recall("hello")
+    (real,) = w.robots["r2"].engine.containers.values()
+    w.robots["r1"].engine.containers["decoy"] = real
+    path = "/var/lib/srprov/hello/placement.json"
+    said = json.loads(w.robots["r1"].disk.files[path])
+    said["services"]["b"]["robot"], said["serial"] = "r1", 10**9
+    w.robots["r1"].disk.files[path] = json.dumps(said).encode()
+    snapshot = fleet(w).gather(Detail.BASIC)
+    with mock.patch.object(ownership, "recall", return_value=ours):
+        assert {one[:2] for one in containers_of(snapshot, "hello", ["b"])} == {("b@r1", "r1"), ("b", "r2")}
+    with mock.patch.object(ownership, "recall", return_value=Memory()):
+        assert {one[0] for one in containers_of(snapshot, "hello", [])} == {"a@r1", "b@r1", "b@r2"}

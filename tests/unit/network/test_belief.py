@@ -57,6 +57,18 @@ def test_what_another_machine_wrote_on_most_of_our_robots_counts() -> None:
     assert belief.record == record(7)
 
 
+def test_while_a_keeper_is_away_a_record_that_is_not_ours_is_a_doubt() -> None:
+    """One robot cuts others off, or waits for that: only its word for itself counts. When all answer, most decide."""
+    keepers = {"r1", "r2", "r3"}
+    alone = believe("hello", seen(("r2", "r3"), r1=FORGED), keepers)
+    assert alone.record is not None and set(alone.record["services"]) == {"a"} and set(alone.record["robots"]) == {"r1"}
+    assert alone.disputes == ("r1 does not hold what this machine wrote, and r2, r3 cannot be asked",)
+    assert believe("hello", seen(("r1", "r2", "r3"), r9=FORGED), keepers).disputes, "nor does a stranger's word count"
+    newer = record(7)
+    assert not believe("hello", seen(r1=newer, r2=newer, r3=newer), keepers).doubts
+    assert believe("hello", seen(r1=newer, r2=FORGED, r3=record(8)), keepers).disputes
+
+
 def test_without_a_memory_each_record_counts_for_its_own_robot() -> None:
     belief = believe("hello", seen(("r2",), r1=record()), ())
     assert belief.record is not None and set(belief.record["services"]) == {"a"} == {"a"}
@@ -130,6 +142,19 @@ def test_without_a_memory_the_plan_is_refused_with_what_robots_say() -> None:
     assert caught.value.exit_code == 9 and "--adopt" in caught.value.hint
     with nothing:
         assert [step for step in plan_for(world, TWO, adopt=True).steps if step.host == "a"] == []
+
+
+def test_a_plan_is_refused_when_the_keepers_that_could_contradict_are_away() -> None:
+    world = World().add("a", "b", "c", "d")
+    apply(world, TWO)
+    with worlds.remembering_all(world):
+        memory = ownership.recall("hello")
+    forged(world, "b", "a")
+    for name in ("b", "c", "d"):
+        world.robots[name].gone = True
+    with recalling(memory), pytest.raises(RefusedError, match="does not hold what this machine wrote") as caught:
+        plan_for(world, TWO)
+    assert caught.value.exit_code == 9 and "--adopt" in caught.value.hint
 
 
 # --- the memory ---------------------------------------------------------------------------------------------------

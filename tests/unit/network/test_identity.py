@@ -91,7 +91,7 @@ def test_a_vni_gives_way_on_the_same_port_only(link: Link, vni: int) -> None:
 
 def test_other_instances_are_avoided_also_where_only_their_record_is_known() -> None:
     theirs = {"subnet": "10.231.112.0/20", "vni": 8602346, "port": 4789}
-    for there in (with_networks(network("other", **theirs)), found(robot("r1"), placements={"other": theirs})):
+    for there in (with_networks(network("other", **theirs)), found(robot("r1"), records={"r1": {"other": theirs}})):
         identity = identify("hello", NO_WISH, there)
         assert (identity.vni, str(identity.subnet)) == (8602347, "10.231.128.0/20")
 
@@ -196,12 +196,12 @@ def test_a_wish_for_what_we_have_is_no_conflict() -> None:
     [
         (NetworkSettings(subnet="192.168.0.0/16"), r"192\.168\.0\.0/16 overlaps the route to 192\.168\.7\.0/24 on r1"),
         (NetworkSettings(subnet="172.17.0.0/24"), "overlaps link docker0 on r1"),
-        (NetworkSettings(subnet="10.200.0.0/20"), "overlaps instance 'other'"),
+        (NetworkSettings(subnet="10.200.0.0/20"), r"overlaps instance 'other' \(as r1 says\)"),
         (NetworkSettings(subnet="fd00::/64"), "is not an IPv4 network"),
         (NetworkSettings(subnet="10.0.0.0/30"), "of size /8 to /29"),
         (NetworkSettings(subnet="big"), "is not an IPv4 network"),
         (NetworkSettings(vni=77), "vni 77 is used by link vx0 on r1"),
-        (NetworkSettings(vni=78), "vni 78 is used by instance 'other'"),
+        (NetworkSettings(vni=78), r"vni 78 is used by instance 'other' \(as r1 says\)"),
         (NetworkSettings(vni=0), r"vni 0 is not in 1\.\.16777215"),
     ],
 )
@@ -211,7 +211,7 @@ def test_wishes_that_meet_something_foreign(wishes: NetworkSettings, message: st
         Link(name="vx0", kind="vxlan", vni=77, port=4789),
     )
     other = {"other": {"subnet": "10.200.0.0/20", "vni": 78, "port": 4789}}
-    there = found(robot("r1", routes=("192.168.7.0/24",), links=links), placements=other)
+    there = found(robot("r1", routes=("192.168.7.0/24",), links=links), records={"r1": other})
     with pytest.raises(UsageError, match=message) as caught:
         identify("hello", wishes, there)
     assert caught.value.hint
