@@ -89,7 +89,7 @@ def check_saved(plan: Plan, wants: Collection[Resource], snapshot: Snapshot, own
     strange = {
         use: item
         for use, item in found.items()
-        if item.instance != plan.instance or not any(owner.knows(use[0], item) for owner in owners)
+        if item.instance != plan.instance or not any(_may_use(owner, use[0], item) for owner in owners)
     }
     for want in wants:
         source = (MODULES[want.module].taken_from(want.params), want.name)
@@ -97,6 +97,11 @@ def check_saved(plan: Plan, wants: Collection[Resource], snapshot: Snapshot, own
             strange[source] = item
     hint = "a plan that was written here may use what was made here: plan the EDF here, if need be with --adopt"
     refuse_strange([(robot, item) for (robot, _), item in strange.items()], hint)
+
+
+def _may_use(owner: Owner, robot: str, item: Observed) -> bool:
+    """Return whether a volume is an owner's, or what a copy that was cut off left, which has no label."""
+    return owner.knows(robot, item) or not MODULES[item.module].keeps(item.state)
 
 
 def _proves(owner: Owner, want: Resource, source: str, item: Observed) -> bool:

@@ -148,3 +148,24 @@ def _removal_of_data(world: World) -> int:
     assert move(again) == 0
     sent = [entry.host == "r1" and getattr(entry.what, "method", "") == "DELETE" for entry in again.done()[since:]]
     return max(at for at, removes in enumerate(sent, 1) if removes)
+
+
+def test_a_move_that_was_cut_off_anywhere_is_ended_from_a_plan_file_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A half copy is nobody's data."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    world = begun()
+    before = world.commands
+    assert move(world) == 0
+    for at in range(1, world.commands - before + 1):
+        world = begun()
+        world.fault = Fault(at=world.commands + at)
+        assert move(world) != 0, at
+        world.fault = None
+        request = PlanRequest(owner=OWNER, data="move", adopt=True)
+        planned = made(world, Definitions(experiment=web("r2"), containers={}), request)
+        keep(replace(OWNER, source=planned.plan.source))
+        file = proved(plan_file(replace(planned, definitions=None)), OWNER)
+        assert run(world, check_plan(load(dump(file), "plan.json"), fleet(world), adopt=True).plan).exit_code == 0, at
+        moved(world)
