@@ -61,9 +61,10 @@ def asked(saved: PlanFile) -> tuple[Permission, ...]:
     whole = Experiment(name=plan.instance, file="", folder="", services=by_place, secrets=sources)
     reach = [one for network in _networks(saved) for one in permissions(replace(whole, services={}, network=network))]
     unused = sorted(names_of(steps) - used)
-    names, run = _names(saved), {service.cdf for service in services}
+    names = _names(saved)
+    contexts = {tag: saved.contexts[tag] for tag in builds.keys() & {service.cdf for service in services}}
     # of what is right already, only checks are asked on the robots
-    strange = [want for want in steps if not _is_own(want, names, plan, builds.keys() & run)]
+    strange = [want for want in steps if not _is_own(want, names, plan, contexts)]
     strange += [want for want in saved.also_wanted if want.module in PROBING]
     return (
         *permissions(whole, builds),
@@ -119,21 +120,17 @@ def _networks(saved: PlanFile) -> set[NetworkSettings]:
 
 
 def _builds(saved: PlanFile) -> dict[str, ContainerDefinition]:
-    """Return tag -> what is known of its CDF, of the images that are built here: those whose tag is their content's."""
+    """Return tag -> what is known of its CDF, of the images whose build context is in the file, and has this tag.
+
+    A tag is believed by name: whoever has no context for one may run an image of somebody else.
+    """
     found = {}
-    for want in _wants(saved):
-        if isinstance(want.params, ImageParams) and want.params.source == "build":
-            tag, text = read_context(want.params.blob or b"")
-            # a tag that is believed by name must be that of what is built under it
-            if (
-                tag
-                and unclear(text) is None
-                and want.name.startswith("srprov/")
-                and want.name.rpartition(":")[2] == tag
-            ):
-                found[want.name] = ContainerDefinition(
-                    name=want.name, file="", folder="", images=images_of(text), fetches=fetches(text)
-                )
+    for name, context in saved.contexts.items():
+        tag, text = read_context(context)
+        if tag and unclear(text) is None and name.startswith("srprov/") and name.rpartition(":")[2] == tag:
+            found[name] = ContainerDefinition(
+                name=name, file="", folder="", images=images_of(text), fetches=fetches(text)
+            )
     return found
 
 
@@ -155,10 +152,10 @@ def _names(saved: PlanFile) -> Names:
     )
 
 
-def _is_own(want: Resource, names: Names, plan: Plan, built: Collection[str]) -> bool:
-    """Return whether srprov's own playbooks could state a resource for this placement; `built` are its images."""
+def _is_own(want: Resource, names: Names, plan: Plan, contexts: Mapping[str, bytes]) -> bool:
+    """Return whether srprov's own playbooks could state a resource for this placement; `contexts` are of its images."""
     if isinstance(want.params, ImageParams) and want.params.source == "build":
-        return want.name in built
+        return want.params.blob is not None and want.params.blob == contexts.get(want.name)
     is_record = isinstance(want.params, FileParams) and want.name.endswith("/placement.json")
     if is_record and not _is_record(want.params.content, names, plan):
         return False

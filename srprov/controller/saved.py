@@ -54,6 +54,7 @@ def plan_file(planned: Planned) -> PlanFile:
         plan=plan,
         fingerprints=fingerprints(planned.whole or plan, planned.snapshot, also, hosts),
         also_wanted=tuple(also),
+        contexts={tag: image.context for tag, image in planned.images.items()},
         limit=planned.limit,
         inputs=_inputs(planned),
         made_by=srprov.__version__,

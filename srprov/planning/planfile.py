@@ -40,6 +40,8 @@ class PlanFile:
     fingerprints: Fingerprints
     also_wanted: tuple[Resource, ...] = ()
     """What should be true on the plan's robots and was, when it was made; no step is about it."""
+    contexts: Mapping[str, bytes] = field(default_factory=dict)
+    """Tag -> build context, of the images that are built for its services, wherever one comes from in this plan."""
     limit: tuple[str, ...] = ()
     """The robots that were chosen, where steps of others were left out."""
     inputs: Mapping[str, str] = field(default_factory=dict)
@@ -82,6 +84,7 @@ def _document(saved: PlanFile, blobs: dict[str, bytes]) -> dict[str, Any]:
         "secrets": _secrets_out(saved.plan),
         "steps": [step_out(step, blobs) for step in saved.plan.steps],
         "also_wanted": [_also_out(resource, blobs) for resource in saved.also_wanted],
+        "contexts": {tag: _keep(data, blobs) for tag, data in sorted(saved.contexts.items())},
         "limit": list(saved.limit),
         "fingerprints": saved.fingerprints,
         "inputs": dict(sorted(saved.inputs.items())),
@@ -126,8 +129,11 @@ def _stated(want: Resource, blobs: dict[str, bytes]) -> dict[str, Any]:
     return {"params": want.written, "needs": needs, "source": want.source}
 
 
-def _keep(data: bytes, blobs: dict[str, bytes]) -> None:
-    blobs[hashlib.sha256(data).hexdigest()] = data
+def _keep(data: bytes, blobs: dict[str, bytes]) -> str:
+    """Add bytes to those of the file and return their sha256."""
+    digest = hashlib.sha256(data).hexdigest()
+    blobs[digest] = data
+    return digest
 
 
 def _command_out(command: Command, blobs: dict[str, bytes]) -> dict[str, Any]:

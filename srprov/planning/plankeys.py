@@ -114,6 +114,7 @@ class Document:
     counts: Mapping[str, int]
     steps: tuple[StepKeys, ...]
     also_wanted: tuple[AlsoKeys, ...]
+    contexts: Mapping[str, str]
     limit: tuple[str, ...]
     fingerprints: Mapping[str, Mapping[str, Any]]
     inputs: Mapping[str, AnyText]

@@ -100,6 +100,7 @@ def _plan_file(read: Document) -> PlanFile:
         plan=plan,
         fingerprints=read.fingerprints,
         also_wanted=also,
+        contexts={tag: blobs[sha] for tag, sha in read.contexts.items()},
         limit=read.limit,
         inputs=read.inputs,
         made_by=read.srprov,

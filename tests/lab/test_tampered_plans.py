@@ -72,6 +72,13 @@ class Stage:
         path.write_text(edf(name, services, **more))
         return str(path)
 
+    def plan(self) -> str:
+        """Return the text of the plan file to version 2."""
+        file = self.folder / "made.json"
+        made = self.srprov("plan", self.edf("ours", 2), "-o", str(file))
+        assert made.code == 0, made
+        return file.read_text()
+
     def apply(self, text: str, *words: str) -> Done:
         """Apply a plan file of this text."""
         file = self.folder / "plan.json"
@@ -98,11 +105,8 @@ def stage(lab_of_module: Lab, tmp_path_factory: pytest.TempPathFactory) -> Stage
 
 @pytest.fixture(scope="module")
 def plan(stage: Stage) -> str:
-    """Give the text of the plan file to version 2."""
-    file = stage.folder / "made.json"
-    made = stage.srprov("plan", stage.edf("ours", 2), "-o", str(file))
-    assert made.code == 0, made
-    return file.read_text()
+    """Give the text of a plan file."""
+    return stage.plan()
 
 
 def added_command(document: dict[str, Any]) -> None:
@@ -163,7 +167,9 @@ def test_what_a_plan_file_claims_gives_no_authority(
 def apply_all(stage: Stage, plan: str, count: int) -> Counter[int]:
     """Apply mutations without a question; each is refused with 5, 6 or 9, or nothing strange is found afterwards."""
     before, codes = stage.look(), Counter[int]()
-    for name, text in tampered(plan, count):
+    mutations = tampered(plan, count)
+    for number in range(count):
+        name, text = mutations[number]
         done = stage.apply(text)
         assert done.code in (0, 3, 5, 6, 9), (name, done)
         assert "Traceback" not in done.err, (name, done)
@@ -171,7 +177,7 @@ def apply_all(stage: Stage, plan: str, count: int) -> Counter[int]:
         if done.code in (0, 3):
             assert settled(stage.look()) == settled(before), name
             stage.begin("ours")
-            before = stage.look()
+            mutations, before = tampered(stage.plan(), count), stage.look()  # else all others would be stale
         else:
             assert stage.look() == before, name
     return codes

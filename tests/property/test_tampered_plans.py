@@ -133,6 +133,16 @@ def test_a_plan_file_that_nobody_changed_is_done(tmp_path: Path, monkeypatch: py
     assert not planned(stage.world, written(tmp_path / "ours", "ours", 2), monkeypatch)[0].steps
 
 
+def test_an_image_that_was_built_before_needs_no_permission(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The file has its context, so that its tag is known to be its content's, though nothing is built."""
+    stage = Stage(tmp_path, monkeypatch)
+    stage.apply(stage.text)
+    _, saved = planned(stage.world, written(tmp_path / "ours", "ours", 3), monkeypatch)
+    assert [step.name for step in saved.plan.steps] == ["srprov.ours.web"]
+    assert {one.kind for one in saved.plan.permissions} == {"secret"}
+    assert [step.name for step in stage.apply(dump(saved)).steps] == ["srprov.ours.web"]
+
+
 def test_of_200_changed_plan_files_none_does_what_its_plan_does_not_show(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
