@@ -160,8 +160,11 @@ def _in_order(steps: Sequence[Step], wanted: Mapping[str, Resource]) -> tuple[St
         raise PlanError("two steps for one resource")
     taken = _taken(wanted)
     removals = {key: (one.id, one) for key, one in by_key.items() if one.change.action is Action.DELETE}
+    kinds: dict[tuple[str, str], list[Key]] = {}
+    for key, (_, step) in removals.items():
+        kinds.setdefault((step.host, step.module), []).append(key)
     changed = {one.id: key for key, one in by_key.items() if one.want is not None}
-    needs = {key: _needs(key, by_key[key], removals, changed, wanted, taken) for key in by_key}
+    needs = {key: _needs(key, by_key[key], removals, kinds, changed, wanted, taken) for key in by_key}
     numbers: dict[Key, int] = {}
     missing = {key: len(before) for key, before in needs.items()}
     followers: dict[Key, list[Key]] = {key: [] for key in by_key}
@@ -206,19 +209,21 @@ def _waits(want: Resource | None, wanted: Mapping[str, Resource]) -> tuple[Need,
 
 
 def _needs(
-    key: Key, step: Step, removals: Mapping[Key, tuple[str, Step]], changed: Mapping[str, Key],
+    key: Key, step: Step, removals: Mapping[Key, tuple[str, Step]],
+    kinds: Mapping[tuple[str, str], Sequence[Key]], changed: Mapping[str, Key],
     wanted: Mapping[str, Resource], taken: Mapping[str, Resource],
 ) -> set[Key]:  # fmt: skip
     """Return the steps that must have succeeded before one; `removals` have their ids beside."""
-    removals = {k: one for k, one in removals.items() if k != key}
-    here = {k: MODULES[one.module] for k, (_, one) in removals.items() if one.host == step.host}
     if step.want is None:
         # what was copied goes last: after the copy, and after what needs the copy was made
         heir = taken.get(step.id)
         readers = wanted.values() if heir else ()
         users = {one.id for one in readers if heir and heir.id in (one.id, *(need.id for need in one.needs))}
         after = {changed[one] for one in users if one in changed}
-        return after | {k for k, module in here.items() if module.removed_before(step.module)}
+        first = (kinds.get((step.host, kind), ()) for kind, one in MODULES.items() if one.removed_before(step.module))
+        return after.union(*first) - {key}
+    removals = {k: one for k, one in removals.items() if k != key}
+    here = {k: MODULES[one.module] for k, (_, one) in removals.items() if one.host == step.host}
     needs = {changed[one] for one in _reached(step.want.needs, wanted, changed)}
     if source := MODULES[step.module].taken_from(step.want.params):
         needs |= {k for k, (_, one) in removals.items() if one.host == source and one.module in RUNNING}
