@@ -172,7 +172,7 @@ def test_steps_do_what_they_mean(shell: str, instance: str, volume: str, value: 
     mounts = (Mount(kind="tree", source=TREE, target=value or "/t"), Mount(kind="volume", source=volume, target="/v"))
     what = experiment(
         service(first, robot="r1", mounts=mounts, command=(value, "x"), environment=MappingProxyType({"WORD": value})),
-        service(second + "2", robot="r2", working_dir=value, user=value),
+        service(second + "2", robot="r2", working_dir=f"/{value}", user=value),
         name=instance,
     )
     plan = plan_of(what)
@@ -191,7 +191,7 @@ def test_the_engine_gets_every_value_as_it_is(value: str, key: str, data: st.Dat
     word = data.draw(texts)
     what = experiment(
         service(
-            "a", command=(value, word), entrypoint=(word,), working_dir=value, user=word, group_add=(value,),
+            "a", command=(value, word), entrypoint=(word,), working_dir=f"/{value}", user=word, group_add=(value,),
             environment=MappingProxyType({"WORD": value, "OTHER": word}), security_opt=(word,),
             sysctls=MappingProxyType({"k" + key: value}),
         )
@@ -206,7 +206,7 @@ def test_the_engine_gets_every_value_as_it_is(value: str, key: str, data: st.Dat
     ]
     assert body["Cmd"] == [value, word] and body["Entrypoint"] == [word]
     assert {f"WORD={value}", f"OTHER={word}"} <= set(body["Env"])
-    assert (body.get("WorkingDir", ""), body.get("User", "")) == (value, word)
+    assert (body.get("WorkingDir", ""), body.get("User", "")) == (f"/{value}", word)
     assert body["HostConfig"]["Sysctls"] == {"k" + key: value}
     assert body["HostConfig"]["GroupAdd"] == [value] and body["HostConfig"]["SecurityOpt"] == [word]
 
