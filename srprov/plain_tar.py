@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 import re
 import tarfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 _BLOCK = 512
@@ -60,7 +60,7 @@ def members(tar: bytes) -> Iterator[Member]:
         raise ValueError("a tar that does not end as it should")
 
 
-def check_paths(found: list[Member]) -> None:
+def check_paths(found: Iterable[Member]) -> None:
     """Refuse members that could lie elsewhere than they say, or stand twice.
 
     Raises:

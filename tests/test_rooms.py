@@ -80,7 +80,9 @@ ROOMS: Mapping[str, Room] = {
         "errors names untrusted resource wire secret image_reference modules facts.model definitions.containermodel"
         " definitions.model definitions.secretmodel network.identity"
     ),
-    "execution": room("errors untrusted resource wire session modules planning facts owner definitions.dockerfile"),
+    "execution": room(
+        "errors plain_tar untrusted resource wire session modules planning facts owner definitions.dockerfile"
+    ),
     "record": room("errors private regular_file untrusted resource secret definitions.model facts planning execution"),
     "lab": room("errors yamldoc", "yaml"),
     "data": room("errors"),

@@ -6,9 +6,7 @@ robot's own network. Only the image says that it has some, so each is looked at 
 
 from __future__ import annotations
 
-import io
-import tarfile
-
+from srprov import plain_tar
 from srprov.definitions.dockerfile import is_open, stages
 from srprov.session import Progress, Session
 from srprov.untrusted import mapping
@@ -27,7 +25,11 @@ def refuse_triggers(build: EngineCall, session: Session, progress: Progress) -> 
     Raises:
         TransportError: The robot cannot be talked to any more.
     """
-    for name in _bases(build.blob):
+    try:
+        bases = _bases(build.blob)
+    except ValueError as error:
+        return Reply(status=0, ok=False, err=f"the build's context is not such as srprov writes: {error}")
+    for name in bases:
         query = EngineQuery(path=f"/images/{name}/json")
         (reply,) = session.ask([query])
         if not reply.ok:
@@ -45,10 +47,16 @@ def refuse_triggers(build: EngineCall, session: Session, progress: Progress) -> 
 
 
 def _bases(context: bytes) -> list[str]:
-    """Return the images that a Dockerfile starts from, in their order."""
-    with tarfile.open(fileobj=io.BytesIO(context), mode="r:") as tar:
-        stream = tar.extractfile("Dockerfile")
-        text = stream.read(_MOST_BYTES).decode("utf-8", "replace") if stream else ""
+    """Return the images that a context's Dockerfile starts from, in their order.
+
+    Raises:
+        ValueError: It is no context that srprov writes, or its Dockerfile is too large.
+    """
+    plain_tar.check_paths(plain_tar.members(context))
+    content = next((one.content for one in plain_tar.members(context) if one.path == "Dockerfile"), None)
+    if content is None or len(content) > _MOST_BYTES:
+        raise ValueError(f"it has no Dockerfile of at most {_MOST_BYTES >> 20} MiB")
+    text = content.decode("utf-8", "replace")
     known, found = {"scratch"}, []
     for _, image, name in stages(text, here_documents=False):
         if image.lower() not in known and not is_open(image):

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import io
 import json
-import tarfile
 from collections.abc import Sequence
 from typing import Any, cast
 
 import pytest
 
 from srprov.execution.triggers import refuse_triggers
+from srprov.images.context import context_tar
+from srprov.images.plan import ContextFile
 from srprov.session import Progress, Session, no_progress
 from srprov.wire import AnyQuery, EngineCall, Reply
 
@@ -39,12 +39,12 @@ class Robot:
 
 def refusal(robot: Robot, dockerfile: str) -> Reply | None:
     """Return what comes of looking at the bases of a build."""
-    file = io.BytesIO()
-    with tarfile.open(fileobj=file, mode="w") as tar:
-        member = tarfile.TarInfo("Dockerfile")
-        member.size = len(dockerfile.encode())
-        tar.addfile(member, io.BytesIO(dockerfile.encode()))
-    build = EngineCall(method="POST", path="/build", blob=file.getvalue(), stream=True)
+    return refusal_of(robot, context_tar(dockerfile, [ContextFile(path="src/main.c", content=b"FROM other\n")]))
+
+
+def refusal_of(robot: Robot, context: bytes) -> Reply | None:
+    """Return what comes of looking at the bases of a build with these bytes as its context."""
+    build = EngineCall(method="POST", path="/build", blob=context, stream=True)
     return refuse_triggers(build, cast(Session, robot), no_progress)
 
 
@@ -76,3 +76,29 @@ def test_a_base_that_cannot_be_looked_at_is_not_built_on() -> None:
     robot = Robot({}, {})
     refused = refusal(robot, "FROM lab:5000/gone\n")
     assert refused is not None and not refused.ok and robot.pulled == ["lab:5000/gone latest"]
+
+
+WHOLE = context_tar("FROM good\n", [])
+
+
+@pytest.mark.parametrize(
+    "context",
+    [
+        b"",
+        b"FROM good\n",
+        WHOLE[:-512],
+        WHOLE + WHOLE,
+        WHOLE.replace(b"Dockerfile", b"dockerfile"),
+        WHOLE.replace(b"ustar", b"other"),
+        context_tar("#" * (8 << 20) + "\nFROM good\n", []),
+        # a builder unpacks what lies below a link where the link points to: here, in place of the Dockerfile
+        context_tar("FROM good\n", [ContextFile(path="l", link="."), ContextFile(path="l/Dockerfile", content=b"")]),
+    ],
+    ids=["empty", "no tar", "cut", "two tars", "no Dockerfile", "another header", "too large", "below a link"],
+)
+def test_a_context_that_srprov_does_not_write_is_not_built(context: bytes) -> None:
+    """Said as a failure of the build, before anything is asked of the robot."""
+    robot = Robot({}, {})
+    refused = refusal_of(robot, context)
+    assert refused is not None and not refused.ok and not robot.pulled
+    assert refused.err.startswith("the build's context is not such as srprov writes: ")
