@@ -61,6 +61,9 @@ def instructions(text: str, *, here_documents: bool = True) -> Iterator[tuple[in
             ends = [match[2] for match in _HEREDOC.finditer(" ".join(rest))]
         yield start, word.upper(), " ".join(rest)
         start, joined = 0, ""
+    if words := joined.split(None, 1):
+        # the text ends within an instruction, which builders run all the same
+        yield start, words[0].upper(), " ".join(words[1:]).rstrip()
 
 
 def stages(text: str, *, here_documents: bool = True) -> Iterator[tuple[int, str, str]]:

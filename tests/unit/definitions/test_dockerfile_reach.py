@@ -100,6 +100,13 @@ def test_an_instruction_after_a_line_that_ends_with_two_escapes_is_seen() -> Non
     assert fetches(text) and "srprov/other:1" in images_of(text)
 
 
+@pytest.mark.parametrize("end", ["", "\n", "\n\n# a comment\n", "\n \\\n"])
+def test_an_instruction_that_the_text_ends_in_is_read(end: str) -> None:
+    """Builders run it, as if nothing were continued."""
+    assert list(stages(f"FROM a\nFROM b AS c \\{end}")) == [(1, "a", ""), (2, "b", "c")]
+    assert list(stages(f"\\{end}")) == []
+
+
 def test_stages_are_read_behind_continued_lines() -> None:
     text = "FROM a AS one\nFR\\\nOM b@sha256:0 \\\n# note\n  AS Two\nFROM\ttwo\n"
     assert list(stages(text)) == [(1, "a", "one"), (2, "b@sha256:0", "two"), (6, "two", "")]

@@ -54,6 +54,7 @@ def refusal_of(robot: Robot, context: bytes) -> Reply | None:
         "FROM evil/base:1\n",
         "FROM good AS one\nFROM scratch\nFR\\\nOM evil/base:1\nRUN x\n",
         "FROM good\nRUN <<END\nFROM evil/base:1\nEND\n",
+        "FROM good\nFROM evil/base:1 \\",
     ],
 )
 @pytest.mark.parametrize("there", [True, False])
