@@ -73,6 +73,15 @@ def parse_reference(text: str) -> Reference:
     return Reference(domain, path, tag or ("" if digest else "latest"), digest)
 
 
+def pull_parameters(name: str) -> tuple[tuple[str, str], ...]:
+    """Return the parameters by which an engine pulls an image, by digest where the name has one, else by tag."""
+    repository, _, digest = name.partition("@")
+    if digest:
+        return ("fromImage", repository), ("tag", digest)
+    head, tag = _split_tag(name)
+    return ("fromImage", head or name), ("tag", tag or "latest")
+
+
 def _split_tag(name: str) -> tuple[str, str | None]:
     """Split off the tag: a colon after the last slash begins it, one before belongs to the registry's port."""
     head, colon, tag = name.rpartition(":")

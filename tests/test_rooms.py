@@ -73,7 +73,7 @@ ROOMS: Mapping[str, Room] = {
     ),
     "rendering": room("errors untrusted resource data definitions modules yamldoc", "jinja2 yaml"),
     "modules": room(
-        "errors plain_tar wire untrusted resource secret definitions.model definitions.containermodel"
+        "errors plain_tar wire untrusted resource secret image_reference definitions.model definitions.containermodel"
         " definitions.secretmodel"
     ),
     "planning": room(
@@ -81,7 +81,8 @@ ROOMS: Mapping[str, Room] = {
         " definitions.model definitions.secretmodel network.identity"
     ),
     "execution": room(
-        "errors plain_tar untrusted resource wire session modules planning facts owner definitions.dockerfile"
+        "errors plain_tar untrusted resource wire session image_reference modules planning facts owner"
+        " definitions.dockerfile"
     ),
     "record": room("errors private regular_file untrusted resource secret definitions.model facts planning execution"),
     "lab": room("errors yamldoc", "yaml"),

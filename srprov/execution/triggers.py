@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from srprov import plain_tar
 from srprov.definitions.dockerfile import is_open, stages
+from srprov.image_reference import pull_parameters
 from srprov.session import Progress, Session
 from srprov.untrusted import mapping
 from srprov.wire import EngineCall, EngineQuery, Reply
@@ -66,10 +67,5 @@ def _bases(context: bytes) -> list[str]:
 
 
 def _pull(name: str, timeout_s: float) -> EngineCall:
-    repository, _, digest = name.partition("@")
-    tag = digest
-    if not digest:
-        before, _, after = name.rpartition(":")
-        repository, tag = (before, after) if before and "/" not in after else (name, "latest")
-    params = (("fromImage", repository), ("tag", tag))
+    params = pull_parameters(name)
     return EngineCall(method="POST", path="/images/create", params=params, stream=True, timeout_s=timeout_s)

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from srprov.image_reference import pull_parameters
 from srprov.modules.module import Module, Names
 from srprov.modules.params import ParameterError
 from srprov.resource import Action, Change, Observed, State
@@ -88,9 +89,7 @@ def _getting(name: str, want: ImageParams) -> tuple[str, Command]:
         copy = CopyImage(image=name, source_host=want.from_, timeout_s=_LONG_S)
         return f"copied from {want.from_}", copy
     if want.source == "pull":
-        path, _, digest = name.partition("@")
-        repository, _, tag = (path, "", digest) if digest else name.rpartition(":")
-        what = (("fromImage", repository), ("tag", tag))
+        what = pull_parameters(name)
         pull = EngineCall(method="POST", path="/images/create", params=what, stream=True, timeout_s=_LONG_S)
         return "pulled by the robot", pull
     # rm and forcerm: a failed build leaves no container behind

@@ -2,7 +2,7 @@
 
 import pytest
 
-from srprov.image_reference import parse_reference
+from srprov.image_reference import parse_reference, pull_parameters
 
 DIGEST = "sha256:" + "ab" * 32
 
@@ -64,3 +64,21 @@ def test_forms(text: str, canonical: str, familiar: str) -> None:
 def test_no_reference(text: str, reason: str) -> None:
     with pytest.raises(ValueError, match=reason):
         parse_reference(text)
+
+
+@pytest.mark.parametrize(
+    ("name", "repository", "tag"),
+    [
+        ("debian", "debian", "latest"),
+        ("debian:12", "debian", "12"),
+        ("lab:5000/ros/base", "lab:5000/ros/base", "latest"),
+        ("lab:5000/ros/base:noetic", "lab:5000/ros/base", "noetic"),
+        (f"lab:5000/base@{DIGEST}", "lab:5000/base", DIGEST),
+        # no images: the engine says so, and does not take them for an archive to import, as it does without a name
+        (":12", ":12", "12"),
+        ("debian:", "debian", "latest"),
+    ],
+)
+def test_an_engine_pulls_one_image_by_its_tag_or_digest(name: str, repository: str, tag: str) -> None:
+    """Never all tags of a repository, which is what an engine takes no tag for."""
+    assert pull_parameters(name) == (("fromImage", repository), ("tag", tag))
