@@ -105,11 +105,8 @@ def keep(owner: Owner) -> None:
     names = ("instance", "edf", "source", "token")
     words = {name: getattr(owner, name) for name in names}
     text = json.dumps({**words, "adopted": sorted(owner.adopted), "places": dict(owner.places)}, indent=2) + "\n"
-    beside = file.with_suffix(f".{os.getpid()}")
     try:
-        private.make_folder(file.parent)
-        private.write_file(beside, text)
-        beside.replace(file)
+        private.replace_file(file, text)
     except OSError as error:
         raise UsageError(
             f"cannot write {file}: {error.strerror}", hint="it says that the experiment's volumes are yours"

@@ -55,11 +55,11 @@ class RunFolder:
 
     def put(self, name: str, make: Callable[[], str]) -> None:
         """Write a file, later; `make` gives its text then, and secrets are taken out of it."""
-        self._jobs.put(lambda: self._write(name, redact(make())))
+        self._jobs.put(lambda: private.replace_file(self.path / name, redact(make())))
 
     def put_json(self, name: str, make: Callable[[], object]) -> None:
         """Write a JSON document, later; secrets are taken out of its texts, so that it stays JSON."""
-        self._jobs.put(lambda: self._write(name, in_lines(redacted(make())) + "\n"))
+        self._jobs.put(lambda: private.replace_file(self.path / name, in_lines(redacted(make())) + "\n"))
 
     def event(self, value: object) -> None:
         """Add a JSON value as a line to events.jsonl, soon."""
@@ -106,20 +106,6 @@ class RunFolder:
                 break
         flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_EXCL
         self._events = os.open(self.path / "events.jsonl", flags, 0o600)
-
-    def _write(self, name: str, text: str) -> None:
-        place = self.path / name
-        place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-        partial = place.with_name(place.name + ".part")
-        descriptor = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
-        try:
-            with open(descriptor, "wb") as stream:
-                stream.write(text.encode("utf-8", "replace"))
-            os.replace(partial, place)
-        except OSError:
-            with contextlib.suppress(OSError):
-                os.unlink(partial)
-            raise
 
     def _append(self, line: str) -> None:
         data = line.encode("utf-8", "replace")

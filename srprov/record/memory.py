@@ -6,10 +6,8 @@ that is missing or broken is as no memory at all: then robots are believed less,
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
-import os
 import urllib.parse
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -88,14 +86,9 @@ def _images() -> Path:
 
 def _write(place: Path, document: object) -> str:
     """Replace a file; return why that is not possible, or nothing."""
-    partial = place.with_name(f"{place.name}.{os.getpid()}.part")
     try:
-        private.make_folder(place.parent)
-        private.write_file(partial, json.dumps(document))
-        os.replace(partial, place)
+        private.replace_file(place, json.dumps(document))
     except OSError as error:
-        with contextlib.suppress(OSError):
-            partial.unlink(missing_ok=True)
         return f"{error.filename or place}: {error.strerror or error}"
     return ""
 

@@ -102,3 +102,16 @@ def test_folders_of_others_above_stay_as_they_are(tmp_path: Path) -> None:
     private.make_folder(tmp_path / "state" / "srprov" / "runs")
     modes = [stat.S_IMODE(one.stat().st_mode) for one in (tmp_path, tmp_path / "state", tmp_path / "state/srprov")]
     assert modes == [0o755, 0o700, 0o700]
+
+
+def test_a_file_is_replaced_whole_or_not_at_all(tmp_path: Path) -> None:
+    """And nothing is left beside it, whatever stops the writing."""
+    place = tmp_path / "new" / "file"
+    for text in ("one", "two \udcff"):
+        private.replace_file(place, text)
+    assert place.read_text() == "two ?" and open_to_others(place.parent) == []
+    (tmp_path / "folder" / "in the way").mkdir(parents=True)
+    with pytest.raises(IsADirectoryError):
+        private.replace_file(tmp_path / "folder", "three")
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["folder", "new"]
+    assert [one.name for one in place.parent.iterdir()] == ["file"]
