@@ -2,6 +2,8 @@
 
 Takes bytes; gives members, or raises ValueError for all that `tarfile` does not write, in pax format, for plain files,
 folders and symbolic links without owners and times. `tarfile` would go wherever a header sends it, also back.
+
+Source: POSIX.1-2008, "pax Interchange Format".
 """
 
 from __future__ import annotations
@@ -20,7 +22,7 @@ _LONGEST_EXTENDED = 16_384
 _NAME, _MODE, _SIZE, _SUM, _KIND, _LINK = (slice(0, 100), slice(100, 108), slice(124, 136), slice(148, 156),
                                           slice(156, 157), slice(157, 257))  # fmt: skip
 
-_RECORD_START = re.compile(rb"([0-9]{1,5}) ([a-z]+)=")
+_RECORD_START = re.compile(rb"([0-9]{1,5}) ([^=\n]{1,255})=")
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +78,23 @@ def check_paths(found: Iterable[Member]) -> None:
             folders.add(one.path)
 
 
+def extended_words(records: bytes) -> dict[str, str]:
+    """Return the words of an extended header, of any tar; of a key that stands twice the last.
+
+    Raises:
+        ValueError: It is not written as POSIX has it.
+    """
+    words, at = dict[str, str](), 0
+    while at < len(records):
+        match = _RECORD_START.match(records, at)
+        end = at + int(match[1]) if match else 0
+        if match is None or not match.end() < end <= len(records) or records[end - 1 : end] != b"\n":
+            raise ValueError("an extended header of a tar cannot be read")
+        words[match[2].decode("utf-8", "replace")] = records[match.end() : end - 1].decode("utf-8", "surrogateescape")
+        at = end
+    return words
+
+
 def _member(tar: bytes, start: int) -> tuple[Member, int]:
     """Return the member whose header begins at `start`, and where the next one does."""
     at, words = start, {}
@@ -83,7 +102,7 @@ def _member(tar: bytes, start: int) -> tuple[Member, int]:
         size = _octal(tar[at : at + _BLOCK][_SIZE])
         if size > _LONGEST_EXTENDED:
             raise ValueError("a name that is too long")
-        words = _extended(tar[at + _BLOCK : at + _BLOCK + size])
+        words = extended_words(tar[at + _BLOCK : at + _BLOCK + size])
         at += _BLOCK + _padded(size)
     header = tar[at : at + _BLOCK]
     at += _BLOCK
@@ -139,15 +158,3 @@ def _text(field: bytes) -> str:
 
 def _padded(size: int) -> int:
     return -(-size // _BLOCK) * _BLOCK
-
-
-def _extended(records: bytes) -> dict[str, str]:
-    """Return what stands in an extended header; whether it is all that may is seen when it is written again."""
-    words, at = {}, 0
-    while match := _RECORD_START.match(records, at):
-        end = at + int(match[1])
-        words[match[2].decode()] = records[match.end() : end - 1].decode("utf-8", "surrogateescape")
-        if end <= match.end():
-            raise ValueError("a record of a tar that has no length")
-        at = end
-    return words

@@ -61,7 +61,7 @@ ROOMS: Mapping[str, Room] = {
         "errors names private regular_file untrusted secret data owner image_reference yamldoc", "jsonschema jinja2"
     ),
     "transport": room(
-        "errors regular_file wire session untrusted secret definitions.model",
+        "errors plain_tar regular_file wire session untrusted secret definitions.model",
         "paramiko fabric invoke docker requests urllib3 psutil",
     ),
     "facts": room("errors names wire session untrusted resource modules definitions.model"),

@@ -13,6 +13,8 @@ import re
 import tarfile
 from collections.abc import Iterator
 
+from srprov.plain_tar import extended_words
+
 _BLOCK = 512
 _RECORD = 10_240
 _LONGEST_EXTENDED = 64 << 10
@@ -22,7 +24,6 @@ _MOST_MEMBERS = 4096
 _MOST_BYTES = 64 << 30
 _PIECE = 1 << 20
 _KINDS = (tarfile.REGTYPE, tarfile.AREGTYPE, tarfile.SYMTYPE, tarfile.DIRTYPE)
-_RECORD_START = re.compile(rb"([0-9]{1,5}) ([^=\n]{1,255})=")
 
 
 class TarError(Exception):
@@ -72,7 +73,10 @@ class TarStream:
         if header is not None and header.type == tarfile.XHDTYPE:
             if not 0 <= header.size <= _LONGEST_EXTENDED:
                 raise TarError(f"an extended header is longer than {_LONGEST_EXTENDED >> 10} KiB")
-            words = _extended(self._exactly(header.size))
+            try:
+                words = extended_words(self._exactly(header.size))
+            except ValueError as error:
+                raise TarError("an extended header cannot be read") from error
             self._exactly(-header.size % _BLOCK)
             header = self._block()
             if header is None:
@@ -116,16 +120,3 @@ class TarStream:
             parts.append(data[:size])
             self._rest, size = data[size:], size - len(parts[-1])
         return b"".join(parts)
-
-
-def _extended(records: bytes) -> dict[str, str]:
-    """Return the words of an extended header."""
-    words, at = dict[str, str](), 0
-    while at < len(records):
-        match = _RECORD_START.match(records, at)
-        end = at + int(match[1]) if match else 0
-        if match is None or not match.end() < end <= len(records) or records[end - 1 : end] != b"\n":
-            raise TarError("an extended header cannot be read")
-        words[match[2].decode("utf-8", "replace")] = records[match.end() : end - 1].decode("utf-8", "surrogateescape")
-        at = end
-    return words
