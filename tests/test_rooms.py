@@ -48,8 +48,8 @@ ROOMS: Mapping[str, Room] = {
         "click rich tomli",
     ),
     "controller": room(
-        "errors regular_file wire session resource secret data disk owner private untrusted image_reference definitions"
-        " transport facts assignment network images rendering modules planning execution record"
+        "errors regular_file wire session resource secret data disk owner private untrusted sizes image_reference"
+        " definitions transport facts assignment network images rendering modules planning execution record"
     ),
     "disk": room("regular_file images.plan"),
     "regular_file": room(),
@@ -65,7 +65,7 @@ ROOMS: Mapping[str, Room] = {
         "paramiko fabric invoke docker requests urllib3 psutil",
     ),
     "facts": room("errors names wire session untrusted resource modules definitions.model"),
-    "assignment": room("errors definitions.containermodel definitions.model facts.model"),
+    "assignment": room("errors sizes definitions.containermodel definitions.model facts.model"),
     "network": room("errors names untrusted definitions.model facts.model"),
     "images": room(
         "errors plain_tar wire image_reference definitions.containermodel definitions.dockerfile definitions.model",
@@ -93,6 +93,7 @@ ROOMS: Mapping[str, Room] = {
     "secret": room("redaction"),
     "redaction": room(),
     "plain_tar": room(),
+    "sizes": room(),
     "wire": room("errors untrusted resource"),
     "session": room("errors wire"),
     "resource": room("errors wire"),

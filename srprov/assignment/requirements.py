@@ -16,6 +16,7 @@ from srprov.definitions.containermodel import Requirements
 from srprov.definitions.model import Service
 from srprov.errors import UsageError
 from srprov.facts.model import HostFacts
+from srprov.sizes import size_text
 
 
 @dataclass(frozen=True, order=True, slots=True)
@@ -143,7 +144,8 @@ def _amounts(wanted: Requirements, facts: HostFacts) -> Iterator[UnmetRequiremen
         ("disk", wanted.disk, facts.disk_total),
     ):
         if needs > has:
-            yield UnmetRequirement(f"needs {_bytes(needs)} of {word} (has {_bytes(has)})", f"lower requires.{word}")
+            text = f"needs {size_text(needs)} of {word} (has {size_text(has)})"
+            yield UnmetRequirement(text, f"lower requires.{word}")
     if wanted.cpus > facts.cpus:
         yield UnmetRequirement(f"needs {wanted.cpus:g} CPUs (has {facts.cpus})", "lower requires.cpus")
 
@@ -176,11 +178,3 @@ def _either(words: Sequence[str]) -> str:
 
 def _quoted(noun: str, words: Sequence[str]) -> str:
     return f"{noun}{'s' if len(words) > 1 else ''} {', '.join(repr(word) for word in words)}"
-
-
-def _bytes(number: int) -> str:
-    """Return bytes as people read them, with enough digits that unequal amounts look unequal."""
-    for unit, size in (("GiB", 1 << 30), ("MiB", 1 << 20), ("KiB", 1 << 10)):
-        if number >= size:
-            return f"{number / size:.4g} {unit}"
-    return f"{number} B"

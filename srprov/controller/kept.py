@@ -15,6 +15,7 @@ from srprov.errors import TransportError
 from srprov.facts.model import Snapshot
 from srprov.modules import MODULES, RUNNING
 from srprov.modules.volume import moment
+from srprov.sizes import size_text
 from srprov.untrusted import integer
 from srprov.wire import Query, quote
 
@@ -73,7 +74,7 @@ def shown(rows: Sequence[Mapping[str, Any]], now: dt.datetime) -> list[dict[str,
             "instance": row["instance"],
             "volume": row["volume"],
             "robot": row["robot"],
-            "size": size_text(row["bytes"]),
+            "size": _size(row["bytes"]),
             "age": age_text(row["created"], now),
             "used by": "its services" if row["used"] else "nobody: kept",
         }
@@ -83,17 +84,11 @@ def shown(rows: Sequence[Mapping[str, Any]], now: dt.datetime) -> list[dict[str,
 
 def line(row: Mapping[str, Any], now: dt.datetime) -> str:
     """Return one volume in one line."""
-    return f"{row['volume']} on {row['robot']} ({size_text(row['bytes'])}, {age_text(row['created'], now)} old)"
+    return f"{row['volume']} on {row['robot']} ({_size(row['bytes'])}, {age_text(row['created'], now)} old)"
 
 
-def size_text(size: int | None) -> str:
-    """Return bytes as people read them."""
-    if size is None:
-        return "size unknown"
-    for unit, one in (("GiB", 1 << 30), ("MiB", 1 << 20), ("KiB", 1 << 10)):
-        if size >= one:
-            return f"{size / one:.4g} {unit}"
-    return f"{size} B"
+def _size(number: int | None) -> str:
+    return "size unknown" if number is None else size_text(number)
 
 
 def age_text(created: str, now: dt.datetime) -> str:
