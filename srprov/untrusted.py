@@ -160,6 +160,11 @@ def mappings(value: object, *, most: int = 65_536) -> list[Mapping[str, Any]]:
     return [item for item in value if isinstance(item, Mapping)][:most] if isinstance(value, list) else []
 
 
+def strings(value: object) -> list[str]:
+    """Return the texts in a list, each as `string` does; anything else is left out."""
+    return [string(one) for one in value if isinstance(one, str)] if isinstance(value, list) else []
+
+
 def string_map(value: object) -> dict[str, str]:
     """Return a map of texts, such as the labels of a Docker object; anything else is empty."""
     return {string(name): string(one) for name, one in mapping(value).items()}

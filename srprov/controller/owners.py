@@ -23,7 +23,7 @@ from srprov import private, regular_file
 from srprov.errors import UsageError
 from srprov.record import default_root
 from srprov.resource import Observed
-from srprov.untrusted import mapping, parse_json, string, string_map
+from srprov.untrusted import mapping, parse_json, string, string_map, strings
 
 _LONGEST_FILE = 1 << 20
 _DIGITS = 40
@@ -125,12 +125,8 @@ def _read(file: Path) -> Owner | None:
     except (OSError, ValueError):
         return None
     words = {key: string(read.get(key)) for key in ("instance", "edf", "source", "token")}
-    adopted, places = frozenset(_strings(read.get("adopted"))), string_map(read.get("places"))
+    adopted, places = frozenset(strings(read.get("adopted"))), string_map(read.get("places"))
     return Owner(**words, adopted=adopted, places=places) if words["token"] else None
-
-
-def _strings(value: object) -> list[str]:
-    return [one for one in value if isinstance(one, str)] if isinstance(value, list) else []
 
 
 def _bytes(text: str) -> bytes:

@@ -16,7 +16,7 @@ from typing import Any
 
 from srprov import private, regular_file
 from srprov.record.folder import default_root
-from srprov.untrusted import mapping, parse_json, string
+from srprov.untrusted import mapping, parse_json, string, strings
 
 _LONGEST = 1 << 20
 _MOST_IMAGES = 2000
@@ -43,9 +43,7 @@ def recall(instance: str) -> Memory:
         kept = mapping(parse_json(regular_file.read_text(_place(instance), _LONGEST)))
     except (OSError, ValueError):
         return Memory()
-    robots, records = ([string(one) for one in items] if isinstance(items := kept.get(key), list) else []
-                       for key in ("robots", "records"))  # fmt: skip
-    return Memory(robots=frozenset(robots), records=tuple(records))
+    return Memory(robots=frozenset(strings(kept.get("robots"))), records=tuple(strings(kept.get("records"))))
 
 
 def remember(instance: str, memory: Memory) -> str:

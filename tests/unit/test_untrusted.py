@@ -21,7 +21,7 @@ from srprov.network.foreign import foreign_uses
 from srprov.network.record import read_record
 from srprov.planning.planread import is_plan, load
 from srprov.transport.engine.answers import message_of
-from srprov.untrusted import json_or_none, mappings, parse_json, string, string_map
+from srprov.untrusted import json_or_none, mappings, parse_json, string, string_map, strings
 from srprov.wire import Reply
 
 DEEP = "[" * 5000
@@ -110,6 +110,8 @@ def test_values_of_the_wrong_kind_are_empty() -> None:
     assert [string(value) for value in (None, 7, True, {}, ["x"])] == [""] * 5
     assert string_map({"a": "1", "b": None, "c": {}}) == {"a": "1", "b": "", "c": ""}
     assert string_map(["a"]) == {}
+    assert strings(["a", 7, None, "b\ud800"]) == ["a", "b?"]
+    assert strings("ab") == strings({"a": "b"}) == []
     assert mappings([1, {"a": 1}, None]) == [{"a": 1}]
     assert mappings("x") == []
 
