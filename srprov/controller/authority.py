@@ -74,6 +74,11 @@ def asked(saved: PlanFile) -> tuple[Permission, ...]:
     )
 
 
+def wants_of(saved: PlanFile) -> tuple[Resource, ...]:
+    """Return all that a plan wants, what is right already too."""
+    return (*(step.want for step in saved.plan.steps if step.want), *saved.also_wanted)
+
+
 def check_underlay(saved: PlanFile, live: Collection[str]) -> None:
     """Refuse packets to where only the file says that a robot is.
 
@@ -85,7 +90,7 @@ def check_underlay(saved: PlanFile, live: Collection[str]) -> None:
         RefusedError: Links would send to an address of a robot that does not answer, or the record would name it.
     """
     told = _names(saved).vteps - set(live)
-    if strange := sorted(told & {vtep for want in _wants(saved) for vtep in _vteps(want)}):
+    if strange := sorted(told & {vtep for want in wants_of(saved) for vtep in _vteps(want)}):
         raise RefusedError(
             f"packets would go to {', '.join(strange)}, which only this file says to be a robot that is out of reach",
             hint="apply it when that robot answers, or plan the EDF here",
@@ -101,21 +106,16 @@ def _vteps(want: Resource) -> Collection[str]:
     return record.vteps.values() if record else ()
 
 
-def _wants(saved: PlanFile) -> tuple[Resource, ...]:
-    """Return all that a plan wants, what is right already too."""
-    return (*(step.want for step in saved.plan.steps if step.want), *saved.also_wanted)
-
-
 def _services(saved: PlanFile) -> Iterator[tuple[Resource, Service]]:
     """Return every resource that runs something, with what it runs."""
-    for want in _wants(saved):
+    for want in wants_of(saved):
         if service := MODULES[want.module].service_of(want.params):
             yield want, service
 
 
 def _networks(saved: PlanFile) -> set[NetworkSettings]:
     """Return the overlays that a plan makes, as EDFs would ask for them."""
-    found = (want.params for want in _wants(saved))
+    found = (want.params for want in wants_of(saved))
     return {NetworkSettings(subnet=one.subnet, port=one.port) for one in found if isinstance(one, NetworkParams)}
 
 
@@ -186,7 +186,7 @@ def _wrong(saved: PlanFile) -> Iterator[str]:
     plan = saved.plan
     relied = {*(step.host for step in plan.steps), *(one.host for one in saved.also_wanted)}
     placed = set(plan.assignment.values())
-    copies = {(want.name, MODULES[want.module].taken_from(want.params), want.host) for want in _wants(saved)}
+    copies = {(want.name, MODULES[want.module].taken_from(want.params), want.host) for want in wants_of(saved)}
     copies = {one for one in copies if one[1]}
     relied |= {source for _, source, _ in copies}
     for host in sorted((relied | (placed - plan.unreachable.keys())) - saved.fingerprints.keys()):
@@ -195,7 +195,7 @@ def _wrong(saved: PlanFile) -> Iterator[str]:
         yield "data: what is copied is not what is said there"
     known = saved.fingerprints.keys() | plan.unreachable.keys()
     waits = {need.id for step in plan.steps for need in step.waits}
-    for needed in sorted(waits | {need.id for want in _wants(saved) for need in want.needs}):
+    for needed in sorted(waits | {need.id for want in wants_of(saved) for need in want.needs}):
         if needed.partition("/")[0] not in known:
             yield f"{needed}: something waits for it, and the plan knows no such robot"
     sources = {source.name for source in plan.secrets}
@@ -203,7 +203,7 @@ def _wrong(saved: PlanFile) -> Iterator[str]:
     for name in sorted(written | {use.source for _, one in _services(saved) for use in one.secrets}):
         if name not in sources:
             yield f"secrets: nothing says where '{name}' comes from"
-    wants = _wants(saved)
+    wants = wants_of(saved)
     overlays = {(one.host, one.params.vni, one.params.port) for one in wants if isinstance(one.params, NetworkParams)}
     for want in wants:
         if isinstance(want.params, VxlanParams) and (want.host, want.params.vni, want.params.port) not in overlays:

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 import srprov
 from srprov import disk
 from srprov.controller import authority
-from srprov.controller.authority import check_underlay
+from srprov.controller.authority import check_underlay, wants_of
 from srprov.controller.data_owner import check_saved, remember_owner
 from srprov.controller.fleet import Fleet
 from srprov.controller.ownership import check_source, looking, owned
@@ -112,7 +112,7 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False) -> Planned
         )
     hosts = {name: fleet.inventory.hosts[name] for name in sorted(saved.fingerprints)}
     part = dataclasses.replace(fleet.inventory, hosts=hosts)
-    wants = (*(step.want for step in saved.plan.steps if step.want), *saved.also_wanted)
+    wants = wants_of(saved)
     with Gathering(part, fleet.sessions.get, engine=True, forks=fleet.forks) as look:
         snapshot = look.probe(look.closer(Detail.ENGINE), wants)
     _refuse_stale(saved, wants, snapshot)
