@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 
+from srprov.controller.context import is_record_path
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.dockerfile import fetches, images_of, unclear
 from srprov.definitions.model import Experiment, NetworkSettings, Service
@@ -102,7 +103,7 @@ def _vteps(want: Resource) -> Collection[str]:
     if isinstance(want.params, VxlanParams):
         return (want.params.local, *(vtep for _, vtep in want.params.fdb))
     content = want.params.content if isinstance(want.params, FileParams) else ""
-    record = read_record(mapping(json_or_none(content))) if want.name.endswith("/placement.json") else None
+    record = read_record(mapping(json_or_none(content))) if is_record_path(want.name) else None
     return record.vteps.values() if record else ()
 
 
@@ -156,7 +157,7 @@ def _is_own(want: Resource, names: Names, plan: Plan, contexts: Mapping[str, byt
     """Return whether srprov's own playbooks could state a resource for this placement; `contexts` are of its images."""
     if isinstance(want.params, ImageParams) and want.params.source == "build":
         return want.params.blob is not None and want.params.blob == contexts.get(want.name)
-    is_record = isinstance(want.params, FileParams) and want.name.endswith("/placement.json")
+    is_record = isinstance(want.params, FileParams) and is_record_path(want.name)
     if is_record and not _is_record(want.params.content, names, plan):
         return False
     at_home = want.service == "" or plan.assignment.get(want.service) == want.host

@@ -27,6 +27,7 @@ from srprov.network.model import Overlay
 
 _WITNESSES = 2
 """Robots without a service that keep the placement record."""
+_RECORD = "placement.json"
 _FLOOD = "00:00:00:00:00:00"
 
 
@@ -53,7 +54,12 @@ def _witnesses(inputs: RenderInputs, members: Collection[str]) -> list[str]:
 
 def record_path(instance: str) -> str:
     """Return where a robot keeps the placement record."""
-    return f"{STATE_ROOT}/{instance}/placement.json"
+    return f"{STATE_ROOT}/{instance}/{_RECORD}"
+
+
+def is_record_path(path: str) -> bool:
+    """Return whether a path is that of a placement record, of whatever instance."""
+    return path.endswith(f"/{_RECORD}")
 
 
 def _tree(path: str, blobs: dict[str, bytes]) -> dict[str, str]:
