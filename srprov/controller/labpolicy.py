@@ -149,13 +149,9 @@ def _images(step: Step) -> Iterable[str]:
     params = step.want.params if step.want else None
     if isinstance(params, ContainerParams):
         return () if params.image.startswith("srprov/") else (params.image,)  # built here, of what is looked at below
-    if not isinstance(params, ImageParams):
+    if not isinstance(params, ImageParams) or params.source == "copy":
         return ()
-    return images_of(_dockerfile(params.blob or b"")) if params.source == "build" else _pulled(step.name, params)
-
-
-def _pulled(name: str, params: ImageParams) -> tuple[str, ...]:
-    return (name,) if params.source == "pull" else ()
+    return (step.name,) if params.source == "pull" else images_of(_dockerfile(params.blob or b""))
 
 
 def _dockerfile(context: bytes) -> str:
