@@ -25,6 +25,8 @@ DOCKERFILE = "Dockerfile"
 MOST_BYTES = 96 * 1024 * 1024
 """Of all files of a context, which is held in memory."""
 _LONGEST_PATTERN = 255
+_RANGE = re.compile(r"(\\.|[^\\])(?:-(\\.|[^\\]))?", re.DOTALL)
+"""One character of a class, or two with those between them; `\\` takes its meaning from what follows."""
 _MOST_WORK = 500_000_000
 """Characters of all patterns times characters of all paths."""
 # What never belongs to an image but would change its tag from one clone, or one edit of the experiment, to the next.
@@ -166,9 +168,7 @@ def _between_stars(part: str) -> list[str]:
     found, rest = [""], part
     while rest:
         if group := re.match(r"\[(\^?)((?:\\.|[^\]\\])+)\]", rest):
-            body = re.sub(r"\\(.)", r"\1", group[2])
-            low_high = re.sub(r"([\[\]\\^&~|])", r"\\\1", body)
-            found[-1] += f"(?!/)[{group[1]}{low_high}]"
+            found[-1] += f"(?!/)[{group[1]}{_RANGE.sub(_escaped_range, group[2])}]"
             rest = rest[group.end() :]
             continue
         char, rest = rest[0], rest[1:]
@@ -180,6 +180,12 @@ def _between_stars(part: str) -> list[str]:
         else:
             found[-1] += "[^/]" if char == "?" else re.escape(char)
     return found
+
+
+def _escaped_range(match: re.Match[str]) -> str:
+    """Return one character, or two with a hyphen between them, so that Python gives none of them a meaning."""
+    low, high = (end and re.escape(end.removeprefix("\\")) for end in match.groups())
+    return f"{low}-{high}" if high else low
 
 
 def context_tar(dockerfile: str, entries: Iterable[ContextFile]) -> bytes:

@@ -1,11 +1,15 @@
 """The build context: what goes in, and the same bytes everywhere."""
 
+import contextlib
 import io
 import re
 import tarfile
+import warnings
 
 import pytest
 from controller_disk import Disk
+from hypothesis import example, given
+from hypothesis import strategies as st
 
 from srprov.images.context import context_tar, entries_of, folder_entries, ignore_rule
 from srprov.images.plan import ContextFile, ListedFile
@@ -84,6 +88,10 @@ def test_names_that_cannot_be(name: str) -> None:
         ("?.py", ["a.py"], ["ab.py", ".py/x"]),
         ("[a-c].py", ["b.py"], ["d.py"]),
         ("[^a-c].py", ["d.py"], ["b.py"]),
+        (r"[a\-c].py", ["a.py", "-.py", "c.py"], ["b.py"]),
+        (r"[\]-\^].py", ["].py", "^.py"], ["[.py", "-.py"]),
+        ("[+--].py", ["+.py", ",.py", "-.py"], ["..py"]),
+        ("[[&&~~||a-].py", ["[.py", "&.py", "~.py", "|.py", "a.py", "-.py"], ["b.py"]),
         (r"\*.py", ["*.py"], ["a.py"]),
         ("*\n!keep.txt", ["a"], ["keep.txt"]),
         ("*\n!src\nsrc/*.o", ["a", "src/a.o"], ["src/a.c"]),
@@ -137,6 +145,19 @@ def test_stars_match_as_docker_has_them(pattern: str, yes: str, no: str) -> None
     ignored = ignore_rule([pattern])
     assert [path for path in yes.split() if not ignored(path)] == []
     assert [path for path in no.split() if ignored(path)] == []
+
+
+@given(st.text("[]^-\\&~|*?!#.ab/", max_size=12))
+@example("+--")
+@example("--a")
+@example("a&&b")
+@example("a~~b||c")
+@example("[a")
+def test_no_class_makes_python_warn(characters: str) -> None:
+    """Sets within sets, which Python may have one day, would be a warning to the user before that."""
+    with warnings.catch_warnings(), contextlib.suppress(ValueError):
+        warnings.simplefilter("error")
+        ignore_rule([f"[{characters}]"])("a")
 
 
 @pytest.mark.parametrize(
