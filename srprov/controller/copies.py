@@ -29,7 +29,7 @@ def copies(snapshot: Snapshot, instance: str, placed: Mapping[str, str]) -> tupl
             if item.module in RUNNING and item.instance == instance and item.state["state"] == "running":
                 running.setdefault(item.service, []).append(host)
     twice = [
-        f"{service} runs on {' and '.join(hosts)}, with one address: the newest record of the placement "
+        f"{service} runs on {' and '.join(hosts)}, with one address: the placement record that is believed "
         f"names {placed[service]}, what is elsewhere is a copy from before"
         for service, hosts in sorted(running.items())
         if len(hosts) > 1 and service in placed

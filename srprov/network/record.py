@@ -1,8 +1,8 @@
 """The placement record: what every robot remembers of the whole instance, as /var/lib/srprov/INSTANCE/placement.json.
 
 Takes an Overlay and where services run, gives JSON; and back. Pure. With it, what ran on a dead robot is known from any
-other, and services keep their addresses for the instance's life. It holds no time; `serial` tells the newest among
-robots.
+other, and services keep their addresses for the instance's life. It holds no time; `serial` counts its
+changes.
 
 What comes back from a robot is untrusted: whatever is not of the right shape counts as not there.
 """
@@ -60,7 +60,7 @@ def record(
         experiment: For each service's network mode.
         placed: Service -> robot.
         source: Where the EDF comes from (git remote and path, else user@host:path).
-        before: The newest record that was found. `serial` is one more than its own when anything else differs.
+        before: The record that is believed. `serial` is one more than its own when anything else differs.
     """
     services = {
         name: {
