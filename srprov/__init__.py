@@ -11,6 +11,7 @@ rooms stand in that order; `tests/test_rooms.py` holds them to it:
     facts/        robots -> HostFacts and everything of ours that exists there
     assignment/   who runs what; pure
     network/      VNI, subnet, addresses, FDB, hosts file; pure
+    git/          repositories of others, on the controller: names -> commits -> files
     images/       CDF -> Dockerfile, build context and content tag; pure
     rendering/    playbook and context -> Resources; pure
     modules/      one file per kind of resource: queries, parse, check, commands; pure
@@ -20,7 +21,7 @@ rooms stand in that order; `tests/test_rooms.py` holds them to it:
     lab/          the embedded lab: robots on this machine
 
 Beside them stand values that rooms share: wire.py, session.py, resource.py, errors.py, names.py, private.py, secret.py,
-untrusted.py, plain_tar.py, sizes.py.
+untrusted.py, plain_tar.py, sizes.py, git_address.py.
 docs/architecture.md has the flow as a picture, and a glossary.
 """
 

@@ -77,6 +77,19 @@ def read(path: str) -> bytes:
     return (_budget.get() or _Budget()).read(path)
 
 
+def spend(what: str, size: int, files: int) -> None:
+    """Count what is shipped but was read elsewhere, `size` bytes in `files` files, against the limit.
+
+    Raises:
+        OSError: With it, all is too much.
+    """
+    budget = _budget.get() or _Budget()
+    if size > budget.left or files > budget.files:
+        raise _too_much(what)
+    budget.left -= size
+    budget.files -= files
+
+
 def listing(path: str) -> Iterator[ListedFile]:
     """Return every file below a folder, or the one file that `path` is; symbolic links are not followed.
 

@@ -49,16 +49,21 @@ ROOMS: Mapping[str, Room] = {
     ),
     "controller": room(
         "errors regular_file wire session resource secret data disk owner private untrusted sizes image_reference"
-        " definitions transport facts assignment network images rendering modules planning execution record"
+        " git_address git definitions transport facts assignment network images rendering modules planning execution"
+        " record"
     ),
     "disk": room("regular_file images.plan"),
     "regular_file": room(),
     "owner": room(),
     "image_reference": room(),
+    "git_address": room(),
+    # Runs git on the controller: what it fetches are files of strangers.
+    "git": room("git_address private definitions.program"),
     "untrusted": room(),
     "yamldoc": room("errors regular_file", "yaml"),
     "definitions": room(
-        "errors names private regular_file untrusted secret data owner image_reference yamldoc", "jsonschema jinja2"
+        "errors names private regular_file untrusted secret data owner image_reference git_address yamldoc",
+        "jsonschema jinja2",
     ),
     "transport": room(
         "errors plain_tar regular_file wire session untrusted secret definitions.model",
@@ -145,9 +150,11 @@ PROCESS_CALLS = frozenset({"system", "popen", "fork", "forkpty", "posix_spawn", 
 _PROGRAMS = tuple(f"definitions/{name}.py" for name in ("inventory", "script", "program", "secretvalues"))
 _CHILD = "rendering/limited.py"
 _SIGNS = "controller/signature.py"
-MAY_REACH_OUT = ("transport/", "lab/", *_PROGRAMS, _CHILD, _SIGNS)
+_GIT = "git/program.py"
+MAY_REACH_OUT = ("transport/", "lab/", *_PROGRAMS, _CHILD, _SIGNS, _GIT)
 """Where sockets and programs belong; of `definitions`, the inventory that is itself a program, and the command that
-prints a secret; the child with limits in which users' playbooks are rendered; ssh-keygen, which signs plan files."""
+prints a secret; the child with limits in which users' playbooks are rendered; ssh-keygen, which signs plan files; git,
+which fetches what a user allowed."""
 
 MAY_REVEAL = ("transport/", "secret.py")
 """Where the value of a secret is taken out of its wrapping."""

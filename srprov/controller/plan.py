@@ -53,6 +53,7 @@ from srprov.secret import Vault
 
 if TYPE_CHECKING:
     from srprov.images.plan import ImagePlan
+    from srprov.images.tag import Checkouts
     from srprov.planning.planfile import PlanFile
 
 
@@ -175,10 +176,15 @@ def _images(containers: Mapping[str, ContainerDefinition]) -> tuple[dict[str, Im
     if len(references) == len(containers):
         return {}, references
     from srprov import disk
-    from srprov.images.tag import plan_image  # not needed where nothing is built
+    from srprov.images.tag import no_repositories, plan_image  # not needed where nothing is built
 
-    built = {key: plan_image(one, disk.listing, disk.read) for key, one in containers.items() if not one.image}
-    return built, references
+    built = {key: one for key, one in containers.items() if not one.image}
+    checkout: Checkouts = no_repositories
+    if any(one.repositories for one in built.values()):
+        from srprov.controller.repositories import Repositories
+
+        checkout = Repositories(built.values()).checkout
+    return {key: plan_image(one, disk.listing, disk.read, checkout) for key, one in built.items()}, references
 
 
 def _desired(inputs: RenderInputs, theirs: Sequence[Playbook], vault: Vault) -> tuple[Resource, ...]:
@@ -220,4 +226,5 @@ def _notes(inputs: RenderInputs, placed: Assignment) -> tuple[str, ...]:
     stay = [f"{service} stays on {placed.placed[service]}, which cannot be reached" for service in placed.frozen]
     if placed.gap:
         stay.append(f"the search for the best placement was stopped; {placed.gap:.3f} less may be possible")
-    return (*twice, *stay)
+    moving = sorted({one for image in inputs.images.values() for one in image.moving})
+    return (*twice, *stay, *moving)

@@ -12,8 +12,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from srprov.definitions import dockerfile, images, merging, paths, runtime, schema
-from srprov.definitions.containermodel import BuildFile, ContainerDefinition
+from srprov.definitions import build, dockerfile, images, merging, paths, runtime, schema
+from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.unsupported import note_unsupported_of_cdf
 from srprov.definitions.values import text, texts
 from srprov.errors import DefinitionError, Diagnostic, Location
@@ -41,7 +41,10 @@ class Container:
     def image_has_healthcheck(self) -> bool:
         """Return whether the Dockerfile sets one; that of an image is not known."""
         path = self.definition.dockerfile
-        return bool(path) and dockerfile.has_healthcheck(loader.read_text(path, most=dockerfile.MAX_BYTES))
+        if not path:
+            return False
+        text = dockerfile.until_stage(loader.read_text(path, most=dockerfile.MAX_BYTES), self.definition.target)
+        return dockerfile.has_healthcheck(text)
 
 
 def load(path: str, folder: str, environ: Mapping[str, str], shown: str = "") -> Container:
@@ -172,7 +175,7 @@ def _definition(layer: Map, path: str, folder: str, findings: Findings) -> Conta
     packages = get("packages")
     packed = packages.entries if isinstance(packages, Map) else {}
     run_time = runtime.parse(layer, folder, findings, ())
-    path_of_dockerfile, written = _dockerfile(get("dockerfile"), folder, findings)
+    written = build.written(get("dockerfile"), folder, findings)
     named = tuple(name for key in ("base", "image") if (name := text(get(key))) not in ("", "scratch"))
     return ContainerDefinition(
         name=text(get("name")) or _stem(path),
@@ -180,15 +183,19 @@ def _definition(layer: Map, path: str, folder: str, findings: Findings) -> Conta
         folder=os.path.dirname(path),
         base=text(get("base")),
         image=text(get("image")),
-        dockerfile=path_of_dockerfile,
-        images=named + dockerfile.images_of(written),
-        fetches=dockerfile.fetches(written),
+        dockerfile=written.path,
+        context=written.context,
+        build_args=MappingProxyType(written.args),
+        target=written.target,
+        images=named + dockerfile.images_of(written.text),
+        fetches=dockerfile.fetches(written.text),
         description=text(get("description")),
         platforms=texts(get("platforms")),
         apt=texts(packed.get("apt")),
         pip=texts(packed.get("pip")),
         npm=texts(packed.get("npm")),
-        files=_files(get("files"), folder, findings),
+        repositories=build.repositories(get("repositories"), findings),
+        files=build.files(get("files"), folder, findings),
         run=texts(get("run")),
         build_environment=MappingProxyType(dict(run_time.environment) if "base" in layer.entries else {}),
         runtime=run_time,
@@ -198,37 +205,9 @@ def _definition(layer: Map, path: str, folder: str, findings: Findings) -> Conta
     )
 
 
-def _dockerfile(node: Node | None, folder: str, findings: Findings) -> tuple[str, str]:
-    """Return the absolute path of a CDF's Dockerfile and its text, and check what stands in it."""
-    if not isinstance(node, Scalar) or not (path := paths.resolve(node, folder, findings, ("dockerfile",))):
-        return "", ""
-    if os.path.isdir(path):
-        findings.add(node, f"'{node.text}' is a folder, not a Dockerfile", ("dockerfile",))
-        return path, ""
-    shown = paths.shown_beside(node.source.file, node.text)
-    try:
-        written = loader.read_text(path, shown, dockerfile.MAX_BYTES)
-    except DefinitionError as error:
-        findings.extend(error.problems)
-        return path, ""
-    findings.extend(dockerfile.check(written, shown))
-    return path, written
-
-
 def _stem(path: str) -> str:
     name = os.path.basename(path)
     return os.path.basename(os.path.dirname(path)) if name == "Dockerfile" else name.rsplit(".", 1)[0]
-
-
-def _files(node: Node | None, folder: str, findings: Findings) -> tuple[BuildFile, ...]:
-    files = []
-    for index, item in enumerate(node.items if isinstance(node, Seq) else ()):
-        entries = item.entries if isinstance(item, Map) else {}
-        src, mode = entries.get("src"), text(entries.get("mode"))
-        if isinstance(src, Scalar):
-            source = paths.resolve(src, folder, findings, ("files", index, "src"), tree=True)
-            files.append(BuildFile(source=source, dest=text(entries.get("dest")), mode=mode.zfill(4) if mode else ""))
-    return tuple(files)
 
 
 def _lines(layer: Map, source: Source) -> dict[str, int]:

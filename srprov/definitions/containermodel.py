@@ -124,6 +124,20 @@ class BuildFile:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class Repository:
+    """One code repository whose files a CDF has in its image."""
+
+    url: str
+    """As `git_address` reads it."""
+    ref: str
+    """Branch, tag or commit; empty: the default branch."""
+    path: str
+    """Absolute, inside the image."""
+    run: tuple[str, ...] = ()
+    """Shell commands that run in `path`."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class ContainerDefinition:
     """One CDF after `extends` was merged. Exactly one of `base`, `image`, `dockerfile` is not empty."""
 
@@ -136,6 +150,12 @@ class ContainerDefinition:
     image: str = ""
     dockerfile: str = ""
     """Absolute path of a Dockerfile."""
+    context: str = ""
+    """Absolute path of the folder that it is built with; empty: its own."""
+    build_args: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    """Values for its ARG instructions."""
+    target: str = ""
+    """The stage that is built; empty: the last."""
     images: tuple[str, ...] = ()
     """The images that it starts from or takes files of, as written; a variable in a name is not resolved."""
     fetches: tuple[str, ...] = ()
@@ -145,6 +165,7 @@ class ContainerDefinition:
     apt: tuple[str, ...] = ()
     pip: tuple[str, ...] = ()
     npm: tuple[str, ...] = ()
+    repositories: tuple[Repository, ...] = ()
     files: tuple[BuildFile, ...] = ()
     run: tuple[str, ...] = ()
     build_environment: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))

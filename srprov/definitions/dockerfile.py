@@ -74,6 +74,31 @@ def stages(text: str, *, here_documents: bool = True) -> Iterator[tuple[int, str
             yield number, match["image"], (match["name"] or "").lower()
 
 
+def until_stage(text: str, target: str) -> str:
+    """Return the text up to the end of a stage, by its name or number: no stage needs a later one.
+
+    Raises:
+        ValueError: There is no such stage; the message names those that there are.
+    """
+    if not target:
+        return text
+    begins = [(number, name) for number, _, name in stages(text)]
+    named = [index for index, (_, name) in enumerate(begins) if name == target.lower()]
+    if not named and target.isdecimal() and int(target) < len(begins):
+        named = [int(target)]
+    if not named:
+        known = ", ".join(name for _, name in begins if name) or "none has a name"
+        raise ValueError(f"the Dockerfile has no stage '{target[:60]}' ({known})")
+    following = begins[named[-1] + 1 :]
+    return "\n".join(text.split("\n")[: following[0][0] - 1]) + "\n" if following else text
+
+
+def declared(text: str) -> frozenset[str]:
+    """Return the names that ARG instructions declare."""
+    words = (word for _, name, rest in instructions(text) if name == "ARG" for word in rest.split())
+    return frozenset(word.partition("=")[0] for word in words)
+
+
 def is_open(image: str) -> bool:
     """Return whether only the builder knows which image a name in FROM means."""
     return _EXPANDED.search(image) is not None

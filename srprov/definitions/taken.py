@@ -14,6 +14,7 @@ from srprov.definitions.container import Container
 from srprov.definitions.merging import FROM_CONTROLLER
 from srprov.definitions.model import Service
 from srprov.definitions.paths import inside
+from srprov.git_address import parse_address
 from srprov.secret import Secret, Vault
 from srprov.yamldoc.nodes import Map
 
@@ -45,7 +46,10 @@ def _of_container(container: Container | None) -> Iterator[str]:
     yield from container.files
     if container.definition.dockerfile:
         yield container.definition.dockerfile
-        yield os.path.dirname(container.definition.dockerfile)  # the build context
+        yield container.definition.context or os.path.dirname(container.definition.dockerfile)  # the build context
+    for repository in container.definition.repositories:
+        if local := parse_address(repository.url).path:
+            yield local
     for file in container.definition.files:
         yield file.source
 

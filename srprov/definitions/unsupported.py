@@ -47,15 +47,8 @@ def _empty(node: Node | None) -> bool:
 
 def note_unsupported_of_cdf(layer: Map, findings: Findings) -> None:
     """Add what a CDF says that is not built yet; `layer` is in normal form."""
-    packages = layer.entries.get("packages")
-    npm = packages.entries.get("npm") if isinstance(packages, Map) else None
-    extends, repositories = layer.entries.get("extends"), layer.entries.get("repositories")
+    extends, policy = layer.entries.get("extends"), layer.entries.get("pull_policy")
     if isinstance(extends, Map):
         findings.add(extends, "a CDF from git is not supported yet", ("extends",))
-    if isinstance(repositories, Seq) and repositories.items:
-        findings.add(layer.keys["repositories"], "'repositories' is not supported yet", ("repositories",))
-    if isinstance(packages, Map) and isinstance(npm, Seq) and npm.items:
-        findings.add(packages.keys["npm"], "'packages.npm' is not supported yet", ("packages", "npm"))
-    policy = layer.entries.get("pull_policy")
     if isinstance(policy, Scalar) and policy.text != "missing":
         findings.add(policy, f"'pull_policy: {policy.text}' is not supported yet", ("pull_policy",))

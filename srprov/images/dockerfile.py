@@ -12,68 +12,20 @@ Source: Dockerfile reference; PEP 668; deb's apt-get(8).
 from __future__ import annotations
 
 import posixpath
-from collections.abc import Callable, Iterator
-from functools import cache, partial
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import TypeVar
-
-import jinja2
 
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.image_reference import Reference, parse_reference
 from srprov.images import quoting
 from srprov.images.plan import Dockerfile
+from srprov.images.template import template
 from srprov.wire import quote
 
 _T = TypeVar("_T")
 
-# `at(field)` marks where the lines of a field of the CDF begin; the marks are taken out again for the line map.
-_TEMPLATE = """\
-{% macro install(packages) -%}
-apt-get -o Acquire::Retries=3 update \\
- && DEBIAN_FRONTEND=noninteractive apt-get -o Acquire::Retries=3 install -y --no-install-recommends {{ packages }} \\
- && rm -rf /var/lib/apt/lists/* /var/cache/apt/archives/*.deb
-{%- endmacro -%}
-{{ at("base") }}FROM {{ base }}
-{% if apt %}
-{{ at("packages.apt") }}RUN {{ install(apt) }}
-{% endif %}
-{% if pip %}
-{{ at("packages.pip") }}RUN { python3 -m pip -V >/dev/null 2>&1 || { {{ install("python3 python3-pip") }}; }; } \\
- && PIP_BREAK_SYSTEM_PACKAGES=1 PIP_ROOT_USER_ACTION=ignore PIP_DISABLE_PIP_VERSION_CHECK=1 \\
-    python3 -m pip install --no-cache-dir {{ pip }}
-{% endif %}
-{% if npm %}
-{{ at("packages.npm") }}RUN { command -v npm >/dev/null 2>&1 || { {{ install("nodejs npm") }}; }; } \\
- && npm install --global --no-fund --no-audit {{ npm }} \\
- && npm cache clean --force
-{% endif %}
-{% if environment %}
-{{ at("environment") }}ENV {{ environment | join(" \\\\\\n    ") }}
-{% endif %}
-{% if working_dir %}
-{{ at("working_dir") }}WORKDIR {{ working_dir }}
-{% endif %}
-{% for copy in files %}
-{{ at("files." ~ loop.index0) }}COPY {{ copy }}
-{% endfor %}
-{% for script in run %}
-{{ at("run." ~ loop.index0) }}RUN {{ script }}
-{% endfor %}
-{% if user %}
-{{ at("user") }}USER {{ user }}
-{% endif %}
-{% if stop_signal %}
-{{ at("stop_signal") }}STOPSIGNAL {{ stop_signal }}
-{% endif %}
-{% if entrypoint %}
-{{ at("entrypoint") }}ENTRYPOINT {{ entrypoint }}
-{% endif %}
-{% if command %}
-{{ at("command") }}CMD {{ command }}
-{% endif %}
-{{ at("name") }}{{ label }}
-"""
 _MARK = "\x01"
 
 
@@ -121,8 +73,13 @@ def context_name(index: int) -> str:
     return f"files/{index}"
 
 
-def render_dockerfile(cdf: ContainerDefinition) -> Dockerfile:
-    """Render a CDF that has a `base`.
+def repository_name(index: int) -> str:
+    """Return the name of a code repository's folder, by its number, in the build context."""
+    return f"repositories/{index}"
+
+
+def render_dockerfile(cdf: ContainerDefinition, commits: Sequence[str] = ()) -> Dockerfile:
+    """Render a CDF that has a `base`; `commits` are those of its code repositories.
 
     Raises:
         DefinitionError: Values that a Dockerfile cannot hold; all of them, at their lines.
@@ -133,6 +90,8 @@ def render_dockerfile(cdf: ContainerDefinition) -> Dockerfile:
         "base": base.familiar if base else "scratch",
         **{kind: _packages(errors, kind, getattr(cdf, kind)) for kind in ("apt", "pip", "npm")},
         "environment": _environment(errors),
+        "own_variables": cdf.build_environment,
+        "repositories": [_repository(errors, i, commit) for i, commit in enumerate(commits)],
         "files": [
             errors.attempt(f"files.{i}", partial(_copy, i, file.source, file.dest), "")
             for i, file in enumerate(cdf.files)
@@ -141,7 +100,7 @@ def render_dockerfile(cdf: ContainerDefinition) -> Dockerfile:
         **_process(errors),
         "label": errors.attempt("name", lambda: label_line(cdf), ""),
     }
-    text, fields = _unmark(_template().render(values, at=lambda field: f"{_MARK}{field}{_MARK}"))
+    text, fields = _unmark(template().render(values, at=lambda field: f"{_MARK}{field}{_MARK}"))
     for number, line in enumerate(text.split("\n"), 1):
         if len(line.encode()) > quoting.LONGEST_LINE:
             message = f"it is longer than Docker's builder takes ({quoting.LONGEST_LINE} bytes); put it into a file"
@@ -153,14 +112,6 @@ def render_dockerfile(cdf: ContainerDefinition) -> Dockerfile:
         base=base.canonical if base else "scratch",
         pinned=base.pinned if base else True,
     )
-
-
-@cache
-def _template() -> jinja2.Template:
-    environment = jinja2.Environment(  # noqa: S701 - no HTML; values come in escaped for Dockerfiles
-        undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True, keep_trailing_newline=True
-    )
-    return environment.from_string(_TEMPLATE)
 
 
 def _base(text: str) -> Reference | None:
@@ -186,6 +137,17 @@ def _copy(index: int, source: str, dest: str) -> str:
     # with a slash at its end it is a folder to copy into, for files and folders alike
     target = dest + posixpath.basename(source.rstrip("/")) if dest.endswith("/") else dest
     return quoting.exec_form((context_name(index), quoting.path("the destination", target)))
+
+
+def _repository(errors: FieldErrors, index: int, commit: str) -> dict[str, object]:
+    one = errors.cdf.repositories[index]
+    words = (repository_name(index), quoting.path("the repository's folder", one.path))
+    return {
+        "commit": commit,
+        "url": one.url,
+        "words": errors.attempt(f"repositories.{index}.path", lambda: quoting.exec_form(words), ""),
+        "run": [quoting.exec_form(("/bin/sh", "-ec", f"cd {quote(one.path)}\n{script}")) for script in one.run],
+    }
 
 
 def _process(errors: FieldErrors) -> dict[str, str]:

@@ -32,6 +32,17 @@ class ContextFile:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class Checkout:
+    """What a code repository gives to an image."""
+
+    commit: str
+    files: tuple[ContextFile, ...]
+    """With paths inside the repository."""
+    moving: str = ""
+    """In words, the name that led to the commit today and may lead elsewhere tomorrow; empty: it is pinned."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Dockerfile:
     """A Dockerfile as text, and where each of its lines comes from."""
 
@@ -55,6 +66,8 @@ class ImagePlan:
     """An uncompressed tar; the Dockerfile in it is named `Dockerfile`."""
     base: str
     pinned: bool
+    moving: tuple[str, ...] = ()
+    """Of its code repositories, in words, what was looked up today and may be another commit tomorrow."""
     platforms: tuple[str, ...] = ()
     lines: Mapping[int, Location] = field(default_factory=lambda: MappingProxyType({}))
     """Line of `dockerfile`, from 1 -> place in the user's file."""

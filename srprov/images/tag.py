@@ -13,18 +13,27 @@ import hashlib
 import json
 import posixpath
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from functools import partial
 
 from srprov import plain_tar
 from srprov.definitions.containermodel import ContainerDefinition
-from srprov.definitions.dockerfile import stages
+from srprov.definitions.dockerfile import stages, until_stage
 from srprov.errors import Location
 from srprov.image_reference import parse_reference
+from srprov.images.args import with_args
 from srprov.images.context import DOCKERFILE, Listing, Read, context_tar, entries_of, folder_entries
-from srprov.images.dockerfile import FieldErrors, context_name, instruction_lines, label_line, render_dockerfile
+from srprov.images.dockerfile import (
+    FieldErrors,
+    context_name,
+    instruction_lines,
+    label_line,
+    render_dockerfile,
+    repository_name,
+)
 from srprov.images.mark import marked
-from srprov.images.plan import ContextFile, Dockerfile, ImagePlan
+from srprov.images.plan import Checkout, ContextFile, Dockerfile, ImagePlan
 
 _TAG_LENGTH = 16
 _FORMAT = 1
@@ -33,13 +42,25 @@ _FORMAT = 1
 _FOLDER = 0o755
 
 
-def plan_image(cdf: ContainerDefinition, listing: Listing, read: Read) -> ImagePlan:
+Checkouts = Callable[[ContainerDefinition, int], Checkout]
+"""A CDF and the number of one of its code repositories -> what it gives; raises ValueError or OSError."""
+
+
+def no_repositories(cdf: ContainerDefinition, index: int) -> Checkout:
+    """Refuse: for callers that have nobody who fetches."""
+    raise ValueError("nobody fetches repositories here")
+
+
+def plan_image(
+    cdf: ContainerDefinition, listing: Listing, read: Read, checkout: Checkouts = no_repositories
+) -> ImagePlan:
     """Plan the image of a CDF that has a `base` or a `dockerfile`.
 
     Args:
         cdf: the definition; one with `image` has nothing to build.
         listing: gives the files below a path of the controller.
         read: gives one file's content.
+        checkout: gives a code repository's commit and files.
 
     Raises:
         DefinitionError: Fields that cannot become an image, files that cannot be read; all of them, at their lines.
@@ -47,7 +68,11 @@ def plan_image(cdf: ContainerDefinition, listing: Listing, read: Read) -> ImageP
     """
     if cdf.image:
         raise ValueError(f"{cdf.name} names a ready image: nothing is built")
-    written, entries = _from_folder(cdf, listing, read) if cdf.dockerfile else _from_base(cdf, listing, read)
+    moving: tuple[str, ...] = ()
+    if cdf.dockerfile:
+        written, entries = _from_folder(cdf, listing, read)
+    else:
+        written, entries, moving = _from_base(cdf, listing, read, checkout)
     dockerfile = marked(written)
     return ImagePlan(
         tag=f"srprov/{_slug(cdf.name)}:{content_hash(dockerfile, entries)[:_TAG_LENGTH]}",
@@ -55,6 +80,7 @@ def plan_image(cdf: ContainerDefinition, listing: Listing, read: Read) -> ImageP
         context=context_tar(dockerfile.text, entries),
         base=dockerfile.base,
         pinned=dockerfile.pinned,
+        moving=moving,
         platforms=cdf.platforms,
         lines=dockerfile.lines,
     )
@@ -108,14 +134,21 @@ def _slug(name: str) -> str:
     return re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")[:100] or "cdf"
 
 
-def _from_base(cdf: ContainerDefinition, listing: Listing, read: Read) -> tuple[Dockerfile, Sequence[ContextFile]]:
-    dockerfile, errors = render_dockerfile(cdf), FieldErrors(cdf)
-    entries: list[ContextFile] = []
+def _from_base(
+    cdf: ContainerDefinition, listing: Listing, read: Read, checkout: Checkouts
+) -> tuple[Dockerfile, Sequence[ContextFile], tuple[str, ...]]:
+    errors, none = FieldErrors(cdf), Checkout(commit="", files=())
+    places = range(len(cdf.repositories))
+    taken = [errors.attempt(f"repositories.{i}", partial(checkout, cdf, i), none) for i in places]
+    dockerfile = render_dockerfile(cdf, [one.commit for one in taken])
+    entries = [
+        replace(file, path=f"{repository_name(i)}/{file.path}") for i, one in enumerate(taken) for file in one.files
+    ]
     for index, file in enumerate(cdf.files):
         found = partial(entries_of, context_name(index), file.source, file.mode, listing, read)
         entries += errors.attempt(f"files.{index}", found, entries[:0])
     errors.raise_any()
-    return dockerfile, entries
+    return dockerfile, entries, tuple(one.moving for one in taken if one.moving)
 
 
 def _from_folder(cdf: ContainerDefinition, listing: Listing, read: Read) -> tuple[Dockerfile, Sequence[ContextFile]]:
@@ -124,17 +157,24 @@ def _from_folder(cdf: ContainerDefinition, listing: Listing, read: Read) -> tupl
         if getattr(cdf, field):
             name = f"packages.{field}" if field in ("apt", "pip", "npm") else field
             errors.attempt(name, _refuse, None)
-    text = errors.attempt("dockerfile", lambda: read(cdf.dockerfile).decode("utf-8"), "")
+    text = errors.attempt("dockerfile", lambda: _tailored(read(cdf.dockerfile).decode("utf-8"), cdf), "")
     label = errors.attempt("name", lambda: label_line(cdf), "")
     entries: list[ContextFile] = []
     entries = errors.attempt(
-        "dockerfile", lambda: folder_entries(posixpath.dirname(cdf.dockerfile), listing, read), entries
+        "dockerfile",
+        lambda: folder_entries(cdf.context or posixpath.dirname(cdf.dockerfile), listing, read),
+        entries,
     )
     errors.raise_any()
-    text = text.replace("\r\n", "\n").rstrip("\n") + "\n"
     lines = {number: Location(cdf.dockerfile, number) for number in range(1, text.count("\n") + 1)}
     base, pinned = _bases(text)
     return Dockerfile(text=f"{text}{label}\n", lines=lines, base=base, pinned=pinned), entries
+
+
+def _tailored(text: str, cdf: ContainerDefinition) -> str:
+    """Return a Dockerfile as it is built: with the CDF's values for ARG, up to the stage that the CDF wants."""
+    whole = until_stage(text.replace("\r\n", "\n"), cdf.target).rstrip("\n") + "\n"
+    return with_args(whole, cdf.build_args)
 
 
 def _refuse() -> None:

@@ -35,13 +35,14 @@ KINDS = (
     "restart-always",
     "built-image",
     "engine-fetch",
+    "git",
     "outside",
     "env",
     "secret",
     "playbook",
 )
-ASKED_FIRST = ("outside", "env", "secret", "playbook")
-"""Kinds that `plan` must not serve without permission either: to plan is to read, render or ask what they say."""
+ASKED_FIRST = ("git", "outside", "env", "secret", "playbook")
+"""Kinds that `plan` must not serve without permission either: to plan is to fetch, read, render or ask for it."""
 _SOCKETS = ("/run/docker.sock", "/run/containerd/containerd.sock", "/run/podman/podman.sock")
 _ENGINES = (
     *("/run/docker", "/run/containerd", "/run/podman", "/run/containers", "/run/srprov", "/run/user"),
@@ -72,6 +73,7 @@ def permissions(
     """List what the experiment and its CDFs ask for, sorted by kind and service; playbooks last, in their order."""
     found = [one for service in experiment.services.values() for one in _of_service(service)]
     found += [one for service in experiment.services.values() for one in _of_image(service, containers)]
+    found += [one for service in experiment.services.values() for one in _of_repositories(service, containers)]
     found += _of_network(experiment.network)
     for service in experiment.services.values():
         for use in service.secrets:
@@ -159,6 +161,15 @@ def _of_image(service: Service, containers: Mapping[str, ContainerDefinition]) -
         if source.startswith("FROM "):
             what = f"{source}: which ONBUILD instructions run then is not known"
         yield Permission(kind="engine-fetch", service=service.name, what=what)
+
+
+def _of_repositories(service: Service, containers: Mapping[str, ContainerDefinition]) -> Iterator[Permission]:
+    """Yield what git fetches on the controller, from wherever a stranger says."""
+    cdf = containers.get(service.cdf)
+    for one in cdf.repositories if cdf else ():
+        how = "" if one.url.startswith(("https:", "file:")) else " with your SSH keys"
+        what = f"{one.url}, {one.ref or 'its default branch'}: fetched here{how}, its files go into the image"
+        yield Permission(kind="git", service=service.name, what=what)
 
 
 def _not_from_a_registry(name: str) -> str:

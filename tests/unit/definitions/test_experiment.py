@@ -273,8 +273,6 @@ def test_what_is_not_built_yet_is_listed_at_its_line(
     ("text", "line"),
     [
         ("cdf: 1\nextends: {git: 'https://x', path: a.cdf}\n", 2),
-        ("cdf: 1\nbase: x\nrepositories: [{git: 'https://x', path: /x}]\n", 3),
-        ("cdf: 1\nbase: x\npackages:\n  npm: [express]\n", 4),
     ],
 )
 def test_what_of_a_cdf_is_not_built_yet(tmp_path: Path, text: str, line: int) -> None:

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from srprov.definitions.containermodel import BuildFile, ContainerDefinition, Runtime
+from srprov.definitions.containermodel import BuildFile, ContainerDefinition, Repository, Runtime
 from srprov.errors import DefinitionError, Location
 from srprov.images import quoting
 from srprov.images.dockerfile import instruction_lines, render_dockerfile
@@ -22,6 +22,10 @@ FULL = dataclasses.replace(
     apt=("ros-core", "curl=7.88.*"),
     pip=("numpy == 1.26.4", "cyclonedds"),
     npm=("@scope/pkg@^1.2.0",),
+    repositories=(
+        Repository(url="https://host/driver.git", ref="v1", path="/ws/src/driver", run=("make", "make install")),
+        Repository(url="git@host:lab/msgs", ref="", path="/ws/it's"),
+    ),
     files=(BuildFile(source="/lab/talker.py", dest="/opt/talker/"), BuildFile(source="/lab/conf", dest="/etc/talker")),
     run=("python3 -m compileall /opt/talker", "echo one\necho two"),
     build_environment=MappingProxyType({"ROS_DISTRO": "debian", "GREETING": 'say "hi" to $USER'}),
@@ -32,13 +36,18 @@ FULL = dataclasses.replace(
         user="1000:1000",
         stop_signal="SIGINT",
     ),
-    lines=MappingProxyType({"base": 3, "packages": 4, "packages.apt": 5, "run.1": 12, "files": 8}),
+    lines=MappingProxyType(
+        {"repositories.0.run.1": 9, "base": 3, "packages": 4, "packages.apt": 5, "run.1": 12, "files": 8}
+    ),
 )
+
+
+COMMITS = ("1" * 40, "2" * 40)
 
 
 def test_a_full_definition() -> None:
     golden = Path(__file__).parents[2] / "golden" / "dockerfile.txt"
-    assert render_dockerfile(FULL).text == golden.read_text(encoding="utf-8")
+    assert render_dockerfile(FULL, COMMITS).text == golden.read_text(encoding="utf-8")
 
 
 def test_the_smallest_definition() -> None:
@@ -55,28 +64,29 @@ def test_beginning_with_nothing() -> None:
 
 def test_definitions_with_equal_packages_share_their_first_layers() -> None:
     other = dataclasses.replace(FULL, name="listener", apt=tuple(reversed(FULL.apt)), run=("true",), files=())
-    one, two = render_dockerfile(FULL).text.split("\n"), render_dockerfile(other).text.split("\n")
-    env = next(i for i, line in enumerate(one) if line.startswith("ENV"))
+    one, two = render_dockerfile(FULL, COMMITS).text.split("\n"), render_dockerfile(other).text.split("\n")
+    env = next(i for i, line in enumerate(one) if line.startswith("ENV GREETING"))
     assert one[:env] == two[:env]
 
 
 def test_shell_lines_are_shell_and_exec_forms_are_json() -> None:
-    for line in render_dockerfile(FULL).text.splitlines():
+    for line in render_dockerfile(FULL, COMMITS).text.splitlines():
         word, _, rest = line.partition(" ")
         if word in ("COPY", "ENTRYPOINT", "CMD") or rest.startswith("["):
             assert isinstance(json.loads(rest), list)
 
 
 def test_the_line_map_leads_back_to_the_definition() -> None:
-    found = render_dockerfile(FULL)
+    found = render_dockerfile(FULL, COMMITS)
     at = {line.split(" ")[0] + str(number): number for number, line in enumerate(found.text.splitlines(), 1)}
     assert len(found.lines) == len(found.text.splitlines())
     assert found.lines[1] == Location("/lab/talker.cdf", 3)
     assert found.lines[2] == found.lines[4] == Location("/lab/talker.cdf", 5)
     assert found.lines[at["RUN5"]] == Location("/lab/talker.cdf", 4)  # packages.pip is not in the map, packages is
-    assert found.lines[at["COPY18"]] == Location("/lab/talker.cdf", 8)
-    assert found.lines[at["RUN21"]] == Location("/lab/talker.cdf", 12)
-    assert found.lines[at["USER22"]] == Location("/lab/talker.cdf", 1)
+    assert found.lines[at["RUN22"]] == Location("/lab/talker.cdf", 9)
+    assert found.lines[at["COPY25"]] == Location("/lab/talker.cdf", 8)
+    assert found.lines[at["RUN28"]] == Location("/lab/talker.cdf", 12)
+    assert found.lines[at["USER29"]] == Location("/lab/talker.cdf", 1)
 
 
 @pytest.mark.parametrize(

@@ -90,6 +90,7 @@ def test_every_kind_is_asked_by_something() -> None:
         "playbook",
         "env",
         "outside",
+        "git",
     } == set(KINDS)
 
 

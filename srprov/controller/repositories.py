@@ -1,0 +1,72 @@
+"""The code repositories of CDFs, for one plan: each name is looked up once, each commit fetched once.
+
+Takes CDFs; gives what `images` puts into a build context. Robots have no part in it: they get files.
+"""
+
+from __future__ import annotations
+
+import functools
+import posixpath
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+
+from srprov import disk
+from srprov.definitions.containermodel import ContainerDefinition
+from srprov.git import cache
+from srprov.git.program import GitError
+from srprov.git.tree import TreeFile
+from srprov.git_address import is_commit, parse_address
+from srprov.images.plan import Checkout, ContextFile
+
+_AT_ONCE = 8
+
+
+class Repositories:
+    """What was looked up and fetched for one plan."""
+
+    def __init__(self, containers: Iterable[ContainerDefinition]) -> None:
+        """Look up the names in all CDFs, side by side; what fails is told where it is wanted."""
+        wanted = {(one.url, one.ref) for cdf in containers for one in cdf.repositories}
+        with ThreadPoolExecutor(_AT_ONCE) as pool:
+            self._commits = dict(zip(wanted, pool.map(_resolved, wanted), strict=True))
+
+    def checkout(self, cdf: ContainerDefinition, index: int) -> Checkout:
+        """Return the commit and files of a CDF's repository.
+
+        Raises:
+            ValueError: It cannot be fetched, or holds what an image cannot have.
+            OSError: It cannot be kept here, or all that is shipped is too much.
+        """
+        one = cdf.repositories[index]
+        commit = self._commits[(one.url, one.ref)]
+        try:
+            if isinstance(commit, GitError):
+                raise commit
+            below = {posixpath.relpath(other.path, one.path) for other in cdf.repositories if other is not one}
+            files = _files(one.url, commit, frozenset(below))
+        except GitError as error:
+            raise ValueError(f"{one.url}: {error}") from None
+        disk.spend(one.url, sum(len(file.content) for file in files), len(files))
+        moving = (
+            "" if is_commit(one.ref) else f"{one.ref or 'the default branch'} of {one.url} is commit {commit[:12]} now"
+        )
+        return Checkout(commit=commit, files=tuple(map(_in_context, files)), moving=moving)
+
+
+def _resolved(wanted: tuple[str, str]) -> str | GitError:
+    url, ref = wanted
+    try:
+        return cache.resolve(parse_address(url), ref)
+    except GitError as error:
+        return error
+
+
+@functools.lru_cache(maxsize=16)  # several CDFs of an experiment may have one repository
+def _files(url: str, commit: str, elsewhere: frozenset[str]) -> tuple[TreeFile, ...]:
+    return cache.files(parse_address(url), commit, disk.MAX_BYTES, elsewhere=elsewhere)
+
+
+def _in_context(file: TreeFile) -> ContextFile:
+    if file.is_link:
+        return ContextFile(path=file.path, link=file.content.decode("utf-8"), mode=0o777)
+    return ContextFile(path=file.path, content=file.content, mode=0o755 if file.executable else 0o644)

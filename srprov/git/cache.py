@@ -1,0 +1,153 @@
+"""Bare repositories that were fetched, one per address, below the user's cache folder.
+
+Takes addresses, names and commits; gives commits and files. The network is asked for a name that may have moved, and
+for a commit that is not there yet. Nothing is checked out: files are read as they are in the commit.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import hashlib
+import os
+import tempfile
+import time
+from collections.abc import Collection, Iterator
+from pathlib import Path
+
+from srprov import private
+from srprov.git.program import FETCH_S, LOOK_S, GitError, run
+from srprov.git.tree import MOST_FILES, Entry, TreeFile, check_links, entries
+from srprov.git_address import Address, is_commit
+
+_MOST_NAMES = 1 << 20
+_MOST_LISTED = MOST_FILES * 400
+_ALL = ("+refs/heads/*:refs/srprov/heads/*", "+refs/tags/*:refs/srprov/tags/*")
+
+
+def default_folder() -> Path:
+    """Return where repositories are kept: `$XDG_CACHE_HOME/srprov/git`."""
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "srprov" / "git"
+
+
+def resolve(address: Address, ref: str) -> str:
+    """Return the commit that a branch or tag is now; an empty name is the default branch.
+
+    Raises:
+        GitError: There is none, or the repository cannot be reached.
+    """
+    if is_commit(ref):
+        return ref
+    full = ref.startswith("refs/")
+    names = [ref or "HEAD"] if full or not ref else [f"refs/tags/{ref}", f"refs/heads/{ref}"]
+    asked = [*names, *(f"{name}^{{}}" for name in names)]
+    arguments = ["ls-remote", "--quiet", "--", address.url, *asked]
+    printed = run(arguments, transport=address.scheme, most=_MOST_NAMES, seconds=LOOK_S).decode("utf-8", "replace")
+    found = {name: commit for commit, _, name in (line.partition("\t") for line in printed.splitlines())}
+    commits = {found.get(f"{name}^{{}}") or found[name] for name in names if name in found}
+    if len(commits) > 1:
+        raise GitError(f"'{ref}' is a branch and a tag: write refs/heads/{ref} or refs/tags/{ref}")
+    if not commits or not is_commit(next(iter(commits))):
+        short = " (a commit is named by all of its digits)" if ref and set(ref) <= set("0123456789abcdef") else ""
+        raise GitError(f"it has no branch or tag '{ref}'{short}" if ref else "it has no default branch")
+    return commits.pop()
+
+
+def files(
+    address: Address, commit: str, most: int, *, elsewhere: Collection[str] = (), folder: Path | None = None
+) -> tuple[TreeFile, ...]:
+    """Return what a commit holds, sorted by path; it is fetched if it is not there yet.
+
+    Args:
+        address: The repository.
+        commit: In full.
+        most: Bytes that all files may have together.
+        elsewhere: Paths of submodules that are repositories of their own.
+        folder: Where repositories are kept; None: `default_folder()`.
+
+    Raises:
+        GitError: It cannot be fetched, or holds what cannot be taken.
+        OSError: It cannot be kept.
+    """
+    place = (folder or default_folder()) / f"{hashlib.sha256(address.url.encode()).hexdigest()[:32]}.git"
+    with _locked(place):
+        if not _has(place, commit):
+            _fetch(place, address, commit)
+    arguments = [f"--git-dir={place}", "ls-tree", "-r", "-z", "-l", "--full-tree", commit]
+    found = entries(run(arguments, most=_MOST_LISTED, seconds=LOOK_S), most, elsewhere)
+    contents = _contents(place, found)
+    check_links({one.path: contents[one.object] for one in found if one.is_link})
+    return tuple(
+        TreeFile(one.path, contents[one.object], one.executable, one.is_link)
+        for one in sorted(found, key=lambda one: one.path)
+    )
+
+
+@contextlib.contextmanager
+def _locked(place: Path) -> Iterator[None]:
+    """Let one process at a time fetch into a repository."""
+    private.make_folder(place.parent)
+    end = time.monotonic() + FETCH_S
+    guard = os.open(place.with_suffix(".lock"), os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    try:
+        while True:
+            try:
+                fcntl.flock(guard, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                if time.monotonic() > end:
+                    raise GitError(f"another process fetches it since {FETCH_S:g} s") from None
+                time.sleep(0.1)
+        yield
+    finally:
+        os.close(guard)
+
+
+def _has(place: Path, commit: str) -> bool:
+    if not place.is_dir():
+        return False
+    try:
+        run([f"--git-dir={place}", "cat-file", "-e", f"{commit}^{{tree}}"], most=0, seconds=LOOK_S)
+    except GitError:
+        return False
+    return True
+
+
+def _fetch(place: Path, address: Address, commit: str) -> None:
+    kind = "sha256" if len(commit) == 64 else "sha1"
+    made = ["init", "--quiet", "--bare", "--template=", f"--object-format={kind}", "--", str(place)]
+    run(made, most=_MOST_NAMES, seconds=LOOK_S)
+    fetch = [f"--git-dir={place}", "fetch", "--quiet", "--no-tags", "--no-write-fetch-head"]
+    for more in (
+        ["--depth=1", "--", address.url, commit],
+        ["--", address.url, *_ALL],
+    ):  # not every server gives a commit by its id
+        try:
+            run([*fetch, *more], transport=address.scheme, most=_MOST_NAMES, seconds=FETCH_S)
+        except GitError as error:
+            why = error
+        else:
+            if _has(place, commit):
+                return
+            why = GitError(f"it has no commit {commit}")
+    raise why
+
+
+def _contents(place: Path, found: list[Entry]) -> dict[str, bytes]:
+    """Return object -> content; the sizes were checked before."""
+    sizes = {one.object: one.size for one in found}
+    whole = sum(len(f"{name} blob {size}\n") + size + 1 for name, size in sizes.items())
+    with tempfile.TemporaryFile() as asked:
+        asked.write("".join(f"{name}\n" for name in sizes).encode())
+        asked.seek(0)
+        batch = [f"--git-dir={place}", "cat-file", "--batch"]
+        printed = memoryview(run(batch, most=whole, seconds=FETCH_S, given=asked))
+    contents, at = {}, 0  # type: dict[str, bytes], int
+    for name, size in sizes.items():
+        begin = f"{name} blob {size}\n".encode()
+        if printed[at : at + len(begin)] != begin:
+            raise GitError(f"the object {name} is missing in {place}; remove that folder")
+        at += len(begin)
+        contents[name] = bytes(printed[at : at + size])
+        at += size + 1
+    return contents
