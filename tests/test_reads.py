@@ -26,6 +26,7 @@ OWN: Mapping[str, str] = {
     "rendering/limited.py": "a pipe of its own, and a file of the kernel's",
     "private.py": "writes files of its own, for their owner alone",
     "record/folder.py": "writes the run's record, into a new folder",
+    "transport/blobs.py": "the user's own cache; what a file holds is compared with the digest in its name",
     "transport/openssh/algorithms.py": "a file of the kernel's",
     "transport/openssh/host_keys.py:_append": "writes the key of a new robot",
     "cli/streams.py": "/dev/null",

@@ -1,0 +1,103 @@
+"""Images as engines with classic stores know them: which layers one has, and which of them another robot lacks. Pure.
+
+A store finds a layer by its *chain id*, made of the diff ids (sha256 of the uncompressed tar) of that layer and of all
+below it. So the same layer on another base is missing, and one whose chain is there comes with all below it, however
+it got there: by build, load or pull.
+
+Source: OCI Image Format Specification, "Layer ChainID"; moby's `image/tarexport/load.go`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from srprov.untrusted import integer, mapping, string
+
+MANIFEST = "manifest.json"
+_DIGEST = re.compile("sha256:[0-9a-f]{64}")
+_MOST_LAYERS = 512
+"""An engine takes 127."""
+_CONTAINERD = "io.containerd.snapshotter.v1"
+
+
+@dataclass(frozen=True, slots=True)
+class Image:
+    """An image by what its configuration says."""
+
+    id: str
+    """sha256 of the configuration, in a classic store."""
+    diff_ids: tuple[str, ...]
+    """From the base up."""
+
+
+def read_image(inspected: object) -> Image | None:
+    """Return an image from an engine's `/images/NAME/json`; None for what is none."""
+    said = mapping(inspected)
+    layers = mapping(said.get("RootFS")).get("Layers")
+    return _image(string(said.get("Id")), layers)
+
+
+def read_config(image_id: str, config: object) -> Image | None:
+    """Return an image from its configuration; None for what is none. Whoever calls has compared it with the id."""
+    return _image(image_id, mapping(mapping(config).get("rootfs")).get("diff_ids"))
+
+
+def _image(image_id: str, layers: object) -> Image | None:
+    diff_ids = tuple(string(one) for one in layers[: _MOST_LAYERS + 1]) if isinstance(layers, list) else ()
+    if not diff_ids or len(diff_ids) > _MOST_LAYERS or not all(map(_DIGEST.fullmatch, (image_id, *diff_ids))):
+        return None
+    return Image(image_id, diff_ids)
+
+
+def has_classic_store(info: object) -> bool:
+    """Return whether an engine's `/info` tells a store that finds layers by chain id; of one that is silent, not."""
+    said = mapping(info)
+    status = said.get("DriverStatus")
+    pairs = status[:64] if isinstance(status, list) else []
+    return bool(string(said.get("Driver"))) and not any(isinstance(one, list) and _CONTAINERD in one for one in pairs)
+
+
+def chain_ids(diff_ids: Sequence[str]) -> list[str]:
+    """Return the chain id of each layer."""
+    chains: list[str] = []
+    for diff_id in diff_ids:
+        both = f"{chains[-1]} {diff_id}".encode() if chains else b""
+        chains.append(f"sha256:{hashlib.sha256(both).hexdigest()}" if both else diff_id)
+    return chains
+
+
+def missing_layers(image: Image, there: Iterable[Image]) -> tuple[str, ...]:
+    """Return the diff ids of an image's layers that a robot with these images lacks, from below."""
+    known = {chain for one in there for chain in chain_ids(one.diff_ids)}
+    lacks = [diff for diff, chain in zip(image.diff_ids, chain_ids(image.diff_ids), strict=True) if chain not in known]
+    return tuple(lacks)
+
+
+def config_name(image: Image) -> str:
+    """Return how the configuration is called in an archive."""
+    return f"{image.id.removeprefix('sha256:')}.json"
+
+
+def layer_name(diff_id: str) -> str:
+    """Return how a layer is called in an archive."""
+    return f"{diff_id.removeprefix('sha256:')}.tar.gz"
+
+
+def manifest(image: Image, tag: str) -> bytes:
+    """Return an archive's list of images: this one, with all of its layers, whether they are in the archive or not."""
+    layers = [layer_name(one) for one in image.diff_ids]
+    return json.dumps([{"Config": config_name(image), "RepoTags": [tag], "Layers": layers}]).encode()
+
+
+def history_sizes(history: object, layers: int) -> list[int] | None:
+    """Return the bytes of each layer, uncompressed, from an engine's `/images/NAME/history`; None if they do not fit.
+
+    Steps of a build that made no layer have no size, and so may a layer that is empty; then nobody can tell.
+    """
+    sizes = [integer(mapping(one).get("Size")) for one in history[:1000]] if isinstance(history, list) else []
+    made = [size for size in reversed(sizes) if size]
+    return made if len(made) == layers else None
