@@ -147,15 +147,19 @@ class EngineCall:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class CopyImage:
-    """Bring an image from another robot's engine: saved there, loaded here, streamed through the controller."""
+    """Bring an image from another robot's engine over the controller: the layers that are missing here, or all."""
 
     image: str
     source_host: str
+    way: str = ""
+    """`thin` or `whole` (`docker save | docker load`); empty: thin, and whole where that is not possible."""
     timeout_s: float = 1800.0
 
     def text(self) -> str:
         """Show it as the plan does."""
-        return f"copy image {self.image} from {self.source_host} (docker save | docker load over the controller)"
+        how = {"thin": "the layers that are missing", "whole": "docker save | docker load"}
+        kind = how.get(self.way, "the layers that are missing, or whole")
+        return f"copy image {self.image} from {self.source_host} ({kind}, over the controller)"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -48,9 +48,10 @@ ROOMS: Mapping[str, Room] = {
         "click rich tomli",
     ),
     "controller": room(
-        "errors layers regular_file wire session resource secret data disk owner private untrusted sizes"
-        " image_reference git_address git definitions transport facts assignment network images rendering modules"
-        " planning execution record"
+        "errors layers"
+        " regular_file wire session resource secret data disk owner private untrusted sizes image_reference"
+        " git_address git definitions transport facts assignment network images rendering modules planning execution"
+        " record"
     ),
     "disk": room("regular_file images.plan"),
     "regular_file": room(),
@@ -66,14 +67,20 @@ ROOMS: Mapping[str, Room] = {
         "jsonschema jinja2",
     ),
     "transport": room(
-        "errors layers private plain_tar regular_file wire session untrusted secret definitions.model", "paramiko"
-        " fabric invoke docker requests urllib3 psutil", ), "facts": room("errors names wire session untrusted"
-        " resource modules definitions.model"), "assignment": room("errors sizes definitions.containermodel"
-        " definitions.model facts.model"), "network": room("errors names untrusted definitions.model"
-        " facts.model"), "images": room( "errors plain_tar wire image_reference definitions.containermodel"
-        " definitions.dockerfile definitions.model", "jinja2", ), "rendering": room("errors untrusted resource"
-        " data definitions modules yamldoc", "jinja2 yaml"), "modules": room( "errors plain_tar wire untrusted"
-        " resource secret image_reference definitions.model definitions.containermodel definitions.secretmodel"
+        "errors layers private plain_tar regular_file wire session untrusted secret definitions.model",
+        "paramiko fabric invoke docker requests urllib3 psutil",
+    ),
+    "facts": room("errors names wire session untrusted resource modules definitions.model"),
+    "assignment": room("errors sizes definitions.containermodel definitions.model facts.model"),
+    "network": room("errors names untrusted definitions.model facts.model"),
+    "images": room(
+        "errors plain_tar wire image_reference definitions.containermodel definitions.dockerfile definitions.model",
+        "jinja2",
+    ),
+    "rendering": room("errors untrusted resource data definitions modules yamldoc", "jinja2 yaml"),
+    "modules": room(
+        "errors plain_tar wire untrusted resource secret image_reference definitions.model definitions.containermodel"
+        " definitions.secretmodel"
     ),
     "planning": room(
         "errors names untrusted resource wire secret image_reference modules facts.model definitions.containermodel"

@@ -101,11 +101,12 @@ def _fitting(request: PlanRequest, source: Definitions | PlanFile) -> PlanReques
     """
     if isinstance(source, Definitions):
         return inputs.with_own_files(request, source)
-    decided = (request.instance, request.reassign, request.history, request.reassign_unreachable, request.data)
+    decided = (request.instance, request.reassign, request.history, request.reassign_unreachable, request.data,
+               request.copy)  # fmt: skip
     if any(decided):
         raise UsageError(
-            "--instance, --reassign, --history, --data and --unreachable=reassign are decided when a plan is made, not "
-            "when it is applied"
+            "--instance, --reassign, --history, --data, --copy and --unreachable=reassign are decided when a plan is "
+            "made, not when it is applied"
         )
     return request
 

@@ -35,7 +35,7 @@ PROJECT_KEYS = frozenset(
 )  # fmt: skip
 OWN_KEYS = PROJECT_KEYS | {
     *("allow", "yes", "adopt", "data", "volumes", "unreachable", "reassign", "ask-become-pass", "limit", "exclude"),
-    *("instance", "runs", "events", "out", "sign", "signers", "svg", "png", "history", "facts"),
+    *("copy", "instance", "runs", "events", "out", "sign", "signers", "svg", "png", "history", "facts"),
     *("quiet", "json", "detailed-exitcode", "exit-code", "pareto", "follow", "stop-timeout"),
 }
 PARAMETERS = {"inventory": "inventories", "json": "as_json", "format": "form", "out": "target", "facts": "stored"}

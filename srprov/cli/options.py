@@ -42,13 +42,9 @@ INSTANCE = click.option(
 )
 JSON = click.option("--json", "as_json", is_flag=True, help="One JSON document on stdout, all else on stderr.")
 TIMEOUT = click.option(
-    "--timeout",
-    type=Seconds(min=0.1),
-    default=10.0,
-    show_default=True,
-    metavar="S",
+    "--timeout", type=Seconds(min=0.1), default=10.0, show_default=True, metavar="S",
     help="Seconds to connect to a robot.",
-)
+)  # fmt: skip
 LIMIT = click.option(
     "--limit",
     default="",
@@ -131,6 +127,11 @@ _DATA = click.option(
     help="When a service goes to another robot than its data is on: copy the data there and remove it here once the "
     "copy was compared (move), or start without it (leave). Without this it stays, with its service.",
 )  # fmt: skip
+_COPY = click.option(
+    "--copy", type=click.Choice(["thin", "whole"]), default=None,
+    help="How an image gets from one robot to another: without the layers that are there (thin), or all of it (whole). "
+    "Without this, thin wherever both engines can.",
+)  # fmt: skip
 _SEARCH_LIMIT = click.option(
     "--time-limit", type=Seconds(min=0, min_open=True), default=SEARCH_LIMIT_S, show_default=True, metavar="S",
     help="Stop each search after so long, with the best found, and say so; an answer takes up to three.",
@@ -158,8 +159,9 @@ def planning(function: _F) -> _F:
 
     @functools.wraps(function)
     def with_request(
-        *, request: PlanRequest, adopt: bool, unreachable: str, allow: tuple[str, ...], data: str | None, **more: object
-    ) -> object:
+        *, request: PlanRequest, adopt: bool, unreachable: str, allow: tuple[str, ...], data: str | None,
+        copy: str | None, **more: object,
+    ) -> object:  # fmt: skip
         from srprov.controller.permissions import check_kinds
 
         check_kinds(allow)
@@ -171,10 +173,11 @@ def planning(function: _F) -> _F:
             allowed=allowed,
             policies=policies,
             data=data or "",
+            copy=copy or "",
         )
         return function(request=request, unreachable=unreachable, **more)
 
-    return cast("_F", deciding(_ADOPT(_UNREACHABLE(_ALLOW(_DATA(with_request))))))
+    return cast("_F", deciding(_ADOPT(_UNREACHABLE(_ALLOW(_DATA(_COPY(with_request)))))))
 
 
 def _lab_policies(allow: tuple[str, ...]) -> tuple[Policies, frozenset[str]]:

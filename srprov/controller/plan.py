@@ -19,6 +19,7 @@ from srprov.controller.choice import Choice, choice_of, idle_notes, settled
 from srprov.controller.context import contexts
 from srprov.controller.copies import copies
 from srprov.controller.data_plan import plan_data
+from srprov.controller.image_layers import with_layers
 from srprov.controller.labpolicy import enforce, with_limits
 from srprov.controller.owners import Owner
 from srprov.controller.ownership import check_source, owned, trusting
@@ -117,7 +118,7 @@ def make_plan(
     overlay = layout(choice.experiment, placed.placed, snapshot, instance=instance)
     theirs = (*choice.experiment.playbooks, *request.playbooks)
     with together():
-        inputs = _inputs(definitions, choice, placed, overlay, snapshot, source, request)
+        inputs = with_layers(_inputs(definitions, choice, placed, overlay, snapshot, source, request), look)
         desired = _desired(inputs, theirs, vault)
     snapshot = look.probe(snapshot, desired)
     steps, unchanged = diff(desired, owned(snapshot, instance), instance)
@@ -166,6 +167,7 @@ def _inputs(
         record=record(overlay, experiment, placed.placed, source, snapshot.placements.get(overlay.instance)),
         snapshot=snapshot,
         data=plan_data(experiment, placed.placed, choice.data, snapshot, request),
+        copy_way=request.copy,
         known_images=known_images() if images else {},
     )
 

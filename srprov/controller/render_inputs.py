@@ -32,5 +32,9 @@ class RenderInputs:
     """The placement record that every robot gets."""
     snapshot: Snapshot
     data: DataPlan
+    copy_way: str = ""
+    """How the user wants images copied: `thin`, `whole`, or as it is possible."""
+    copied: Mapping[tuple[str, str], Mapping[str, Any]] = field(default_factory=dict)
+    """(robot, image) -> `way` and `missing` of a copy, where that is known."""
     known_images: Mapping[str, Collection[str]] = field(default_factory=dict)
     """Content tag -> ids of images that this machine had built; a robot's own word for a tag is not enough."""

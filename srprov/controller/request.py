@@ -31,6 +31,8 @@ class PlanRequest:
     """Take over an instance that another file made."""
     data: str = ""
     """What becomes of data whose service goes elsewhere: `move`, `leave`, or empty: it stays, with its service."""
+    copy: str = ""
+    """How images get from one robot to another: `thin`, `whole`, or as it is possible."""
     owner: Owner | None = None
     """Who owns the instance's volumes; None: nobody asks, as nothing will be attached."""
     exact: bool = False

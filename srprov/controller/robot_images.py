@@ -46,7 +46,7 @@ def robot_images(inputs: RenderInputs, blobs: dict[str, bytes]) -> dict[str, lis
             wanted.setdefault(host, {})[image] = {"name": image, "source": "pull", "needs": []}
             continue
         if (host, image) in present:
-            wanted.setdefault(host, {}).setdefault(image, _copied(image, host))
+            wanted.setdefault(host, {}).setdefault(image, _copied(inputs, image, host, host))
             continue
         alike = _alike(inputs.snapshot, facts)
         holder = next((h for h in alike if (h, image) in trusted), None)
@@ -58,7 +58,7 @@ def robot_images(inputs: RenderInputs, blobs: dict[str, bytes]) -> dict[str, lis
             build = {"name": image, "source": "build", "blob": digest, "unpinned": not plan.pinned, "needs": []}
             wanted.setdefault(builder, {})[image] = build
         if builder != host:
-            wanted.setdefault(host, {})[image] = _copied(image, builder)
+            wanted.setdefault(host, {})[image] = _copied(inputs, image, builder, host)
     return {host: [images[name] for name in sorted(images)] for host, images in wanted.items()}
 
 
@@ -72,8 +72,9 @@ def _known(inputs: RenderInputs) -> set[tuple[str, str]]:
     }
 
 
-def _copied(image: str, source: str) -> dict[str, Any]:
-    return {"name": image, "source": "copy", "from": source, "needs": [resource_id(source, "image", image)]}
+def _copied(inputs: RenderInputs, image: str, source: str, host: str) -> dict[str, Any]:
+    copy = {"name": image, "source": "copy", "from": source, "needs": [resource_id(source, "image", image)]}
+    return {**copy, "way": inputs.copy_way, "missing": None, **inputs.copied.get((host, image), {})}
 
 
 def _alike(snapshot: Snapshot, facts: HostFacts) -> list[str]:

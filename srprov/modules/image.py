@@ -23,6 +23,24 @@ _LONG_S = 1800.0
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class Missing:
+    """What a robot lacks of an image that another has."""
+
+    layers: int
+    of: int
+    """Layers of the image."""
+    bytes_: int
+    """Of the missing layers; 0 if nobody knows."""
+    exact: bool
+    """They are what is sent, compressed; else, before they are compressed."""
+
+    def __str__(self) -> str:
+        """Say it in words."""
+        size = f", {'' if self.exact else 'at most '}{self.bytes_ / (1 << 20):.1f} MiB" if self.bytes_ else ""
+        return f"{self.layers} of {self.of} layers{size}"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class ImageParams:
     """What a playbook says of an image."""
 
@@ -33,6 +51,10 @@ class ImageParams:
     """Its build names something that moves."""
     from_: str = ""
     """The robot that has it, for `copy`."""
+    way: Literal["", "thin", "whole"] = ""
+    """How it is copied; empty: as it is possible."""
+    missing: Missing | None = None
+    """What is copied; None where that only shows when it is."""
 
     def __post_init__(self) -> None:
         """Refuse a source without what it takes."""
@@ -83,11 +105,18 @@ class ImageModule(Module[ImageParams]):
         return (EngineCall(method="DELETE", path=f"/images/{found.name}", accept=(200, 404)),)
 
 
+def _how(want: ImageParams) -> str:
+    """Return way, layers and bytes of a copy, as far as they are known."""
+    if want.way == "whole":
+        return f"copied whole from {want.from_}"
+    return f"copied from {want.from_}, {want.missing or 'the layers that are missing then'}"
+
+
 def _getting(name: str, want: ImageParams) -> tuple[str, Command]:
     """Return how an image gets to the robot, in words and as a command."""
     if want.source == "copy":
-        copy = CopyImage(image=name, source_host=want.from_, timeout_s=_LONG_S)
-        return f"copied from {want.from_}", copy
+        copy = CopyImage(image=name, source_host=want.from_, way=want.way, timeout_s=_LONG_S)
+        return _how(want), copy
     if want.source == "pull":
         what = pull_parameters(name)
         pull = EngineCall(method="POST", path="/images/create", params=what, stream=True, timeout_s=_LONG_S)

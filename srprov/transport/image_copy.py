@@ -1,52 +1,144 @@
-"""An image goes from one robot's engine to another's, in pieces through the controller."""
+"""An image goes from one robot's engine to another's over the controller: the layers that are missing there, or whole.
+
+Thin: both engines find layers by chain id, so what the target has is not sent; the rest comes from this machine's cache
+or is read from the source once for all. Whole: `docker save | docker load`, in pieces. After either, what the target
+has is compared with what the source has: an engine says 200 before it fails.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 from srprov.errors import TransportError
-from srprov.session import Progress
+from srprov.layers import Image
+from srprov.session import Progress, Session
 from srprov.transport.image_archive import ForeignImage, only
+from srprov.transport.image_deliver import deliver
+from srprov.transport.image_progress import Meter, mib
+from srprov.transport.image_source import NoSpool
+from srprov.transport.image_there import Room, has_classic, image_of, look_at
+from srprov.transport.thin_archive import ThinArchive, check_config
 from srprov.wire import CopyImage, Reply
 
 if TYPE_CHECKING:
-    from srprov.transport.engine.client import Engine
-    from srprov.transport.options import Peers
+    from srprov.transport.options import ConnectOptions, Peers
+    from srprov.transport.session import BaseSession
 
-_STEP = 16 << 20
+_FULL = "no space left on device"
+
+
+class NotThin(Exception):
+    """It cannot go without the layers that are there; the text says why."""
 
 
 def copy_image(
-    copy: CopyImage, host: str, engine: Engine, peers: Peers | None, ids: Collection[str], progress: Progress
+    copy: CopyImage, session: BaseSession, peers: Peers | None, options: ConnectOptions, progress: Progress
 ) -> Reply:
-    """Load an image into the engine of `host` while another robot saves it; one piece of it is in memory at a time.
+    """Bring an image from another robot; one piece of it is in memory at a time.
 
-    With `ids`, it has one of them, or is not loaded.
+    Where this machine knows ids of images that it had built under that tag, it has one of them, or is not loaded.
 
     Raises:
-        TransportError: `host` cannot be talked to any more; that of the source is a reply.
+        TransportError: This robot cannot be talked to any more; that of the source is a reply.
     """
     if peers is None:
-        return Reply(status=0, ok=False, err=f"no way to {copy.source_host} from here")
+        return _failed(f"no way to {copy.source_host} from here")
+    ids = options.image_ids(copy.image)
     try:
-        chunks = peers(copy.source_host).save_image(copy.image, copy.timeout_s)
-        return engine.load(_counted(only(chunks, copy.image, ids), copy.image, progress), copy.timeout_s, progress)
+        source = peers(copy.source_host)
+        said = ""
+        if copy.way != "whole":
+            try:
+                return _Thin(copy, session, source, options, progress).run(ids)
+            except NotThin as error:
+                if copy.way == "thin":
+                    return _failed(f"it cannot be sent without the layers that are there: {error}")
+                said = f"{copy.image} is sent whole: {error}"
+                progress(said)
+        return _whole(copy, session, source, ids, progress)
     except ForeignImage as error:
-        return Reply(status=0, ok=False, err=f"{copy.source_host}: {error}")
+        return _failed(f"{copy.source_host}: {error}")
     except TransportError as error:
-        if error.host == host:
+        if error.host == session.host:
             raise
-        return Reply(status=0, ok=False, err=f"{error.host}: {error.message}")
+        return _failed(f"{error.host}: {error.message}")
 
 
-def _counted(chunks: Iterator[bytes], image: str, progress: Progress) -> Iterator[bytes]:
-    """Pass chunks on and tell how much went by."""
-    total = step = 0
-    for chunk in chunks:
-        yield chunk
-        total += len(chunk)
-        if total >= step:
-            progress(f"{image}: {total / (1 << 20):.0f} MiB copied")
-            step = total + _STEP
-    progress(f"{image}: {total / (1 << 20):.1f} MiB copied, loading")
+def _failed(why: str) -> Reply:
+    return Reply(status=0, ok=False, err=why)
+
+
+class _Thin:
+    """One copy of the missing layers."""
+
+    def __init__(
+        self, copy: CopyImage, session: BaseSession, source: Session, options: ConnectOptions, progress: Progress
+    ) -> None:
+        self._copy, self._session, self._source, self._progress = copy, session, source, progress
+        self._sources = options.image_sources
+
+    def run(self, ids: Collection[str]) -> Reply:
+        """Do it.
+
+        Raises:
+            NotThin: The image has to be sent whole.
+            ForeignImage: The source has another image.
+        """
+        image = image_of(self._source, self._copy.image)
+        if image is None or not has_classic(self._source):
+            raise NotThin(f"the engine of {self._source.host} has no classic store")
+        if ids and image.id not in ids:
+            raise ForeignImage(f"it gives another image under {self._copy.image} than the one that was built")
+        target = look_at(self._session)
+        if not target.classic:
+            raise NotThin(f"the engine of {self._session.host} has no classic store")
+        return self._load(self._archive(image, target.missing(image)), target.room)
+
+    def _archive(self, image: Image, missing: Collection[str]) -> ThinArchive:
+        """Get what is to be sent into the cache."""
+        name = self._copy.image
+        try:
+            with self._sources.source(self._source, image) as source:
+                config = source.get(image.id, f"{name}, configuration", self._progress)
+                check_config(image, config)
+                layers = [
+                    source.get(one, f"{name}, layer {number} of {len(missing)}", self._progress)
+                    for number, one in enumerate(missing, 1)
+                ]
+        except NoSpool as error:
+            raise NotThin(str(error)) from error
+        except OSError as error:
+            raise NotThin(f"the cache of layers cannot be used: {error.strerror or error}") from error
+        return ThinArchive(image, name, config, layers)
+
+    def _load(self, archive: ThinArchive, room: Room) -> Reply:
+        """Send it and compare what is there then."""
+        image, words = archive.image, f"{len(archive.layers)} of {len(archive.image.diff_ids)} layers"
+        what = f"{archive.tag}, {words}"
+        try:
+            reply = deliver(archive, self._session, room, self._copy.timeout_s, what, self._progress)
+        except OSError as error:
+            raise NotThin(f"the cache of layers cannot be read: {error.strerror or error}") from error
+        if not reply.ok and (not reply.status or _FULL in reply.err.lower()):
+            return reply
+        if not reply.ok:
+            raise NotThin(f"its engine did not take it: {reply.err}")
+        if image_of(self._session, archive.tag) != image:
+            raise NotThin("its engine has another image now than the one that was sent")
+        return Reply(status=reply.status, out=f"{words}, {mib(archive.size)} MiB")
+
+
+def _whole(copy: CopyImage, session: BaseSession, source: Session, ids: Collection[str], progress: Progress) -> Reply:
+    """Load the image while the other robot saves it."""
+    wanted = image_of(source, copy.image)
+    chunks = source.save_image(copy.image, copy.timeout_s)
+    pieces = Meter(copy.image, progress).count(only(chunks, copy.image, ids))
+    reply = session.engine.client.load(pieces, copy.timeout_s, progress)
+    if not reply.ok or wanted is None:
+        return reply
+    there = image_of(session, copy.image)
+    # stores count ids differently, but layers alike
+    if there is None or there.diff_ids != wanted.diff_ids:
+        return _failed(f"its engine does not have what {copy.source_host} has, although it said nothing")
+    return reply

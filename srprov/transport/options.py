@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from srprov.secret import Vault
+from srprov.transport.image_source import ImageSources
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -33,3 +34,5 @@ class ConnectOptions:
     """What the sessions put in the place of the names of secrets."""
     image_ids: Callable[[str], Collection[str]] = field(default=lambda _tag: ())
     """Gives the ids that an image may have which one robot gives another under a tag; none: it may have any."""
+    image_sources: ImageSources = field(default_factory=ImageSources)
+    """Where copies of images read what their robot lacks, and the cache that they keep it in."""

@@ -37,7 +37,7 @@ class BaseSession(abc.ABC):
     def __init__(self, host: Host, options: ConnectOptions, peers: Peers | None, shell: Shell, mark: str) -> None:
         """Take the robot, how to reach others, a shell that was just started, and SRPROV_SESSION of what it runs."""
         self._robot, self._host = host, host.name
-        self._vault, self._image_ids, self._peers = options.vault, options.image_ids, peers
+        self._vault, self._options, self._peers = options.vault, options, peers
         self._shell = shell
         self._traffic = shell.traffic
         self._mark = mark
@@ -127,8 +127,7 @@ class BaseSession(abc.ABC):
             if isinstance(command, CopyImage):
                 from srprov.transport.image_copy import copy_image
 
-                ids = self._image_ids(command.image)
-                return copy_image(command, self._host, self.engine.client, self._peers, ids, progress)
+                return copy_image(command, self, self._peers, self._options, progress)
             if isinstance(command, CopyVolume):
                 from srprov.transport.volume_copy import copy_volume
 

@@ -169,6 +169,7 @@ def lab_session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
         assert up.code == 0, up
         os.environ.setdefault("SRPROV_RUNS", str(folder / "runs"))  # not among the user's own
         os.environ.setdefault("XDG_STATE_HOME", str(folder / "state"))
+        os.environ.setdefault("XDG_CACHE_HOME", str(folder / "cache"))
         yield lab
         gone = lab.srprov("lab", "down")
         assert gone.code == 0, gone

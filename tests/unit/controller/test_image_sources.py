@@ -35,6 +35,8 @@ def sources(known: dict[str, set[str]], **ids: str) -> dict[str, tuple[str, str]
         references={},
         snapshot=Snapshot(facts=facts, observed=observed),
         known_images=known,
+        copy_way="",
+        copied={},
     )
     found = robot_images(inputs, {})
     return {host: (one["source"], one.get("from", "")) for host, images in found.items() for one in images}

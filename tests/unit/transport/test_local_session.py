@@ -308,6 +308,8 @@ def test_an_image_is_copied_without_being_held(play: Callable[[Answer], PlayedEn
     def answer(request: str, _headers: dict[str, str], body: bytes) -> bytes:
         if "/get" in request:
             return reply(b'{"message":"no such image"}', "404 Not Found") if "nope" in request else reply(image)
+        if "/json" in request:
+            return reply(b"{}")
         loaded.append(body)
         return reply(b'{"stream":"Loaded image: a:1\\n"}\r\n')
 
@@ -315,10 +317,10 @@ def test_an_image_is_copied_without_being_held(play: Callable[[Answer], PlayedEn
     source = connect(Host(name="source", address="x", connection="local"))
     target = connect(Host(name="target", address="x", connection="local"), peers=lambda _name: source)
     seen: list[str] = []
-    assert target.execute(CopyImage(image="a:1", source_host="source"), seen.append).ok
+    assert target.execute(CopyImage(image="a:1", source_host="source", way="whole"), seen.append).ok
     assert len(loaded) == 1 and layer in loaded[0] and loadable(loaded[0]) == {"a:1": layer}
     assert any("MiB copied" in line for line in seen)
-    failed = target.execute(CopyImage(image="nope:1", source_host="source"))
+    failed = target.execute(CopyImage(image="nope:1", source_host="source", way="whole"))
     assert (failed.ok, failed.err) == (False, "source: its engine cannot give nope:1: no such image")
     assert target.ask([EngineQuery(path="/x/get")])[0].ok, "the target's engine is usable after a copy that failed"
     for _ in range(6):  # more than there are connections

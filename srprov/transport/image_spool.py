@@ -1,0 +1,82 @@
+"""Where a robot keeps images that are under way, and the shell scripts for it. Text only.
+
+`/var/lib/srprov/.images` has `save.PID`, an image unpacked for others to be read by the shell PID, and `load`, an
+archive that arrives in parts. Both go when they are done with; what a kill leaves goes with the next copy, and with
+the last of an instance (`TIDY`).
+"""
+
+from __future__ import annotations
+
+from srprov.wire import quote
+
+SOCKET = "/var/run/docker.sock"
+FOLDER = "/var/lib/srprov/.images"
+_DEAD = f"""for old in {FOLDER}/save.*; do
+  [ ! -d "$old" ] || kill -0 "${{old##*.}}" 2>/dev/null || rm -rf "$old"
+done"""
+_EMPTY = f"rmdir {FOLDER} {FOLDER.rpartition('/')[0]} 2>/dev/null"
+
+
+def save_script(image_id: str) -> str:
+    """Return what unpacks an image, says `ready PLACE`, the archive's list and an empty line, and waits for its end."""
+    name = quote(image_id)
+    return f"""{{
+umask 077
+spool={FOLDER}/save.$$
+trap 'cd /; rm -rf "$spool"; {_EMPTY}' EXIT
+trap 'exit 1' HUP INT TERM PIPE
+{_DEAD}
+command -v gzip >/dev/null && command -v tar >/dev/null || {{ echo "no gzip or tar"; echo; exit 1; }}
+mkdir -p "$spool" && cd "$spool" || {{ echo "no folder $spool"; echo; exit 1; }}
+size=$(docker image inspect --format '{{{{.Size}}}}' {name} 2>/dev/null)
+set -- $(df -Pk . | tail -n 1)
+if [ "${{size:-0}}" -gt 0 ] && [ "${{4:-0}}" -gt 0 ] && [ $((size / 512 + 65536)) -gt "$4" ]; then
+  echo "no room: it needs $((size / 524288 + 64)) MiB, and has $(($4 / 1024)) MiB free"; echo; exit 1
+fi
+if command -v docker >/dev/null; then docker save {name}
+else curl -sf --unix-socket {SOCKET} http://engine/images/{name}/get; fi | tar -xf - >&2
+[ -f manifest.json ] || {{ echo "no image came from docker save"; echo; exit 1; }}
+printf 'ready %s\\n' "$spool"
+head -c 500000 manifest.json
+printf '\\n\\n'
+read -r _
+}}"""
+
+
+def read_script(spool: str, name: str) -> str:
+    """Return what prints a file of a spool, compressed; equal contents give equal bytes."""
+    return f"cd {quote(spool)} && exec gzip -1 -n < {quote(name)}"
+
+
+def load_script(sha256: str, size: int) -> str:
+    """Return what takes an archive of so many bytes, or the rest of it, into a file, and loads that.
+
+    It says `have BYTES`, or `no REASON`; takes the rest; then says `loaded`, `failed REASON`, or `wrong SHA256` when
+    the file is not what was sent. The file goes unless it is only a part.
+    """
+    return f"""{{
+umask 077
+file={FOLDER}/load/{sha256}
+mkdir -p {FOLDER}/load 2>/dev/null && [ -w {FOLDER}/load ] || {{ echo "no it has no place for that"; exit 1; }}
+command -v docker >/dev/null || command -v curl >/dev/null || {{ echo "no it has neither docker nor curl"; exit 1; }}
+for old in {FOLDER}/load/*; do [ "$old" = "$file" ] || rm -rf "$old"; done
+tidy() {{ rm -f "$file"; rmdir {FOLDER}/load 2>/dev/null; {_EMPTY}; }}
+trap '[ -s "$file" ] || tidy' EXIT
+have=$(stat -c %s "$file" 2>/dev/null || echo 0)
+[ "$have" -le {size:d} ] || {{ rm -f "$file"; have=0; }}
+echo "have $have"
+[ "$have" = {size:d} ] || head -c $(({size:d} - have)) >>"$file"
+[ "$(stat -c %s "$file")" = {size:d} ] || exit 1
+found=$(sha256sum <"$file")
+[ "${{found%% *}}" = {sha256} ] || {{ tidy; echo "wrong ${{found%% *}}"; exit 1; }}
+if command -v docker >/dev/null; then said=$(docker load -q -i "$file" 2>&1)
+else said=$(curl -sS --fail --unix-socket {SOCKET} -X POST -H 'Content-Type: application/x-tar' -T "$file" \
+  'http://engine/images/load?quiet=1' 2>&1); fi
+[ $? = 0 ] && word=loaded || word=failed
+tidy
+printf '%s %s\n' "$word" "$(printf %s "$said" | tr '\n' ' ')"
+}}"""
+
+
+TIDY = f"rm -rf {FOLDER}/load; {_DEAD}; {_EMPTY}"
+"""Removes what copies that ended otherwise may have left; what is in use for others stays."""

@@ -1,0 +1,80 @@
+"""An archive that `docker load` takes, written here: list of images, configuration, and only the missing layers.
+
+Whoever loads it has the other layers: engines with a classic store look a layer up before they open its file. A pure
+function of what is in it, so that one that was cut off can be continued.
+"""
+
+from __future__ import annotations
+
+import tarfile
+import zlib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+from srprov.layers import MANIFEST, Image, config_name, layer_name, manifest, read_config
+from srprov.transport.blobs import Blob
+from srprov.transport.image_archive import ForeignImage
+from srprov.untrusted import json_or_none
+
+_LONGEST_CONFIG = 1 << 20
+_END = b"\0" * 1024
+
+
+@dataclass(frozen=True, slots=True)
+class ThinArchive:
+    """One image under one tag, without the layers that the robot has."""
+
+    image: Image
+    tag: str
+    config: Blob
+    layers: Sequence[Blob]
+    """The missing ones."""
+
+    @property
+    def size(self) -> int:
+        """The archive's bytes."""
+        files = [len(manifest(self.image, self.tag)), self.config.content_size, *(one.size for one in self.layers)]
+        return sum(512 + size + -size % 512 for size in files) + len(_END)
+
+    @property
+    def unpacked(self) -> int:
+        """The bytes of the layers' contents."""
+        return sum(one.content_size for one in self.layers)
+
+    def pieces(self) -> Iterator[bytes]:
+        """Yield the archive.
+
+        Raises:
+            OSError: The cache's files are gone.
+        """
+        config = _content(self.config)
+        yield from _file(MANIFEST, manifest(self.image, self.tag))
+        yield from _file(config_name(self.image), config)
+        for blob in self.layers:
+            yield _header(layer_name(blob.digest), blob.size)
+            yield from blob.pieces()
+            yield b"\0" * (-blob.size % 512)
+        yield _END
+
+
+def check_config(image: Image, config: Blob) -> None:
+    """Refuse (ForeignImage) a configuration that names other layers than the robot said that the image has."""
+    if config.content_size > _LONGEST_CONFIG:
+        raise ForeignImage("its configuration is longer than any sensible one")
+    if read_config(image.id, json_or_none(_content(config).decode("utf-8", "replace"))) != image:
+        raise ForeignImage("its configuration names other layers than the engine says")
+
+
+def _content(config: Blob) -> bytes:
+    return zlib.decompress(b"".join(config.pieces()), wbits=31)
+
+
+def _header(name: str, size: int) -> bytes:
+    header = tarfile.TarInfo(name)
+    header.size = size
+    return header.tobuf(tarfile.GNU_FORMAT)  # one block, whatever the size
+
+
+def _file(name: str, content: bytes) -> Iterator[bytes]:
+    yield _header(name, len(content))
+    yield content + b"\0" * (-len(content) % 512)

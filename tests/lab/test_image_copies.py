@@ -1,0 +1,113 @@
+"""Images go from robot to robot without what is there already, by the word of the robots' interface counters."""
+
+from __future__ import annotations
+
+import gzip
+import json
+import os
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from srprov.lab import state
+from tests.lab.conftest import Lab, part_of_lab
+
+MIB = 1 << 20
+CLEAN = "docker rm -f $(docker ps -aq); docker image prune -af; rm -f /tmp/base.tar"
+TOP, BASE = 4 * MIB, 24 * MIB
+RANDOM = "head -c {} /dev/urandom > /tmp/base/noise"
+
+
+def received(lab: Lab, robot: str) -> int:
+    """Give the bytes that a robot received from outside, by the kernel's word."""
+    lines = lab.shell(robot, "cat", "/proc/net/dev").out.splitlines()
+    counters = {name.strip(): rest.split() for name, _, rest in (line.partition(":") for line in lines) if rest}
+    return int(counters["eth0"][0])
+
+
+def root(lab: Lab, robot: str) -> Path:
+    """Give a robot's root folder as this machine sees it."""
+    booted = state.read_robot(lab.site, robot)
+    assert booted is not None
+    return Path(f"/proc/{booted.init.pid}/root")
+
+
+class Job:
+    """An experiment whose one service runs an image on a base of the lab's own."""
+
+    def __init__(self, lab: Lab, folder: Path, robots: list[str]) -> None:
+        self.lab, self.folder = lab, folder
+        self.env = {"XDG_STATE_HOME": str(folder / "state"), "XDG_CACHE_HOME": str(folder / "cache")}
+        self.inventory = part_of_lab(lab, robots, folder / "lab.yml")
+        cdf = "cdf: 1\nname: top\nbase: base:1\nfiles: [{src: top, dest: /top}]\ncommand: [sleep, '86400']\n"
+        (folder / "x.cdf").write_text(cdf, encoding="utf-8")
+
+    def change(self, top: bytes) -> None:
+        """Put something else into the image."""
+        (self.folder / "top").write_bytes(top)
+
+    def on(self, *robots: str) -> str:
+        """Write the EDF for these robots; give its path."""
+        services = {f"on-{robot}": {"cdf": "x.cdf", "robot": robot, "stop_signal": "SIGKILL"} for robot in robots}
+        path = self.folder / "job.edf"
+        path.write_text(json.dumps({"edf": 1, "name": "copies", "services": services}), encoding="utf-8")
+        return str(path)
+
+    def apply(self, *robots: str, more: tuple[str, ...] = ()) -> Any:
+        """Apply it there, and give what was reported."""
+        words = ("apply", self.on(*robots), "-i", self.inventory, "--yes", "--settle", "0", "--reassign", "--json")
+        applied = self.lab.srprov(*words, *more, env=self.env)
+        assert applied.code == 0, applied
+        return applied.json
+
+    def causes(self, *robots: str, more: tuple[str, ...] = ()) -> dict[str, str]:
+        """Give robot -> cause of its image's step, of a plan."""
+        planned = self.lab.srprov("plan", self.on(*robots), "-i", self.inventory, "--json", *more, env=self.env)
+        assert planned.code == 0, planned
+        return {one["robot"]: one["cause"] for one in planned.json["steps"] if one["module"] == "image"}
+
+
+@pytest.fixture(scope="module")
+def job(lab_of_module: Lab, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Job]:
+    """Give an experiment whose base robot2 has built, and robot1 (the builder) and robot3 have loaded."""
+    lab = lab_of_module
+    script = f"mkdir -p /tmp/base && cd /tmp/base && {RANDOM.format(BASE)} && "
+    script += "printf 'FROM busybox\\nCOPY noise /noise\\n' > Dockerfile && docker build -q -t base:1 . && "
+    script += "docker save base:1 -o /tmp/base.tar && rm -rf /tmp/base"
+    lab.shell("robot2", "sh", "-c", script)
+    for robot in ("robot1", "robot3"):
+        (root(lab, robot) / "tmp/base.tar").write_bytes((root(lab, "robot2") / "tmp/base.tar").read_bytes())
+        lab.shell(robot, "docker", "load", "-q", "-i", "/tmp/base.tar")
+    found = Job(lab, tmp_path_factory.mktemp("copies"), ["robot1", "robot2", "robot3", "robot4"])
+    found.change(b"\0" * 100)
+    yield found
+    found.lab.srprov("destroy", found.on("robot1"), "-i", found.inventory, "--yes", env=found.env)
+    for robot in ("robot1", "robot2", "robot3", "robot4"):
+        lab.shell(robot, "sh", "-c", CLEAN, check=False)
+
+
+def test_what_is_there_is_not_sent_however_it_came(job: Job) -> None:
+    """By build on robot2, by load on robot3; only the layer above is sent, and what the plan says of it is true."""
+    lab, top = job.lab, os.urandom(TOP)
+    job.change(top)
+    packed = len(gzip.compress(top, 1))
+    before = {robot: received(lab, robot) for robot in ("robot2", "robot3")}
+    made = job.apply("robot1", "robot2", "robot3")
+    sent = {robot: received(lab, robot) - count for robot, count in before.items()}
+    assert all(packed < count < 1.05 * packed for count in sent.values()), (packed, sent)
+    name = next(one["id"].partition("image:")[2] for one in made["steps"] if "/image:" in one["id"])
+    ids = {lab.shell(robot, "docker", "image", "inspect", "-f", "{{.Id}}{{.RootFS}}", name).out for robot in before}
+    assert len(ids) == 1 and not root(lab, "robot1").joinpath("var/lib/srprov/.images").exists()
+
+    again = received(lab, "robot3")
+    assert job.apply("robot1", "robot2", "robot3")["changed"] == 0 and received(lab, "robot3") - again < 200_000
+    lab.shell("robot3", "sh", "-c", f"docker rm -f srprov.copies.on-robot3; docker rmi {name}")
+    cause = job.causes("robot1", "robot2", "robot3")["robot3"]
+    told = re.fullmatch(r"not on the robot; copied from robot1, 1 of 3 layers, ([0-9.]+) MiB", cause)
+    assert told, cause
+    before_again = received(lab, "robot3")
+    job.apply("robot1", "robot2", "robot3")
+    assert abs(float(told[1]) * MIB / (received(lab, "robot3") - before_again) - 1) < 0.05
