@@ -62,7 +62,7 @@ def apply(
 
     refuse_without_terminal(yes)
     phases = Phases()
-    source = read_source(file, signers or "")
+    source = read_source(file, signers or "", request.allowed)
     request = _fitting(request, source)
     secrets = HeldSecrets(source, request.allowed)
     inventory = inputs.load_inventory(inventories)

@@ -47,6 +47,9 @@ def assign(
     cannot be reached.
     """
     definitions, inventory = inputs.load_experiment(file), inputs.load_inventory(inventories)
+    if definitions.experiment.remote:
+        hint = "`srprov plan --allow git` fetches it, and shows the placement"
+        raise UsageError("a CDF is in a git repository: what it requires of a robot is not known here", hint=hint)
     if stored:
         snapshot = _stored(stored, inventory)
     else:

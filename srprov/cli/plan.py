@@ -55,9 +55,10 @@ def plan(
     reached, unless --unreachable says otherwise.
     """
     from srprov.controller.secrets import read_secrets
+    from srprov.controller.source import read_definitions
 
     _check_target(target, sign)
-    definitions = inputs.load_experiment(file)
+    definitions = read_definitions(file, request.allowed)
     vault = read_secrets(definitions, request.allowed)
     inventory = inputs.load_inventory(inventories)
     last = inputs.failed_robots(request.instance or definitions.experiment.name, runs)

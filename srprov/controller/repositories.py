@@ -61,6 +61,19 @@ def _resolved(wanted: tuple[str, str]) -> str | GitError:
         return error
 
 
+def tree(url: str, ref: str) -> str:
+    """Return a folder with the files of a repository's branch, tag or commit, for the CDF in it.
+
+    Raises:
+        ValueError: It cannot be fetched or kept, or holds what cannot be taken.
+    """
+    address = parse_address(url)
+    try:
+        return str(cache.folder(address, cache.resolve(address, ref), disk.MAX_BYTES))
+    except (GitError, OSError) as error:
+        raise ValueError(f"{url}: {error}") from None
+
+
 @functools.lru_cache(maxsize=16)  # several CDFs of an experiment may have one repository
 def _files(url: str, commit: str, elsewhere: frozenset[str]) -> tuple[TreeFile, ...]:
     return cache.files(parse_address(url), commit, disk.MAX_BYTES, elsewhere=elsewhere)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from srprov.planning.planfile import PlanFile
 
 
-def read_source(file: str, signers: str = "") -> Definitions | PlanFile:
+def read_source(file: str, signers: str = "", allowed: Collection[str] = ()) -> Definitions | PlanFile:
     """Read an EDF with every file that it names, or a plan that `plan -o` wrote.
 
     With `signers`, only a plan that one of them signed: nothing of the file is looked at before that is sure.
@@ -25,11 +26,29 @@ def read_source(file: str, signers: str = "") -> Definitions | PlanFile:
     Raises:
         DefinitionError: With everything that is wrong with it.
         UsageError: It is a plan that cannot be applied, or that is named like an EDF; or an EDF, with `signers`.
-        RefusedError: Nobody among the signers signed it.
+        RefusedError: Nobody among the signers signed it; or a CDF is in a git repository, and that is not allowed.
     """
     if signers:
         return _signed(file, signers)
-    return _plan(file) or load_experiment(file)
+    return _plan(file) or read_definitions(file, allowed)
+
+
+def read_definitions(file: str, allowed: Collection[str]) -> Definitions:
+    """Read an EDF with every file that it names; CDFs in git repositories are fetched when the user allowed it.
+
+    Raises:
+        DefinitionError: With everything that is wrong with it.
+        RefusedError: The user did not allow it.
+    """
+    found = load_experiment(file)
+    if not found.experiment.remote:
+        return found
+    from srprov.controller.permissions import permit_planning
+    from srprov.controller.repositories import tree
+    from srprov.planning.policy import permissions
+
+    permit_planning(permissions(found.experiment, found.containers), allowed)
+    return load_experiment(file, fetch=tree)
 
 
 def is_edf_name(file: str) -> bool:

@@ -7,7 +7,8 @@ field means is in `schemas/` and in docs/definitions.md.
     schema, schema_cache   document (`yamldoc`) and JSON Schema -> problems
     paths, values, mounts  what a text stands for
     merging, runtime       one definition over another -> run-time part
-    container, dockerfile  CDF        service, envfile, checks, unsupported, experiment, pins  EDF
+    container, dockerfile, build, cdfs, remote  CDFs, also in git
+    service, envfile, checks, unsupported, experiment, pins  EDF
     template, playbook, playbookmodel  playbooks that users write
     taken                  what comes from outside of the experiment's folder
     secrets, secretmodel, secretvalues  where secrets come from, and what they are
@@ -28,8 +29,12 @@ if TYPE_CHECKING:
     from srprov.definitions.model import Definitions, Inventory
 
 
-def load_experiment(path: str | Path, environ: Mapping[str, str] | None = None) -> Definitions:
+def load_experiment(
+    path: str | Path, environ: Mapping[str, str] | None = None, fetch: Callable[[str, str], str] | None = None
+) -> Definitions:
     """Read an EDF and every file that it names; `environ` (default: the process's) gives bare names in `environment`.
+
+    `fetch` gives a folder with the files of a repository's branch, tag or commit; without it no CDF is fetched.
 
     What validates but is not built yet is listed in `Definitions.unsupported`; whoever acts must refuse it.
 
@@ -40,7 +45,7 @@ def load_experiment(path: str | Path, environ: Mapping[str, str] | None = None) 
 
     folder = os.path.dirname(os.path.abspath(path))
     try:
-        return experiment.load(str(path), os.environ if environ is None else environ)
+        return experiment.load(str(path), os.environ if environ is None else environ, fetch)
     except DefinitionError as error:
         raise DefinitionError(paths.hide_outside(error.problems, folder)) from None
 

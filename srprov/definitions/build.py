@@ -9,14 +9,16 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from srprov.definitions import dockerfile, paths
+from srprov.definitions import dockerfile, merging, paths
 from srprov.definitions.containermodel import BuildFile, Repository
 from srprov.definitions.values import scalars, text, texts
 from srprov.errors import DefinitionError, did_you_mean
 from srprov.git_address import check_ref, parse_address
-from srprov.yamldoc import loader
+from srprov.yamldoc import loader, nodes
 from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq
 
+ORIGINS = ("base", "image", "dockerfile")
+BUILDING = ("packages", "repositories", "files", "run")
 _PROXIES = ("http_proxy", "https_proxy", "ftp_proxy", "all_proxy", "no_proxy")
 
 
@@ -150,3 +152,23 @@ def files(node: Node | None, folder: str, findings: Findings) -> tuple[BuildFile
             source = paths.resolve(src, folder, findings, ("files", index, "src"), tree=True)
             found.append(BuildFile(source=source, dest=text(entries.get("dest")), mode=mode.zfill(4) if mode else ""))
     return tuple(found)
+
+
+def lines(layer: Map) -> dict[str, int]:
+    """Return the line of each build field that stands in this very file, not in one that it extends."""
+    found: dict[str, int] = {}
+    source = layer.source
+
+    def note(node: Node, path: nodes.Path) -> None:
+        if isinstance(node, Map):
+            for key, value in node.entries.items():
+                if node.keys[key].source is source:
+                    found[nodes.dotted((*path, key))] = node.keys[key].line
+                note(value, (*path, key))
+        for index, item in enumerate(node.items if isinstance(node, Seq) else ()):
+            if item.source is source:
+                found[nodes.dotted((*path, index))] = item.line
+            note(item, (*path, index))
+
+    note(merging.select(layer, frozenset({*ORIGINS, *BUILDING, "environment", "platforms"})), ())
+    return found

@@ -12,17 +12,16 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from srprov.definitions import build, dockerfile, images, merging, paths, runtime, schema
+from srprov.definitions import build, dockerfile, images, merging, paths, remote, runtime, schema
 from srprov.definitions.containermodel import ContainerDefinition
+from srprov.definitions.remote import Fetch
 from srprov.definitions.unsupported import note_unsupported_of_cdf
 from srprov.definitions.values import text, texts
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.yamldoc import loader, nodes
 from srprov.yamldoc.allowance import allowance
-from srprov.yamldoc.nodes import Findings, Map, Node, Scalar, Seq, Source
+from srprov.yamldoc.nodes import Findings, Map, Node, Scalar, Source
 
-_ORIGINS = ("base", "image", "dockerfile")
-_BUILDING = ("packages", "repositories", "files", "run")
 _LONGEST_CHAIN = 10
 _MERGED_TAGS = merging.RUNTIME_MERGED | merging.BUILD_MERGED | {"requires"}
 
@@ -36,6 +35,10 @@ class Container:
     files: tuple[str, ...] = ()
     """Absolute paths of the CDF and of those that it extends."""
     unsupported: tuple[Diagnostic, ...] = ()
+    remote: tuple[tuple[str, str], ...] = ()
+    """(address, branch, tag or commit) of the CDFs in git repositories that it extends."""
+    fetched: tuple[str, ...] = ()
+    """Folders that were fetched for it."""
 
     @property
     def image_has_healthcheck(self) -> bool:
@@ -47,8 +50,10 @@ class Container:
         return dockerfile.has_healthcheck(text)
 
 
-def load(path: str, folder: str, environ: Mapping[str, str], shown: str = "") -> Container:
+def load(path: str, folder: str, environ: Mapping[str, str], shown: str = "", fetch: Fetch | None = None) -> Container:
     """Read one CDF; `folder` is the experiment's, `environ` what a bare NAME in `environment` is looked up in.
+
+    What it extends in git repositories is fetched by `fetch`; with None it is not, and noted.
 
     Raises:
         DefinitionError: With everything that is wrong in the file and in those that it extends.
@@ -56,7 +61,7 @@ def load(path: str, folder: str, environ: Mapping[str, str], shown: str = "") ->
     absolute = os.path.abspath(path)
     findings, unsupported = Findings(), Findings()
     with allowance(schema.MOST_BYTES, schema.MOST_VALUES):
-        reader = _ExtendsReader(dict(environ), findings, unsupported)
+        reader = _ExtendsReader(dict(environ), findings, unsupported, fetch)
         layer = reader.read(absolute, shown or path, ())
     if findings.problems or layer is None:
         raise DefinitionError(findings.problems)
@@ -76,13 +81,18 @@ def load(path: str, folder: str, environ: Mapping[str, str], shown: str = "") ->
         layer=merging.select(layer, runtime.RUNTIME_FIELDS),
         files=tuple(reader.files),
         unsupported=tuple(unsupported.problems),
+        remote=tuple(reader.remote),
+        fetched=tuple(reader.fetched),
     )
 
 
 class _ExtendsReader:
     """Reads a CDF and what it extends, each file once; `trail` holds the files on the way here."""
 
-    def __init__(self, environ: dict[str, str], findings: Findings, unsupported: Findings) -> None:
+    def __init__(self, environ: dict[str, str], findings: Findings, unsupported: Findings, fetch: Fetch | None) -> None:
+        self.fetch = fetch
+        self.remote: list[tuple[str, str]] = []
+        self.fetched: list[str] = []
         self.environ = environ
         self.findings = findings
         self.unsupported = unsupported
@@ -113,14 +123,18 @@ class _ExtendsReader:
         parent = self._parent(root, path, shown, trail, own)
         self.findings.extend(own.problems)
         if own.problems or parent is None:
-            return None if own.problems or isinstance(root.entries.get("extends"), Scalar) else layer
+            # what a CDF that was not fetched says is not known; without it, what is here must still fit together
+            unknown = self.fetch is None and isinstance(root.entries.get("extends"), Map)
+            return layer if not own.problems and ("extends" not in root.entries or unknown) else None
         return _overlay(parent, layer)
 
     def _parent(self, root: Map, path: str, shown: str, trail: tuple[str, ...], own: Findings) -> Map | None:
         extends = root.entries.get("extends")
-        if not isinstance(extends, Scalar) or not extends.text or own.broken(("extends",)):
+        if extends is None or own.broken(("extends",)):
             return None
-        target = os.path.normpath(os.path.join(os.path.dirname(path), extends.text))
+        target, name = self._target(extends, path, shown, own)
+        if not target:
+            return None
         if target in (*trail, path):
             steps = [*trail, path]
             circle = [*steps[steps.index(target) :], target]
@@ -129,10 +143,22 @@ class _ExtendsReader:
         if len(trail) >= _LONGEST_CHAIN:
             own.add(extends, f"more than {_LONGEST_CHAIN} CDFs extend each other", ("extends",))
             return None
+        return self.read(target, name, (*trail, path))
+
+    def _target(self, extends: Node, path: str, shown: str, own: Findings) -> tuple[str, str]:
+        """Return the path of the CDF that is extended, and its name for messages; empty where there is none."""
+        if isinstance(extends, Map):
+            self.remote.append((text(extends.entries.get("git")), text(extends.entries.get("ref"))))
+            folder, target = remote.located(extends, self.fetch, own, self.unsupported, ("extends",))
+            self.fetched += [folder] if folder else []
+            return target, target
+        if not isinstance(extends, Scalar) or not extends.text:
+            return "", ""
+        target = os.path.normpath(os.path.join(os.path.dirname(path), extends.text))
         if "\0" in target or not os.path.isfile(target):
             own.add(extends, f"there is no CDF '{extends.text}'", ("extends",), f"it is looked for at {target}")
-            return None
-        return self.read(target, paths.shown_beside(shown, extends.text), (*trail, path))
+            return "", ""
+        return target, paths.shown_beside(shown, extends.text)
 
 
 def _as_layer(path: str, shown: str) -> Map:
@@ -149,20 +175,20 @@ def _as_layer(path: str, shown: str) -> Map:
 def _overlay(parent: Map, child: Map) -> Map:
     """Lay a CDF over the one that it extends; name, version and origin are its own."""
     inherited = {"name", "cdf", "extends"}
-    if any(origin in child.entries for origin in _ORIGINS):
-        inherited |= set(_ORIGINS)
+    if any(origin in child.entries for origin in build.ORIGINS):
+        inherited |= set(build.ORIGINS)
     merged = merging.merge(merging.select(parent, frozenset(parent.entries) - inherited), child)
     assert isinstance(merged, Map)
     return merged
 
 
 def _check_origin(layer: Map, findings: Findings, unknown_parent: bool) -> None:
-    given = [origin for origin in _ORIGINS if origin in layer.entries]
+    given = [origin for origin in build.ORIGINS if origin in layer.entries]
     for extra in given[1:]:
         findings.add(layer.keys[extra], f"'{given[0]}' and '{extra}' exclude each other", (extra,))
     if not given and not unknown_parent:
         findings.add(layer, "needs one of base, image, dockerfile")
-    for key in _BUILDING:
+    for key in build.BUILDING:
         if given and given[0] != "base" and key in layer.entries:
             message = f"'{key}' would be built into the image, but '{given[0]}' is taken as it is"
             findings.add(layer.keys[key], message, (key,), "start from 'base', or put it into the Dockerfile")
@@ -201,29 +227,10 @@ def _definition(layer: Map, path: str, folder: str, findings: Findings) -> Conta
         runtime=run_time,
         requires=runtime.requirements(get("requires"), findings, ("requires",)),
         location=nodes.location(layer),
-        lines=MappingProxyType(_lines(layer, layer.source)),
+        lines=MappingProxyType(build.lines(layer)),
     )
 
 
 def _stem(path: str) -> str:
     name = os.path.basename(path)
     return os.path.basename(os.path.dirname(path)) if name == "Dockerfile" else name.rsplit(".", 1)[0]
-
-
-def _lines(layer: Map, source: Source) -> dict[str, int]:
-    """Return the line of each build field that stands in this very file, not in one that it extends."""
-    lines: dict[str, int] = {}
-
-    def note(node: Node, path: nodes.Path) -> None:
-        if isinstance(node, Map):
-            for key, value in node.entries.items():
-                if node.keys[key].source is source:
-                    lines[nodes.dotted((*path, key))] = node.keys[key].line
-                note(value, (*path, key))
-        for index, item in enumerate(node.items if isinstance(node, Seq) else ()):
-            if item.source is source:
-                lines[nodes.dotted((*path, index))] = item.line
-            note(item, (*path, index))
-
-    note(merging.select(layer, frozenset({*_ORIGINS, *_BUILDING, "environment", "platforms"})), ())
-    return lines

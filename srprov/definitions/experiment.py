@@ -14,8 +14,8 @@ from types import MappingProxyType
 from typing import Any
 
 from srprov.definitions import (
+    cdfs,
     checks,
-    container,
     merging,
     paths,
     playbook,
@@ -28,6 +28,7 @@ from srprov.definitions import (
 )  # fmt: skip
 from srprov.definitions.container import Container
 from srprov.definitions.model import Definitions, Experiment, NetworkSettings, Placement, Service, Weights
+from srprov.definitions.remote import Fetch
 from srprov.definitions.unsupported import note_unsupported
 from srprov.definitions.values import text, texts
 from srprov.errors import DefinitionError, Diagnostic, Location
@@ -41,17 +42,19 @@ _MOST_VALUES = 30_000
 _METADATA = ("license", "doi", "notes")
 
 
-def load(path: str, environ: Mapping[str, str]) -> Definitions:
+def load(path: str, environ: Mapping[str, str], fetch: Fetch | None = None) -> Definitions:
     """Read one EDF and all that it names; `environ` is what a bare NAME in `environment` is looked up in.
+
+    CDFs in git repositories are fetched by `fetch`; with None they are not, and noted as what is not there.
 
     Raises:
         DefinitionError: With everything that is wrong, in every file.
     """
     with allowance(_MOST_BYTES, _MOST_VALUES):
-        return _load(path, environ)
+        return _load(path, environ, fetch)
 
 
-def _load(path: str, environ: Mapping[str, str]) -> Definitions:
+def _load(path: str, environ: Mapping[str, str], fetch: Fetch | None) -> Definitions:
     root = loader.read(path)
     if not isinstance(root, Map):
         message = "the file is empty" if root is None else f"an EDF is a map, not {nodes.kind(root)}"
@@ -60,97 +63,70 @@ def _load(path: str, environ: Mapping[str, str]) -> Definitions:
     folder = os.path.dirname(os.path.abspath(path))
     schema.check(root, "edf", findings)
     schema.check_tags(root, findings, merging.RUNTIME_MERGED)
-    containers = _containers(checks.service_maps(root), folder, environ, findings)
+    read = cdfs.read(checks.service_maps(root), folder, environ, fetch, findings, unsupported)
     known = findings.copy()
     try:
-        experiment = _checked(root, path, containers, environ, findings)
+        experiment = _checked(root, path, read.by_service, environ, findings)
     except DefinitionError as error:
-        within = {key: one for key, one in containers.items() if all(paths.inside(file, folder) for file in one.files)}
-        if len(within) == len(containers):
+        known_files = {
+            name: one if one and all(paths.inside(file, folder) for file in one.files) else None
+            for name, one in read.by_service.items()
+        }
+        if known_files == read.by_service:
             raise
-        alone = functools.partial(_checked, root, path, within, environ)
+        alone = functools.partial(_checked, root, path, known_files, environ)
         raise DefinitionError(paths.hide_merged(error.problems, alone, known, folder)) from None
     note_unsupported(root, unsupported)
-    for one in containers.values():
-        unsupported.extend(one.unsupported)
+    elsewhere = taken.repositories(read.remote, folder)
     return Definitions(
-        experiment=experiment,
-        containers=MappingProxyType({key: one.definition for key, one in sorted(containers.items())}),
+        experiment=replace(
+            experiment,
+            remote=tuple(sorted(set(read.remote))),
+            outside=tuple(sorted({*experiment.outside, *elsewhere})),
+        ),
+        containers=MappingProxyType({key: one.definition for key, one in sorted(read.by_path.items())}),
         unsupported=tuple(sorted(paths.hide_outside(unsupported.problems, folder))),
         variables=taken.variables(experiment.environment, environ),
     )
 
 
 def _checked(
-    root: Map, path: str, containers: Mapping[str, Container], environ: Mapping[str, str], findings: Findings
+    root: Map, path: str, containers: Mapping[str, Container | None], environ: Mapping[str, str], findings: Findings
 ) -> Experiment:
     """Return the experiment as it is with these containers.
 
     Raises:
         DefinitionError: The findings hold something, old or new.
     """
-    folder, entries = os.path.dirname(os.path.abspath(path)), checks.service_maps(root)
+    folder = os.path.dirname(os.path.abspath(path))
     services, bare = _services(root, containers, folder, environ, findings)
     sources = secrets.sources(root, folder, findings)
     playbooks = playbook.from_experiment(root, folder, findings)
-    by_service = {name: containers.get(_cdf_key(entries[name])) for name in services}
-    checks.check(root, services, by_service, findings)
+    checks.check(root, services, containers, findings)
     if findings.problems:
         raise DefinitionError(findings.problems)
     return replace(
         _experiment(root, path, services),
         secrets=sources,
         playbooks=playbooks,
-        outside=taken.outside(path, folder, services, by_service),
+        outside=taken.outside(path, folder, services, containers),
         environment=bare,
     )
 
 
 def _services(
-    root: Map, containers: Mapping[str, Container], folder: str, environ: Mapping[str, str], findings: Findings
+    root: Map, containers: Mapping[str, Container | None], folder: str, environ: Mapping[str, str], findings: Findings
 ) -> tuple[dict[str, Service], taken.Taken]:
     """Return every service whose entry fits the schema, and (service, variable) of what they take from `environ`."""
     services: dict[str, Service] = {}
     bare: list[tuple[str, str]] = []
     for name, entry in sorted(checks.service_maps(root).items()):
         if not findings.broken(("services", name)):
-            container_of = containers.get(_cdf_key(entry))
             place = checks.service_key(root, name)
-            built, variables = service.build(place, entry, container_of, folder, environ, findings)
+            built, variables = service.build(place, entry, containers[name], folder, environ, findings)
             bare += [(name, variable) for variable in variables]
             services[name] = secrets.with_secrets(built, entry, root, findings)
     return services, tuple(bare)
-
-
-def _cdf_key(entry: Map) -> str:
-    cdf = entry.entries.get("cdf")
-    return os.path.normpath(os.path.join(cdf.source.folder, cdf.text)) if isinstance(cdf, Scalar) else ""
-
-
-def _containers(
-    entries: Mapping[str, Map], folder: str, environ: Mapping[str, str], findings: Findings
-) -> dict[str, Container]:
-    """Read every CDF that a service names, each once; keys are absolute paths."""
-    found: dict[str, Container] = {}
-    for name in sorted(entries):
-        cdf, key = entries[name].entries.get("cdf"), _cdf_key(entries[name])
-        path = ("services", name, "cdf")
-        if not isinstance(cdf, Scalar) or not cdf.text or nodes.is_null(cdf) or key in found:
-            continue
-        if "\0" in key or not os.path.isfile(key):
-            what = "is a folder, not a CDF" if os.path.isdir(key) else "does not exist"
-            findings.add(
-                cdf,
-                f"the CDF '{cdf.text}' {what}",
-                path,
-                f"it is looked for at {os.path.relpath(key)}" if "\0" not in key else "",
-            )
-            continue
-        try:
-            found[key] = container.load(key, folder, environ, paths.shown_beside(cdf.source.file, cdf.text))
-        except DefinitionError as error:
-            findings.extend(error.problems)
-    return found
 
 
 def _experiment(root: Map, path: str, services: Mapping[str, Service]) -> Experiment:

@@ -146,6 +146,8 @@ class Experiment:
     """Those that come with the EDF, in its order."""
     outside: tuple[tuple[str, str], ...] = ()
     """(service, path of the controller) of what it reads or ships from outside of its folder."""
+    remote: tuple[tuple[str, str, str], ...] = ()
+    """(service, address, branch, tag or commit) of its CDFs in git repositories, those that are extended too."""
     environment: tuple[tuple[str, str], ...] = ()
     """(service, variable) of what it takes from the controller's environment."""
     same_robot: tuple[tuple[str, ...], ...] = ()

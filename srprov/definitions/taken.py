@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 from srprov.definitions.container import Container
 from srprov.definitions.merging import FROM_CONTROLLER
@@ -34,10 +34,19 @@ def outside(
     """
     found = {("experiment", os.path.realpath(edf))} if not inside(edf, folder) else set()
     for name, service in services.items():
+        container = containers.get(name)
+        # what was fetched is asked for as what git fetches
+        homes = (folder, *(container.fetched if container else ()))
         paths = [mount.source for mount in service.runtime.mounts if mount.kind == "tree"]
-        paths += _of_container(containers.get(name))
-        found |= {(name, _named(path)) for path in paths if not inside(path, folder)}
+        paths += _of_container(container)
+        found |= {(name, _named(path)) for path in paths if not any(inside(path, home) for home in homes)}
     return tuple(sorted(found))
+
+
+def repositories(remote: Iterable[tuple[str, str, str]], folder: str) -> Taken:
+    """Return service -> path of the repositories with CDFs that are on this machine, and not in the folder."""
+    found = ((service, parse_address(url).path) for service, url, _ in remote)
+    return tuple((service, _named(path)) for service, path in found if path and not inside(path, folder))
 
 
 def _of_container(container: Container | None) -> Iterator[str]:

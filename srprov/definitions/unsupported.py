@@ -29,9 +29,7 @@ def note_unsupported(root: Map, findings: Findings) -> None:
 
 def _service(entry: Map, path: Path, findings: Findings) -> None:
     get = entry.entries.get
-    cdf, network = get("cdf"), get("network")
-    if isinstance(cdf, Map):
-        findings.add(cdf, "a CDF from git is not supported yet", (*path, "cdf"))
+    network = get("network")
     policy = get("pull_policy")
     if isinstance(policy, Scalar) and policy.text != "missing":
         findings.add(
@@ -47,8 +45,6 @@ def _empty(node: Node | None) -> bool:
 
 def note_unsupported_of_cdf(layer: Map, findings: Findings) -> None:
     """Add what a CDF says that is not built yet; `layer` is in normal form."""
-    extends, policy = layer.entries.get("extends"), layer.entries.get("pull_policy")
-    if isinstance(extends, Map):
-        findings.add(extends, "a CDF from git is not supported yet", ("extends",))
+    policy = layer.entries.get("pull_policy")
     if isinstance(policy, Scalar) and policy.text != "missing":
         findings.add(policy, f"'pull_policy: {policy.text}' is not supported yet", ("pull_policy",))

@@ -10,6 +10,7 @@ import contextlib
 import fcntl
 import hashlib
 import os
+import shutil
 import tempfile
 import time
 from collections.abc import Collection, Iterator
@@ -81,6 +82,37 @@ def files(
         TreeFile(one.path, contents[one.object], one.executable, one.is_link)
         for one in sorted(found, key=lambda one: one.path)
     )
+
+
+def folder(address: Address, commit: str, most: int) -> Path:
+    """Return a folder of this user's with the files of a commit; it is made if it is not there yet.
+
+    Raises:
+        GitError: It cannot be fetched, or holds what cannot be taken.
+        OSError: It cannot be kept.
+    """
+    place = default_folder() / "trees" / hashlib.sha256(f"{address.url} {commit}".encode()).hexdigest()[:32]
+    if place.is_dir():
+        return place
+    found = files(address, commit, most)
+    private.make_folder(place.parent)
+    draft = Path(tempfile.mkdtemp(dir=place.parent))
+    try:
+        for one in found:
+            path = draft / one.path
+            path.parent.mkdir(parents=True, exist_ok=True)
+            if one.is_link:
+                path.symlink_to(one.content.decode("utf-8"))
+            else:
+                path.write_bytes(one.content)
+                path.chmod(0o700 if one.executable else 0o600)
+        draft.rename(place)
+    except OSError:
+        if not place.is_dir():  # somebody else was faster
+            raise
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+    return place
 
 
 @contextlib.contextmanager

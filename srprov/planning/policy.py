@@ -74,6 +74,9 @@ def permissions(
     found = [one for service in experiment.services.values() for one in _of_service(service)]
     found += [one for service in experiment.services.values() for one in _of_image(service, containers)]
     found += [one for service in experiment.services.values() for one in _of_repositories(service, containers)]
+    for name, url, ref in experiment.remote:
+        what = f"{_fetched(url, ref)}, a CDF in it says what the container is"
+        found.append(Permission(kind="git", service=name, what=what))
     found += _of_network(experiment.network)
     for service in experiment.services.values():
         for use in service.secrets:
@@ -167,9 +170,13 @@ def _of_repositories(service: Service, containers: Mapping[str, ContainerDefinit
     """Yield what git fetches on the controller, from wherever a stranger says."""
     cdf = containers.get(service.cdf)
     for one in cdf.repositories if cdf else ():
-        how = "" if one.url.startswith(("https:", "file:")) else " with your SSH keys"
-        what = f"{one.url}, {one.ref or 'its default branch'}: fetched here{how}, its files go into the image"
+        what = f"{_fetched(one.url, one.ref)}, its files go into the image"
         yield Permission(kind="git", service=service.name, what=what)
+
+
+def _fetched(url: str, ref: str) -> str:
+    how = "" if url.startswith(("https:", "file:")) else " with your SSH keys"
+    return f"{url}, {ref or 'its default branch'}: fetched here{how}"
 
 
 def _not_from_a_registry(name: str) -> str:

@@ -248,7 +248,6 @@ def test_same_robot_groups_with_a_common_service_are_one(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("service", "top", "line", "message"),
     [
-        ("{cdf: {git: 'https://x', path: a}}", "", 4, "a CDF from git"),
         ("{image: x, network: both}", "", 4, "'network: both'"),
         ("{image: x}", "network: {encryption: wireguard}\n", 6, "'encryption: wireguard'"),
         ("{image: x}", "network: {discovery: zenoh}\n", 6, "'discovery: zenoh'"),
@@ -272,7 +271,7 @@ def test_what_is_not_built_yet_is_listed_at_its_line(
 @pytest.mark.parametrize(
     ("text", "line"),
     [
-        ("cdf: 1\nextends: {git: 'https://x', path: a.cdf}\n", 2),
+        ("cdf: 1\nbase: x\npull_policy: always\n", 3),
     ],
 )
 def test_what_of_a_cdf_is_not_built_yet(tmp_path: Path, text: str, line: int) -> None:
