@@ -14,8 +14,9 @@ from typing import Any
 
 from srprov.controller.render_inputs import RenderInputs
 from srprov.controller.robot_images import robot_images
-from srprov.controller.services import service_context, tree_path
+from srprov.controller.services import hosts_path, service_context, tree_path
 from srprov.definitions.containermodel import Mount
+from srprov.definitions.hostnames import GATEWAY
 from srprov.definitions.model import Service
 from srprov.errors import UsageError
 from srprov.facts.model import HostFacts
@@ -91,7 +92,8 @@ def _one(
         "api": facts.docker.api_version if facts.docker else "1.41",
         "overlay": overlay,
         "images": list(images),
-        "files": _files(inputs, member=bool(services)),
+        "log_driver": facts.docker.log_driver if facts.docker else "",
+        "files": _files(inputs, host, services),
         "trees": [
             {"path": tree_path(inputs.instance, trees[source]), "blob": trees[source]["blob"]}
             for source in sorted(used)
@@ -114,13 +116,20 @@ def _robot(facts: HostFacts) -> dict[str, Any]:
     return {**lasting, "os": facts.os, "tags": list(facts.tags), "devices": list(facts.devices)}
 
 
-def _files(inputs: RenderInputs, *, member: bool) -> list[dict[str, Any]]:
-    """Return the record of the whole placement, and for a robot that runs something the hosts file."""
+def _files(inputs: RenderInputs, host: str, services: Sequence[Service]) -> list[dict[str, Any]]:
+    """Return the record of the whole placement, and for a robot that runs something its hosts files."""
     path, content = record_path(inputs.instance), canonical(inputs.record) + "\n"
     record = {"path": path, "content": content, "mode": "0644", "in_place": False}
-    hosts = f"{STATE_ROOT}/{inputs.instance}/hosts"
-    names = {"path": hosts, "content": hosts_file(inputs.overlay), "mode": "0644", "in_place": True}
-    return [names, record] if member else [record]
+    hostnames = {one.name: name for one in inputs.experiment.services.values() if (name := one.runtime.hostname)}
+    names = {f"{STATE_ROOT}/{inputs.instance}/hosts": hosts_file(inputs.overlay, hostnames)} if services else {}
+    for service in services:
+        if service.runtime.extra_hosts:
+            # what a container with the robot's network calls its robot is itself
+            robot = inputs.overlay.gateways.get(host, "") if service.network == "overlay" else "127.0.0.1"
+            extra = [(name, robot if at == GATEWAY else at) for name, at in service.runtime.extra_hosts]
+            names[hosts_path(inputs.instance, service)] = hosts_file(inputs.overlay, hostnames, extra)
+    files = [{"path": one, "content": text, "mode": "0644", "in_place": True} for one, text in names.items()]
+    return [*files, record]
 
 
 def _secrets(instance: str, services: Sequence[Service]) -> list[dict[str, str]]:

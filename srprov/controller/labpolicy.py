@@ -86,9 +86,12 @@ def with_limits(definitions: Definitions, policies: Sequence[LabPolicy]) -> Defi
 
 
 def _filled(run: Runtime, defaults: Mapping[str, float]) -> Runtime:
+    memory = run.mem_limit or int(defaults.get("mem_limit", 0))
     return replace(
         run,
-        mem_limit=run.mem_limit or int(defaults.get("mem_limit", 0)),
+        mem_limit=memory,
+        # an engine takes no reservation beyond the limit
+        mem_reservation=min(run.mem_reservation, memory or run.mem_reservation),
         cpus=run.cpus or defaults.get("cpus", 0.0),
         pids_limit=run.pids_limit or int(defaults.get("pids_limit", 0)),
     )

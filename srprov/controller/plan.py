@@ -28,7 +28,7 @@ from srprov.controller.phases import Phases
 from srprov.controller.playbooks import playbooks
 from srprov.controller.render_inputs import RenderInputs
 from srprov.controller.request import PlanRequest
-from srprov.controller.robot_room import check_room
+from srprov.controller.robot_room import check_room, with_log_drivers
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.model import Definitions, Inventory
 from srprov.definitions.pins import unknown_pins
@@ -119,9 +119,7 @@ def make_plan(
     theirs = (*choice.experiment.playbooks, *request.playbooks)
     with together():
         inputs = with_layers(_inputs(definitions, choice, placed, overlay, snapshot, source, request), look)
-        desired = _desired(inputs, theirs, vault)
-    snapshot = look.probe(snapshot, desired)
-    steps, unchanged = diff(desired, owned(snapshot, instance), instance)
+        snapshot, desired, steps, unchanged = _compared(inputs, theirs, vault, look)
     notes = (*notes, *check_room(steps, choice, instance, snapshot, look, playbooks=bool(theirs)))
     made = _plan(definitions, dataclasses.replace(inputs, snapshot=snapshot), placed, theirs, steps, unchanged, notes)
     enforce(made, look.inventory, request.policies)
@@ -194,6 +192,21 @@ def _desired(inputs: RenderInputs, theirs: Sequence[Playbook], vault: Vault) -> 
     per_robot, blobs = contexts(inputs)
     rendered = rendering.render_all(playbooks(), theirs, per_robot, modules=MODULES, blobs=blobs)
     return tuple(with_value(resource, vault) for resource in rendered)
+
+
+def _compared(
+    inputs: RenderInputs, theirs: Sequence[Playbook], vault: Vault, look: Gathering
+) -> tuple[Snapshot, tuple[Resource, ...], tuple[Step, ...], int]:
+    """Return the robots as seen last, what should be true there, the steps to it, and how much is right already."""
+    desired = _desired(inputs, theirs, vault)
+    snapshot = look.probe(inputs.snapshot, desired)
+    steps, unchanged = diff(desired, owned(snapshot, inputs.instance), inputs.instance)
+    told = with_log_drivers(steps, snapshot, look)
+    if told is not snapshot:
+        # what an engine is asked for now changes how containers are made, and not which
+        desired = _desired(dataclasses.replace(inputs, snapshot=told), theirs, vault)
+        steps, unchanged = diff(desired, owned(told, inputs.instance), inputs.instance)
+    return told, desired, steps, unchanged
 
 
 def _plan(

@@ -15,10 +15,12 @@ from srprov.definitions.model import Experiment, Service
 from srprov.errors import UsageError
 from srprov.facts.gather import Gathering
 from srprov.facts.model import Snapshot, TakenPort
+from srprov.facts.probes import INFO
 from srprov.facts.taken import QUERIES, taken_ports
 from srprov.modules import RUNNING
 from srprov.planning.plan import Step
 from srprov.resource import Action
+from srprov.untrusted import mapping, text
 from srprov.wire import Query, Reply, quote
 
 _NEW = (Action.CREATE, Action.REPLACE)
@@ -82,6 +84,22 @@ def check_room(
         hint = "make the folder there, let it be made (bind: {create_host_path: true}), or publish another port"
         raise UsageError("robots are not ready for the new containers:\n" + "\n".join(wrong), hint=hint)
     return tuple(f"{line}, unless a playbook makes it" for line in missing)
+
+
+def with_log_drivers(steps: Iterable[Step], snapshot: Snapshot, look: Gathering) -> Snapshot:
+    """Return the snapshot with the default log driver of every engine that gets a new container.
+
+    Asks those of which it is not known; where there is none, the snapshot is returned itself.
+    """
+    docker = {robot: facts.docker for robot, facts in snapshot.facts.items() if facts.docker}
+    hosts = {step.host for step in steps if step.module in RUNNING and step.want and step.change.action in _NEW}
+    unknown = sorted(host for host in hosts if host in docker and not docker[host].log_driver)
+    replies = look.ask_each({host: (INFO,) for host in unknown})
+    facts = dict(snapshot.facts)
+    for host, (reply,) in replies.items():
+        driver = text(mapping(reply.json()).get("LoggingDriver"), length=64) if reply.ok else ""
+        facts[host] = replace(facts[host], docker=replace(docker[host], log_driver=driver))
+    return replace(snapshot, facts=facts) if replies else snapshot
 
 
 def _new_services(steps: Iterable[Step], experiment: Experiment) -> dict[str, list[Service]]:

@@ -29,8 +29,8 @@ def service_context(
         place = secret_path(inputs.instance, use.source, use.mode)
         mounts.append({"Type": "bind", "Source": place, "Target": use.target, "ReadOnly": True})
         needs.append(f"secret:{place}")
-    if service.network != "none":
-        hosts = f"{STATE_ROOT}/{inputs.instance}/hosts"
+    if service.network != "none" or service.runtime.extra_hosts:
+        hosts = hosts_path(inputs.instance, service)
         mounts.append({"Type": "bind", "Source": hosts, "Target": "/etc/hosts", "ReadOnly": True})
         needs.append(f"file:{hosts}")
     if service.network == "overlay" and overlay:
@@ -43,13 +43,18 @@ def service_context(
         "container": container_name(inputs.instance, service.name),
         "image": image,
         # Docker refuses a hostname beside the host's network
-        "hostname": "" if service.network == "host" else service.name,
+        "hostname": "" if service.network == "host" else service.runtime.hostname or service.name,
         "job": service.runtime.job,
         "run": _run(service.runtime),
         "mounts": mounts,
         "network": _network(inputs, service, overlay),
         "needs": needs,
     }
+
+
+def hosts_path(instance: str, service: Service) -> str:
+    """Return where the hosts file of a service lies on its robot: one for all, unless it has names of its own."""
+    return f"{STATE_ROOT}/{instance}/hosts" + (f"-{service.name}" if service.runtime.extra_hosts else "")
 
 
 def tree_path(instance: str, tree: Mapping[str, str]) -> str:
@@ -79,20 +84,22 @@ def _run(runtime: Runtime) -> dict[str, Any]:
     plain = {
         field.name: getattr(runtime, field.name)
         for field in dataclasses.fields(runtime)
-        if field.name not in ("mounts", "healthcheck", "environment", "sysctls")
+        if field.name not in ("mounts", "healthcheck", "environment", "sysctls", "labels", "logging")
     }
-    check = runtime.healthcheck
+    check, log = runtime.healthcheck, runtime.logging
     return {
         **plain,
         "environment": dict(runtime.environment),
         "sysctls": dict(runtime.sysctls),
+        "labels": dict(runtime.labels),
+        "logging": {"driver": log.driver, "options": dict(log.options)} if log else None,
         "healthcheck": dataclasses.asdict(check) if check else None,
     }
 
 
 def _mount(instance: str, mount: Mount, trees: Mapping[str, Mapping[str, str]]) -> dict[str, Any]:
     if mount.kind == "tmpfs":
-        return {"Type": "tmpfs", "Target": mount.target}
+        return {"Type": "tmpfs", "Target": mount.target, **({"Options": mount.options} if mount.options else {})}
     if mount.kind == "volume":
         source: dict[str, Any] = {"Type": "volume", "Source": volume_name(instance, mount.source)}
     elif mount.kind == "tree":

@@ -10,7 +10,7 @@ import ipaddress
 from collections.abc import Mapping
 
 from srprov import names
-from srprov.definitions import relations, sharing
+from srprov.definitions import hostnames, relations, sharing
 from srprov.definitions.container import Container
 from srprov.definitions.containermodel import HealthCheck
 from srprov.definitions.model import Service
@@ -54,6 +54,7 @@ def check(
         _conditions(known[name], one, services, containers, findings)
     _pins(root, known, findings)
     sharing.check(known, services, findings)
+    hostnames.check(known, services, findings)
     relations.check(root, known, same_robot_groups(root), sharing.with_shared((), services), findings)
     _weights(root, findings)
     _subnet(root, len(known), findings)

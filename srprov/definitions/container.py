@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from srprov.definitions import build, dockerfile, images, merging, paths, remote, runtime, schema
+from srprov.definitions import build, dockerfile, images, merging, paths, remote, requirements, runtime, schema
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.remote import Fetch
 from srprov.definitions.unsupported import note_unsupported_of_cdf
@@ -200,7 +200,7 @@ def _definition(layer: Map, path: str, folder: str, findings: Findings) -> Conta
         images.check(get(key), findings, (key,))
     packages = get("packages")
     packed = packages.entries if isinstance(packages, Map) else {}
-    run_time = runtime.parse(layer, folder, findings, ())
+    run_time = runtime.parse(layer, folder, findings, (), init="base" in layer.entries or None)
     written = build.written(get("dockerfile"), folder, findings)
     named = tuple(name for key in ("base", "image") if (name := text(get(key))) not in ("", "scratch"))
     return ContainerDefinition(
@@ -225,7 +225,7 @@ def _definition(layer: Map, path: str, folder: str, findings: Findings) -> Conta
         run=texts(get("run")),
         build_environment=MappingProxyType(dict(run_time.environment) if "base" in layer.entries else {}),
         runtime=run_time,
-        requires=runtime.requirements(get("requires"), findings, ("requires",)),
+        requires=requirements.read(get("requires"), findings, ("requires",)),
         location=nodes.location(layer),
         lines=MappingProxyType(build.lines(layer)),
     )

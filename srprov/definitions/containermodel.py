@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
@@ -9,6 +10,11 @@ from types import MappingProxyType
 from srprov.errors import Location
 
 _NOWHERE = Location("")
+TMPFS_OPTIONS = re.compile(
+    r"((rw|ro|(no)?(exec|suid|dev|atime|diratime)|relatime|strictatime|size=[0-9]+[kmgKMG%]?|mode=[0-7]{3,4}"
+    r"|(uid|gid)=[0-9]{1,10}|nr_inodes=[0-9]+[kmgKMG]?)(,(?!\Z)|\Z))*"
+)
+"""What may stand behind a tmpfs, as mount(8) has it."""
 
 Port = tuple[str, int, int, str]
 """(address or "", published port, container port, `tcp` or `udp`)"""
@@ -67,6 +73,17 @@ class Mount:
     read_only: bool = False
     create_host_path: bool = False
     """Of a bind: make the folder on the robot where there is nothing."""
+    options: str = ""
+    """Of a tmpfs: mount options such as `size=64m,mode=1777`."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Logging:
+    """Where the engine puts what a container prints."""
+
+    driver: str = ""
+    """Empty: the engine's default."""
+    options: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -90,15 +107,34 @@ class Runtime:
     ulimits: tuple[tuple[str, int, int], ...] = ()
     """(name, soft, hard)"""
     cap_add: tuple[str, ...] = ()
+    cap_drop: tuple[str, ...] = ()
     privileged: bool = False
     sysctls: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     group_add: tuple[str, ...] = ()
     security_opt: tuple[str, ...] = ()
     device_cgroup_rules: tuple[str, ...] = ()
     tty: bool = False
+    stdin_open: bool = False
+    init: bool | None = None
+    """An init process runs first. None: as the engine does by default."""
+    read_only: bool = False
+    """The container's root filesystem is."""
+    hostname: str = ""
+    """Empty: the service's name."""
+    extra_hosts: tuple[tuple[str, str], ...] = ()
+    """(name, address or `host-gateway`) of further lines of the hosts file"""
+    labels: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    logging: Logging | None = None
+    """None: the engine's default, with rotation where that is `json-file`."""
     mem_limit: int = 0
     """bytes; 0: no limit"""
+    mem_reservation: int = 0
+    """bytes that it is left with when memory is short"""
+    oom_score_adj: int = 0
+    """-1000 to 1000; the process with the highest is killed first when memory is short"""
     cpus: float = 0.0
+    cpuset: str = ""
+    """The processors that it may run on, such as `0-2,5`; empty: all."""
     pids_limit: int = 0
     shm_size: int = 0
     """bytes"""
@@ -106,6 +142,8 @@ class Runtime:
     pid: str = ""
     gpus: str = ""
     """empty, `all`, or a count"""
+    runtime: str = ""
+    """What the engine runs containers with, such as `nvidia`; empty: its default."""
     restart: str = "no"
     """`no`, `always`, `unless-stopped`, `on-failure` or `on-failure:N`"""
     pull_policy: str = "missing"

@@ -7,6 +7,9 @@ makes it replace as well.
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterator
+
 from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq
 
 FROM_CONTROLLER = "!controller"
@@ -15,12 +18,15 @@ FROM_CONTROLLER = "!controller"
 REPLACED_LISTS = frozenset({"command", "entrypoint", "test", "authors", "arch"})
 """Lists that are one value: they replace."""
 
-KEYED = ("environment", "sysctls")
+REPLACED_MAPS = frozenset({"logging"})
+"""Maps that are one value: options of one driver mean nothing to another."""
+
+KEYED = ("environment", "sysctls", "labels")
 """Given as a map or as a list of NAME=value; merged as a map."""
 
 RUNTIME_MERGED = frozenset(
     (*KEYED, "volumes", "devices", "ports", "expose", "ulimits", "cap_add", "group_add", "security_opt")
-) | {"device_cgroup_rules", "healthcheck"}
+) | {"device_cgroup_rules", "healthcheck", "cap_drop", "tmpfs", "extra_hosts"}
 """Run-time fields in which a service is merged with its CDF."""
 
 BUILD_MERGED = frozenset(
@@ -33,7 +39,7 @@ def merge(under: Node, over: Node, key: str = "") -> Node:
     """Lay `over` on `under`; `key` is the key that both stand at."""
     if over.tag == "!replace":
         return over
-    if isinstance(under, Map) and isinstance(over, Map):
+    if isinstance(under, Map) and isinstance(over, Map) and key not in REPLACED_MAPS:
         entries, keys = dict(under.entries), dict(under.keys)
         for name, value in over.entries.items():
             entries[name] = merge(entries[name], value, name) if name in entries else value
@@ -54,14 +60,16 @@ def _plain(node: Node) -> object:
 
 
 def normalise(layer: Map, environ: dict[str, str], findings: Findings, path: Path) -> Map:
-    """Return a layer in the one form that merges: `environment` and `sysctls` as maps, `run` as a list."""
+    """Return a layer in the one form that merges: what is keyed as maps, `run` and `tmpfs` as lists."""
     entries = dict(layer.entries)
     for key in KEYED:
         if isinstance(entries.get(key), Seq):
             entries[key] = _as_map(entries[key], environ if key == "environment" else {}, findings, (*path, key))
-    run = entries.get("run")
-    if isinstance(run, Scalar):
-        entries["run"] = Seq(run.source, run.line, run.column, (run,))
+    if (hosts := entries.get("extra_hosts")) is not None:
+        entries["extra_hosts"] = _hosts(hosts)
+    for key in ("run", "tmpfs"):
+        if isinstance(one := entries.get(key), Scalar):
+            entries[key] = Seq(one.source, one.line, one.column, (one,))
     return Map(layer.source, layer.line, layer.column, entries, layer.keys, layer.tag)
 
 
@@ -81,6 +89,30 @@ def _as_map(node: Node, environ: dict[str, str], findings: Findings, path: Path)
         entries[name] = Scalar(item.source, item.line, item.column, words, plain=False, tag=tag)
         keys[name] = item
     return Map(node.source, node.line, node.column, entries, keys, node.tag)
+
+
+def _hosts(node: Node) -> Node:
+    """Return Compose's map, or list of `NAME:ADDRESS` and `NAME=ADDRESS`, as NAME -> addresses with blanks between."""
+    entries: dict[str, Node] = {}
+    keys: dict[str, Scalar] = {}
+    for key, name, addresses in _host_lines(node):
+        earlier = entries.get(name)
+        words = f"{earlier.text} {addresses}" if isinstance(earlier, Scalar) else addresses
+        entries[name] = Scalar(key.source, key.line, key.column, words)
+        keys.setdefault(name, key)
+    return Map(node.source, node.line, node.column, entries, keys, node.tag)
+
+
+def _host_lines(node: Node) -> Iterator[tuple[Scalar, str, str]]:
+    """Return the place, the name and the addresses of each entry."""
+    if isinstance(node, Map):
+        for name, value in node.entries.items():
+            items = value.items if isinstance(value, Seq) else (value,)
+            yield node.keys[name], name, " ".join(item.text for item in items if isinstance(item, Scalar))
+    for item in node.items if isinstance(node, Seq) else ():
+        if isinstance(item, Scalar):
+            name, address = re.split("[=:]", item.text, maxsplit=1)
+            yield item, name, address
 
 
 def select(layer: Map, wanted: frozenset[str]) -> Map:

@@ -1,6 +1,6 @@
-"""`volumes` -> Mounts, in Compose's short and long form.
+"""`volumes` and `tmpfs` -> Mounts, in Compose's short and long form.
 
-Takes the merged list of volumes and the folder of the experiment; gives Mounts in the order written. Touches the file
+Takes the merged lists and the folder of the experiment; gives Mounts in the order written. Touches the file
 system for looking: what a relative source names must exist below the experiment's folder. A CDF's volume gives way to
 the EDF's at the same target; the same target twice in one file is a problem.
 """
@@ -9,30 +9,53 @@ from __future__ import annotations
 
 import posixpath
 import re
+from collections.abc import Iterator
 from dataclasses import replace
 
 from srprov.definitions import paths
-from srprov.definitions.containermodel import Mount
-from srprov.definitions.values import text
+from srprov.definitions.containermodel import TMPFS_OPTIONS, Mount
+from srprov.definitions.values import scalars, text
 from srprov.yamldoc import nodes
+from srprov.yamldoc.fields import size_in_bytes
 from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq
 
+_Read = tuple[Node, "Mount | None", Path]
+"""Where it is written, what it says, and the way to it."""
 _VOLUME_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*", re.ASCII)
 
 
-def parse(node: Node | None, folder: str, findings: Findings, path: Path) -> tuple[Mount, ...]:
-    """Read every volume; what is wrong with one is added to the findings and leaves it out."""
+def parse(
+    volumes: Node | None, tmpfs: Node | None, folder: str, findings: Findings, path: Path
+) -> tuple[Mount, ...]:  # fmt: skip
+    """Read every mount; what is wrong with one is added to the findings and leaves it out."""
     by_target: dict[str, tuple[Node, Mount]] = {}
-    for item in node.items if isinstance(node, Seq) else ():
-        mount = _long(item, folder, findings, path) if isinstance(item, Map) else _short(item, folder, findings, path)
+    for item, mount, at in (*_volumes(volumes, folder, findings, path), *_tmpfs(tmpfs, findings, path)):
         if mount is None:
             continue
         earlier = by_target.pop(mount.target, None)
         if earlier is not None and earlier[0].source is item.source:
             first = earlier[0].line
-            findings.add(item, f"'{mount.target}' is mounted twice; already on line {first}", path)
+            findings.add(item, f"'{mount.target}' is mounted twice; already on line {first}", at)
         by_target[mount.target] = (item, mount)
     return tuple(mount for _, mount in by_target.values())
+
+
+def _volumes(node: Node | None, folder: str, findings: Findings, path: Path) -> Iterator[_Read]:
+    path = (*path, "volumes")
+    for item in node.items if isinstance(node, Seq) else ():
+        mount = _long(item, folder, findings, path) if isinstance(item, Map) else _short(item, folder, findings, path)
+        yield item, mount, path
+
+
+def _tmpfs(node: Node | None, findings: Findings, path: Path) -> Iterator[_Read]:
+    """Read `target[:options]`."""
+    path = (*path, "tmpfs")
+    for item in scalars(node):
+        target, _, options = item.text.partition(":")
+        mount = Mount(kind="tmpfs", source="", target=_target(item, target, findings, path), options=options)
+        if not TMPFS_OPTIONS.fullmatch(options):
+            findings.add(item, f"'{options[:60]}' are no options of a tmpfs", path, "such as size=64m,mode=1777")
+        yield item, mount, path
 
 
 def _short(item: Node, folder: str, findings: Findings, path: Path) -> Mount | None:
@@ -59,7 +82,11 @@ def _long(item: Map, folder: str, findings: Findings, path: Path) -> Mount | Non
     if kind == "tmpfs":
         if source is not None:
             findings.add(source, "a tmpfs has no source", path)
-        return Mount(kind="tmpfs", source="", target=_target(item, target, findings, path), read_only="ro" in modes)
+        written = [*_tmpfs_options(item.entries.get("tmpfs"), findings, path), *(["ro"] if "ro" in modes else [])]
+        where = _target(item, target, findings, path)
+        return Mount(kind="tmpfs", source="", target=where, options=",".join(written))
+    if "tmpfs" in item.entries:
+        findings.add(item.keys["tmpfs"], "'tmpfs' is for a volume of that type", path)
     if not isinstance(source, Scalar):
         findings.add(item, "the key 'source' is missing", path)
         return None
@@ -76,6 +103,19 @@ def _long(item: Map, folder: str, findings: Findings, path: Path) -> Mount | Non
         if mount is not None and isinstance(make, Scalar) and nodes.as_bool(make):
             mount = replace(mount, create_host_path=True)
     return mount
+
+
+def _tmpfs_options(node: Node | None, findings: Findings, path: Path) -> Iterator[str]:
+    """Return the long form's options as mount(8) writes them."""
+    if not isinstance(node, Map):
+        return
+    if size := node.entries.get("size"):
+        try:
+            yield f"size={size_in_bytes(text(size))}"
+        except ValueError as error:
+            findings.add(size, str(error), (*path, "tmpfs", "size"))
+    if mode := text(node.entries.get("mode")):
+        yield f"mode={mode}"
 
 
 def _mount(source: Scalar, target: str, modes: set[str], folder: str, findings: Findings, path: Path) -> Mount | None:

@@ -1,4 +1,4 @@
-"""A merged layer -> Runtime and Requirements.
+"""A merged layer -> Runtime.
 
 Takes a map in normal form (`merging.normalise`) whose shape the schema has checked; gives typed values in one unit.
 Touches the file system for looking, through `mounts`. Problems point at the file that the value comes from.
@@ -6,12 +6,14 @@ Touches the file system for looking, through `mounts`. Problems point at the fil
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any, TypeVar
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Protocol, TypeVar
 
 from srprov.definitions import merging, mounts, values
-from srprov.definitions.containermodel import HealthCheck, Port, Requirements, Runtime, ports_meet
-from srprov.definitions.values import Device, scalars, text, text_map, texts
+from srprov.definitions.containermodel import HealthCheck, Logging, Port, Runtime, ports_meet
+from srprov.definitions.hostnames import extra_hosts
+from srprov.definitions.values import Device, flag, guarded, scalars, text, text_map, texts
 from srprov.yamldoc import nodes
 from srprov.yamldoc.fields import size_in_bytes
 from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar
@@ -19,19 +21,35 @@ from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar
 RUNTIME_FIELDS = merging.RUNTIME_MERGED | {
     *("command", "entrypoint", "working_dir", "user", "stop_signal", "stop_grace_period", "privileged", "tty", "job"),
     *("mem_limit", "cpus", "pids_limit", "shm_size", "ipc", "pid", "gpus", "restart", "pull_policy"),
+    *(
+        "mem_reservation",
+        "oom_score_adj",
+        "cpuset",
+        "stdin_open",
+        "init",
+        "read_only",
+        "hostname",
+        "logging",
+        "runtime",
+    ),
 }
+LABELS_OF_OURS = "srprov"
 _T = TypeVar("_T")
 
 
-def parse(layer: Map, folder: str, findings: Findings, path: Path) -> Runtime:
-    """Read the run-time fields; `folder` is the experiment's, `path` where the layer stands in its document."""
+def parse(layer: Map, folder: str, findings: Findings, path: Path, *, init: bool | None = None) -> Runtime:
+    """Read the run-time fields; `folder` is the experiment's, `path` where the layer stands in its document.
+
+    `init` is what counts where nothing is said of it.
+    """
     get = layer.entries.get
 
     def read(key: str, reader: Callable[[Node], _T], default: _T) -> _T:
         node = get(key)
-        return default if node is None else _guarded(reader, node, default, findings, (*path, key))
+        return default if node is None else guarded(reader, node, default, findings, (*path, key))
 
-    return Runtime(
+    return replace(
+        _limits(get, read),
         command=read("command", values.command_words, None),
         entrypoint=read("entrypoint", values.command_words, None),
         environment=text_map(get("environment")),
@@ -40,80 +58,66 @@ def parse(layer: Map, folder: str, findings: Findings, path: Path) -> Runtime:
         stop_signal=text(get("stop_signal")),
         stop_grace_s=read("stop_grace_period", lambda node: values.duration(text(node)), 10.0),
         healthcheck=healthcheck(get("healthcheck"), findings, (*path, "healthcheck")),
-        mounts=mounts.parse(get("volumes"), folder, findings, (*path, "volumes")),
+        mounts=mounts.parse(get("volumes"), get("tmpfs"), folder, findings, path),
         devices=_devices(get("devices")),
         ports=_ports(get("ports"), findings, (*path, "ports")),
         expose=_exposed(get("expose"), findings, (*path, "expose")),
         ulimits=_ulimits(get("ulimits"), findings, (*path, "ulimits")),
         cap_add=texts(get("cap_add")),
-        privileged=_flag(get("privileged")),
+        cap_drop=texts(get("cap_drop")),
+        privileged=flag(get("privileged")),
         sysctls=text_map(get("sysctls")),
         group_add=texts(get("group_add")),
         security_opt=texts(get("security_opt")),
         device_cgroup_rules=texts(get("device_cgroup_rules")),
-        tty=_flag(get("tty")),
-        mem_limit=read("mem_limit", lambda node: size_in_bytes(text(node)), 0),
-        cpus=(nodes.as_number(layer.entries["cpus"]) if "cpus" in layer.entries else 0.0) or 0.0,
-        pids_limit=(nodes.as_int(layer.entries["pids_limit"]) if "pids_limit" in layer.entries else 0) or 0,
-        shm_size=read("shm_size", lambda node: size_in_bytes(text(node)), 0),
+        tty=flag(get("tty")),
+        stdin_open=flag(get("stdin_open")),
+        init=flag(get("init")) if "init" in layer.entries else init,
+        read_only=flag(get("read_only")),
+        hostname=text(get("hostname")),
+        extra_hosts=extra_hosts(get("extra_hosts"), findings, (*path, "extra_hosts")),
+        labels=_labels(get("labels"), findings, (*path, "labels")),
+        logging=_logging(get("logging")),
+        restart=text(get("restart"), "no"),
+        pull_policy=text(get("pull_policy"), "missing"),
+        job=flag(get("job")),
+    )
+
+
+class _Read(Protocol):
+    def __call__(self, key: str, reader: Callable[[Node], _T], default: _T) -> _T:
+        """Return what a field says, or the default where nothing stands, or what stands there is wrong."""
+
+
+def _limits(get: Callable[[str], Node | None], read: _Read) -> Runtime:
+    """Return what a container may use of the robot, and which of its namespaces it is in."""
+
+    def size(node: Node) -> int:
+        return size_in_bytes(text(node))
+
+    def number(node: Node) -> float:
+        assert isinstance(node, Scalar)
+        return nodes.as_number(node) or 0.0
+
+    def reservation(node: Node) -> int:
+        if limit and size(node) > limit:
+            raise ValueError("is more than 'mem_limit'")
+        return size(node)
+
+    limit = read("mem_limit", size, 0)
+    return Runtime(
+        mem_limit=limit,
+        mem_reservation=read("mem_reservation", reservation, 0),
+        oom_score_adj=int(read("oom_score_adj", number, 0.0)),
+        cpus=read("cpus", number, 0.0),
+        cpuset=text(get("cpuset")),
+        pids_limit=int(read("pids_limit", number, 0.0)),
+        shm_size=read("shm_size", size, 0),
         ipc=text(get("ipc")),
         pid=text(get("pid")),
         gpus=text(get("gpus")),
-        restart=text(get("restart"), "no"),
-        pull_policy=text(get("pull_policy"), "missing"),
-        job=_flag(get("job")),
+        runtime=text(get("runtime")),
     )
-
-
-def requirements(node: Node | None, findings: Findings, path: Path) -> Requirements:
-    """Read one `requires`."""
-    entries = node.entries if isinstance(node, Map) else {}
-    get: Callable[[str], Any] = entries.get
-
-    def size(key: str) -> int:
-        given = get(key)
-        return 0 if given is None else _guarded(lambda n: size_in_bytes(text(n)), given, 0, findings, (*path, key))
-
-    cpus = nodes.as_number(entries["cpus"]) if "cpus" in entries else 0.0
-    version = text(get("kernel")).removeprefix(">=").strip()
-    return Requirements(
-        tags=tuple(dict.fromkeys(texts(get("tags")))),
-        devices=tuple(dict.fromkeys(texts(get("devices")))),
-        arch=tuple(_ARCH.get(name, name) for name in texts(get("arch"))),
-        memory=size("memory"),
-        cpus=cpus or 0.0,
-        gpu=_flag(get("gpu")),
-        kernel=f">={version}" if version else "",
-        disk=size("disk"),
-    )
-
-
-_ARCH = {"x86_64": "amd64", "aarch64": "arm64", "armv7l": "arm", "armv6l": "arm", "armhf": "arm"}
-
-
-def combined(one: Requirements, other: Requirements) -> Requirements:
-    """Return the requirements of which each robot must meet both.
-
-    Raises:
-        ValueError: They name architectures, and none in common.
-    """
-    arch = tuple(name for name in one.arch if name in other.arch) if one.arch and other.arch else one.arch or other.arch
-    if (one.arch or other.arch) and not arch:
-        raise ValueError(f"'{', '.join(other.arch)}' has nothing in common with the CDF's '{', '.join(one.arch)}'")
-    return Requirements(
-        tags=tuple(dict.fromkeys(one.tags + other.tags)),
-        devices=tuple(dict.fromkeys(one.devices + other.devices)),
-        arch=arch,
-        memory=max(one.memory, other.memory),
-        cpus=max(one.cpus, other.cpus),
-        gpu=one.gpu or other.gpu,
-        kernel=max(one.kernel, other.kernel, key=_version),
-        disk=max(one.disk, other.disk),
-    )
-
-
-def _version(bound: str) -> tuple[int, ...]:
-    return tuple(int(part) for part in bound.removeprefix(">=").split(".") if part)
 
 
 def healthcheck(node: Node | None, findings: Findings, path: Path) -> HealthCheck | None:
@@ -121,7 +125,7 @@ def healthcheck(node: Node | None, findings: Findings, path: Path) -> HealthChec
     if not isinstance(node, Map):
         return None
     get = node.entries.get
-    test, disabled = get("test"), _flag(get("disable"))
+    test, disabled = get("test"), flag(get("disable"))
     if disabled:
         return HealthCheck(test=("NONE",))
     if test is None:
@@ -137,7 +141,7 @@ def healthcheck(node: Node | None, findings: Findings, path: Path) -> HealthChec
     def seconds(key: str, default: float) -> float:
         given = get(key)
         read: Callable[[Node], float] = lambda node: values.duration(text(node))  # noqa: E731 - too small for a name
-        return default if given is None else _guarded(read, given, default, findings, (*path, key))
+        return default if given is None else guarded(read, given, default, findings, (*path, key))
 
     return HealthCheck(
         test=words,
@@ -148,16 +152,21 @@ def healthcheck(node: Node | None, findings: Findings, path: Path) -> HealthChec
     )
 
 
-def _guarded(reader: Callable[[Node], _T], node: Node, default: _T, findings: Findings, path: Path) -> _T:
-    try:
-        return reader(node)
-    except ValueError as error:
-        findings.add(node, str(error), path)
-        return default
+def _labels(node: Node | None, findings: Findings, path: Path) -> Mapping[str, str]:
+    found = text_map(node)
+    for name in found:
+        assert isinstance(node, Map)
+        if name == LABELS_OF_OURS or name.startswith(f"{LABELS_OF_OURS}."):
+            findings.add(
+                node.keys[name], f"the label '{name[:60]}' is srprov's own", (*path, name), "take another name"
+            )
+    return found
 
 
-def _flag(node: Node | None) -> bool:
-    return node is not None and bool(nodes.as_bool(node))
+def _logging(node: Node | None) -> Logging | None:
+    if not isinstance(node, Map):
+        return None
+    return Logging(driver=text(node.entries.get("driver")), options=text_map(node.entries.get("options")))
 
 
 def _devices(node: Node | None) -> tuple[Device, ...]:
@@ -170,7 +179,7 @@ def _ports(node: Node | None, findings: Findings, path: Path) -> tuple[Port, ...
     every: list[Port] = []
     none: tuple[Port, ...] = ()
     for item in scalars(node):
-        for port in _guarded(lambda given: values.ports(text(given)), item, none, findings, path):
+        for port in guarded(lambda given: values.ports(text(given)), item, none, findings, path):
             others = taken.setdefault((port[1], port[3]), [])
             first = next((place for other, place in others if ports_meet(port, other)), None)
             if first is not None:
@@ -187,7 +196,7 @@ def _ports(node: Node | None, findings: Findings, path: Path) -> tuple[Port, ...
 
 def _exposed(node: Node | None, findings: Findings, path: Path) -> tuple[tuple[int, str], ...]:
     none: tuple[tuple[int, str], ...] = ()
-    found = [_guarded(lambda given: values.exposed(text(given)), item, none, findings, path) for item in scalars(node)]
+    found = [guarded(lambda given: values.exposed(text(given)), item, none, findings, path) for item in scalars(node)]
     return tuple(dict.fromkeys(port for ports in found for port in ports))
 
 

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
 
-from srprov.definitions import envfile, images, merging, paths, runtime, taken
+from srprov.definitions import envfile, images, merging, paths, requirements, runtime, taken
 from srprov.definitions.container import Container
 from srprov.definitions.containermodel import Requirements
 from srprov.definitions.model import Service
@@ -49,7 +49,7 @@ def build(
         image=text(node.entries.get("image")),
         cost=_number(node, "cost", 10.0),
         requires=_requires(node, container, findings, path),
-        runtime=runtime.parse(merged, folder, findings, path),
+        runtime=runtime.parse(merged, folder, findings, path, init=_runs_init(container)),
         network=text(node.entries.get("network"), "overlay"),
         depends_on=MappingProxyType(depends_on(node.entries.get("depends_on"))),
         robot=text(node.entries.get("robot")),
@@ -77,6 +77,14 @@ def as_job(service: Service) -> Service:
     return replace(service, runtime=replace(service.runtime, job=True))
 
 
+def _runs_init(container: Container | None) -> bool | None:
+    """Return whether an init process runs first where nothing is said of it: in images that srprov builds it does.
+
+    A process with the id 1 ignores signals that it does not handle, so that a plain program takes all of its grace.
+    """
+    return True if container is not None and container.definition.base else None
+
+
 def _per_robot(node: Node | None) -> tuple[str, ...] | None:
     return texts(node.entries.get("tags")) if isinstance(node, Map) else None
 
@@ -87,11 +95,11 @@ def _number(node: Map, key: str, default: float) -> float:
 
 
 def _requires(node: Map, container: Container | None, findings: Findings, path: Path) -> Requirements:
-    own = runtime.requirements(node.entries.get("requires"), findings, (*path, "requires"))
+    own = requirements.read(node.entries.get("requires"), findings, (*path, "requires"))
     if container is None:
         return own
     try:
-        return runtime.combined(container.definition.requires, own)
+        return requirements.combined(container.definition.requires, own)
     except ValueError as error:
         where = nodes.find(node, ("requires", "arch"))
         findings.add(where, str(error), (*path, "requires", "arch"))

@@ -6,10 +6,13 @@ Takes text that the schema has already looked at; gives plain values, or raises 
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
+from typing import TypeVar
 
 from srprov.definitions import words
 from srprov.definitions.containermodel import Port
-from srprov.yamldoc.nodes import Map, Node, Scalar, Seq
+from srprov.yamldoc import nodes
+from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq
 
 _DURATION = re.compile(r"([0-9]+(?:\.[0-9]+)?)(us|ms|s|m|h)", re.ASCII)
 _SECONDS = {"us": 1e-6, "ms": 1e-3, "s": 1.0, "m": 60.0, "h": 3600.0}
@@ -24,6 +27,7 @@ _PORT = re.compile(
     re.ASCII,
 )
 
+T = TypeVar("T")
 Device = tuple[str, str, str]
 
 
@@ -48,6 +52,20 @@ def text_map(node: Node | None) -> dict[str, str]:
     """Return a map of texts."""
     entries = node.entries if isinstance(node, Map) else {}
     return {key: text(value) for key, value in entries.items()}
+
+
+def flag(node: Node | None) -> bool:
+    """Return a boolean, false where nothing stands."""
+    return node is not None and bool(nodes.as_bool(node))
+
+
+def guarded(reader: Callable[[Node], T], node: Node, default: T, findings: Findings, path: Path) -> T:
+    """Return what a reader makes of a value, or the default, with what it raises (ValueError) added to the findings."""
+    try:
+        return reader(node)
+    except ValueError as error:
+        findings.add(node, str(error), path)
+        return default
 
 
 def duration(written: str) -> float:

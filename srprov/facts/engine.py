@@ -37,6 +37,7 @@ def read_engine(replies: Sequence[Reply]) -> tuple[Docker | None, str]:
         api_version=api,
         root=folder(info.get("DockerRootDir")),
         storage_driver=text(info.get("Driver"), length=32),
+        log_driver=text(info.get("LoggingDriver"), length=64),
         rootless=isinstance(options, list)
         and any("rootless" in option for option in options if isinstance(option, str)),
     )

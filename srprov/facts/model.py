@@ -38,6 +38,8 @@ class Docker:
     api_version: str
     root: str = ""
     storage_driver: str = ""
+    log_driver: str = ""
+    """Of containers that ask for none; empty: not known."""
     rootless: bool = False
 
 

@@ -15,7 +15,7 @@ from urllib.parse import quote as url_quote
 
 from srprov.definitions.model import Service
 from srprov.modules import container_form
-from srprov.modules.container_body import engine_body, parts_of
+from srprov.modules.container_body import differing, engine_body, parts_of
 from srprov.modules.container_leftover import BUILD, end_process, left_by_build
 from srprov.modules.container_params import ContainerParams
 from srprov.modules.container_status import reached
@@ -76,7 +76,7 @@ class ContainerModule(Module[ContainerParams]):
             return Change(action=Action.CREATE, cause="not there", commands=_create_and_start(name, want))
         wanted_hash, wanted_parts = _hashes(want)
         if found["hash"] != wanted_hash:
-            return _replacement(name, want, found, _differing(found["parts"], wanted_parts))
+            return _replacement(name, want, found, differing(found["parts"], wanted_parts))
         if cause := _wrong_address(want, found):
             return _replacement(name, want, found, cause)
         if found["state"] in _NEVER_RUN:
@@ -134,6 +134,7 @@ def _create_and_start(name: str, want: ContainerParams) -> tuple[Command, ...]:
     body = engine_body(want)
     config_hash, parts = _hashes(want)
     body["Labels"] = {
+        **want.run.labels,
         INSTANCE: want.instance,
         SERVICE: want.service,
         SOURCE: want.source,
@@ -213,13 +214,6 @@ def _ends(settings: object, key: str) -> dict[str, str]:
 def _hashes(want: ContainerParams) -> tuple[str, dict[str, str]]:
     parts = parts_of(want)
     return digest(parts), {name: digest(value, 8) for name, value in parts.items()}
-
-
-def _differing(found: Mapping[str, str], wanted: Mapping[str, str]) -> str:
-    names = sorted(name for name in {*found, *wanted} if found.get(name) != wanted.get(name))
-    if not names:
-        return "configuration differs"
-    return f"{', '.join(names)} {'differs' if len(names) == 1 else 'differ'}"
 
 
 def _wrong_address(want: ContainerParams, found: State) -> str:

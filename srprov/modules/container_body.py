@@ -8,16 +8,25 @@ Source: Docker Engine API 1.41, "Create a container"; from 1.44 the MAC address 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from srprov.definitions.containermodel import HealthCheck
 from srprov.modules.container_params import ContainerParams
+from srprov.modules.module import digest
 
 _SECOND_NS = 1_000_000_000
 _PERIOD_US = 100_000
+LOGS_BY_DEFAULT = "default"
+"""Of a container of which nothing is said: the part of its hash about logs."""
+_NEW_DEFAULTS = {"logging": "logs rotate", "init": "an init process runs first"}
+"""Part of the configuration that containers of older versions do not have -> what is new."""
+_ROTATION = {"max-file": "3", "max-size": "10m"}
+"""Of the engine's own `json-file`, which keeps everything for ever."""
+_ROTATED = "json-file"
 _LIMITS = ("Memory", "CpuQuota", "PidsLimit")
-"""Part of the hash only where there is one, so that containers without any stay the same."""
+_MORE_LIMITS = ("MemoryReservation", "CpusetCpus", "OomScoreAdj")
+"""These and what else came later are part of the hash only where there is one: containers without any stay the same."""
 
 
 def engine_body(want: ContainerParams) -> dict[str, Any]:
@@ -27,6 +36,7 @@ def engine_body(want: ContainerParams) -> dict[str, Any]:
         "Image": want.image,
         "Env": [f"{key}={value}" for key, value in sorted(run.environment.items())],
         "Tty": run.tty,
+        **({"OpenStdin": True} if run.stdin_open else {}),
         "StopTimeout": round(run.stop_grace_s),
         "HostConfig": _host_config(want),
     }
@@ -57,6 +67,7 @@ def parts_of(want: ContainerParams) -> dict[str, Any]:
     """
     body = engine_body(dataclasses.replace(want, api="1.41"))
     host, network = body["HostConfig"], want.network
+    log = want.run.logging
     return {
         "image": body["Image"],
         "command": [body.get("Cmd"), body.get("Entrypoint")],
@@ -66,13 +77,40 @@ def parts_of(want: ContainerParams) -> dict[str, Any]:
         "ports": [body.get("ExposedPorts"), host.get("PortBindings")],
         "healthcheck": body.get("Healthcheck"),
         "devices": [host.get(key) for key in ("Devices", "DeviceRequests", "DeviceCgroupRules")],
-        "privileges": [host.get(k) for k in ("Privileged", "CapAdd", "SecurityOpt", "GroupAdd", "Sysctls", "PidMode")],
+        "privileges": [
+            *(host.get(k) for k in ("Privileged", "CapAdd", "SecurityOpt", "GroupAdd", "Sysctls", "PidMode")),
+            *_given(host, ("CapDrop", "ReadonlyRootfs", "Runtime")),
+        ],
+        # which driver an engine has by default is its own business, and restarts nothing
+        "logging": [log.driver, dict(log.options)] if log else LOGS_BY_DEFAULT,
         "options": [
             [body.get(k) for k in ("Hostname", "WorkingDir", "User", "StopSignal", "StopTimeout", "Tty")],
             [host.get(k) for k in ("RestartPolicy", "Ulimits", "ShmSize", "IpcMode", "Tmpfs")],
-            *([limits] if (limits := [host.get(key) for key in _LIMITS]) != [None] * len(_LIMITS) else []),
+            *_given(host, _LIMITS),
+            *_given(host, _MORE_LIMITS),
+            *_given(body, ("OpenStdin",)),
         ],
+        **({"init": host["Init"]} if "Init" in host else {}),
+        **({"labels": dict(sorted(want.run.labels.items()))} if want.run.labels else {}),
     }
+
+
+def differing(found: Mapping[str, str], wanted: Mapping[str, str]) -> str:
+    """Return in words in which parts two containers differ; both are name -> short hash."""
+    names = sorted(name for name in {*found, *wanted} if found.get(name) != wanted.get(name))
+    if not names:
+        return "configuration differs"
+    cause = f"{', '.join(names)} {'differs' if len(names) == 1 else 'differ'}"
+    if not found or "logging" in found or wanted["logging"] != digest(LOGS_BY_DEFAULT, 8):
+        return cause
+    new = [words for name, words in _NEW_DEFAULTS.items() if name in names]
+    return f"{cause} (made by an older srprov; new by default: {', '.join(new)})"
+
+
+def _given(body: dict[str, Any], keys: tuple[str, ...]) -> list[list[Any]]:
+    """Return the values of some keys as one entry of a list; none where no key has any."""
+    found = [body.get(key) for key in keys]
+    return [found] if any(one is not None for one in found) else []
 
 
 def _host_config(want: ContainerParams) -> dict[str, Any]:
@@ -80,7 +118,7 @@ def _host_config(want: ContainerParams) -> dict[str, Any]:
     host: dict[str, Any] = {"RestartPolicy": _restart(run.restart), "Privileged": run.privileged}
     optional = {
         "Mounts": [mount for mount in want.mounts if mount["Type"] != "tmpfs"],
-        "Tmpfs": {mount["Target"]: "" for mount in want.mounts if mount["Type"] == "tmpfs"},
+        "Tmpfs": {mount["Target"]: mount.get("Options", "") for mount in want.mounts if mount["Type"] == "tmpfs"},
         "Devices": [
             {"PathOnHost": path, "PathInContainer": inside, "CgroupPermissions": rights}
             for path, inside, rights in run.devices
@@ -90,6 +128,10 @@ def _host_config(want: ContainerParams) -> dict[str, Any]:
         "PortBindings": _port_bindings(run.ports),
         "Ulimits": [{"Name": name, "Soft": soft, "Hard": hard} for name, soft, hard in run.ulimits],
         "CapAdd": list(run.cap_add),
+        "CapDrop": list(run.cap_drop),
+        "ReadonlyRootfs": run.read_only,
+        "LogConfig": _log_config(want),
+        "Runtime": run.runtime,
         "Sysctls": dict(sorted(run.sysctls.items())),
         "GroupAdd": list(run.group_add),
         "SecurityOpt": list(run.security_opt),
@@ -98,12 +140,24 @@ def _host_config(want: ContainerParams) -> dict[str, Any]:
         "MemorySwap": run.mem_limit,  # of memory and swap together: no swap
         "CpuPeriod": _PERIOD_US if run.cpus else 0,
         "CpuQuota": round(run.cpus * _PERIOD_US),  # NanoCpus would be refused by a robot with fewer
+        "CpusetCpus": run.cpuset,
+        "MemoryReservation": run.mem_reservation,
+        "OomScoreAdj": run.oom_score_adj,
         "PidsLimit": run.pids_limit,
         "IpcMode": run.ipc,
         "PidMode": run.pid,
     }
     host.update({key: value for key, value in optional.items() if value})
+    if run.init is not None:
+        host["Init"] = run.init
     return host
+
+
+def _log_config(want: ContainerParams) -> dict[str, Any]:
+    log = want.run.logging
+    if log:
+        return {"Type": log.driver, "Config": dict(sorted(log.options.items()))}
+    return {"Type": _ROTATED, "Config": _ROTATION} if want.log_driver == _ROTATED else {}
 
 
 def _add_network(body: dict[str, Any], want: ContainerParams) -> None:

@@ -11,7 +11,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from srprov.definitions.containermodel import Mount
+from srprov.definitions.containermodel import TMPFS_OPTIONS, Mount
 from srprov.definitions.model import Service
 from srprov.definitions.secretmodel import SecretUse
 from srprov.modules.container_params import ContainerParams
@@ -20,6 +20,7 @@ from srprov.modules.module import MEMORY_ROOT, STATE_ROOT, Names
 WORD = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
 """A name that is one part of a path, and neither `.` nor `..`."""
 _SECRET = re.compile(rf"({WORD.pattern})(?:@([0-7]{{4}}))?")
+_HOSTS = re.compile(rf"hosts(-{WORD.pattern})?")
 _TREE = re.compile(r"trees/[0-9a-f]{24}/(?!\.{1,2}\Z)[^/\0]+", re.DOTALL)
 
 
@@ -45,8 +46,8 @@ def is_own(want: ContainerParams, names: Names) -> bool:
 def _mount(instance: str, mount: Mapping[str, Any]) -> Mount | SecretUse | None:
     """Return a mount as an EDF states it; None for one that `controller.services` does not write."""
     kind, target = mount.get("Type"), str(mount.get("Target"))
-    if mount == {"Type": "tmpfs", "Target": target}:
-        return Mount(kind="tmpfs", source="", target=target)
+    if kind == "tmpfs":
+        return _tmpfs(mount, target)
     source, read_only = str(mount.get("Source")), mount.get("ReadOnly") is True
     make = kind == "bind" and mount.get("BindOptions") == {"CreateMountpoint": True}
     options = {"BindOptions": {"CreateMountpoint": True}} if make else {}
@@ -63,12 +64,20 @@ def _mount(instance: str, mount: Mapping[str, Any]) -> Mount | SecretUse | None:
     return own or Mount(kind="bind", source=source, target=target, read_only=read_only, create_host_path=make)
 
 
+def _tmpfs(mount: Mapping[str, Any], target: str) -> Mount | None:
+    options = mount.get("Options", "")
+    if not isinstance(options, str) or not TMPFS_OPTIONS.fullmatch(options):
+        return None
+    written = {"Type": "tmpfs", "Target": target, **({"Options": options} if options else {})}
+    return Mount(kind="tmpfs", source="", target=target, options=options) if mount == written else None
+
+
 def _shipped(instance: str, source: str, target: str, read_only: bool) -> Mount | SecretUse | None:
     """Return what a bind of something that srprov itself put there is to an EDF; None for any other path."""
     kept, memory = f"{STATE_ROOT}/{instance}/", f"{MEMORY_ROOT}/{instance}/secrets/"
     if not read_only:
         return None
-    if source.startswith(kept) and (source == f"{kept}hosts" or _TREE.fullmatch(source[len(kept) :])):
+    if source.startswith(kept) and (_HOSTS.fullmatch(source[len(kept) :]) or _TREE.fullmatch(source[len(kept) :])):
         return Mount(kind="tree", source=source, target=target)
     secret = _SECRET.fullmatch(source[len(memory) :]) if source.startswith(memory) else None
     return SecretUse(source=secret[1], target=target, mode=secret[2] or "0400") if secret else None

@@ -41,6 +41,8 @@ class ContainerParams:
     network: NetworkPlace
     api: str
     """The version of the engine's API."""
+    log_driver: str = ""
+    """The engine's default; empty: not known."""
 
     def __post_init__(self) -> None:
         """Refuse what the engine's form cannot be made of."""

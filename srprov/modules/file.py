@@ -6,6 +6,7 @@ The name is the absolute path.
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -16,6 +17,7 @@ from srprov.resource import Action, Change, Observed, State
 from srprov.wire import AnyQuery, Command, Put, Query, Reply, Run, quote
 
 _LIST = f"cd {STATE_ROOT} 2>/dev/null || exit 0; find . -mindepth 2 -maxdepth 2 -type f -exec sha256sum {{}} +"
+_OWN = re.compile(r"placement\.json|hosts(-[A-Za-z0-9_][A-Za-z0-9_.-]*)?")
 _MIN_PARTS = 2
 _READABLE = Mode(0o644)
 
@@ -68,9 +70,9 @@ class FileModule(Module[FileParams]):
         return (remove_path(found.name),)
 
     def is_own(self, name: str, want: FileParams, names: Names) -> bool:
-        """Compare with the two that every instance has; no permission but to read."""
-        home = f"{STATE_ROOT}/{names.instance}"
-        return name in (f"{home}/hosts", f"{home}/placement.json") and want.mode == _READABLE
+        """Compare with those that an instance has; no permission but to read."""
+        rest = name.removeprefix(f"{STATE_ROOT}/{names.instance}/")
+        return rest != name and _OWN.fullmatch(rest) is not None and want.mode == _READABLE
 
     def misplaced(self, name: str, want: FileParams, context: Mapping[str, Any]) -> tuple[str, str] | None:
         """Say so of one in a deeper folder, too: those are not listed."""

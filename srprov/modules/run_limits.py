@@ -11,6 +11,8 @@ from collections.abc import Iterator
 
 from srprov.definitions.containermodel import Runtime
 
+HOST = r"[A-Za-z0-9]([A-Za-z0-9._-]{0,61}[A-Za-z0-9])?"
+"""A name in a hosts file."""
 _ULIMITS = {
     *("core", "cpu", "data", "fsize", "locks", "memlock", "msgqueue", "nice", "nofile", "nproc", "rss", "rtprio"),
     *("rttime", "sigpending", "stack"),
@@ -29,12 +31,19 @@ _WORDS = {
     "gpus": (re.compile(r"(all|[1-9][0-9]{0,5})?"), "'all' or a number"),
     "pull_policy": (re.compile(r"missing|always|never"), "missing, always or never"),
     "working_dir": (re.compile(r"(/.*)?", re.DOTALL), "an absolute path"),
+    "cpuset": (re.compile(r"([0-9]{1,4}(-[0-9]{1,4})?(,(?!\Z)|\Z))*"), "processors such as 0-2,5"),
+    "runtime": (re.compile(r"([A-Za-z0-9][A-Za-z0-9_.-]{0,127})?"), "a runtime of the engine"),
+    "hostname": (re.compile(rf"({HOST})?"), "a host's name"),
 }
 _ITEMS = {
     "cap_add": re.compile(r"(CAP_)?[A-Z_]+"),
+    "cap_drop": re.compile(r"(CAP_)?[A-Z_]+"),
     "device_cgroup_rules": re.compile(r"[acb] ([0-9]+|\*):([0-9]+|\*) [rwm]{1,3}"),
 }
-_LISTS = ("devices", "ulimits", "group_add", "security_opt", "environment", "sysctls", *_ITEMS)
+_LISTS = (
+    *("devices", "ulimits", "group_add", "security_opt", "environment", "sysctls", "labels", "extra_hosts"),
+    *_ITEMS,
+)
 
 
 def broken(run: Runtime) -> Iterator[str]:
@@ -61,6 +70,14 @@ def broken(run: Runtime) -> Iterator[str]:
     for port, protocol in run.expose:
         if port not in _PORTS or protocol not in _PROTOCOLS:
             yield f"expose: {port}/{protocol[:20]} cannot be"
+    for label in run.labels:
+        if label == "" or label.partition(".")[0] == "srprov":
+            yield f"labels: {label[:60]!r} cannot be"
+    for host, _ in run.extra_hosts:
+        if not re.fullmatch(HOST, host):
+            yield f"extra_hosts: {host[:60]!r} cannot be"
+    if run.logging and not re.fullmatch(r"[A-Za-z0-9/:._-]{0,200}", run.logging.driver):
+        yield f"logging: {run.logging.driver[:60]!r} cannot be"
     yield from _figures(run)
 
 
@@ -74,7 +91,9 @@ def _figures(run: Runtime) -> Iterator[str]:
         check.retries not in range(1, _MOST_RETRIES + 1) or check.test[:1] not in (("NONE",), ("CMD",), ("CMD-SHELL",))
     ):
         yield "healthcheck: its test or its retries cannot be"
-    for name in ("mem_limit", "pids_limit", "shm_size"):
+    if run.oom_score_adj not in range(-1000, 1001):
+        yield f"oom_score_adj: {run.oom_score_adj} is not within -1000 and 1000"
+    for name in ("mem_limit", "mem_reservation", "pids_limit", "shm_size"):
         if getattr(run, name) not in _SIZES:
             yield f"{name}: {getattr(run, name)} is too large or less than nothing"
     if not 0 <= run.cpus <= _MOST:

@@ -6,10 +6,13 @@ knows only the containers of its robot, so names across robots come from this fi
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from ipaddress import ip_address
+from types import MappingProxyType
 
 from srprov.network.model import Overlay
 
+_NONE: Mapping[str, str] = MappingProxyType({})
 _LOCAL = """\
 127.0.0.1\tlocalhost
 ::1\tlocalhost ip6-localhost ip6-loopback
@@ -18,10 +21,17 @@ ff02::2\tip6-allrouters
 """
 
 
-def hosts_file(overlay: Overlay) -> str:
+def hosts_file(
+    overlay: Overlay, hostnames: Mapping[str, str] = _NONE, extra: Iterable[tuple[str, str]] = ()
+) -> str:  # fmt: skip
     """Return the hosts file: localhost, one line per service, then one per instance of what runs several times.
 
     A resolver gives all addresses of a name that has several lines.
+
+    Args:
+        overlay: Who has which address.
+        hostnames: Service -> a second name of it.
+        extra: (name, address) of further lines.
     """
     lines = [f"{ip_address(address)}\t{name}\n" for name, address in sorted(overlay.names.items())]
     lines += [
@@ -29,4 +39,6 @@ def hosts_file(overlay: Overlay) -> str:
         for name, addresses in sorted(overlay.aliases.items())
         for address in addresses
     ]
+    second = sorted((name, overlay.names[service]) for service, name in hostnames.items() if service in overlay.names)
+    lines += [f"{ip_address(address)}\t{name}\n" for name, address in (*second, *extra)]
     return _LOCAL + "".join(lines)

@@ -12,7 +12,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from srprov.definitions.containermodel import ContainerDefinition, Port, Runtime
+from srprov.definitions.containermodel import ContainerDefinition, Logging, Port, Runtime
 from srprov.definitions.model import Experiment, NetworkSettings, Service
 from srprov.errors import RefusedError
 from srprov.image_reference import parse_reference
@@ -33,6 +33,7 @@ KINDS = (
     "realtime",
     "low-port",
     "restart-always",
+    *("runtime", "logging"),
     "built-image",
     "engine-fetch",
     "git",
@@ -51,6 +52,10 @@ _ENGINES = (
 """Folders in which engines, or srprov, keep sockets, images, volumes or secrets: /run/user of those without root."""
 _REALTIME = ("memlock", "nice", "rtprio", "rttime")
 """Limits that take memory or the processor away from everything else on the robot."""
+_LOGS = ("", "json-file", "local", "none")
+"""Log drivers that write what only the engine reads; the empty one is what the robot's owner chose."""
+_LOG_OPTIONS = ("max-size", "max-file", "compress", "mode", "labels", "env", "tag")
+"""Options that say how much such a driver keeps, and what it writes beside the lines."""
 _FIRST_FREE_PORT = 1024
 _IMAGE_ID = re.compile(r"(sha256:)?[0-9a-f]+")
 _BUILT_HERE = "srprov/"
@@ -206,6 +211,8 @@ def _namespaces(run: Runtime) -> Iterator[tuple[str, str]]:
         yield "sysctl", f"{name}={value}"
     for option in run.security_opt:
         yield "security-opt", option
+    if run.runtime:
+        yield "runtime", f"runtime: {run.runtime}, which starts its container instead of the engine's own"
 
 
 def _paths(run: Runtime) -> Iterator[tuple[str, str]]:
@@ -231,9 +238,23 @@ def _lasting(run: Runtime) -> Iterator[tuple[str, str]]:
     for name, soft, hard in run.ulimits:
         if name in _REALTIME:
             yield "realtime", f"ulimit {name}={soft}:{hard}"
+    if run.oom_score_adj < 0:
+        yield "realtime", f"oom_score_adj: {run.oom_score_adj}, when memory is short others are killed first"
     yield from (("low-port", what) for what in _low_ports(run.ports))
+    yield from (("logging", what) for what in _logs(run.logging))
     if run.restart not in ("", "no"):  # Docker starts on-failure:N too: a container that the boot ended has failed
         yield "restart-always", f"restart: {run.restart}, also when the robot boots after the experiment"
+
+
+def _logs(log: Logging | None) -> Iterator[str]:
+    """Return what the engine itself, as root and from the robot's own network, would do with what is printed."""
+    plain = log is None or log.driver in _LOGS
+    if log and not plain:
+        place = "into the robot's own journal" if log.driver == "journald" else "perhaps off the robot"
+        yield f"driver {log.driver}: the engine sends what is printed {place}"
+    for name, value in sorted(log.options.items()) if log else ():
+        if not plain or name not in _LOG_OPTIONS:
+            yield f"option {name}={value}"
 
 
 def _low_ports(ports: Collection[Port]) -> Iterator[str]:

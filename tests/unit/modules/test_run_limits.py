@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from srprov.data import schema
-from srprov.definitions.containermodel import HealthCheck, Runtime
+from srprov.definitions.containermodel import HealthCheck, Logging, Runtime
 from srprov.modules.run_limits import _ULIMITS, broken
 
 NEVER = HealthCheck(test=("CMD", "true"), interval_s=1e9)
@@ -26,7 +26,10 @@ NEVER = HealthCheck(test=("CMD", "true"), interval_s=1e9)
         ("cap_add", ("net_admin",)), ("devices", (("dev/x", "/dev/x", "rwm"),)), ("device_cgroup_rules", ("x",)),
         ("ports", (("", 0, 80, "tcp"),)), ("ports", (("", 80, 80, "TCP"),)), ("expose", ((70_000, "tcp"),)),
         ("ports", tuple(("", port, port, "tcp") for port in range(1, 1002))), ("mem_limit", -1), ("cpus", -1.0),
-        ("working_dir", "etc"),
+        ("working_dir", "etc"), ("cpuset", "0-"), ("cpuset", "0,"), ("cpuset", "a"), ("runtime", "-x"),
+        ("runtime", "a/b"), ("hostname", "a b"), ("hostname", "-"), ("cap_drop", ("all",)), ("mem_reservation", -1),
+        ("oom_score_adj", -1001), ("labels", {"srprov.instance": "other"}), ("labels", {"srprov": ""}),
+        ("labels", {"": "x"}), ("extra_hosts", (("a\n", "10.0.0.1"),)), ("logging", Logging(driver="GELF ")),
     ],
 )  # fmt: skip
 def test_what_no_edf_could_say_is_refused(field: str, value: Any) -> None:
@@ -42,6 +45,8 @@ def test_what_an_edf_says_is_taken() -> None:
         restart="on-failure:3", ulimits=(("rtprio", 99, 99), ("memlock", -1, -1)), stop_grace_s=86_400.0, ipc="host",
         pid="host", gpus="all", cap_add=("NET_ADMIN",), devices=(("/dev/x", "/dev/y", "rw"),), healthcheck=check,
         device_cgroup_rules=("c 81:* rmw",), ports=(("::", 65_535, 1, "udp"),), expose=((1, "tcp"),), cpus=0.5,
+        cpuset="0-2,5", runtime="io.containerd.runc.v2", hostname="a.b", cap_drop=("ALL",), mem_reservation=1,
+        oom_score_adj=-1000, labels={"srprovider": "x"}, logging=Logging(driver="local"), init=False,
     )  # fmt: skip
     assert list(broken(Runtime())) == list(broken(many)) == []
     assert set(schema("edf")["$defs"]["ulimits"]["propertyNames"]["enum"]) == _ULIMITS

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from srprov.definitions.containermodel import ContainerDefinition, Mount
+from srprov.definitions.containermodel import ContainerDefinition, Logging, Mount
 from srprov.definitions.model import NetworkSettings
 from srprov.definitions.secretmodel import SecretSource, SecretUse
 from srprov.planning.policy import KINDS, permissions, refused
@@ -70,6 +70,19 @@ ASKS: list[tuple[dict[str, Any], list[tuple[str, str]]]] = [
         ({"restart": one}, [("restart-always", f"restart: {one}, also when the robot boots after the experiment")])
         for one in ("on-failure", "on-failure:3")
     ],
+    ({"runtime": "nvidia"}, [("runtime", "runtime: nvidia, which starts its container instead of the engine's own")]),
+    ({"oom_score_adj": -5}, [("realtime", "oom_score_adj: -5, when memory is short others are killed first")]),
+    ({"logging": Logging(driver="gelf", options={"gelf-address": "udp://x:1"})},
+     [("logging", "driver gelf: the engine sends what is printed perhaps off the robot"),
+      ("logging", "option gelf-address=udp://x:1")]),
+    ({"logging": Logging(driver="journald")},
+     [("logging", "driver journald: the engine sends what is printed into the robot's own journal")]),
+    *[({"logging": Logging(driver=one, options={"fluentd-address": "x"})}, [("logging", "option fluentd-address=x")])
+      for one in ("", "local")],
+    *[({"logging": Logging(driver=one, options={"max-size": "1m", "max-file": "2"})}, [])
+      for one in ("", "json-file", "local", "none")],
+    ({"oom_score_adj": 5, "labels": {"a": "b"}, "hostname": "h", "extra_hosts": (("x", "host-gateway"),), "init": True,
+      "read_only": True, "cap_drop": ("ALL",), "cpuset": "0", "mem_reservation": 1, "stdin_open": True}, []),
     ({"restart": "no", "tty": True, "shm_size": 1, "ports": (("", 8080, 80, "tcp"),), "user": "0"}, []),
 ]  # fmt: skip
 

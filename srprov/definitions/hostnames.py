@@ -1,0 +1,72 @@
+"""Names that a service adds to hosts files: its `hostname`, and `extra_hosts`; and what they may not stand for.
+
+A service's own name is what others reach it by, so no other name of the experiment may be one. Pure.
+"""
+
+from __future__ import annotations
+
+import ipaddress
+from collections.abc import Mapping
+
+from srprov import names
+from srprov.definitions.model import Service
+from srprov.yamldoc import nodes
+from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar
+
+GATEWAY = "host-gateway"
+"""Compose's word for the robot that the container runs on."""
+
+
+def extra_hosts(node: Node | None, findings: Findings, path: Path) -> tuple[tuple[str, str], ...]:
+    """Read the normal form of `extra_hosts` (`merging.normalise`) as (name, address) in name order."""
+    found: list[tuple[str, str]] = []
+    for name, value in sorted(node.entries.items()) if isinstance(node, Map) else ():
+        for written in value.text.split() if isinstance(value, Scalar) else ():
+            try:
+                found.append((name, written if written == GATEWAY else str(ipaddress.ip_address(written.strip("[]")))))
+            except ValueError:
+                message = f"'{written[:60]}' is no address of '{name[:60]}'"
+                findings.add(value, message, (*path, name), f"an IPv4 or IPv6 address, or {GATEWAY}")
+    return tuple(dict.fromkeys(found))
+
+
+def check(known: Mapping[str, Map], services: Mapping[str, Service], findings: Findings) -> None:
+    """Add every name that means something else already; `known` has the services' entries in the EDF."""
+    owners = {one.runtime.hostname: name for name, one in sorted(services.items(), reverse=True)}
+    for name, one in services.items():
+        path: Path = ("services", name)
+        run = one.runtime
+        place = nodes.key_or_value(known[name], "hostname")
+        if run.hostname and (why := _not_as_hostname(one)):
+            findings.add(place, why, (*path, "hostname"))
+        elif run.hostname and owners[run.hostname] != name:
+            message = f"'{owners[run.hostname]}' has the hostname '{run.hostname}' too"
+            findings.add(place, message, (*path, "hostname"))
+        elif run.hostname != name and (other := _meant(run.hostname, services)):
+            findings.add(place, f"'{run.hostname}' is the name of {other}", (*path, "hostname"))
+        place = nodes.key_or_value(known[name], "extra_hosts")
+        for extra, address in run.extra_hosts:
+            if other := _meant(extra, services) or (f"the hostname of '{owners[extra]}'" if extra in owners else ""):
+                findings.add(place, f"'{extra}' is the name of {other}", (*path, "extra_hosts"))
+            if address == GATEWAY and one.network == "none":
+                message = f"'{extra}' would be the robot, which a service with 'network: none' cannot reach"
+                findings.add(place, message, (*path, "extra_hosts"))
+
+
+def _not_as_hostname(one: Service) -> str:
+    if one.network in ("host", "both"):
+        return f"a service with 'network: {one.network}' has the robot's hostname"
+    if one.replicas != 1 or one.per_robot is not None:
+        return "several instances of a service cannot have one hostname"
+    return ""
+
+
+def _meant(name: str, services: Mapping[str, Service]) -> str:
+    """Return what a name stands for in every hosts file, in words, or nothing."""
+    if name in names.RESERVED:
+        return "the container itself, or of its network"
+    for service, one in services.items():
+        several = one.replicas != 1 or one.per_robot is not None
+        if name == service or (several and name.startswith(f"{service}-")):
+            return f"the service '{service}'"
+    return ""
