@@ -1,0 +1,99 @@
+"""Run-time fields on a real robot: what Docker says of the container, and what the process finds in it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.lab.conftest import Lab, busybox, causes, edf, part_of_lab
+
+pytestmark = pytest.mark.lab
+
+FULL = {
+    "mem_limit": "64m", "mem_reservation": "32m", "cpus": 0.5, "cpuset": "0", "pids_limit": 64, "shm_size": "1m",
+    "init": True, "cap_drop": ["ALL"], "cap_add": ["CHOWN"], "read_only": True,
+    "tmpfs": ["/run", "/t:size=64k,mode=1777"],
+    "extra_hosts": ["camera.lab:10.9.9.9", "robot=host-gateway"], "stdin_open": True, "hostname": "turtle.lab",
+    "logging": {"driver": "local", "options": {"max-size": "1m"}}, "labels": {"org.example.team": "drive"},
+    "oom_score_adj": 500, "runtime": "runc", "restart": "on-failure:2", "ulimits": {"nofile": 512},
+    "volumes": [{"type": "tmpfs", "target": "/u", "tmpfs": {"size": "64k", "mode": "0700"}}],
+}  # fmt: skip
+ALLOW = [word for kind in ("capability", "runtime", "restart-always") for word in ("--allow", kind)]
+WANTED: dict[str, Any] = {
+    "Memory": 64 << 20, "MemoryReservation": 32 << 20, "CpuQuota": 50_000, "CpusetCpus": "0", "PidsLimit": 64,
+    "ShmSize": 1 << 20, "Init": True, "ReadonlyRootfs": True, "OomScoreAdj": 500, "Runtime": "runc",
+    "Tmpfs": {"/run": "", "/t": "size=64k,mode=1777", "/u": "size=65536,mode=0700"},
+    "LogConfig": {"Type": "local", "Config": {"max-size": "1m"}},
+}  # fmt: skip
+"""In `docker inspect`'s words."""
+FULL_NAME, PLAIN_NAME = "srprov.fields.full", "srprov.fields.plain"
+
+
+@dataclass
+class Fields:
+    """An experiment with every field, and a service beside it of which nothing is said."""
+
+    lab: Lab
+    words: tuple[str, ...]
+
+    def plan(self) -> dict[str, str]:
+        """Give what `plan` wants to do: step id -> action and cause."""
+        done = self.lab.srprov("plan", *self.words, "--json")
+        assert done.code == 0, done
+        return causes(done.json)
+
+    def inside(self, name: str, script: str) -> str:
+        """Give what a shell in a container says."""
+        return self.lab.shell("robot1", "docker", "exec", name, "sh", "-c", script).out.strip()
+
+
+@pytest.fixture(scope="module")
+def fields(lab_of_module: Lab, tmp_path_factory: pytest.TempPathFactory) -> Fields:
+    """Bring both up on one robot."""
+    folder = tmp_path_factory.mktemp("fields")
+    services = {"full": busybox(**FULL), "plain": busybox()}
+    path: Path = folder / "fields.edf"
+    path.write_text(edf("fields", services, placement={"slots_per_robot": 2}), encoding="utf-8")
+    made = Fields(lab_of_module, (str(path), "-i", part_of_lab(lab_of_module, ["robot1"], folder / "lab.yml")))
+    refused = lab_of_module.srprov("apply", *made.words, "--yes")
+    assert refused.code == 9 and "runtime: runc" in refused.err, refused
+    done = lab_of_module.srprov("apply", *made.words, *ALLOW, "--yes", "--settle", "0")
+    assert done.code == 0, done
+    return made
+
+
+def test_docker_has_every_field_and_a_second_plan_is_empty(fields: Fields) -> None:
+    """What an engine fills in by itself is no difference, and neither is a second apply."""
+    assert fields.plan() == {}
+    found = fields.lab.inspect("robot1", FULL_NAME)
+    assert {key: found["HostConfig"][key] for key in WANTED} == WANTED
+    assert found["HostConfig"]["CapDrop"] == ["ALL"]
+    assert (found["Config"]["OpenStdin"], found["Config"]["Hostname"]) == (True, "turtle.lab")
+    assert found["Config"]["Labels"]["org.example.team"] == "drive"
+
+
+def test_the_process_finds_what_the_fields_say(fields: Fields) -> None:
+    assert fields.inside(FULL_NAME, "touch /x 2>&1; cat /proc/1/comm /proc/1/oom_score_adj; stat -c %a /t /u") == (
+        "touch: /x: Read-only file system\ndocker-init\n500\n1777\n700"
+    )
+    assert fields.inside(FULL_NAME, "ping -c1 -W2 robot >/dev/null && echo reached; grep CapEff /proc/1/status") == (
+        "reached\nCapEff:\t0000000000000001"
+    )
+
+
+def test_names_are_known_where_they_should_be(fields: Fields) -> None:
+    """The hostname to every service, at the address of its service; further hosts to the one that has them alone."""
+    own, other = (fields.inside(name, "cat /etc/hosts").split("\n") for name in (FULL_NAME, PLAIN_NAME))
+    (address,) = (line.split()[0] for line in other if line.split()[1:] == ["full"])
+    assert f"{address}\tturtle.lab" in other and f"{address}\tturtle.lab" in own
+    assert "10.9.9.9\tcamera.lab" in own and "10.9.9.9\tcamera.lab" not in other
+    assert fields.inside(FULL_NAME, "hostname") == "turtle.lab"
+
+
+def test_logs_rotate_where_nothing_is_said(fields: Fields) -> None:
+    found = fields.lab.inspect("robot1", PLAIN_NAME)["HostConfig"]
+    assert found["LogConfig"] == {"Type": "json-file", "Config": {"max-file": "3", "max-size": "10m"}}
+    assert not found.get("Init")
