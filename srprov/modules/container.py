@@ -17,6 +17,8 @@ from srprov.definitions.model import Service
 from srprov.modules import container_form
 from srprov.modules.container_body import differing, engine_body, parts_of
 from srprov.modules.container_leftover import BUILD, end_process, left_by_build
+from srprov.modules.container_limits import QUERY as LIMITS
+from srprov.modules.container_limits import changed_limits, limits_of
 from srprov.modules.container_params import ContainerParams
 from srprov.modules.container_status import reached
 from srprov.modules.module import (
@@ -61,14 +63,15 @@ class ContainerModule(Module[ContainerParams]):
     params = ContainerParams
 
     def queries(self) -> tuple[AnyQuery, ...]:
-        """List all labelled containers, running or not."""
-        return (EngineQuery(path="/containers/json", params=(("all", "true"), ("filters", LABEL_FILTER))),)
+        """List all labelled containers, running or not, and what the engine keeps of the limits of any."""
+        return (EngineQuery(path="/containers/json", params=(("all", "true"), ("filters", LABEL_FILTER))), LIMITS)
 
     def parse(self, replies: Sequence[Reply]) -> tuple[Observed, ...]:
         """Read the list; the exit code and the health stand in Docker's status text."""
         if not replies[0].ok:
             return ()
-        return tuple(found for item in mappings(replies[0].json()) if (found := _parse_one(item)))
+        limits = limits_of(replies[1])
+        return tuple(found for item in mappings(replies[0].json()) if (found := _parse_one(item, limits)))
 
     def check(self, name: str, want: ContainerParams, found: State | None) -> Change | None:
         """Compare by hash, then by what the process does."""
@@ -77,7 +80,7 @@ class ContainerModule(Module[ContainerParams]):
         wanted_hash, wanted_parts = _hashes(want)
         if found["hash"] != wanted_hash:
             return _replacement(name, want, found, differing(found["parts"], wanted_parts))
-        if cause := _wrong_address(want, found):
+        if cause := changed_limits(want, found["limits"]) or _wrong_address(want, found):
             return _replacement(name, want, found, cause)
         if found["state"] in _NEVER_RUN:
             return _replacement(name, want, found, _NEVER_RUN[found["state"]])
@@ -170,7 +173,7 @@ def _stop_and_remove(name: str, state: State) -> tuple[Command, ...]:
     )
 
 
-def _parse_one(item: Mapping[str, Any]) -> Observed | None:
+def _parse_one(item: Mapping[str, Any], limits: Mapping[str, Mapping[str, str]]) -> Observed | None:
     labels = string_map(item.get("Labels"))
     names = item.get("Names")
     if labels.get(INSTANCE) == BUILD:
@@ -179,7 +182,8 @@ def _parse_one(item: Mapping[str, Any]) -> Observed | None:
     name = container_name(labels.get(INSTANCE, ""), labels.get(SERVICE, ""))
     if INSTANCE not in labels or not isinstance(names, list) or f"/{name}" not in names:
         return None
-    return Observed(module="container", name=name, instance=labels[INSTANCE], state=_state_of(item, labels))
+    state = {**_state_of(item, labels), "limits": limits.get(string(item.get("Id")), {})}
+    return Observed(module="container", name=name, instance=labels[INSTANCE], state=state)
 
 
 def _state_of(item: Mapping[str, Any], labels: Mapping[str, str]) -> dict[str, Any]:

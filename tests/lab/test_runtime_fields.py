@@ -97,3 +97,26 @@ def test_logs_rotate_where_nothing_is_said(fields: Fields) -> None:
     found = fields.lab.inspect("robot1", PLAIN_NAME)["HostConfig"]
     assert found["LogConfig"] == {"Type": "json-file", "Config": {"max-file": "3", "max-size": "10m"}}
     assert not found.get("Init")
+
+
+UPDATES = {
+    "--memory 48m --memory-swap 48m": "mem_limit", "--memory-reservation 16m": "mem_reservation",
+    "--cpu-quota 40000": "cpus", "--pids-limit 32": "pids_limit", "--restart always": "restart",
+}  # fmt: skip
+
+
+def test_limits_that_docker_update_changed_are_named_and_mended(fields: Fields) -> None:
+    """Each alone is seen by a plan; they are the only ones that a container can lose without being another."""
+    step = f"robot1/container:{FULL_NAME}"
+    for options, field in UPDATES.items():
+        fields.lab.shell("robot1", "sh", "-c", f"docker update {options} {FULL_NAME}")
+        assert field in fields.plan()[step], options
+    fields.lab.shell("robot1", "sh", "-c", f"docker update --cpus 0.3 {PLAIN_NAME}")
+    changed = ", ".join(sorted(UPDATES.values()))
+    assert fields.plan() == {
+        step: f"replace: {changed} were changed on the robot",
+        f"robot1/container:{PLAIN_NAME}": "replace: cpus was changed on the robot",
+    }
+    done = fields.lab.srprov("apply", *fields.words, *ALLOW, "--yes", "--settle", "0")
+    assert done.code == 0 and fields.plan() == {}, done
+    assert fields.lab.inspect("robot1", FULL_NAME)["HostConfig"]["Memory"] == WANTED["Memory"]

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from srprov.definitions.containermodel import HealthCheck, Logging, Mount, Runtime
 from srprov.modules import MODULES
+from srprov.modules.container_limits import changed_limits
 from srprov.resource import Action, Resource
 from tests.conftest import examples
 from tests.fakes import World
@@ -132,3 +133,32 @@ def test_the_stop_waits_for_the_containers_own_grace() -> None:
     change = MODULES["container"].check("x", WANT.params, {**state, "hash": "0", "parts": {}, "state": "running"})
     assert change is not None and change.action is Action.REPLACE
     assert change.commands[0].timeout_s == 360
+
+
+AS_MADE = {
+    "Memory": "67108864", "MemoryReservation": "1024", "CpuQuota": "50000", "NanoCpus": "0", "CpusetCpus": "0-1",
+    "PidsLimit": "64", "RestartPolicy": "on-failure:3",
+}  # fmt: skip
+"""As an engine keeps them."""
+
+
+@pytest.mark.parametrize(
+    ("found", "changed"),
+    [
+        (AS_MADE, ""),
+        ({}, ""),  # where they cannot be read
+        ({"Memory": "0", "CpuQuota": "0", "CpusetCpus": ""}, ""),  # a kernel without them
+        ({**AS_MADE, "Memory": "134217728"}, "mem_limit was changed on the robot"),
+        ({**AS_MADE, "MemoryReservation": "1"}, "mem_reservation was changed on the robot"),
+        ({**AS_MADE, "CpuQuota": "1", "CpusetCpus": "0"}, "cpus, cpuset were changed on the robot"),
+        ({**AS_MADE, "NanoCpus": "1"}, "cpus was changed on the robot"),
+        ({**AS_MADE, "PidsLimit": "-1"}, "pids_limit was changed on the robot"),
+        ({**AS_MADE, "RestartPolicy": "on-failure:4"}, "restart was changed on the robot"),
+    ],
+)
+def test_limits_that_somebody_changed_are_named(found: dict[str, str], changed: str) -> None:
+    """And what an engine fills in, or could not do, is no change."""
+    run = Runtime(
+        mem_limit=64 << 20, mem_reservation=1024, cpus=0.5, cpuset="0-1", pids_limit=64, restart="on-failure:3"
+    )
+    assert changed_limits(dataclasses.replace(WANT.params, run=run), found) == changed
