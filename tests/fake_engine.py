@@ -85,6 +85,7 @@ class Engine:
             return _answer({"api-version": self.api, "server": "Docker/20.10.24 (linux)"})
         if path == "/info":
             info = {
+                "LoggingDriver": "json-file",
                 "ServerVersion": "20.10.24",
                 "DockerRootDir": "/var/lib/docker",
                 "Driver": "overlay2",

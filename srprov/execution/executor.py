@@ -9,7 +9,7 @@ from __future__ import annotations
 import concurrent.futures
 import itertools
 import threading
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 
 from srprov.errors import TransportError
 from srprov.execution.audit import AuditEntry, audit
@@ -22,6 +22,7 @@ from srprov.execution.options import RunOptions
 from srprov.execution.outcome import Event, Listener, Outcome, RunResult, StepResult
 from srprov.execution.robot import RobotExecutor, round_trip_size
 from srprov.execution.settle import settle
+from srprov.execution.stopping import begins_with_stop
 from srprov.planning.plan import Plan, Step
 from srprov.session import Session
 
@@ -138,7 +139,7 @@ class _Run:
         ahead = list(batch.steps)
         while ahead:
             step = ahead.pop(0)
-            if self.stop.is_set():
+            if self.stop.is_set() and step.number not in robot.stopped:
                 self._end(StepResult(step=step, outcome=Outcome.NOT_REACHED, message="interrupted"))
             elif self._too_many():
                 why = f"steps failed on more than {self.options.max_fail} robots"
@@ -150,6 +151,7 @@ class _Run:
             else:
                 if robot.seen is None:
                     robot.refresh(self.kinds[batch.host])
+                robot.stop_together([step, *self._stopping_next(step, ahead, acted)])
                 # a budget of failing robots is looked at before each step
                 beside = ahead[: round_trip_size([step, *ahead]) - 1] if self.options.max_fail is None else []
                 group = [step, *itertools.takewhile(lambda one: not self._blocked(one, acted), beside)]
@@ -163,6 +165,13 @@ class _Run:
             robot.refresh({step.module for step in acted})
         for step in acted:
             self._end(robot.verdict(step))
+
+    def _stopping_next(self, step: Step, ahead: Sequence[Step], acted: list[Step]) -> list[Step]:
+        """Return the steps right behind one that stops a container which stop one too, and wait for nothing."""
+        if not begins_with_stop(step) or self.options.max_fail is not None:  # a budget is looked at before each step
+            return []
+        stops = itertools.takewhile(begins_with_stop, ahead)
+        return [one for one in stops if not one.waits and not self._blocked(one, acted)]
 
     def _too_many(self) -> bool:
         """Return whether the user's budget of failing robots is used up."""

@@ -20,6 +20,7 @@ from dataclasses import dataclass, field
 from srprov.errors import TransportError
 from srprov.execution.options import STOP_TIMEOUT_S
 from srprov.execution.outcome import Event, Listener, Outcome, StepResult
+from srprov.execution.stopping import stop_together
 from srprov.execution.triggers import refuse_triggers
 from srprov.facts.observe import answers_of, observe_queries, parse_observed, parse_probed, probe_queries
 from srprov.modules import MODULES, PROBING, RUNNING
@@ -51,6 +52,8 @@ class RobotExecutor:
     """Step number -> seconds that the act took."""
     made: set[str] = field(default_factory=set)
     """Ids that a step of this run made or changed."""
+    stopped: set[int] = field(default_factory=set)
+    """Numbers of steps whose container was stopped with others': these steps are under way."""
 
     def refresh(self, kinds: Collection[str]) -> None:
         """Read again everything of these kinds.
@@ -96,6 +99,18 @@ class RobotExecutor:
                 why = _failure(_only(step), reply)
                 results[step.number] = StepResult(step=step, outcome=Outcome.FAILED, message=why, duration_s=took)
         return [results[step.number] for step in steps]
+
+    def stop_together(self, steps: Sequence[Step]) -> None:
+        """Stop the containers of several steps at once, of those that are still due.
+
+        Raises:
+            TransportError: The robot cannot be talked to any more.
+        """
+        due = [step for step in steps if step.number not in self.stopped and self._refused(step) is None]
+        if len(due) > 1:
+            self.listener(Event(kind="progress", host=due[0].host, step=due[0], text=f"stopping {len(due)} containers"))
+            self.stopped |= {step.number for step in due}
+            self.session.execute(stop_together(due, self.stop_timeout_s))
 
     def _refused(self, step: Step) -> StepResult | None:
         """Say why a step is not to be done, or nothing."""

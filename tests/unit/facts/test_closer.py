@@ -134,3 +134,13 @@ def test_a_robot_whose_engine_is_silent_counts_as_out_of_reach_when_services_wer
     assert set(made.unreachable) == {"a"}
     assert "its Docker Engine does not answer" in made.unreachable["a"]
     assert made.assignment["talker"] == "a"
+
+
+def test_an_engine_that_gets_another_container_is_asked_of_itself(world: World) -> None:
+    """How it keeps logs by default is known only from that; who gets none is not asked."""
+    apply(world, PINNED)
+    other = experiment(service("talker", robot="a", command=("x",)), service("listener", robot="b"))
+    assert asked(world, other) == (1, 0)
+    plan = plan_for(world, other)
+    (step,) = (step for step in plan.steps if step.module == "container")
+    assert '"LogConfig":{"Config":{"max-file":"3","max-size":"10m"},"Type":"json-file"}' in step.commands[-2].text()
