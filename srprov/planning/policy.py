@@ -6,7 +6,6 @@ An EDF may come from a stranger. Everything that reaches the robot itself is a `
 
 from __future__ import annotations
 
-import posixpath
 import re
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
@@ -17,6 +16,7 @@ from srprov.definitions.model import Experiment, NetworkSettings, Service
 from srprov.errors import RefusedError
 from srprov.image_reference import parse_reference
 from srprov.network.identity import is_for_overlays
+from srprov.planning.mount_kind import mount_kind
 
 KINDS = (
     "privileged",
@@ -44,12 +44,6 @@ KINDS = (
 )
 ASKED_FIRST = ("git", "outside", "env", "secret", "playbook")
 """Kinds that `plan` must not serve without permission either: to plan is to fetch, read, render or ask for it."""
-_SOCKETS = ("/run/docker.sock", "/run/containerd/containerd.sock", "/run/podman/podman.sock")
-_ENGINES = (
-    *("/run/docker", "/run/containerd", "/run/podman", "/run/containers", "/run/srprov", "/run/user"),
-    *("/var/lib/docker", "/var/lib/containerd", "/var/lib/containers", "/var/lib/srprov"),
-)
-"""Folders in which engines, or srprov, keep sockets, images, volumes or secrets: /run/user of those without root."""
 _REALTIME = ("memlock", "nice", "rtprio", "rttime")
 """Limits that take memory or the processor away from everything else on the robot."""
 _LOGS = ("", "json-file", "local", "none")
@@ -119,27 +113,6 @@ def require(asked: Collection[Permission], allowed: Collection[str]) -> None:
         raise RefusedError(
             f"the experiment asks for more than its own containers: {what}", hint=f"if you trust it: {flags}"
         )
-
-
-def mount_kind(source: str) -> tuple[str, str]:
-    """Return the kind of a bind mount, and why it is graver than it looks.
-
-    A folder that holds the engine's socket gives it away just so, as does whatever is, holds or lies below a folder of
-    an engine's; /proc leads to every file of the robot by another name. Symbolic links of the robot but for /var/run
-    are not known here: they need `host-path` in any case.
-    """
-    path = posixpath.normpath("/" + source.lstrip("/"))
-    if path == "/var/run" or path.startswith("/var/run/"):
-        path = path.removeprefix("/var")  # a link to it on every robot
-    if path in _SOCKETS:
-        return "docker-socket", ""
-    if path == "/proc" or path.startswith("/proc/"):
-        return "docker-socket", "leads to every file of the robot"
-    if any(socket.startswith(f"{path.rstrip('/')}/") for socket in _SOCKETS):
-        return "docker-socket", "holds the engine's socket"
-    if any(f"{one}/".startswith(f"{path.rstrip('/')}/") or path.startswith(f"{one}/") for one in _ENGINES):
-        return "docker-socket", "what an engine or srprov keeps"
-    return "host-path", ""
 
 
 def _of_network(settings: NetworkSettings) -> Iterator[Permission]:

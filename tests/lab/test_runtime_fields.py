@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tests.lab.conftest import Lab, busybox, causes, edf, part_of_lab
+from tests.lab.conftest import Lab, busybox, causes, changed, edf, part_of_lab
 from tests.lab.looks import reached
 
 pytestmark = pytest.mark.lab
@@ -125,3 +126,26 @@ def test_limits_that_docker_update_changed_are_named_and_mended(fields: Fields) 
     done = fields.lab.srprov("apply", *fields.words, *ALLOW, "--yes", "--settle", "0")
     assert done.code == 0 and fields.plan() == {}, done
     assert fields.lab.inspect("robot1", FULL_NAME)["HostConfig"]["Memory"] == WANTED["Memory"]
+
+
+def test_containers_of_a_robot_stop_side_by_side(fields: Fields, tmp_path: Path) -> None:
+    """Five that need all of their grace take as long as one, when they are replaced and when they are removed."""
+    stubborn = busybox("sh", "-c", "trap '' TERM; while :; do sleep 1; done", stop_grace_period="3s")
+    del stubborn["stop_signal"]
+    path = tmp_path / "stubborn.edf"
+    words = (str(path), "-i", part_of_lab(fields.lab, ["robot2"], tmp_path / "lab.yml"))
+    took = {}
+    for verb, environment in (("up", {}), ("replace", {"A": "1"})):
+        services = {f"s{number}": {**stubborn, "environment": environment} for number in range(5)}
+        path.write_text(edf("stubborn", services, placement={"slots_per_robot": 5}), encoding="utf-8")
+        begun = time.monotonic()
+        done = fields.lab.srprov("apply", *words, "--yes", "--settle", "0", "--json")
+        took[verb] = time.monotonic() - begun
+        assert done.code == 0, done
+        assert len(changed(done.json)) >= 5
+    begun = time.monotonic()
+    done = fields.lab.srprov("destroy", str(path), "-i", words[2], "--yes")
+    took["destroy"] = time.monotonic() - begun
+    assert done.code == 0, done
+    assert fields.lab.leftovers("robot2")["containers"] == []
+    assert took["replace"] < took["up"] + 2 * 3 and took["destroy"] < 3 * 3, took
