@@ -26,6 +26,7 @@ from srprov.transport.openssh.auth import Login
 from srprov.transport.openssh.limits import Flooded
 from srprov.transport.openssh.local_stream import LocalStreamTransport
 from srprov.transport.openssh.resolve import resolve
+from srprov.transport.openssh.reverse import ReverseForwards
 from srprov.transport.openssh.settings import SshSettings
 
 _log = logging.getLogger("paramiko")
@@ -66,6 +67,8 @@ class StrictConnection:
         self.wire: sockets.CountedSocket | None = None
         self.transport: LocalStreamTransport
         """What channels are opened on, once `open()` is through."""
+        self.forwards: ReverseForwards
+        """Ports of the robot whose connections come here, once `open()` is through."""
 
     def open(self) -> None:
         """Connect, check the host key and log in.
@@ -99,6 +102,7 @@ class StrictConnection:
             raise failure from error
         self.transport = cast(LocalStreamTransport, self.client.get_transport())
         self.transport.set_keepalive(sockets.KEEPALIVE_S)
+        self.forwards = ReverseForwards(self.transport)
         self.traffic.connections += 1
 
     def _socket(self) -> Any:  # noqa: ANN401 - a socket, or a channel of the jump host

@@ -1,0 +1,161 @@
+"""What is asked of an engine that pulls, and what is believed of it."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import socket
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from srprov.session import Progress
+from srprov.transport.openssh.reverse import ForwardRefused
+from srprov.transport.registry_copy import NoWayBack, pull_image
+from srprov.transport.registry_image import ServedImage
+from srprov.wire import EngineCall, Reply
+
+from .test_registry import an_image
+
+TAG = "srprov/talker:0123456789abcdef"
+
+
+class Forwards:
+    """Gives the function that answers to whoever pulls."""
+
+    def __init__(self, refused: str = "") -> None:
+        self.refused, self.open_now = refused, 0
+        self.answer: Callable[[socket.socket], None] | None = None
+
+    @contextlib.contextmanager
+    def open(self, answer: Callable[[Any], None], _seconds: float) -> Iterator[int]:
+        if self.refused:
+            raise ForwardRefused(self.refused)
+        self.answer, self.open_now = answer, self.open_now + 1
+        try:
+            yield 40_000
+        finally:
+            self.open_now -= 1
+
+
+@dataclass
+class Engine:
+    """An engine that says what it is told to say."""
+
+    image: ServedImage
+    forwards: Forwards
+    pulls: bool = True
+    reaches: bool = True
+    says: dict[str, Any] = field(default_factory=dict)
+    """In the place of what it should say of the image."""
+    tags: bool = True
+    removes: int = 200
+    calls: list[str] = field(default_factory=list)
+
+    def call(self, call: EngineCall, _progress: Progress) -> Reply:
+        self.calls.append(call.text())
+        assert self.forwards.open_now == 1
+        if call.path == "/images/create":
+            if self.reaches:
+                self._ask()
+            ok = self.pulls and self.reaches
+            return Reply(status=200, ok=ok, err="" if ok else "filesystem layer verification failed")
+        if call.method == "GET":
+            said = {"Id": self.image.image.id, "RootFS": {"Layers": list(self.image.image.diff_ids)}, **self.says}
+            return Reply(status=200, out=json.dumps(said))
+        if call.method == "POST":
+            return Reply(status=201) if self.tags else Reply(status=500, ok=False, err="cannot tag")
+        return Reply(status=self.removes, ok=self.removes in call.accept, err="conflict")
+
+    def _ask(self) -> None:
+        here, there = socket.socketpair()
+        with here, there:
+            here.sendall(f"GET /v2/{self.image.name}/manifests/{self.image.digest} HTTP/1.1\r\n\r\n".encode())
+            here.shutdown(socket.SHUT_WR)
+            assert self.forwards.answer is not None
+            self.forwards.answer(there)
+            assert here.recv(1 << 16).startswith(b"HTTP/1.1 200 ")
+
+
+@pytest.fixture
+def image(tmp_path: Path) -> ServedImage:
+    return an_image(tmp_path / "blobs")
+
+
+@pytest.fixture
+def engine(image: ServedImage) -> Engine:
+    return Engine(image, Forwards())
+
+
+def pull(engine: Engine) -> Reply:
+    sent: list[int] = []
+    return pull_image(engine.image, TAG, engine, engine.forwards, 30.0, sent.append)  # type: ignore[arg-type]
+
+
+def words(engine: Engine) -> list[str]:
+    """Return the calls without what is different each time."""
+    return [one.replace(engine.image.name, "NAME").replace(engine.image.digest, "DIGEST") for one in engine.calls]
+
+
+PULL = "POST /images/create?fromImage=127.0.0.1:40000/NAME&tag=DIGEST"
+LOOK = "GET /images/127.0.0.1:40000/NAME@DIGEST/json"
+NAME = "POST /images/127.0.0.1:40000/NAME@DIGEST/tag?repo=srprov/talker&tag=0123456789abcdef"
+FORGET = "DELETE /images/127.0.0.1:40000/NAME@DIGEST"
+
+
+def test_it_is_pulled_by_digest_compared_named_and_its_loopback_name_removed(engine: Engine) -> None:
+    assert pull(engine).ok
+    assert words(engine) == [PULL, LOOK, NAME, FORGET]
+    assert engine.forwards.open_now == 0
+
+
+def test_a_containerd_store_knows_it_by_its_manifest(engine: Engine, image: ServedImage) -> None:
+    engine.says = {"Id": image.digest}
+    assert pull(engine).ok
+    assert words(engine)[2:] == [NAME, FORGET]
+
+
+@pytest.mark.parametrize(
+    "says",
+    [
+        {"Id": "sha256:" + "0" * 64},
+        {"Id": ""},
+        {"Id": ["sha256:" + "0" * 64]},
+        {"RootFS": None},
+        {"RootFS": {"Layers": []}},
+        {"RootFS": {"Layers": ["sha256:" + "1" * 64, "sha256:" + "2" * 64]}},
+    ],
+)
+def test_another_image_than_was_served_gets_no_name(engine: Engine, says: dict[str, Any]) -> None:
+    engine.says = says
+    reply = pull(engine)
+    assert not reply.ok and "not the image that was served" in reply.err
+    assert words(engine) == [PULL, LOOK, FORGET]
+
+
+def test_after_a_failed_pull_nothing_is_named(engine: Engine) -> None:
+    engine.pulls = False
+    reply = pull(engine)
+    assert (reply.ok, reply.err) == (False, "filesystem layer verification failed")
+    assert words(engine) == [PULL, FORGET]
+
+
+def test_a_name_that_cannot_be_given_or_taken_away_is_a_failure(engine: Engine) -> None:
+    engine.tags = False
+    assert pull(engine).err == "cannot tag"
+    engine.tags, engine.removes = True, 409
+    assert not pull(engine).ok
+
+
+def test_an_engine_that_never_came_is_told_from_one_that_failed(engine: Engine) -> None:
+    engine.reaches = False
+    with pytest.raises(NoWayBack, match="does not reach the port"):
+        pull(engine)
+    engine.forwards.refused = "sshd forwards no port"
+    engine.calls.clear()
+    with pytest.raises(NoWayBack, match="sshd forwards no port"):
+        pull(engine)
+    assert engine.calls == []
