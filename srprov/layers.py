@@ -55,10 +55,14 @@ def _image(image_id: str, layers: object) -> Image | None:
 
 def has_classic_store(info: object) -> bool:
     """Return whether an engine's `/info` tells a store that finds layers by chain id; of one that is silent, not."""
-    said = mapping(info)
-    status = said.get("DriverStatus")
+    return bool(string(mapping(info).get("Driver"))) and not has_containerd_store(info)
+
+
+def has_containerd_store(info: object) -> bool:
+    """Return whether an engine's `/info` tells a store that finds layers by chain id when it pulls, and never loads."""
+    status = mapping(info).get("DriverStatus")
     pairs = status[:64] if isinstance(status, list) else []
-    return bool(string(said.get("Driver"))) and not any(isinstance(one, list) and _CONTAINERD in one for one in pairs)
+    return any(isinstance(one, list) and _CONTAINERD in one for one in pairs)
 
 
 def chain_ids(diff_ids: Sequence[str]) -> list[str]:

@@ -152,12 +152,16 @@ class CopyImage:
     image: str
     source_host: str
     way: str = ""
-    """`thin` or `whole` (`docker save | docker load`); empty: thin, and whole where that is not possible."""
+    """`thin`, `registry` or `whole`; empty: as the robot's store has it, and whole where that is not possible."""
     timeout_s: float = 1800.0
 
     def text(self) -> str:
         """Show it as the plan does."""
-        how = {"thin": "the layers that are missing", "whole": "docker save | docker load"}
+        how = {
+            "thin": "the layers that are missing",
+            "registry": "pulled through a port that sshd forwards",
+            "whole": "docker save | docker load",
+        }
         kind = how.get(self.way, "the layers that are missing, or whole")
         return f"copy image {self.image} from {self.source_host} ({kind}, over the controller)"
 

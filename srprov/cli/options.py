@@ -128,9 +128,9 @@ _DATA = click.option(
     "copy was compared (move), or start without it (leave). Without this it stays, with its service.",
 )  # fmt: skip
 _COPY = click.option(
-    "--copy", type=click.Choice(["thin", "whole"]), default=None,
-    help="How an image gets from one robot to another: without the layers that are there (thin), or all of it (whole). "
-    "Without this, thin wherever both engines can.",
+    "--copy", type=click.Choice(["thin", "registry", "whole"]), default=None,
+    help="How an image gets from one robot to another: without the layers that are there (thin), pulled by its engine "
+    "(registry), or whole. Without this, as the engine's store has it; see docs/images.md.",
 )  # fmt: skip
 _SEARCH_LIMIT = click.option(
     "--time-limit", type=Seconds(min=0, min_open=True), default=SEARCH_LIMIT_S, show_default=True, metavar="S",

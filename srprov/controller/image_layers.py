@@ -38,7 +38,7 @@ def with_layers(inputs: RenderInputs, look: Gathering) -> RenderInputs:
     for target, source, image in copies:
         if target in seen and source in first:
             at = asked[source].index(_of_source(image)[1]) - 1
-            found[target, image] = _copied(seen[target], first[source][at : at + 3], blobs.size)
+            found[target, image] = _copied(inputs.copy_way, seen[target], first[source][at : at + 3], blobs.size)
     return replace(inputs, copied=found)
 
 
@@ -57,25 +57,28 @@ def _of_source(image: str) -> tuple[AnyQuery, ...]:
     return INFO, EngineQuery(path=f"/images/{image}/json"), EngineQuery(path=f"/images/{image}/history")
 
 
-def _copied(target: Target, source: Sequence[Reply], size: Callable[[str], int | None]) -> dict[str, Any]:
+def _copied(way: str, target: Target, source: Sequence[Reply], size: Callable[[str], int | None]) -> dict[str, Any]:
     """Return the parameters of one copy: its way, and what is missing where that is known."""
     info, inspected, history = (reply.json() for reply in source)
     image = read_image(inspected)
     if image is None:
         return {}
-    if not (target.classic and has_classic_store(info)):
-        return {"way": "whole"}
-    missing = target.missing(image)
+    registry = way == "registry" or (target.containerd and not way)
+    if not (target.classic or registry) or not has_classic_store(info):
+        return {} if way else {"way": "whole"}
+    again = registry and target.classic  # an engine that may take once more what it did not pull
+    missing = tuple(dict.fromkeys(image.diff_ids)) if again else target.missing(image)
     kept = [size(one) for one in missing]
     known = sum(one for one in kept if one is not None)
-    exact = None not in kept
+    exact = None not in kept and not again
     return {
+        "way": "registry" if registry else way,
         "missing": {
             "layers": len(missing),
             "of": len(image.diff_ids),
-            "bytes": known if exact else _unpacked(image, missing, history),
+            "bytes": known if None not in kept else _unpacked(image, missing, history),
             "exact": exact,
-        }
+        },
     }
 
 

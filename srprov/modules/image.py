@@ -51,7 +51,7 @@ class ImageParams:
     """Its build names something that moves."""
     from_: str = ""
     """The robot that has it, for `copy`."""
-    way: Literal["", "thin", "whole"] = ""
+    way: Literal["", "thin", "registry", "whole"] = ""
     """How it is copied; empty: as it is possible."""
     missing: Missing | None = None
     """What is copied; None where that only shows when it is."""
@@ -109,7 +109,8 @@ def _how(want: ImageParams) -> str:
     """Return way, layers and bytes of a copy, as far as they are known."""
     if want.way == "whole":
         return f"copied whole from {want.from_}"
-    return f"copied from {want.from_}, {want.missing or 'the layers that are missing then'}"
+    through = " through a registry" if want.way == "registry" else ""
+    return f"copied{through} from {want.from_}, {want.missing or 'the layers that are missing then'}"
 
 
 def _getting(name: str, want: ImageParams) -> tuple[str, Command]:

@@ -51,7 +51,7 @@ class CommandKeys:
     bytes_: int = 0
     sha256: str = ""
     copy_image: str = ""
-    way: Literal["", "thin", "whole"] = ""
+    way: Literal["", "thin", "registry", "whole"] = ""
     copy_volume: str = ""
     into: str = ""
     from_: str = ""

@@ -53,13 +53,17 @@ class Blob:
     compressed: str
     """`sha256:…` of the file: the digest by which a registry names it."""
 
+    def open(self) -> BinaryIO:
+        """Open the file to read; OSError when it is gone."""
+        return _open(self.path)
+
     def pieces(self) -> Iterator[bytes]:
         """Yield the file's bytes, in pieces of at most 1 MiB.
 
         Raises:
             OSError: It is gone, or cannot be read.
         """
-        with _open(self.path) as file:
+        with self.open() as file:
             while piece := file.read(_PIECE):
                 yield piece
 

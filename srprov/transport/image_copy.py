@@ -1,8 +1,9 @@
 """An image goes from one robot's engine to another's over the controller: the layers that are missing there, or whole.
 
 Thin: both engines find layers by chain id, so what the target has is not sent; the rest comes from this machine's cache
-or is read from the source once for all. Whole: `docker save | docker load`, in pieces. After either, what the target
-has is compared with what the source has: an engine says 200 before it fails.
+or is read from the source once for all. Registry: an engine with a containerd store does the same when it pulls
+(`registry_copy.py`). Whole: `docker save | docker load`, in pieces. After each, what the target has is compared with
+what the source has: an engine says 200 before it fails.
 """
 
 from __future__ import annotations
@@ -17,7 +18,8 @@ from srprov.transport.image_archive import ForeignImage, only
 from srprov.transport.image_deliver import deliver
 from srprov.transport.image_progress import Meter, mib
 from srprov.transport.image_source import NoSpool
-from srprov.transport.image_there import Room, has_classic, image_of, look_at
+from srprov.transport.image_there import Room, Target, has_classic, image_of, look_at
+from srprov.transport.registry_copy import NoWayBack, copy_by_registry
 from srprov.transport.thin_archive import ThinArchive, check_config
 from srprov.wire import CopyImage, Reply
 
@@ -91,6 +93,8 @@ class _Thin:
         if ids and image.id not in ids:
             raise ForeignImage(f"it gives another image under {self._copy.image} than the one that was built")
         target = look_at(self._session)
+        if self._copy.way == "registry" or (target.containerd and not self._copy.way):
+            return self._pull(self._archive(image, tuple(dict.fromkeys(image.diff_ids))), target)
         if not target.classic:
             raise NotThin(f"the engine of {self._session.host} has no classic store")
         return self._load(self._archive(image, target.missing(image)), target.room)
@@ -111,6 +115,15 @@ class _Thin:
         except OSError as error:
             raise NotThin(f"the cache of layers cannot be used: {error.strerror or error}") from error
         return ThinArchive(image, name, config, layers)
+
+    def _pull(self, archive: ThinArchive, target: Target) -> Reply:
+        """Let the engine pull it; it compares by itself."""
+        try:
+            return copy_by_registry(archive, target, self._session, self._copy.timeout_s, self._progress)
+        except NoWayBack as error:
+            raise NotThin(str(error)) from error
+        except OSError as error:
+            raise NotThin(f"the cache of layers cannot be read: {error.strerror or error}") from error
 
     def _load(self, archive: ThinArchive, room: Room) -> Reply:
         """Send it and compare what is there then."""

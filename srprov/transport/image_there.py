@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from srprov.layers import Image, has_classic_store, missing_layers, read_image
+from srprov.layers import Image, has_classic_store, has_containerd_store, missing_layers, read_image
 from srprov.session import Reader
 from srprov.untrusted import folder, integer, lines_of, mapping, mappings, string
 from srprov.wire import AnyQuery, EngineQuery, Query, Reply, quote
@@ -52,6 +52,7 @@ class Target:
     classic: bool
     images: tuple[Image, ...]
     room: Room
+    containerd: bool = False
 
     def missing(self, image: Image) -> tuple[str, ...]:
         """Return the layers that it lacks, each once."""
@@ -91,7 +92,8 @@ def second_look(first: Sequence[Reply]) -> list[AnyQuery]:
 def read_target(first: Sequence[Reply], second: Sequence[Reply]) -> Target:
     """Return what a robot answered to `FIRST` and to `second_look`."""
     found = [image for reply in second[1:] if reply.ok and (image := read_image(reply.json()))]
-    return Target(has_classic_store(first[0].json()), tuple(found), _room(second[0].out))
+    info = first[0].json()
+    return Target(has_classic_store(info), tuple(found), _room(second[0].out), has_containerd_store(info))
 
 
 def _free(root: str) -> str:

@@ -16,9 +16,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler
-from pathlib import Path
 from typing import Any, BinaryIO, Protocol
 
+from srprov.transport.blobs import Blob
 from srprov.transport.deadline import Deadline
 from srprov.transport.registry_image import MANIFEST, ServedImage, sha256
 
@@ -65,12 +65,12 @@ class _Content:
     kind: str
     digest: str
     size: int
-    source: Path | bytes
-    """A layer is a file; it is opened when it is asked for."""
+    source: Blob | bytes
+    """A layer is opened when it is asked for."""
 
     def open(self) -> BinaryIO:
         """Return its bytes."""
-        return io.BytesIO(self.source) if isinstance(self.source, bytes) else self.source.open("rb")
+        return io.BytesIO(self.source) if isinstance(self.source, bytes) else self.source.open()
 
 
 def _contents(image: ServedImage) -> Mapping[str, _Content]:
@@ -79,7 +79,7 @@ def _contents(image: ServedImage) -> Mapping[str, _Content]:
     config = _small(_BLOB, image.config)
     found[f"/v2/{image.name}/blobs/{config.digest}"] = config
     for one in image.layers:
-        found[f"/v2/{image.name}/blobs/{one.compressed}"] = _Content(_BLOB, one.compressed, one.size, one.path)
+        found[f"/v2/{image.name}/blobs/{one.compressed}"] = _Content(_BLOB, one.compressed, one.size, one)
     return found
 
 

@@ -9,24 +9,57 @@ Source: Docker Engine API 1.41, "Create an image", "Inspect an image", "Tag an i
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from srprov.layers import read_image
-from srprov.session import no_progress
+from srprov.session import Progress, no_progress
+from srprov.transport.image_progress import Meter
+from srprov.transport.image_there import Target
 from srprov.transport.openssh.reverse import ForwardRefused
 from srprov.transport.registry import Sent, answer
+from srprov.transport.registry_image import served
+from srprov.transport.ssh_session import SshSession
+from srprov.transport.thin_archive import ThinArchive, content
 from srprov.wire import EngineCall, Reply
 
 if TYPE_CHECKING:
     from srprov.transport.engine.client import Engine
     from srprov.transport.openssh.reverse import ReverseForwards
     from srprov.transport.registry_image import ServedImage
+    from srprov.transport.session import BaseSession
 
 _FORWARD_S = 10.0
 
 
 class NoWayBack(Exception):
     """The engine cannot come here; the text says why."""
+
+
+def copy_by_registry(
+    archive: ThinArchive, target: Target, session: BaseSession, timeout_s: float, progress: Progress
+) -> Reply:
+    """Let a robot's engine pull an image of which all layers are in the cache; it takes those that it lacks.
+
+    Raises:
+        NoWayBack: The engine cannot come here; it has asked for nothing.
+        TransportError: The robot is gone.
+        OSError: The cache's files are gone.
+    """
+    if not isinstance(session, SshSession):
+        raise NoWayBack("this machine forwards no port to itself")
+    # a classic store looks for what it has pulled before, and may take what it has got otherwise once more
+    missing = archive.image.diff_ids if target.classic else target.missing(archive.image)
+    lacks = [one for one in archive.layers if one.digest in missing]
+    size, unpacked = sum(one.size for one in lacks), sum(one.content_size for one in lacks)
+    if lack := target.room.lack(size, unpacked, spooled=False):
+        return Reply(status=0, ok=False, err=lack)
+    blobs = {one.digest: one for one in archive.layers}
+    image = served(archive.image, content(archive.config), [blobs[one] for one in archive.image.diff_ids])
+    meter = Meter(f"{archive.tag}, through a registry", progress, size)
+    client, forwards = session.engine.client, session.connection.forwards
+    reply = pull_image(image, archive.tag, client, forwards, timeout_s, meter.add)
+    return replace(reply, out=meter.text()) if reply.ok else reply
 
 
 def pull_image(

@@ -47,7 +47,7 @@ class ThinArchive:
         Raises:
             OSError: The cache's files are gone.
         """
-        config = _content(self.config)
+        config = content(self.config)
         yield from _file(MANIFEST, manifest(self.image, self.tag))
         yield from _file(config_name(self.image), config)
         for blob in self.layers:
@@ -61,11 +61,12 @@ def check_config(image: Image, config: Blob) -> None:
     """Refuse (ForeignImage) a configuration that names other layers than the robot said that the image has."""
     if config.content_size > _LONGEST_CONFIG:
         raise ForeignImage("its configuration is longer than any sensible one")
-    if read_config(image.id, json_or_none(_content(config).decode("utf-8", "replace"))) != image:
+    if read_config(image.id, json_or_none(content(config).decode("utf-8", "replace"))) != image:
         raise ForeignImage("its configuration names other layers than the engine says")
 
 
-def _content(config: Blob) -> bytes:
+def content(config: Blob) -> bytes:
+    """Return a configuration as it is; raises OSError when the cache has lost it."""
     return zlib.decompress(b"".join(config.pieces()), wbits=31)
 
 

@@ -7,12 +7,10 @@ skopeo and podman are Debian's packages, unpacked into a folder: nothing is inst
 from __future__ import annotations
 
 import hashlib
-import io
 import json
 import os
 import shutil
 import subprocess
-import tarfile
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -23,7 +21,7 @@ import pytest
 from srprov.transport.registry import answer
 from srprov.transport.registry_image import ServedImage
 from srprov.transport.ssh_session import SshSession
-from tests.unit.transport.test_registry import an_image
+from tests.unit.transport.test_registry import an_image, tar_of
 
 from .sshd import usable
 from .test_reverse import listens, robot
@@ -71,15 +69,6 @@ def containerd(tmp_path: Path) -> Iterator[str]:
     finally:
         daemon.terminate()
         daemon.wait(20)
-
-
-def tar_of(content: bytes, name: str) -> bytes:
-    target = io.BytesIO()
-    with tarfile.open(fileobj=target, mode="w") as archive:
-        member = tarfile.TarInfo(name)
-        member.size = len(content)
-        archive.addfile(member, io.BytesIO(content))
-    return target.getvalue()
 
 
 @pytest.fixture
@@ -146,3 +135,15 @@ def test_a_layer_of_random_bytes_passes_a_new_key_exchange(
         skopeo = str(unpacked / "usr/bin/skopeo")
         run(skopeo, *policy, "copy", "--src-tls-verify=false", source, f"dir:{copied}", **library)
     assert image.layers[0].compressed in files_of(copied)
+
+
+def test_a_layer_with_one_wrong_byte_is_refused(port: int, image: ServedImage, unpacked: Path, tmp_path: Path) -> None:
+    layer = image.layers[1]
+    content = bytearray(layer.path.read_bytes())
+    content[len(content) // 2] ^= 1
+    layer.path.write_bytes(content)
+    library = {"LD_LIBRARY_PATH": str(unpacked / "usr/lib/x86_64-linux-gnu")}
+    words = [str(unpacked / "usr/bin/skopeo"), "--policy", str(unpacked / "policy.json"), "copy"]
+    source = f"docker://127.0.0.1:{port}/{image.name}@{image.digest}"
+    with pytest.raises(AssertionError, match=r"(?i)digest did not match|does not match"):
+        run(*words, "--src-tls-verify=false", source, f"dir:{tmp_path / 'copied'}", **library)

@@ -12,8 +12,13 @@ from typing import Any
 
 import pytest
 
+from srprov.definitions import load_inventory
 from srprov.lab import state
+from srprov.transport import connect
+from srprov.transport.registry_copy import pull_image
+from srprov.transport.ssh_session import SshSession
 from tests.lab.conftest import Lab, part_of_lab
+from tests.unit.transport.test_registry import an_image, tar_of
 
 MIB = 1 << 20
 CLEAN = "docker rm -f $(docker ps -aq); docker image prune -af; rm -f /tmp/base.tar"
@@ -111,3 +116,59 @@ def test_what_is_there_is_not_sent_however_it_came(job: Job) -> None:
     before_again = received(lab, "robot3")
     job.apply("robot1", "robot2", "robot3")
     assert abs(float(told[1]) * MIB / (received(lab, "robot3") - before_again) - 1) < 0.05
+
+
+def listening(lab: Lab, robot: str) -> set[str]:
+    """Give the TCP ports of a robot's loopback that somebody listens on, by the kernel's word."""
+    return set(lab.shell(robot, "sh", "-c", "ss -Hltn | awk '{print $4}'").out.split())
+
+
+def names(lab: Lab, robot: str) -> str:
+    """Give all names of a robot's images, also those by digest."""
+    return lab.shell(robot, "docker", "images", "-a", "--digests", "--format", "{{.Repository}}@{{.Digest}}").out
+
+
+@pytest.fixture
+def no_forwards(job: Job) -> Iterator[None]:
+    """Let robot3's sshd forward no ports."""
+    config = root(job.lab, "robot3") / "etc/ssh/sshd_config"
+    text = config.read_text(encoding="utf-8")
+    for words in (f"AllowTcpForwarding no\n{text}", text):
+        config.write_text(words, encoding="utf-8")
+        job.lab.shell("robot3", "sh", "-c", "kill -HUP $(cat /run/sshd.pid)")
+        if words != text:
+            yield
+
+
+@pytest.mark.usefixtures("no_forwards")
+def test_an_engine_pulls_from_a_registry_of_which_nothing_is_left_or_gets_the_image_whole(
+    job: Job, tmp_path: Path
+) -> None:
+    lab, before, events = job.lab, listening(job.lab, "robot4"), tmp_path / "events"
+    job.change(os.urandom(TOP))
+    made = job.apply("robot1", "robot3", "robot4", more=("--copy", "registry", "--events", str(events)))
+    name = next(one["id"].partition("image:")[2] for one in made["steps"] if "robot4/image:" in one["id"])
+    found = [lab.shell(f"robot{n}", "docker", "image", "inspect", "-f", "{{.Id}}", name).out for n in (1, 3, 4)]
+    assert len(set(found)) == 1
+    assert "127.0.0.1" not in names(lab, "robot4") and listening(lab, "robot4") == before
+    told = [one["text"] for one in map(json.loads, events.read_text(encoding="utf-8").splitlines()) if "text" in one]
+    assert any("through a registry: " in one and "MiB copied" in one for one in told), told
+    why = "is sent whole: sshd forwards no port: AllowTcpForwarding or PermitListen forbids it"
+    assert [one for one in told if "sent whole" in one] == [f"{name} {why}"]
+
+
+def test_a_served_layer_with_one_wrong_byte_is_refused_by_the_engine(job: Job, tmp_path: Path) -> None:
+    lab, image = job.lab, an_image(tmp_path, (tar_of(b"base" * 1000, "base"), tar_of(os.urandom(1 << 20), "top")))
+    content = bytearray(image.layers[1].path.read_bytes())
+    content[len(content) // 2] ^= 1
+    image.layers[1].path.write_bytes(content)
+    session = connect(load_inventory([job.inventory]).hosts["robot4"])
+    assert isinstance(session, SshSession)
+    try:
+        before = names(lab, "robot4")
+        client, forwards = session.engine.client, session.connection.forwards
+        reply = pull_image(image, "srprov/wrong:1", client, forwards, 60.0, lambda _size: None)
+        assert not reply.ok and image.layers[1].compressed in reply.err, reply
+        assert names(lab, "robot4") == before
+    finally:
+        session.close()

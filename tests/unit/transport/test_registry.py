@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import hashlib
 import http.client
+import io
 import json
 import socket
+import tarfile
 import threading
 import time
 import zlib
@@ -28,11 +30,27 @@ def sha256(content: bytes) -> str:
     return f"sha256:{hashlib.sha256(content).hexdigest()}"
 
 
+def tar_of(content: bytes, name: str) -> bytes:
+    target = io.BytesIO()
+    with tarfile.open(fileobj=target, mode="w") as archive:
+        member = tarfile.TarInfo(name)
+        member.size = len(content)
+        archive.addfile(member, io.BytesIO(content))
+    return target.getvalue()
+
+
+def packed(content: bytes) -> Iterator[bytes]:
+    packer = zlib.compressobj(0, wbits=31)
+    for at in range(0, len(content), 1 << 20):
+        yield packer.compress(content[at : at + (1 << 20)])
+    yield packer.flush()
+
+
 def an_image(folder: Path, layers: tuple[bytes, ...] = LAYERS) -> ServedImage:
     diff_ids = [sha256(one) for one in layers]
     config = json.dumps({"architecture": "amd64", "os": "linux", "rootfs": {"diff_ids": diff_ids}}).encode()
     cache = Blobs(folder)
-    blobs = [cache.add_content(digest, content) for digest, content in zip(diff_ids, layers, strict=True)]
+    blobs = [cache.add(digest, packed(content)) for digest, content in zip(diff_ids, layers, strict=True)]
     return served(Image(sha256(config), tuple(diff_ids)), config, blobs)
 
 
