@@ -1,6 +1,8 @@
 """The experiment's own files on the controller's disk, as values. Reads files, changes nothing.
 
-What is shipped is held in memory, so that it has limits, which are checked before anything is read.
+What is shipped is held in memory, so that it has limits, which are checked before anything is read. Paths come from
+the definitions, which followed links and checked where they lead: a link on the way to a file now was put there since,
+and is refused.
 """
 
 from __future__ import annotations
@@ -9,12 +11,12 @@ import errno
 import io
 import itertools
 import os
+import stat
 import tarfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
-from pathlib import Path
 
 from srprov import regular_file
 from srprov.images.plan import ListedFile
@@ -33,19 +35,18 @@ class _Budget:
     left: int = MAX_BYTES
     files: int = MAX_FILES
     contents: dict[str, bytes] = field(default_factory=dict)
-    """By real path; a file that is shipped under several names is held once."""
+    """By path; a file that is shipped under several names is held once."""
 
-    def read(self, path: str | Path, *, keep: bool = True) -> bytes:
+    def read(self, path: str, *, keep: bool = True) -> bytes:
         """Return a file's content, which counts each time that it is shipped."""
-        real = os.path.realpath(path)
         try:
-            content = self.contents[real] if real in self.contents else regular_file.read(path, self.left)
+            content = self.contents[path] if path in self.contents else regular_file.read(path, self.left, real=True)
         except OSError as error:
             raise _too_much(path) if error.errno == errno.EFBIG else error from None
         if len(content) > self.left:
             raise _too_much(path)
         if keep:
-            self.contents[real] = content
+            self.contents[path] = content
         self.left -= len(content)
         return content
 
@@ -63,9 +64,9 @@ def together() -> Iterator[None]:
         _budget.reset(token)
 
 
-def _too_much(path: str | Path) -> OSError:
+def _too_much(path: str) -> OSError:
     most = f"{MAX_BYTES // regular_file.MIB} MiB or {MAX_FILES} files"
-    return OSError(errno.EFBIG, f"with it, all that is shipped is more than {most}", os.fspath(path))
+    return OSError(errno.EFBIG, f"with it, all that is shipped is more than {most}", path)
 
 
 def read(path: str) -> bytes:
@@ -96,28 +97,50 @@ def listing(path: str) -> Iterator[ListedFile]:
     Raises:
         OSError: It cannot be read, holds too much, or something that is no file.
     """
-    root = Path(path)
-    if not root.is_dir():
-        yield ListedFile(
-            "", executable=os.access(path, os.X_OK, follow_symlinks=True) and bool(root.stat().st_mode & 0o111)
-        )
+    about = os.stat(path, follow_symlinks=False)
+    if not stat.S_ISDIR(about.st_mode):
+        yield ListedFile("", executable=bool(about.st_mode & 0o111) and os.access(path, os.X_OK))
         return
-    for one in _below(root):
-        name = one.relative_to(root).as_posix()
-        if one.is_symlink():
-            yield ListedFile(name, link=os.readlink(one))
-        elif one.is_file():
-            yield ListedFile(name, executable=bool(one.stat().st_mode & 0o100))
+    for one in _below(path):
+        if one.link is not None:
+            yield ListedFile(one.path, link=one.link)
+        elif stat.S_ISREG(one.mode):
+            yield ListedFile(one.path, executable=bool(one.mode & 0o100))
 
 
-def _below(root: Path) -> list[Path]:
-    """Return everything below a folder, sorted; raises OSError when that is too much."""
+@dataclass(frozen=True, slots=True)
+class _Found:
+    """Something below a folder."""
+
+    path: str
+    """Relative to it."""
+    mode: int
+    link: str | None
+
+
+def _below(root: str) -> list[_Found]:
+    """Return everything below a folder, sorted; raises OSError when that is too much, or a link took a folder's place.
+
+    Each folder is read by its descriptor: what stands in the list was in that folder, and nowhere else.
+    """
     budget = _budget.get() or _Budget()
-    found = list(itertools.islice(root.rglob("*"), budget.files + 1))
-    if len(found) > budget.files:
-        raise _too_much(root)
+    found, folders = list[_Found](), [""]
+    while folders:
+        folder = folders.pop()
+        with regular_file.real_folder(os.path.join(root, folder).rstrip("/")) as descriptor:
+            for one in itertools.islice(os.scandir(descriptor), budget.files + 1):
+                found.append(_found(os.path.join(folder, one.name), one, descriptor))
+                if stat.S_ISDIR(found[-1].mode):
+                    folders.append(found[-1].path)
+        if len(found) > budget.files:
+            raise _too_much(root)
     budget.files -= len(found)
-    return sorted(found)
+    return sorted(found, key=lambda one: one.path.split("/"))
+
+
+def _found(path: str, one: os.DirEntry[str], folder: int) -> _Found:
+    mode = one.stat(follow_symlinks=False).st_mode
+    return _Found(path, mode, os.readlink(one.name, dir_fd=folder) if stat.S_ISLNK(mode) else None)
 
 
 def tree_tar(path: str) -> bytes:
@@ -126,22 +149,22 @@ def tree_tar(path: str) -> bytes:
     Raises:
         OSError: It cannot be read, holds too much, or something that is no file.
     """
-    buffer, root, budget = io.BytesIO(), Path(path), _budget.get() or _Budget()
-
-    def neutral(entry: tarfile.TarInfo) -> tarfile.TarInfo:
-        entry.uid = entry.gid = entry.mtime = 0
-        entry.uname = entry.gname = ""
-        # what counts is whether somebody may run it; the rest differs between checkouts
-        entry.mode = 0o755 if entry.isdir() or entry.mode & 0o100 else 0o644
-        return entry
-
+    buffer, name, budget = io.BytesIO(), os.path.basename(path), _budget.get() or _Budget()
+    mode = os.stat(path, follow_symlinks=False).st_mode
+    below = _below(path) if stat.S_ISDIR(mode) else []
     with tarfile.open(fileobj=buffer, mode="w", format=tarfile.PAX_FORMAT) as tar:
-        for one in [root, *_below(root)] if root.is_dir() else [root]:
-            entry = tar.gettarinfo(one, arcname=str(Path(root.name) / one.relative_to(root)))
-            if one.is_symlink() or one.is_dir():
-                tar.addfile(neutral(entry))
-                continue
-            content = budget.read(one, keep=False)
-            entry.type, entry.linkname, entry.size = tarfile.REGTYPE, "", len(content)
-            tar.addfile(neutral(entry), io.BytesIO(content))
+        for one in [_Found("", mode, None), *below]:
+            entry = tarfile.TarInfo(os.path.join(name, one.path).rstrip("/"))
+            # what counts is whether somebody may run it; the rest differs between checkouts
+            entry.mode = 0o755 if stat.S_ISDIR(one.mode) or one.mode & 0o100 else 0o644
+            if one.link is not None:
+                entry.type, entry.linkname = tarfile.SYMTYPE, one.link
+                tar.addfile(entry)
+            elif stat.S_ISDIR(one.mode):
+                entry.type = tarfile.DIRTYPE
+                tar.addfile(entry)
+            else:
+                content = budget.read(os.path.join(path, one.path).rstrip("/"), keep=False)
+                entry.size = len(content)
+                tar.addfile(entry, io.BytesIO(content))
     return buffer.getvalue()

@@ -7,13 +7,17 @@ files that srprov did not write itself are read here; tests/test_reads.py holds 
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import os
 import stat
+from collections.abc import Iterator
 
 MIB = 1024 * 1024
+CHANGED = "it changed while it was read: run the command again"
 _PIECE = MIB
 _KINDS = (
+    (stat.S_ISLNK, errno.ELOOP, CHANGED),
     (stat.S_ISDIR, errno.EISDIR, os.strerror(errno.EISDIR)),
     (stat.S_ISFIFO, errno.EINVAL, "it is a pipe, not a file"),
     (stat.S_ISSOCK, errno.EINVAL, "it is a socket, not a file"),
@@ -21,18 +25,22 @@ _KINDS = (
 )
 
 
-def read(path: str | os.PathLike[str], most: int = 8 * MIB) -> bytes:
+def read(path: str | os.PathLike[str], most: int = 8 * MIB, *, real: bool = False) -> bytes:
     """Return the content of a file of at most `most` bytes.
+
+    With `real`, the path had no link in it when it was checked, and has none now: else somebody put one there since.
 
     Raises:
         OSError: It cannot be read, is no regular file or is larger; `strerror` says so in words for the user.
     """
-    return read_with_status(path, most)[0]
+    return read_with_status(path, most, real=real)[0]
 
 
-def read_with_status(path: str | os.PathLike[str], most: int = 8 * MIB) -> tuple[bytes, os.stat_result]:
+def read_with_status(
+    path: str | os.PathLike[str], most: int = 8 * MIB, *, real: bool = False
+) -> tuple[bytes, os.stat_result]:
     """Return the content as `read` does, and whose file it was that was read."""
-    content, about = _begin(path, most, whole=True)
+    content, about = _begin(path, most, whole=True, real=real)
     if len(content) > most:
         raise _too_large(path, most)
     return content, about
@@ -55,16 +63,45 @@ def beginning(path: str | os.PathLike[str], count: int) -> bytes:
     return _begin(path, count, whole=False)[0][:count]
 
 
-def _begin(path: str | os.PathLike[str], count: int, *, whole: bool) -> tuple[bytes, os.stat_result]:
+@contextlib.contextmanager
+def real_folder(path: str | os.PathLike[str]) -> Iterator[int]:
+    """Open a folder whose path had no link in it when it was checked; give its descriptor.
+
+    Raises:
+        OSError: It cannot be read, or there is a link in its path now.
+    """
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)
+    except NotADirectoryError:
+        raise OSError(errno.ELOOP, CHANGED, os.fspath(path)) from None
+    try:
+        _check_real(path, descriptor)
+        yield descriptor
+    finally:
+        os.close(descriptor)
+
+
+def _check_real(path: str | os.PathLike[str], descriptor: int) -> None:
+    """Refuse what was opened by way of a link: the kernel knows it by another path."""
+    if os.readlink(f"/proc/self/fd/{descriptor}") != os.fspath(path):
+        raise OSError(errno.ELOOP, CHANGED, os.fspath(path))
+
+
+def _begin(
+    path: str | os.PathLike[str], count: int, *, whole: bool, real: bool = False
+) -> tuple[bytes, os.stat_result]:
     """Return up to `count` bytes, and one more when there are more; a large file is not read where all is wanted."""
     try:
         # looked at before it is opened: to open a device may already do something
-        _check(path, os.stat(path).st_mode)
+        _check(path, os.stat(path, follow_symlinks=not real).st_mode)
         # a pipe that took the file's place meanwhile does not block
-        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY)
+        flags = os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY | (os.O_NOFOLLOW if real else 0)
+        descriptor = os.open(path, flags)
     except ValueError:  # a NUL, or half of a surrogate pair
         raise OSError(errno.EINVAL, "no file can have such a name") from None
     try:
+        if real:
+            _check_real(path, descriptor)
         about = os.fstat(descriptor)
         _check(path, about.st_mode)
         if whole and about.st_size > count:

@@ -10,7 +10,6 @@ import os
 from collections.abc import Mapping
 
 import srprov
-from srprov import disk
 from srprov.controller import authority
 from srprov.controller.authority import check_underlay, wants_of
 from srprov.controller.data_owner import check_saved, remember_owner
@@ -85,11 +84,11 @@ def _inputs(planned: Planned) -> dict[str, str]:
     """Return name -> text of the definition files; a removal has none."""
     if planned.definitions is None:
         return {}
-    folder = planned.definitions.experiment.folder
-    files = {planned.definitions.experiment.file, *planned.definitions.containers}
-    inputs = {os.path.relpath(path, folder): disk.read(path).decode("utf-8", "replace") for path in sorted(files)}
-    # as they were rendered: the record says what ran, not what lies there by now
-    return inputs | {os.path.relpath(one.file, folder): one.text for one in planned.playbooks}
+    experiment, containers = planned.definitions.experiment, planned.definitions.containers
+    # as they were read and rendered: the record says what ran, not what lies there by now
+    texts = {experiment.file: experiment.text, **{path: one.text for path, one in containers.items()}}
+    texts |= {one.file: one.text for one in planned.playbooks}
+    return {os.path.relpath(path, experiment.folder): text for path, text in sorted(texts.items())}
 
 
 def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False) -> Planned:

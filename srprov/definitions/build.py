@@ -30,6 +30,8 @@ class Written:
     """Absolute."""
     context: str = ""
     """Absolute path of a folder; empty: the Dockerfile's own."""
+    whole: str = ""
+    """The Dockerfile's text."""
     text: str = ""
     """Up to the end of the stage that is built."""
     args: dict[str, str] = field(default_factory=dict)
@@ -54,15 +56,14 @@ def written(node: Node | None, folder: str, findings: Findings) -> Written:
         return Written(path=path)
     shown = paths.shown_beside(place.source.file, place.text)
     try:
-        whole = loader.read_text(path, shown, dockerfile.MAX_BYTES)
+        whole = loader.read_text(path, shown, dockerfile.MAX_BYTES, real=True)
     except DefinitionError as error:
         findings.extend(error.problems)
         return Written(path=path)
     findings.extend(dockerfile.check(whole, shown))
     args = _args(given.get("args"), dockerfile.declared(whole), findings)
-    return Written(
-        path=path, context=context, text=_built(whole, given, findings), args=args, target=text(given.get("target"))
-    )
+    built = _built(whole, given, findings)
+    return Written(path=path, context=context, whole=whole, text=built, args=args, target=text(given.get("target")))
 
 
 def _place(node: Node | None, given: Mapping[str, Node]) -> Scalar | None:

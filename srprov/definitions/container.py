@@ -43,11 +43,8 @@ class Container:
     @property
     def image_has_healthcheck(self) -> bool:
         """Return whether the Dockerfile sets one; that of an image is not known."""
-        path = self.definition.dockerfile
-        if not path:
-            return False
-        text = dockerfile.until_stage(loader.read_text(path, most=dockerfile.MAX_BYTES), self.definition.target)
-        return dockerfile.has_healthcheck(text)
+        text = self.definition.dockerfile_text
+        return bool(text) and dockerfile.has_healthcheck(dockerfile.until_stage(text, self.definition.target))
 
 
 def load(path: str, folder: str, environ: Mapping[str, str], shown: str = "", fetch: Fetch | None = None) -> Container:
@@ -167,7 +164,7 @@ def _as_layer(path: str, shown: str) -> Map:
     Raises:
         DefinitionError: It cannot be read.
     """
-    source = Source(shown, tuple(loader.read_text(path, shown, dockerfile.MAX_BYTES).splitlines()))
+    source = Source(shown, tuple(loader.read_text(path, shown, dockerfile.MAX_BYTES).split("\n")))
     key = Scalar(source, 1, 1, "dockerfile")
     return Map(source, 1, 1, {"dockerfile": Scalar(source, 1, 1, os.path.basename(path))}, {"dockerfile": key})
 
@@ -207,9 +204,11 @@ def _definition(layer: Map, path: str, folder: str, findings: Findings) -> Conta
         name=text(get("name")) or _stem(path),
         file=path,
         folder=os.path.dirname(path),
+        text=layer.source.text,
         base=text(get("base")),
         image=text(get("image")),
         dockerfile=written.path,
+        dockerfile_text=written.whole,
         context=written.context,
         build_args=MappingProxyType(written.args),
         target=written.target,

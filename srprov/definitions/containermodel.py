@@ -184,10 +184,14 @@ class ContainerDefinition:
     """Absolute path of the CDF."""
     folder: str
     """Folder that relative paths start from."""
+    text: str = field(default="", repr=False)
+    """The CDF as it was read."""
     base: str = ""
     image: str = ""
     dockerfile: str = ""
     """Absolute path of a Dockerfile."""
+    dockerfile_text: str = field(default="", repr=False)
+    """The whole of it, as it was checked: it is what is built, whatever the file holds by then."""
     context: str = ""
     """Absolute path of the folder that it is built with; empty: its own."""
     build_args: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))

@@ -137,6 +137,7 @@ def _experiment(root: Map, path: str, services: Mapping[str, Service]) -> Experi
         name=text(get("name")),
         file=absolute,
         folder=os.path.dirname(absolute),
+        text=root.source.text,
         services=MappingProxyType({n: service.as_job(one) if n in waited_for else one for n, one in services.items()}),
         same_robot=sharing.with_shared(checks.same_robot_groups(root), services),
         different_robot=relations.different_robot(root),

@@ -141,6 +141,8 @@ class Experiment:
     """Absolute path of the EDF."""
     folder: str
     services: Mapping[str, Service]
+    text: str = field(default="", repr=False)
+    """The EDF as it was read."""
     secrets: Mapping[str, SecretSource] = field(default_factory=lambda: MappingProxyType({}))
     playbooks: tuple[Playbook, ...] = ()
     """Those that come with the EDF, in its order."""

@@ -85,16 +85,18 @@ def resolve(node: Scalar, experiment_folder: str, findings: Findings, path: Path
     root = root_for(folder, experiment_folder)
     absolute = os.path.normpath(os.path.join(folder, text))
     try:
-        escapes, exists = not inside(absolute, root), os.path.exists(absolute)
+        # looked up once: what is checked here is what is read later, by a path without links
+        real = os.path.realpath(absolute)
+        escapes, exists = not inside(real, root), os.path.exists(real)
     except (OSError, ValueError):
-        escapes, exists = False, False
+        real, escapes, exists = "", False, False
     if escapes:
         findings.add(node, f"'{text}' leaves the folder {_name(root)}", path, "copy it into the experiment's folder")
     elif not exists:
         findings.add(node, f"'{text}' does not exist", path, f"it is looked for in {_name(folder)}")
-    elif tree and (fault := _fault_below(absolute, root)):
+    elif tree and (fault := _fault_below(real, root)):
         findings.add(node, f"'{text}' {fault}", path, _SHIPPED_HINT)
-    elif not _utf8(real := os.path.realpath(absolute)):
+    elif not _utf8(real):
         findings.add(node, f"'{text}' leads to a name that is not UTF-8", path, "engines take no such name; rename it")
     else:
         return real

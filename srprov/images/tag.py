@@ -157,7 +157,7 @@ def _from_folder(cdf: ContainerDefinition, listing: Listing, read: Read) -> tupl
         if getattr(cdf, field):
             name = f"packages.{field}" if field in ("apt", "pip", "npm") else field
             errors.attempt(name, _refuse, None)
-    text = errors.attempt("dockerfile", lambda: _tailored(read(cdf.dockerfile).decode("utf-8"), cdf), "")
+    text = errors.attempt("dockerfile", lambda: _tailored(cdf.dockerfile_text, cdf), "")
     label = errors.attempt("name", lambda: label_line(cdf), "")
     entries: list[ContextFile] = []
     entries = errors.attempt(

@@ -41,11 +41,14 @@ def read(path: str | FilePath, shown: str = "") -> Node | None:
     return parse(read_text(path, shown), shown or str(path))
 
 
-def read_text(path: str | FilePath, shown: str = "", most: int = MAX_BYTES) -> str:
-    """Read a file's text (UTF-8, no byte order mark) of at most `most` bytes; the errors are those of `read`."""
+def read_text(path: str | FilePath, shown: str = "", most: int = MAX_BYTES, *, real: bool = False) -> str:
+    """Read a file's text (UTF-8, no byte order mark) of at most `most` bytes; the errors are those of `read`.
+
+    `real` is as for `regular_file.read`.
+    """
     name = shown or str(path)
     try:
-        data = regular_file.read(path, most)
+        data = regular_file.read(path, most, real=real)
         if left := current.get():
             left.bytes -= len(data)
             if left.bytes < 0:

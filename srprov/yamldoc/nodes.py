@@ -38,6 +38,11 @@ class Source:
     lines: tuple[str, ...] = ()
 
     @property
+    def text(self) -> str:
+        """What was read, with line feeds at the ends of lines."""
+        return "\n".join(self.lines)
+
+    @property
     def folder(self) -> str:
         """Absolute path of the folder that relative paths in this file start from."""
         return os.path.dirname(os.path.abspath(self.file))

@@ -74,6 +74,6 @@ def test_what_is_no_utf8_is_no_text(here: Path) -> None:
 
 def test_a_pipe_that_takes_a_files_place_meanwhile_does_not_hang(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     about = os.stat("file")
-    monkeypatch.setattr(os, "stat", lambda path: about)
+    monkeypatch.setattr(os, "stat", lambda path, **_: about)
     with pytest.raises(OSError, match="it is a pipe"):
         regular_file.read("pipe")

@@ -64,13 +64,17 @@ def test_all_that_is_shipped_together_has_one_limit(tmp_path: Path, kind: str) -
 
 def test_a_file_that_is_shipped_often_is_read_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "small").write_text("x")
-    (tmp_path / "link").symlink_to("small")
+    (tmp_path / "link").symlink_to("small")  # definitions name what a link leads to, never the link
     opened: list[str] = []
     read = regular_file.read
-    monkeypatch.setattr(regular_file, "read", lambda path, most: (opened.append(str(path)), read(path, most))[1])
+    monkeypatch.setattr(
+        regular_file, "read", lambda path, most, **how: (opened.append(str(path)), read(path, most, **how))[1]
+    )
     with disk.together():
-        assert [disk.read(str(tmp_path / name)) for name in ("small", "link", "small")] == [b"x"] * 3
-    assert len(opened) == 1
+        assert [disk.read(str(tmp_path / "small")) for _ in range(3)] == [b"x"] * 3
+        with pytest.raises(OSError, match="changed while it was read"):
+            disk.read(str(tmp_path / "link"))
+    assert len(opened) == 2
 
 
 def test_files_count_over_all_folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

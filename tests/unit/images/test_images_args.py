@@ -57,7 +57,10 @@ def test_a_target_ends_the_dockerfile(target: str, lines: int) -> None:
 
 def test_both_are_in_the_tag_and_a_later_stage_is_not() -> None:
     def tag(text: str, **more: object) -> str:
-        cdf = ContainerDefinition(name="t", file="/t.cdf", folder="/", dockerfile="/d/Dockerfile", **more)  # type: ignore[arg-type]
+        made = ContainerDefinition(
+            name="t", file="/t.cdf", folder="/", dockerfile="/d/Dockerfile", dockerfile_text=text
+        )
+        cdf = dataclasses.replace(made, **more)  # type: ignore[arg-type]
         disk = Disk({"/d/Dockerfile": text.encode(), "/src/a": b"1"})
         return plan_image(cdf, disk.listing, disk.read).tag
 
@@ -69,7 +72,9 @@ def test_both_are_in_the_tag_and_a_later_stage_is_not() -> None:
 
 def test_the_marks_stand_at_the_end_of_the_stage_that_is_built() -> None:
     disk = Disk({"/d/Dockerfile": TEXT.encode()})
-    cdf = ContainerDefinition(name="t", file="/t.cdf", folder="/", dockerfile="/d/Dockerfile", target="build")
+    cdf = ContainerDefinition(
+        name="t", file="/t.cdf", folder="/", dockerfile="/d/Dockerfile", dockerfile_text=TEXT, target="build"
+    )
     text = plan_image(cdf, disk.listing, disk.read).dockerfile
     assert text.count("FROM") == 1
     assert text.endswith('LABEL srprov.cdf="t"\nLABEL srprov.instance=""\n')

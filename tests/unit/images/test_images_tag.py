@@ -129,6 +129,7 @@ def from_dockerfile(text: bytes, **change: object) -> ImagePlan:
         file="/lab/lidar.cdf",
         folder="/lab",
         dockerfile="/lab/lidar/Dockerfile",
+        dockerfile_text=text.decode(),
         **change,
     )
     return plan(cdf, Disk({"/lab/lidar/Dockerfile": text, "/lab/lidar/src/x.c": b"x"}))
