@@ -116,8 +116,11 @@ def enforce(plan: Plan, inventory: Inventory, policies: Sequence[LabPolicy]) -> 
 
 
 def _robots(plan: Plan, permission: Permission, inventory: Inventory) -> list[str]:
-    """Return the robots that a permission is about: its service's, else all that the plan is about."""
-    if permission.service in plan.assignment:
+    """Return the robots that a permission is about: its service's, else all that the plan is about.
+
+    A playbook may have the name of a service, and states what it likes on any robot.
+    """
+    if permission.kind != "playbook" and permission.service in plan.assignment:
         return [plan.assignment[permission.service]]
     everywhere = {*plan.assignment.values(), *(step.host for step in plan.steps)}
     return sorted(everywhere or inventory.hosts)

@@ -8,19 +8,23 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator
+from itertools import chain
 
 from srprov.definitions import images
 from srprov.errors import Diagnostic, Location
 
-_FROM = re.compile(r"(?:--\S+\s+)*(?P<image>\S+)(?:\s+as\s+(?P<name>\S+))?", re.IGNORECASE)
+_FROM = re.compile(r"(?:--\S*\s+)*(?P<image>\S+)(?:\s+as\s+(?P<name>\S+))?", re.IGNORECASE)
 MAX_BYTES = 128 * 1024
 _EXPANDED = re.compile(r"[$\"'\\`]")
 """What the builder takes for variables, quotes or escapes in an image's name."""
 _FROM_LINE = re.compile(rf"\s*(?:ONBUILD\s+)*FROM\s+{_FROM.pattern}\s*", re.IGNORECASE)
-_FROM_OPTION = re.compile(r"\s--from=(\S+)")
+_FROM_OPTION = re.compile(r"\s--(?:from=|mount=\S*?\bfrom=)([^\s,]+)")
+_NUMBER = re.compile("[0-9]{1,9}")
+"""Of a stage; one that is too large for a number is an image's name again."""
 _ADD_LINE = re.compile(r"\s*(?:ONBUILD\s+)*ADD\b(?P<what>.*)", re.IGNORECASE)
 _LOCAL = re.compile(r"[\w./ \t\"\[\],=*?@+:-]*", re.ASCII)
 """What cannot be a URL once `://` is not in it: no variable and no escape."""
+_REMOTE = re.compile(r"://|\w@[\w.-]+:")
 _STRANGE = re.compile("[\x00-\x08\x0a-\x1f\x7f-\x9f\u2028\u2029]")
 """Control characters and separators of lines: each reader of a Dockerfile has its own idea of them."""
 _OTHER_BLANK = re.compile(r"[^\S \t\r]")
@@ -28,7 +32,12 @@ _ESCAPE = re.compile(r"#\s*escape\s*=\s*[^\\\s]", re.IGNORECASE)
 _OPTIONS = re.compile(r"(?:--\S*(?:\s+|$))*")
 _QUOTE = re.compile(r"[\"'\\]")
 _CONTINUED = re.compile(r"(?<!\\)\\$")
-_HEREDOC = re.compile(r"<<-?([\"']?)([A-Za-z_][A-Za-z0-9_]*)\1")
+_JOINTS = (_CONTINUED, re.compile(r"\\$"), re.compile("(?<!`)`$"), re.compile("`$"))
+"""Where builders join lines: of two escapes at a line's end the second joins, or does not; or at backticks."""
+_NO_HEREDOC = re.compile(r"\"(?:\\.|[^\"\\])*\"|'[^']*'|<<<|\$\(\([^()\"'\\]*\)\)")
+_HEREDOC = re.compile(r"<<|[\"'\\]|\$\{[^}]*<")
+"""What may begin a here-document, where neither quotes nor sums hold it."""
+_MOST_PROBLEMS = 100
 
 
 def is_dockerfile(path: str) -> bool:
@@ -37,28 +46,19 @@ def is_dockerfile(path: str) -> bool:
     return name.endswith("Dockerfile") or name.startswith("Dockerfile.") or name.endswith(".dockerfile")
 
 
-def instructions(text: str, *, here_documents: bool = True) -> Iterator[tuple[int, str, str]]:
-    """Yield (line, INSTRUCTION, rest) with continued lines joined, comments left out.
-
-    Here-documents are left out too, but with `here_documents=False`: an old builder takes their lines for instructions.
-    """
-    start, joined, ends = 0, "", []  # type: int, str, list[str]
+def instructions(text: str, continued: re.Pattern[str] = _CONTINUED) -> Iterator[tuple[int, str, str]]:
+    """Yield (line, INSTRUCTION, rest), comments left out before lines are joined where `continued` matches."""
+    start, joined = 0, ""
     for number, line in enumerate(text.removeprefix("\ufeff").split("\n"), 1):
         bare = line.strip()
-        if ends:
-            if bare == ends[0]:
-                ends.pop(0)
-            continue
         if not bare or bare.startswith("#"):
             continue
         start = start or number
         whole = line.rstrip(" \t\r")
-        if _CONTINUED.search(whole):
+        if continued.search(whole):
             joined += whole[:-1]
             continue
         word, *rest = (joined + line).strip().split(None, 1)
-        if here_documents and word.upper() in ("RUN", "COPY", "ADD"):
-            ends = [match[2] for match in _HEREDOC.finditer(" ".join(rest))]
         yield start, word.upper(), " ".join(rest)
         start, joined = 0, ""
     if words := joined.split(None, 1):
@@ -66,9 +66,9 @@ def instructions(text: str, *, here_documents: bool = True) -> Iterator[tuple[in
         yield start, words[0].upper(), " ".join(words[1:]).rstrip()
 
 
-def stages(text: str, *, here_documents: bool = True) -> Iterator[tuple[int, str, str]]:
+def stages(text: str) -> Iterator[tuple[int, str, str]]:
     """Yield (line, image, name) of every stage; the name is in lower case, or empty."""
-    for number, word, rest in instructions(text, here_documents=here_documents):
+    for number, word, rest in instructions(text):
         match = _FROM.fullmatch(rest) if word == "FROM" else None
         if match is not None:
             yield number, match["image"], (match["name"] or "").lower()
@@ -122,14 +122,15 @@ def images_of(text: str) -> tuple[str, ...]:
     """Return the images that any reading of the text starts from or takes files of, as written, sorted."""
     found: set[str] = set()
     for lines in _readings(text):
-        stages = {"scratch"}
+        stages, own = {"scratch"}, ""
         for line in lines:
             if start := _FROM_LINE.match(line):
+                stages.add(own)  # within a stage its own name is still that of an image
                 if start["image"].lower() not in {*stages, "\\", "`"}:
                     found.add(start["image"])
-                stages.add((start["name"] or "").lower())
+                own = (start["name"] or "").lower()
             for name in _FROM_OPTION.findall(line):
-                if name.lower() not in stages and not name.isdigit():
+                if name.lower() not in stages and not _NUMBER.fullmatch(name):
                     found.add(name)
     return tuple(sorted(found))
 
@@ -143,19 +144,13 @@ def fetches(text: str) -> tuple[str, ...]:
     """
     added = {match["what"].strip() for lines in _readings(text) for line in lines if (match := _ADD_LINE.match(line))}
     unknown = {f"FROM {image}" for image in images_of(text) if is_open(image)}
-    return tuple(
-        sorted(unknown | {what for what in added if not _LOCAL.fullmatch(what) or "://" in what or "git@" in what})
-    )
+    return tuple(sorted(unknown | {what for what in added if not _LOCAL.fullmatch(what) or _REMOTE.search(what)}))
 
 
 def _readings(text: str) -> Iterator[list[str]]:
-    """Yield the lines as a builder may join them: at backslashes or, as `# escape` can say, at backticks.
-
-    Here-documents are not left out: the engine's classic builder takes their lines for instructions.
-    """
-    whole = text.lstrip("\ufeff").replace("\r\n", "\n")
-    for joint in ("\\\\", "`", r"(?<!\\)\\", "(?<!`)`"):  # of two at a line's end the second joins, or does not
-        yield re.sub(rf"{joint}[ \t]*\n(?:[ \t]*(?:#[^\n]*)?\n)*", "", whole).split("\n")
+    """Yield the instructions, one a line, as each builder may join them."""
+    for joint in _JOINTS:
+        yield [f"{word} {rest}" for _, word, rest in instructions(text, joint)]
 
 
 def check(text: str, shown: str) -> list[Diagnostic]:
@@ -163,7 +158,7 @@ def check(text: str, shown: str) -> list[Diagnostic]:
     lines = text.split("\n")
     if (found := unclear(text)) is not None:
         message = f"Docker may read this line otherwise than srprov does: {found[1]}"
-        hint = "write FROM, COPY and ADD with plain words and spaces, or as a JSON list"
+        hint = "write FROM, COPY and ADD with plain words and spaces, or as a JSON list; what is long, into a file"
         return [Diagnostic(Location(shown, found[0]), message, "", lines[found[0] - 1].rstrip("\r"), hint)]
     first = next(((number, word, rest) for number, word, rest in instructions(text) if word != "ARG"), None)
     if first is None:
@@ -181,15 +176,17 @@ def check(text: str, shown: str) -> list[Diagnostic]:
 def _wrong_bases(text: str, shown: str) -> list[Diagnostic]:
     """Return every FROM whose image cannot be one; what holds a variable or quotes is left to the builder."""
     lines = text.split("\n")
+    begins = [number for number, *_ in instructions(text)]
+    ends = dict(zip(begins, [*begins[1:], len(lines) + 1], strict=True))
     known = {"scratch"}
-    found = []
+    found: list[Diagnostic] = []
     for number, image, name in stages(text):
         if image.lower() not in known and not _EXPANDED.search(image) and (wrong := images.fault(image)):
-            at = next((line for line in range(number, len(lines) + 1) if image in lines[line - 1]), number)
+            at = next((line for line in range(number, ends[number]) if image in lines[line - 1]), number)
             place = Location(shown, at, lines[at - 1].find(image) + 1)
             found.append(Diagnostic(place, wrong, "", lines[at - 1], images.hint(image)))
         known.add(name)
-    return found
+    return found[:_MOST_PROBLEMS]
 
 
 def unclear(text: str) -> tuple[int, str] | None:
@@ -205,11 +202,15 @@ def unclear(text: str) -> tuple[int, str] | None:
             return number, "it begins with a blank that is neither a space nor a tab"
         if _ESCAPE.match(line.strip()):
             return number, "it changes the escape character"
-    for number, instruction, words in instructions(text, here_documents=False):
+    for number, instruction, words in chain(instructions(text), instructions(text, _JOINTS[1])):
         word, rest = instruction, words
         while word == "ONBUILD" and rest:
             first, *others = rest.split(None, 1)
             word, rest = first.upper(), " ".join(others)
+        if not word.isascii() or word.startswith("-"):
+            return number, "its instruction is no plain word"
+        if word in ("RUN", "COPY", "ADD") and not _is_list(rest) and _has_here_document(rest):
+            return number, "it may begin a here-document, which the engine's builder does not know"
         if word in ("FROM", "COPY", "ADD") and (why := _unclear_words(word, rest)):
             return number, why
     return None
@@ -221,11 +222,16 @@ def _unclear_words(instruction: str, rest: str) -> str:
         return "it holds a blank that is neither a space nor a tab"
     options = _OPTIONS.match(rest)
     words = rest[options.end() :] if options else rest
-    if options and _QUOTE.search(options[0]):
-        return "an option holds a quote or an escape"
+    if options and (_QUOTE.search(options[0]) or "--" in options[0].split()):
+        return "an option holds a quote or an escape, or nothing"
     # what a COPY copies is in the build's context, however it is written; what FROM names is asked for then
     taken_as_is = instruction in ("COPY", "FROM") or (instruction == "ADD" and _is_list(words))
     return "a name holds a quote or an escape" if not taken_as_is and _QUOTE.search(words) else ""
+
+
+def _has_here_document(rest: str) -> bool:
+    """Return whether the lines after an instruction may be its text, for a builder that knows here-documents."""
+    return "<<" in rest and _HEREDOC.search(_NO_HEREDOC.sub(" ", rest)) is not None
 
 
 def _is_list(words: str) -> bool:

@@ -27,12 +27,12 @@ def outside(
     """Return service -> path, links followed, of everything read or shipped that is not in the experiment's folder.
 
     Args:
-        edf: Path of the EDF; one that is a link out of its folder counts for the service "experiment".
+        edf: Path of the EDF; one that is a link out of its folder counts for "the experiment", no service's name.
         folder: The experiment's folder.
         services: By name.
         containers: By the name of the service; None for an image.
     """
-    found = {("experiment", os.path.realpath(edf))} if not inside(edf, folder) else set()
+    found = {("the experiment", os.path.realpath(edf))} if not inside(edf, folder) else set()
     for name, service in services.items():
         container = containers.get(name)
         # what was fetched is asked for as what git fetches

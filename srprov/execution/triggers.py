@@ -59,7 +59,7 @@ def _bases(context: bytes) -> list[str]:
         raise ValueError(f"it has no Dockerfile of at most {_MOST_BYTES >> 20} MiB")
     text = content.decode("utf-8", "replace")
     known, found = {"scratch"}, []
-    for _, image, name in stages(text, here_documents=False):
+    for _, image, name in stages(text):
         if image.lower() not in known and not is_open(image):
             found.append(image)
         known.add(name)

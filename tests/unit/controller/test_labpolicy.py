@@ -16,6 +16,7 @@ from srprov.definitions.model import Host, Inventory
 from srprov.errors import DefinitionError, RefusedError
 from srprov.modules.image import ImageParams
 from srprov.planning.plan import Plan
+from srprov.planning.policy import Permission
 from srprov.resource import Resource
 from tests.fakes import World
 from tests.worlds import experiment, plan_for, service
@@ -63,6 +64,15 @@ def test_kinds_are_allowed_per_group_of_the_inventory(tmp_path: Path) -> None:
     permit_run(made, ("all",), ARMS, given)
     elsewhere = dataclasses.replace(made, assignment={"a": "r2"})
     assert "does not allow device on r2" in refused(elsewhere, given)
+
+
+def test_a_playbook_is_about_all_robots_also_where_a_service_has_its_name(tmp_path: Path) -> None:
+    given = policies(tmp_path, "allow:\n  all: []\n  arms: [playbook]\n")
+    asks = Permission(kind="playbook", service="a", what="states anything on the robots, as root")
+    made = dataclasses.replace(plan(), permissions=(asks,))
+    permit_run(made, ("all",), ARMS, given)
+    elsewhere = dataclasses.replace(made.steps[0], host="r2")
+    assert "does not allow playbook on r2" in refused(dataclasses.replace(made, steps=(elsewhere,)), given)
 
 
 def test_a_plan_is_not_even_made(tmp_path: Path) -> None:

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from srprov.definitions.dockerfile import check, fetches, images_of, stages, unclear
+from tests.conftest import examples
 
 URL = "http://169.254.169.254/latest/meta-data /x"
 FETCHED = [
@@ -20,6 +25,9 @@ FETCHED = [
     'FROM a\nADD ["\\u0068ttp:\\u002f/127.0.0.1/x", "/x"]\n',
     "FROM a\nARG WHERE\nADD ${WHERE} /x\n",
     "FROM a\r\nAD\\\r\nD git@lab:x.git /x\r\n",
+    "FROM a\nADD me@lab:x.git /x\n",
+    f"FROM a\n# a `\n# b \\\nADD {URL}\n",
+    f"FROM a\n# a `\n \t# b \\\nAD\\\n# c \\\n# d `\nD {URL}\n# e `\n",
 ]
 
 
@@ -48,9 +56,26 @@ def test_every_image_that_a_dockerfile_names_is_known() -> None:
     assert images_of(text) == ("$BASE", "debian:bookworm", "srprov/other:1")
 
 
+def test_a_stage_is_an_image_to_itself_and_a_number_beyond_all_stages_is_one() -> None:
+    """Docker looks for an image of the robot under these names."""
+    number = "9" * 20
+    text = f"FROM a AS fedcba\nCOPY --from=fedcba /x /x\nFROM a\nCOPY --from=0 /x /x\nCOPY --from={number} /x /x\n"
+    assert images_of(text) == (number, "a", "fedcba")
+    assert images_of("FROM a AS one\nFROM one AS one\nCOPY --from=one /x /x\n") == ("a",)
+
+
+def test_an_image_that_a_command_mounts_is_known() -> None:
+    assert images_of("FROM a\nRUN --mount=type=bind,from=srprov/other:1,target=/x cat /x\n") == ("a", "srprov/other:1")
+
+
 def test_an_image_behind_a_continued_line_is_known() -> None:
     assert "srprov/other:1" in images_of("FROM a\nFR\\\nOM srprov/other:1\n")
     assert "srprov/other:1" in images_of("FROM a\nFROM \\\n srprov/other:1\n")
+
+
+def test_a_comment_hides_no_image_whatever_it_ends_in() -> None:
+    text = "FROM busybox\n# a `\n# b \\\nFROM srprov/other:1\n# c \\\n# d `\nCOPY --from=srprov/more:1 /a /a\n"
+    assert images_of(text) == ("busybox", "srprov/more:1", "srprov/other:1")
 
 
 UNCLEAR = [
@@ -67,11 +92,21 @@ UNCLEAR = [
     'FROM a\nADD [ "x", http:"//"127.0.0.1/x /x\n',
     "FROM a\nADD http:\\//127.0.0.1/x /x\n",
     'FROM a\nRUN <<END\nADD http:"//"127.0.0.1/x /x\nEND\n',
+    # for a builder that knows them, the line after `#x` begins an instruction; for others it goes on with `y`
+    "FROM a\nRUN <<'#x'\ny \\\n#x\nADD http://127.0.0.1/x /x\n",
+    "FROM a\nONBUILD RUN 3<<'x\\'\nx\\\nFROM srprov/victim:1\n",
+    "FROM a\nRUN ${X:-<}${X:-<}'#x' '<<'\n",
+    "FROM a\nRUN \\\\\ncat <<x\n",
+    'FROM a\nCOPY <<"" /x\n',
+    "FROM a\nRUN <<EOF\nHEALTHCHECK CMD x\nEOF\n",
     'FROM a\nRUN x \\\\\nADD http:"//"127.0.0.1/x /x\n',
     "FROM a\n# note\u2028FROM srprov/victim:1\n",
     "FROM a\nRUN x\rFROM srprov/victim:1\n",
     "FROM a\nAD\\\n\u00a0# note\nD http://127.0.0.1/x /x\n",
     "# escape=`\nFROM a\n",
+    "FROM -- srprov/victim:1\n",
+    "FROM a\nONBUILD -- ADD http://127.0.0.1/x /x\n",
+    "FROM a\nONBU\u0130LD ADD http://127.0.0.1/x /x\n",
 ]
 
 
@@ -88,6 +123,7 @@ def test_what_docker_may_read_otherwise_is_refused_at_its_line(text: str) -> Non
     [
         'ARG TAG=1\nFROM --platform=$BUILDPLATFORM debian:${TAG} AS b\nRUN "a\\\\b" \\\n  x\nCOPY --from=b "a b" /x\n',
         'FROM a\r\nCOPY --chown=$U:$G ["a b", "/x/"]\r\nADD \\\r\n  ["a b", "/x"]\r\n',
+        'FROM a\nRUN echo $((1<<2)) "a << b" \'<<\' && cat <<< "$x"\nRUN ["sh", "-c", "cat <<E\\n1\\nE"]\nRUN cat <a\n',
         '\ufeffFROM a\nENV A=\'1\' B="\u00a02"\nADD $WHERE /x\nRUN `x`\n# "copy" it\n',
     ],
 )
@@ -116,3 +152,40 @@ def test_a_base_that_only_the_builder_knows_may_fetch_anything() -> None:
     """Its ONBUILD instructions cannot be looked at before the build."""
     assert fetches("ARG B=evil/base:1\nFROM $B\n") == ("FROM $B",)
     assert fetches("FROM srprov/vic'tim':1\n") == ("FROM srprov/vic'tim':1",)
+
+
+def docker(text: str, joint: str) -> list[tuple[str, str]]:
+    """Return the instructions as Docker's own parser reads them (buildkit, frontend/dockerfile/parser/parser.go)."""
+    found, lines = [], iter(text.split("\n"))
+    for line in lines:
+        whole = re.sub(r"^#.*$", "", line.lstrip())
+        while (match := re.search(joint, whole)) is not None:
+            whole = whole[: match.start()]
+            more = next((one for one in lines if one.strip() and not one.lstrip().startswith("#")), None)
+            if more is None:
+                break
+            whole += more
+        if whole.strip():
+            word, _, rest = whole.partition(" ")
+            found.append((word.upper(), rest.strip()))
+    return found
+
+
+PIECES = [
+    *("FROM x/y", "FROM x/y AS b", "FROM b", "COPY --from=x/z /a /a", f"ADD {URL}", "FR", "OM x/y", "AD", f"D {URL}"),
+    *("RUN a", "RUN <<A", "A", "# a", " # a", "#", "", " ", "\\", "\\\\", "`", "``", "ONBUILD "),
+]
+ENDS = ["\n", "\n", "\n", "\\\n", "\\ \t\n", "\\\\\n", "`\n", "``\n", ""]
+
+
+@given(st.lists(st.tuples(st.sampled_from(PIECES), st.sampled_from(ENDS)), max_size=12), st.sampled_from(["\\\\", "`"]))
+@settings(max_examples=examples(300))
+def test_whatever_docker_reads_from_a_file_is_known(drawn: list[tuple[str, str]], escape: str) -> None:
+    text = "FROM a\n" + "".join(piece + end for piece, end in drawn)
+    for joint in (rf"{escape}[ \t]*$", rf"(?<!{escape}){escape}[ \t]*$"):
+        read = docker(text, joint)
+        added = [rest for word, rest in read if word == "ADD" or (word == "ONBUILD" and rest.startswith("ADD "))]
+        assert fetches(text) or not [rest for rest in added if "://" in rest]
+        named = [rest.split()[0] for word, rest in read if word == "FROM" and rest.startswith("x/y")]
+        named += ["x/z" for word, rest in read if word == "COPY" and rest.startswith("--from=x/z ")]
+        assert not [name for name in named if name not in images_of(text)]

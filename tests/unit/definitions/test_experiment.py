@@ -195,7 +195,7 @@ def test_a_dockerfile_is_a_cdf(tmp_path: Path) -> None:
         ("FROM a\nHEALTHCHECK NONE\n", False),
         ("FROM a AS b\nHEALTHCHECK CMD x\nFROM c\n", False),
         ("FROM a AS b\nHEALTHCHECK CMD x\nFROM b\n", True),
-        ("FROM a\nRUN <<EOF\nHEALTHCHECK CMD x\nEOF\n", False),
+        ('FROM a\nRUN ["sh", "-c", "<<EOF\\nHEALTHCHECK CMD x\\nEOF"]\n', False),
         ("FROM a\nRUN true \\\n  HEALTHCHECK CMD x\n", False),
         ("FROM a\n# HEALTHCHECK CMD x\n", False),
     ],

@@ -178,6 +178,7 @@ DOCKERFILES = {
     "stages": "FROM a\n" + "FROM x\n" * 18_000,
     "here-documents": "FROM a\nRUN " + "<<A" * 20_000 + "\n" + "A\n" * 30_000,
     "an image": "FROM " + "a-" * 60_000,
+    "wrong images over two lines": "FROM a\n" + "FROM A\\\nB\n" * 12_000,
     "wrong images": "FROM a\n" + "".join(f"FROM B{i}\n" for i in range(8_000)),
 }
 
