@@ -151,6 +151,8 @@ class CopyImage:
 
     image: str
     source_host: str
+    id: str = ""
+    """Its id on that robot; another one is not loaded. Empty: what that robot built just now."""
     way: str = ""
     """`thin`, `registry` or `whole`; empty: as the robot's store has it, and whole where that is not possible."""
     timeout_s: float = 1800.0

@@ -64,8 +64,9 @@ def asked(saved: PlanFile) -> tuple[Permission, ...]:
     unused = sorted(names_of(steps) - used)
     names = _names(saved)
     contexts = {tag: saved.contexts[tag] for tag in builds.keys() & {service.cdf for service in services}}
+    built = {(one.host, one.name) for one in steps if one.module == "image" and one.params.source == "build"}
     # of what is right already, only checks are asked on the robots
-    strange = [want for want in steps if not _is_own(want, names, plan, contexts)]
+    strange = [want for want in steps if not _is_own(want, names, plan, contexts, built)]
     strange += [want for want in saved.also_wanted if want.module in PROBING]
     return (
         *permissions(whole, builds),
@@ -153,10 +154,37 @@ def _names(saved: PlanFile) -> Names:
     )
 
 
-def _is_own(want: Resource, names: Names, plan: Plan, contexts: Mapping[str, bytes]) -> bool:
-    """Return whether srprov's own playbooks could state a resource for this placement; `contexts` are of its images."""
+def check_copies(saved: PlanFile, known: Mapping[str, Collection[str]]) -> None:
+    """Refuse copies of images that no run of this machine had built, in a plan that was not written here.
+
+    Args:
+        saved: The plan.
+        known: Tag -> ids of images that this machine had built under it.
+
+    Raises:
+        RefusedError: Names them.
+    """
+    images = [step.want for step in saved.plan.steps if step.want and isinstance(step.want.params, ImageParams)]
+    strange = {one.name for one in images if one.params.id and one.params.id not in known.get(one.name, ())}
+    if strange:
+        raise RefusedError(
+            f"only this plan, which was not written here, says that {', '.join(sorted(strange))} on a robot is the image"
+            " that was built under this tag",
+            hint="plan its EDF here",
+        )
+
+
+def _is_own(
+    want: Resource, names: Names, plan: Plan, contexts: Mapping[str, bytes], built: Collection[tuple[str, str]]
+) -> bool:
+    """Return whether srprov's own playbooks could state a resource for this placement.
+
+    `contexts` are those of its images, `built` the (robot, image) that the plan builds.
+    """
     if isinstance(want.params, ImageParams) and want.params.source == "build":
         return want.params.blob is not None and want.params.blob == contexts.get(want.name)
+    if isinstance(want.params, ImageParams) and want.params.source == "copy":
+        return want.name in contexts and bool(want.params.id or (want.params.from_, want.name) in built)
     is_record = isinstance(want.params, FileParams) and is_record_path(want.name)
     if is_record and not _is_record(want.params.content, names, plan):
         return False

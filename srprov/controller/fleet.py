@@ -69,20 +69,13 @@ def connect(
     from srprov.transport import ConnectOptions, preload_ssh
     from srprov.transport.pool import Sessions
 
-    options = ConnectOptions(connect_timeout_s=timeout_s, vault=vault or Vault(), image_ids=_image_ids)
+    options = ConnectOptions(connect_timeout_s=timeout_s, vault=vault or Vault())
     with Sessions(inventory.hosts, options=options, forks=forks) as sessions:
         if any(host.connection != "local" for host in inventory.hosts.values()):
             preload_ssh()  # before anything else is imported: from then on the robots have something to do too
         if changing:
             threading.Thread(target=_import_record, name="import record", daemon=True).start()
         yield Fleet(inventory, sessions, forks)
-
-
-def _image_ids(tag: str) -> Collection[str]:
-    """Return the ids that this machine knows of an image."""
-    from srprov.record.memory import known_images  # only a copy needs it
-
-    return known_images().get(tag, ())
 
 
 def _import_record() -> None:

@@ -58,23 +58,25 @@ def robot_images(inputs: RenderInputs, blobs: dict[str, bytes]) -> dict[str, lis
             build = {"name": image, "source": "build", "blob": digest, "unpinned": not plan.pinned, "needs": []}
             wanted.setdefault(builder, {})[image] = build
         if builder != host:
-            wanted.setdefault(host, {})[image] = _copied(inputs, image, builder, host)
+            wanted.setdefault(host, {})[image] = _copied(
+                inputs, image, builder, host, trusted.get((builder, image), "")
+            )
     return {host: [images[name] for name in sorted(images)] for host, images in wanted.items()}
 
 
-def _known(inputs: RenderInputs) -> set[tuple[str, str]]:
-    """Return (robot, image) where the robot's image is one that this machine had built under that tag."""
+def _known(inputs: RenderInputs) -> dict[tuple[str, str], str]:
+    """Return (robot, image) -> its id, where the robot's image is one that this machine had built under that tag."""
     return {
-        (host, seen.name)
+        (host, seen.name): str(seen.state["id"])
         for host, items in inputs.snapshot.observed.items()
         for seen in items
         if seen.module == "image" and seen.state["id"] in inputs.known_images.get(seen.name, ())
     }
 
 
-def _copied(inputs: RenderInputs, image: str, source: str, host: str) -> dict[str, Any]:
+def _copied(inputs: RenderInputs, image: str, source: str, host: str, id_: str = "") -> dict[str, Any]:
     copy = {"name": image, "source": "copy", "from": source, "needs": [resource_id(source, "image", image)]}
-    return {**copy, "way": inputs.copy_way, "missing": None, **inputs.copied.get((host, image), {})}
+    return {**copy, "id": id_, "way": inputs.copy_way, "missing": None, **inputs.copied.get((host, image), {})}
 
 
 def _alike(snapshot: Snapshot, facts: HostFacts) -> list[str]:

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 import srprov
 from srprov.controller import authority
-from srprov.controller.authority import check_underlay, wants_of
+from srprov.controller.authority import check_copies, check_underlay, wants_of
 from srprov.controller.data_owner import check_saved, remember_owner
 from srprov.controller.fleet import Fleet
 from srprov.controller.ownership import check_source, looking, owned
@@ -33,6 +33,7 @@ from srprov.planning.limit import limited
 from srprov.planning.plan import Step
 from srprov.planning.planfile import PlanFile, differences, step_out
 from srprov.planning.planread import named
+from srprov.record.memory import known_images
 from srprov.resource import Resource
 from srprov.secret import redact
 
@@ -119,6 +120,7 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False) -> Planned
     check_saved(saved.plan, wants, snapshot, owners)
     check_source(snapshot, saved.plan.instance, saved.plan.source, adopt=adopt)
     if not owners:
+        check_copies(saved, known_images())
         check_underlay(saved, {facts.underlay_address for facts in snapshot.facts.values()})
         if not adopt:
             check_claim(saved, snapshot)

@@ -51,6 +51,8 @@ class ImageParams:
     """Its build names something that moves."""
     from_: str = ""
     """The robot that has it, for `copy`."""
+    id: str = ""
+    """The id of what is copied, where it was built before; empty: the plan has that robot build it."""
     way: Literal["", "thin", "registry", "whole"] = ""
     """How it is copied; empty: as it is possible."""
     missing: Missing | None = None
@@ -97,8 +99,8 @@ class ImageModule(Module[ImageParams]):
         return Change(action=Action.CREATE, cause=f"not on the robot; {how}{note}", commands=(command,))
 
     def is_own(self, name: str, want: ImageParams, names: Names) -> bool:
-        """Take any that is fetched; what is built is told by its content tag, which is not known here."""
-        return want.source != "build"
+        """Take any that is pulled; what is built is told by its content tag, which is not known here."""
+        return want.source == "pull"
 
     def removal(self, found: Observed) -> tuple[Command, ...]:
         """Untag; layers go when nothing else needs them."""
@@ -116,7 +118,7 @@ def _how(want: ImageParams) -> str:
 def _getting(name: str, want: ImageParams) -> tuple[str, Command]:
     """Return how an image gets to the robot, in words and as a command."""
     if want.source == "copy":
-        copy = CopyImage(image=name, source_host=want.from_, way=want.way, timeout_s=_LONG_S)
+        copy = CopyImage(image=name, source_host=want.from_, id=want.id, way=want.way, timeout_s=_LONG_S)
         return _how(want), copy
     if want.source == "pull":
         what = pull_parameters(name)

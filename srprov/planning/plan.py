@@ -185,7 +185,12 @@ def command_json(command: Command) -> dict[str, Any]:
             "in_place": command.in_place,
         }
     if isinstance(command, CopyImage):
-        return {"copy_image": command.image, "from": command.source_host, "way": command.way}
+        return {
+            "copy_image": command.image,
+            "from": command.source_host,
+            "id": command.id,
+            "way": command.way,
+        }
     if isinstance(command, CopyVolume):
         return {"copy_volume": command.volume, "into": command.into, "from": command.source_host}
     assert isinstance(command, EngineCall)

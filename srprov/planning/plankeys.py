@@ -51,6 +51,7 @@ class CommandKeys:
     bytes_: int = 0
     sha256: str = ""
     copy_image: str = ""
+    id: str = ""
     way: Literal["", "thin", "registry", "whole"] = ""
     copy_volume: str = ""
     into: str = ""

@@ -175,8 +175,8 @@ def _command(read: CommandKeys, blobs: Mapping[str, bytes]) -> Command:
             timeout_s=read.timeout_s,
         )
     if read.copy_image:
-        way = read.way
-        return CopyImage(image=read.copy_image, source_host=read.from_, way=way, timeout_s=read.timeout_s)
+        what = {"image": read.copy_image, "source_host": read.from_, "id": read.id, "way": read.way}
+        return CopyImage(**what, timeout_s=read.timeout_s)
     if read.copy_volume:
         return CopyVolume(volume=read.copy_volume, into=read.into, source_host=read.from_, timeout_s=read.timeout_s)
     if read.run is not None:

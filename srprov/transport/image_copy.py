@@ -39,14 +39,14 @@ def copy_image(
 ) -> Reply:
     """Bring an image from another robot; one piece of it is in memory at a time.
 
-    Where this machine knows ids of images that it had built under that tag, it has one of them, or is not loaded.
+    One that the source did not build in this run has the id that the copy names, or is not loaded.
 
     Raises:
         TransportError: This robot cannot be talked to any more; that of the source is a reply.
     """
     if peers is None:
         return _failed(f"no way to {copy.source_host} from here")
-    ids = options.image_ids(copy.image)
+    ids = (copy.id,) if copy.id else ()
     try:
         source = peers(copy.source_host)
         said = ""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -32,7 +32,5 @@ class ConnectOptions:
     """Open the channel to the Docker Engine in the background while the first questions are asked."""
     vault: Vault = field(default_factory=Vault)
     """What the sessions put in the place of the names of secrets."""
-    image_ids: Callable[[str], Collection[str]] = field(default=lambda _tag: ())
-    """Gives the ids that an image may have which one robot gives another under a tag; none: it may have any."""
     image_sources: ImageSources = field(default_factory=ImageSources)
     """Where copies of images read what their robot lacks, and the cache that they keep it in."""

@@ -5,6 +5,7 @@ The robots are in memory here; `tests/lab/test_tampered_plans.py` does the same 
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import subprocess
@@ -25,10 +26,13 @@ from srprov.controller.signature import sign_file
 from srprov.controller.source import read_source
 from srprov.definitions import load_experiment
 from srprov.definitions.model import Definitions
-from srprov.errors import RefusedError, SrprovError
+from srprov.errors import RefusedError, SrprovError, UsageError
+from srprov.modules.image import ImageParams
 from srprov.planning.plan import Plan
 from srprov.planning.planfile import PlanFile, dump
+from srprov.planning.steps import due_step
 from srprov.planning.text import plan_text
+from srprov.record.memory import note_images
 from srprov.secret import forget
 from srprov.wire import EngineCall
 from tests.fakes import World
@@ -204,3 +208,36 @@ def test_with_signers_every_changed_plan_file_is_refused(tmp_path: Path, monkeyp
             with pytest.raises(RefusedError) as caught:
                 read_source(str(file), str(signers))
             assert caught.value.exit_code == 9, name
+
+
+def copying(saved: PlanFile, name: str, source: str, **of: str) -> str:
+    """Return a plan file in which an image that is built or pulled is copied from another robot instead."""
+    steps = []
+    for step in saved.plan.steps:
+        if step.module == "image" and step.name == name and step.host != source:
+            assert step.want is not None
+            params = ImageParams(source="copy", from_=source, **of)
+            want = dataclasses.replace(step.want, params=params, written={"source": "copy", "from": source, **of})
+            due = due_step(want, None)
+            assert due is not None
+            step = dataclasses.replace(step, want=want, change=due.change)
+        steps.append(step)
+    return dump(dataclasses.replace(saved, plan=dataclasses.replace(saved.plan, steps=tuple(steps)), proof=""))
+
+
+def test_a_plan_file_copies_only_images_that_were_built_under_their_tag(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Not any tag, not what a robot says to be it, and not what only the file says to be it."""
+    stage = Stage.__new__(Stage)
+    stage.folder, stage.environ, stage.world = tmp_path, monkeypatch, World().add("robot1", "robot2", "robot3")
+    _, saved = planned(stage.world, written(tmp_path / "fresh", "fresh", 2), monkeypatch)
+    built = next(step.name for step in saved.plan.steps if step.name.startswith("srprov/new:"))
+    for name, source, of in ((BUSYBOX, "robot2", {}), (BUSYBOX, "robot2", {"id": "sha256:1"}), (built, "robot1", {})):
+        with pytest.raises(UsageError, match=rf"{name[:20]}\S* asks for playbook"):
+            stage.apply(copying(saved, name, source, **of))
+    text = copying(saved, built, "robot1", id="sha256:1")
+    for ids in ([], ["sha256:2"]):
+        note_images({built: ids})
+        with pytest.raises(RefusedError, match="only this plan, which was not written here, says that srprov/new"):
+            stage.apply(text)

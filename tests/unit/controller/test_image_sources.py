@@ -39,11 +39,16 @@ def sources(known: dict[str, set[str]], **ids: str) -> dict[str, tuple[str, str]
         copied={},
     )
     found = robot_images(inputs, {})
-    return {host: (one["source"], one.get("from", "")) for host, images in found.items() for one in images}
+    assert all(one.get("id", "") in ("", ids.get(one.get("from", ""))) for images in found.values() for one in images)
+    return {
+        host: (one["source"], f"{one.get('from', '')} {one.get('id', '')}".strip())
+        for host, images in found.items()
+        for one in images
+    }
 
 
-def test_an_image_that_this_machine_had_built_is_copied() -> None:
-    assert sources({TAG: {"sha256:1"}}, c="sha256:1") == {"b": ("copy", "c")}
+def test_an_image_that_this_machine_had_built_is_copied_by_its_id() -> None:
+    assert sources({TAG: {"sha256:1", "sha256:2"}}, c="sha256:1") == {"b": ("copy", "c sha256:1")}
 
 
 @pytest.mark.parametrize("known", [{}, {TAG: {"sha256:1"}}])

@@ -320,6 +320,8 @@ def test_an_image_is_copied_without_being_held(play: Callable[[Answer], PlayedEn
     assert target.execute(CopyImage(image="a:1", source_host="source", way="whole"), seen.append).ok
     assert len(loaded) == 1 and layer in loaded[0] and loadable(loaded[0]) == {"a:1": layer}
     assert any("MiB copied" in line for line in seen)
+    other = target.execute(CopyImage(image="a:1", source_host="source", way="whole", id=f"sha256:{'0' * 64}"))
+    assert not other.ok and other.err.startswith("source: it gives another image under a:1 than the one that was built")
     failed = target.execute(CopyImage(image="nope:1", source_host="source", way="whole"))
     assert (failed.ok, failed.err) == (False, "source: its engine cannot give nope:1: no such image")
     assert target.ask([EngineQuery(path="/x/get")])[0].ok, "the target's engine is usable after a copy that failed"
