@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
+import secrets
 import stat
 from pathlib import Path
+from typing import TextIO
 
 _OTHERS = 0o077
+_WRITABLE = 0o022
 
 
 def make_folder(path: Path) -> None:
@@ -38,14 +42,96 @@ def replace_file(path: Path, text: str) -> None:
         OSError: It cannot be written.
     """
     make_folder(path.parent)
-    beside = path.with_name(f"{path.name}.{os.getpid()}.part")
+    _replace(path, text.encode("utf-8", "replace"))
+
+
+def write_output(path: str, content: bytes) -> None:
+    """Write a file that the user named, as `replace_file` does, or to the pipe or device that it is.
+
+    Others may be able to write to its folder: neither a link nor a pipe of theirs takes the content.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    if not _is_stream(path):
+        return _replace(Path(path), content)
+    with open(path, "wb", opener=_open_stream) as stream:
+        stream.write(content)
+
+
+def open_output(path: str) -> TextIO:
+    """Open a file that the user named, by the rules of `write_output`, to write text to it as it comes.
+
+    Raises:
+        OSError: It cannot be written.
+    """
+    if _is_stream(path):
+        return open(path, "w", encoding="utf-8", opener=_open_stream)
+    beside = _beside(Path(path))
+    stream = open(path, "w", encoding="utf-8", opener=lambda _path, _flags: _new(beside))  # noqa: SIM115 - the caller closes it
     try:
-        write_file(beside, text)
+        beside.replace(path)
+    except BaseException:
+        stream.close()
+        beside.unlink()
+        raise
+    return stream
+
+
+def _is_stream(path: str) -> bool:
+    """Return whether a path is a pipe or device of the user's, or a link where only the user and root can put one."""
+    try:
+        about = os.lstat(path)
+    except FileNotFoundError:
+        return False
+    ours = (0, os.geteuid())
+    if about.st_uid not in ours or not stat.S_ISLNK(about.st_mode):
+        return about.st_uid in ours and not stat.S_ISREG(about.st_mode) and not stat.S_ISDIR(about.st_mode)
+    folder = os.stat(os.path.dirname(path) or ".")
+    return folder.st_uid in ours and not folder.st_mode & _WRITABLE
+
+
+def _open_stream(path: str, _flags: int) -> int:
+    about = os.lstat(path)
+    is_link = stat.S_ISLNK(about.st_mode)
+    descriptor = os.open(path, os.O_WRONLY | os.O_NOCTTY | os.O_CLOEXEC | (os.O_TRUNC if is_link else os.O_NOFOLLOW))
+    if not is_link and stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        raise OSError(errno.EEXIST, "somebody put a file there meanwhile", path)
+    return descriptor
+
+
+def _replace(path: Path, content: bytes) -> None:
+    beside = _beside(path)
+    try:
+        with open(_new(beside), "wb") as stream:
+            stream.write(content)
         beside.replace(path)
     except BaseException:
         with contextlib.suppress(OSError):
             beside.unlink()
         raise
+
+
+def _beside(path: Path) -> Path:
+    return path.with_name(f"{path.name[:200]}.{secrets.token_hex(4)}.part")
+
+
+def _new(path: Path) -> int:
+    """Make a file that was not there, and that is no link to another."""
+    return os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
+
+
+def check_output(path: str) -> None:
+    """Find out whether `write_output` could write a file; nothing is written to it.
+
+    Raises:
+        OSError: It could not.
+    """
+    if not _is_stream(path):
+        beside = _beside(Path(path))
+        os.close(_new(beside))
+        beside.unlink()
 
 
 def write_file(path: str | Path, text: str, flags: int = os.O_TRUNC) -> None:

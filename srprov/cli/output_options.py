@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from typing import Any, TypeVar
 
 import click
 
+from srprov import private
 from srprov.cli.output import err
 
 _F = TypeVar("_F", bound=Callable[..., Any])
@@ -32,8 +32,27 @@ QUIET = _flag(
     "quiet", "-q", "--quiet",
     text="Print only warnings, errors and the last line; the plan only before the question about it.",
 )  # fmt: skip
+
+
+class _Output(click.File):
+    """A text file that is begun anew in the place of what is there; `-` is standard output."""
+
+    name = "filename"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:  # noqa: ANN401 - as click has it
+        if not isinstance(value, str) or value == "-":
+            return super().convert(value, param, ctx)
+        try:
+            stream = private.open_output(value)
+        except OSError as error:
+            self.fail(f"cannot write {value}: {error.strerror}", param, ctx)
+        if ctx is not None:
+            ctx.call_on_close(stream.close)
+        return stream
+
+
 EVENTS = click.option(
-    "--events", type=click.File("w", encoding="utf-8", lazy=False), metavar="FILE",
+    "--events", type=_Output("w", encoding="utf-8", lazy=False), metavar="FILE",
     help="Write events to a file as they happen, one JSON per line.",
 )  # fmt: skip
 
@@ -60,14 +79,9 @@ def writable(_context: click.Context, _option: click.Parameter, path: str | None
     Raises:
         BadParameter: It cannot be opened, which is known so before any robot is asked.
     """
-    there = path is not None and os.path.lexists(path)
-    if path is None or (there and not os.path.isfile(path)):  # a pipe or a device: opened only to write
-        return path
     try:
-        with open(path, "ab"):
-            pass
+        if path is not None:
+            private.check_output(path)
     except OSError as error:
         raise click.BadParameter(f"cannot write {path}: {error.strerror}") from None
-    if not there:
-        os.unlink(path)
     return path

@@ -125,14 +125,17 @@ def write_plan(
     if variables and (name := variables.holds(text)):
         hint = "make it a secret of the experiment (docs/secrets.md), or apply the EDF itself"
         raise RefusedError(f"the value of the variable '{name}' stands in the plan; no file was written", hint=hint)
-    try:
-        private.write_file(target, text)
-    except OSError as error:
-        raise UsageError(f"cannot write {target}: {error.strerror}", hint="name another file") from error
+    content = text.encode("utf-8", "replace")
+    outputs = {target: content}
     if sign:
-        from srprov.controller.signature import sign_file
+        from srprov.controller.signature import signature
 
-        sign_file(target, sign)
+        outputs[f"{target}.sig"] = signature(content, target, sign)
+    for name, written in outputs.items():
+        try:
+            private.write_output(name, written)
+        except OSError as error:
+            raise UsageError(f"cannot write {name}: {error.strerror}", hint="name another file") from error
 
 
 def show_plan(made: Plan, as_json: Mapping[str, Any] | None, *, verbose: bool) -> None:

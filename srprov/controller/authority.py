@@ -168,8 +168,8 @@ def check_copies(saved: PlanFile, known: Mapping[str, Collection[str]]) -> None:
     strange = {one.name for one in images if one.params.id and one.params.id not in known.get(one.name, ())}
     if strange:
         raise RefusedError(
-            f"only this plan, which was not written here, says that {', '.join(sorted(strange))} on a robot is the image"
-            " that was built under this tag",
+            f"only this plan, which was not written here, says that {', '.join(sorted(strange))} on a robot is the "
+            "image that was built under this tag",
             hint="plan its EDF here",
         )
 

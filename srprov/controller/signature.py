@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import subprocess
 import tempfile
-from pathlib import Path
 
 from srprov import regular_file
 from srprov.errors import RefusedError, UsageError
@@ -23,19 +22,16 @@ _MOST_SIGNATURE = 64 * 1024
 """Bytes; one has less than a thousand."""
 
 
-def sign_file(file: str, key: str) -> None:
-    """Sign a plan file with an SSH key, or with the agent's when `key` is a public one.
+def signature(content: bytes, file: str, key: str) -> bytes:
+    """Return the signature of what a plan file is to hold, by an SSH key, or the agent's when `key` is a public one.
 
     Raises:
-        UsageError: It cannot be signed, or the signature cannot be written.
+        UsageError: It cannot be signed.
     """
-    done = _ssh_keygen("sign", "-f", key, given=_read(file), limit_s=_SIGN_S)
+    done = _ssh_keygen("sign", "-f", key, given=content, limit_s=_SIGN_S)
     if done.returncode != 0:
         raise UsageError(f"cannot sign {file}: {_said(done)}", hint="name a private SSH key with --sign")
-    try:
-        Path(f"{file}.sig").write_bytes(done.stdout)
-    except OSError as error:
-        raise UsageError(f"cannot write {file}.sig: {error.strerror}", hint="name another file") from error
+    return done.stdout
 
 
 def verified(file: str, signers: str) -> bytes:

@@ -22,7 +22,7 @@ from srprov.controller.permissions import permit_run
 from srprov.controller.request import PlanRequest
 from srprov.controller.saved import check_plan, kept_plan
 from srprov.controller.secrets import HeldSecrets, read_secrets
-from srprov.controller.signature import sign_file
+from srprov.controller.signature import signature
 from srprov.controller.source import read_source
 from srprov.definitions import load_experiment
 from srprov.definitions.model import Definitions
@@ -200,7 +200,7 @@ def test_with_signers_every_changed_plan_file_is_refused(tmp_path: Path, monkeyp
     signers.write_text(f"anna@lab {key.with_suffix('.pub').read_text()}")
     file = tmp_path / "plan.json"
     file.write_text(stage.text)
-    sign_file(str(file), str(key))
+    (tmp_path / "plan.json.sig").write_bytes(signature(file.read_bytes(), "plan.json", str(key)))
     assert isinstance(read_source(str(file), str(signers)), PlanFile)
     with mock.patch("srprov.planning.planread.load", side_effect=AssertionError("it was read")):
         for name, text in tampered(stage.text, MUTATIONS):
@@ -220,8 +220,9 @@ def copying(saved: PlanFile, name: str, source: str, **of: str) -> str:
             want = dataclasses.replace(step.want, params=params, written={"source": "copy", "from": source, **of})
             due = due_step(want, None)
             assert due is not None
-            step = dataclasses.replace(step, want=want, change=due.change)
-        steps.append(step)
+            steps.append(dataclasses.replace(step, want=want, change=due.change))
+        else:
+            steps.append(step)
     return dump(dataclasses.replace(saved, plan=dataclasses.replace(saved.plan, steps=tuple(steps)), proof=""))
 
 
@@ -233,10 +234,10 @@ def test_a_plan_file_copies_only_images_that_were_built_under_their_tag(
     stage.folder, stage.environ, stage.world = tmp_path, monkeypatch, World().add("robot1", "robot2", "robot3")
     _, saved = planned(stage.world, written(tmp_path / "fresh", "fresh", 2), monkeypatch)
     built = next(step.name for step in saved.plan.steps if step.name.startswith("srprov/new:"))
-    for name, source, of in ((BUSYBOX, "robot2", {}), (BUSYBOX, "robot2", {"id": "sha256:1"}), (built, "robot1", {})):
+    for name, source, of in ((BUSYBOX, "robot2", {}), (BUSYBOX, "robot2", {"id": "sha256:1"}), (built, "robot3", {})):
         with pytest.raises(UsageError, match=rf"{name[:20]}\S* asks for playbook"):
             stage.apply(copying(saved, name, source, **of))
-    text = copying(saved, built, "robot1", id="sha256:1")
+    text = copying(saved, built, "robot3", id="sha256:1")
     for ids in ([], ["sha256:2"]):
         note_images({built: ids})
         with pytest.raises(RefusedError, match="only this plan, which was not written here, says that srprov/new"):

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from srprov.cli.main import run
-from srprov.controller.signature import sign_file, verified
+from srprov.controller.signature import signature, verified
 from srprov.errors import RefusedError, UsageError
 
 PLAN = b'{"plan": 1}\n'
@@ -23,7 +23,7 @@ def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "plan.json").write_bytes(PLAN)
     (tmp_path / "inv.yml").write_text("all: {hosts: {r1: {ansible_host: 127.0.0.1, ansible_port: 1}}}\n")
     monkeypatch.chdir(tmp_path)
-    sign_file("plan.json", "anna")
+    (tmp_path / "plan.json.sig").write_bytes(signature(PLAN, "plan.json", "anna"))
     return tmp_path
 
 
@@ -37,16 +37,16 @@ def test_any_other_is_refused(here: Path, change: str) -> None:
     if change == "content":
         (here / "plan.json").write_bytes(PLAN + b" ")
     if change == "other key":
-        sign_file("plan.json", "mallory")
+        (here / "plan.json.sig").write_bytes(signature(PLAN, "plan.json", "mallory"))
     if change == "no signature":
         (here / "plan.json.sig").unlink()
     if change == "garbage":
         (here / "plan.json.sig").write_bytes(b"\0" * 100)
     if change == "other namespace":
-        signature = subprocess.run(
+        done = subprocess.run(
             ["ssh-keygen", "-Y", "sign", "-q", "-f", "anna", "-n", "git"], input=PLAN, capture_output=True, check=True
         )
-        (here / "plan.json.sig").write_bytes(signature.stdout)
+        (here / "plan.json.sig").write_bytes(done.stdout)
     if change == "nobody":
         (here / "signers").write_text("")
     with pytest.raises(RefusedError, match=r"plan\.json has no signature") as caught:
@@ -62,7 +62,7 @@ def test_an_edf_cannot_be_signed(here: Path, capsys: pytest.CaptureFixture[str])
 
 def test_a_key_that_is_none_is_told(here: Path) -> None:
     with pytest.raises(UsageError, match=r"cannot sign plan\.json"):
-        sign_file("plan.json", "signers")
+        signature(PLAN, "plan.json", "signers")
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,123 @@
+"""Files that a user names for output, in folders that others can write to: no link or pipe of theirs gets anything."""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import subprocess
+import threading
+from collections.abc import Callable
+from pathlib import Path
+
+import click
+import pytest
+from click.testing import CliRunner
+
+from srprov import regular_file
+from srprov.cli.output_options import EVENTS
+from srprov.cli.plan import write_plan
+from srprov.controller import signature
+from srprov.controller.saved import plan_file
+from srprov.definitions.model import Definitions
+from srprov.planning.planfile import PlanFile, dump
+from srprov.secret import Vault
+from tests.fakes import World
+from tests.worlds import experiment, made, service
+
+_THEIRS = 65534
+
+
+@pytest.fixture(name="saved")
+def a_plan_for_a_file() -> PlanFile:
+    what = Definitions(experiment=experiment(service("one", robot="r1")), containers={})
+    return plan_file(dataclasses.replace(made(World().add("r1"), what), definitions=None))
+
+
+def events_to(path: str) -> None:
+    """Do what a verb does with its `--events`."""
+
+    @click.command()
+    @EVENTS
+    def verb(events: object) -> None:
+        events.write("{}\n")  # type: ignore[attr-defined]
+
+    result = CliRunner().invoke(verb, ["--events", path], catch_exceptions=False)
+    assert result.exit_code == 0, result.output
+
+
+@pytest.fixture(name="write", params=["plan", "signature", "events"])
+def every_way_to_write(
+    request: pytest.FixtureRequest, saved: PlanFile, monkeypatch: pytest.MonkeyPatch
+) -> Callable[[Path], None]:
+    if request.param == "events":
+        return lambda path: events_to(str(path))
+    signed = subprocess.CompletedProcess((), 0, b"SIGNATURE", b"")
+    monkeypatch.setattr(signature, "_ssh_keygen", lambda *_, **__: signed)
+    if request.param == "plan":
+        return lambda path: write_plan(str(path), saved, Vault())
+    return lambda path: write_plan(str(path.with_name("p")), saved, Vault(), None, "key")
+
+
+@pytest.fixture(name="shared")
+def a_folder_that_all_can_write_to(tmp_path: Path) -> Path:
+    folder = tmp_path / "shared"
+    folder.mkdir()
+    folder.chmod(0o777)
+    return folder
+
+
+@pytest.mark.parametrize("there", ["link", "dangling", "hard link", "file of another", "pipe of another"])
+def test_what_others_put_there_gets_nothing_and_is_replaced(
+    shared: Path, write: Callable[[Path], None], there: str
+) -> None:
+    victim, target = shared.parent / "victim", shared / "p.sig"
+    if there != "dangling":
+        victim.write_text("precious")
+    if there in ("link", "dangling"):
+        target.symlink_to(victim)
+    elif there == "hard link":
+        target.hardlink_to(victim)
+    elif os.geteuid():
+        pytest.skip("only root can make files of others")
+    else:
+        os.mkfifo(target) if "pipe" in there else target.touch()
+        os.chown(target, _THEIRS, _THEIRS)
+    write(target)
+    about = target.lstat()
+    assert (about.st_uid, about.st_mode & 0o177777, about.st_nlink) == (os.geteuid(), 0o100600, 1)
+    assert target.stat().st_size and sorted(one.name for one in shared.iterdir() if one.name != "p") == ["p.sig"]
+    assert not victim.exists() if there == "dangling" else victim.read_text() == "precious"
+
+
+def test_a_pipe_or_device_of_the_users_own_is_written_to(shared: Path, write: Callable[[Path], None]) -> None:
+    pipe = shared / "p.sig"
+    os.mkfifo(pipe)
+    got: list[bytes] = []
+    reader = threading.Thread(target=lambda: got.append(pipe.read_bytes()), daemon=True)
+    reader.start()
+    write(pipe)
+    reader.join(10)
+    assert got and got[0] and pipe.is_fifo()
+
+
+def test_the_users_own_link_to_a_device_is_followed(tmp_path: Path, saved: PlanFile) -> None:
+    """As `/dev/stdout` is one."""
+    (tmp_path / "out").symlink_to("/dev/null")
+    write_plan(str(tmp_path / "out"), saved, Vault())
+    events_to(str(tmp_path / "out"))
+    assert (tmp_path / "out").is_symlink()
+
+
+def test_what_was_made_is_signed_whatever_lies_in_the_file_by_then(
+    tmp_path: Path, saved: PlanFile, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    signed: list[bytes] = []
+
+    def sign(*_words: str, given: bytes = b"", **_limit: float) -> subprocess.CompletedProcess[bytes]:
+        signed.append(given)
+        return subprocess.CompletedProcess((), 0, b"SIGNATURE", b"")
+
+    monkeypatch.setattr(signature, "_ssh_keygen", sign)
+    monkeypatch.setattr(regular_file, "read", lambda *_, **__: b"somebody else's")
+    write_plan(str(tmp_path / "plan.json"), saved, Vault(), None, "key")
+    assert signed == [dump(saved).encode()] == [(tmp_path / "plan.json").read_bytes()]
