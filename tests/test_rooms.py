@@ -67,7 +67,7 @@ ROOMS: Mapping[str, Room] = {
         "jsonschema jinja2",
     ),
     "transport": room(
-        "errors layers private plain_tar regular_file wire session untrusted secret definitions.model",
+        "errors spool layers private plain_tar regular_file wire session untrusted secret definitions.model",
         "paramiko fabric invoke docker requests urllib3 psutil",
     ),
     "facts": room("errors names wire session untrusted resource modules definitions.model"),
@@ -87,7 +87,7 @@ ROOMS: Mapping[str, Room] = {
         " definitions.model definitions.secretmodel network.identity"
     ),
     "execution": room(
-        "errors plain_tar untrusted resource wire session image_reference modules planning facts owner"
+        "errors spool plain_tar untrusted resource wire session image_reference modules planning facts owner"
         " definitions.dockerfile"
     ),
     "record": room("errors private regular_file untrusted resource secret definitions.model facts planning execution"),
@@ -101,6 +101,7 @@ ROOMS: Mapping[str, Room] = {
     "layers": room("untrusted"),
     "plain_tar": room(),
     "sizes": room(),
+    "spool": room("wire"),
     "wire": room("errors untrusted resource"),
     "session": room("errors wire"),
     "resource": room("errors wire"),

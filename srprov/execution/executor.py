@@ -25,6 +25,7 @@ from srprov.execution.settle import settle
 from srprov.execution.stopping import begins_with_stop
 from srprov.planning.plan import Plan, Step
 from srprov.session import Session
+from srprov.wire import CopyImage
 
 
 def walk(
@@ -32,7 +33,8 @@ def walk(
 ) -> RunResult:
     """Do what `srprov.execution.run_plan` promises."""
     robots = {step.host for step in plan.steps} & sessions.keys()
-    waiting = LockOptions(wait_s=options.lock_wait_s, pulse=options.pulse, forks=options.forks)
+    copied_to = frozenset(step.host for step in plan.steps for one in step.commands if isinstance(one, CopyImage))
+    waiting = LockOptions(wait_s=options.lock_wait_s, pulse=options.pulse, forks=options.forks, copied_to=copied_to)
     mine = claim(f"{options.verb} {plan.instance}", options.run)
     unaudited: dict[str, str] = {}
     with LockSet(robots, sessions, mine, waiting, stop, listener).acquire() as locks:

@@ -19,6 +19,8 @@ from srprov.errors import LockHeld, TransportError
 from srprov.execution.locks import SCRIPT, Claim, Holder, parse_holder
 from srprov.execution.outcome import Event, Listener
 from srprov.session import LockChannel, Pulse, Session
+from srprov.spool import tidy_script
+from srprov.wire import quote
 
 _GRACE_S = 1.0
 """For a lock that is only being tested, or released by a controller that lost a race."""
@@ -34,6 +36,8 @@ class LockOptions:
     wait_s: float = 0.0
     pulse: Pulse = field(default_factory=Pulse)
     forks: int = 64
+    copied_to: frozenset[str] = frozenset()
+    """Robots that get images in this run: what has arrived of one is not removed."""
 
 
 class LockSet:
@@ -162,7 +166,9 @@ class LockSet:
         try:
             channel = self._channels.get(name)
             if channel is None:
-                channel = self._sessions[name].open_lock_channel(SCRIPT, self._claim.words(), self._options.pulse)
+                tidy = tidy_script(arriving=name not in self._options.copied_to)
+                script = f"tidy={quote(tidy)}\n{SCRIPT}"
+                channel = self._sessions[name].open_lock_channel(script, self._claim.words(), self._options.pulse)
                 answer = channel.first_answer
             else:
                 answer = channel.send("t")

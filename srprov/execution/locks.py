@@ -28,6 +28,7 @@ from srprov.wire import Query, quote
 PLACES = ("/run/srprov", "/tmp/srprov")  # noqa: S108 - the fallback is used only when root owns it
 """Folders for lock and holder: the first that root can write to, and that root owns."""
 
+# `lock_set.py` puts `tidy=…` before it: what to run once the lock is held, to remove what others left
 SCRIPT = r"""
 mark=$1 quiet=$2 sshd=$3 holder=$4 held= place=
 shift 4
@@ -52,6 +53,7 @@ take() {
         printf '%s,"since":"%s"}\n' "${holder%\}}" "$(now)" >"$place/holder.part" &&
             mv "$place/holder.part" "$place/holder"
         umask 077
+        eval "$tidy"
         say locked
     else
         say busy "$(now)" "$(head -c 2000 "$place/holder" 2>/dev/null | tr -d '\n')"

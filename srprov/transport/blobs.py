@@ -9,63 +9,26 @@ full. Folder and files are their owner's alone. Safe for several threads, and fo
 from __future__ import annotations
 
 import contextlib
-import errno
-import hashlib
 import os
 import re
 import secrets
-import stat
 import threading
 import time
 import zlib
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
 from srprov import private
+from srprov.transport.blob import Blob, Hash, WrongBlob, compared, identity_of, open_regular, written
+
+__all__ = ["Blob", "Blobs", "WrongBlob"]
 
 MOST_BYTES = 8 << 30
-_MOST_CONTENT = 64 << 30
-"""Bytes of one content: what a few bytes can become when they are decompressed has no other limit."""
 _PIECE = 1 << 20
 _DIGEST = re.compile("sha256:([0-9a-f]{64})")
 _ABANDONED_S = 86_400.0
 """Seconds after which an unfinished file is nobody's any more."""
-
-
-class WrongBlob(Exception):
-    """What came is not what the digest says; the text says how."""
-
-
-@dataclass(frozen=True, slots=True)
-class Blob:
-    """A content that was compared with its digest."""
-
-    digest: str
-    """`sha256:…` of the content."""
-    path: Path
-    """Where it is, compressed."""
-    size: int
-    """Bytes of the file."""
-    content_size: int
-    """Bytes of the content."""
-    compressed: str
-    """`sha256:…` of the file: the digest by which a registry names it."""
-
-    def open(self) -> BinaryIO:
-        """Open the file to read; OSError when it is gone."""
-        return _open(self.path)
-
-    def pieces(self) -> Iterator[bytes]:
-        """Yield the file's bytes, in pieces of at most 1 MiB.
-
-        Raises:
-            OSError: It is gone, or cannot be read.
-        """
-        with self.open() as file:
-            while piece := file.read(_PIECE):
-                yield piece
 
 
 class Blobs:
@@ -90,12 +53,12 @@ class Blobs:
         """Return a content that is there and is what its digest says; None where there is none."""
         path = self._path(digest)
         try:
-            with _open(path) as file:
-                identity = _identity(file.fileno())
+            with open_regular(path) as file:
+                identity = identity_of(file.fileno())
                 known = self._known.get(digest)
                 if known is None or known[0] != identity:
                     pieces = iter(lambda: file.read(_PIECE), b"")
-                    known = identity, _compared(digest, path, pieces)
+                    known = identity, compared(digest, path, pieces)
             # only the access time: the other is part of what tells that the file is the one that was compared
             os.utime(path, ns=(time.time_ns(), path.stat().st_mtime_ns))
         except WrongBlob:
@@ -113,24 +76,54 @@ class Blobs:
             WrongBlob: It is not what the digest says; nothing is kept.
             OSError: It cannot be written.
         """
-        path = self._path(digest)
-        private.make_folder(self._folder)
-        partial = path.with_name(f"{secrets.token_hex(8)}.part")
-        try:
-            with open(os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
-                blob = _compared(digest, path, _written(file, pieces))
-            os.replace(partial, path)
-        finally:
-            partial.unlink(missing_ok=True)
-        with _open(path) as file:
-            self._known[digest] = _identity(file.fileno()), blob
-        self._make_room()
-        return blob
+        with self._partial() as (partial, file):
+            blob = compared(digest, self._path(digest), written(file, pieces))
+            file.flush()
+            return self._keep(partial, blob)
 
     def add_content(self, digest: str, content: bytes) -> Blob:
         """Keep a content that comes as it is; raises as `add` does."""
-        packer = zlib.compressobj(1, wbits=31)
-        return self.add(digest, [packer.compress(content) + packer.flush()])
+        blob = self.add_wanted({digest}, [content])
+        if blob is None:
+            raise WrongBlob(f"{digest}: what came is another content")
+        return blob
+
+    def add_wanted(self, digests: Collection[str], pieces: Iterable[bytes]) -> Blob | None:
+        """Keep a content that comes as it is, if it is one of these; None if it is another.
+
+        Raises:
+            OSError: It cannot be written.
+        """
+        inside, outside, packer = Hash(), Hash(), zlib.compressobj(1, wbits=31)
+        with self._partial() as (partial, file):
+            for piece in pieces:
+                inside.update(piece)
+                file.write(outside.update(packer.compress(piece)))
+            file.write(outside.update(packer.flush()))
+            file.flush()
+            if inside.digest not in digests:
+                return None
+            path = self._path(inside.digest)
+            return self._keep(partial, Blob(inside.digest, path, outside.size, inside.size, outside.digest))
+
+    @contextlib.contextmanager
+    def _partial(self) -> Iterator[tuple[Path, BinaryIO]]:
+        """Give a new file in the folder, which is gone afterwards unless it was put somewhere."""
+        private.make_folder(self._folder)
+        partial = self._folder / f"{secrets.token_hex(8)}.part"
+        try:
+            with open(os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
+                yield partial, file
+        finally:
+            partial.unlink(missing_ok=True)
+
+    def _keep(self, partial: Path, blob: Blob) -> Blob:
+        """Put a file that was compared in its place."""
+        os.replace(partial, blob.path)
+        with open_regular(blob.path) as file:
+            self._known[blob.digest] = identity_of(file.fileno()), blob
+        self._make_room()
+        return blob
 
     @contextlib.contextmanager
     def turn(self, digest: str) -> Iterator[None]:
@@ -172,54 +165,3 @@ def default_folder() -> Path:
     cache_home = os.environ.get("XDG_CACHE_HOME", "")
     base = Path(cache_home) if cache_home.startswith("/") else Path(os.environ.get("HOME", "/nonexistent")) / ".cache"
     return base / "srprov" / "blobs"
-
-
-def _open(path: Path) -> BinaryIO:
-    """Open a regular file to read; raises OSError for anything else."""
-    file = open(os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC), "rb")  # noqa: SIM115 - the caller's
-    if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-        file.close()
-        raise OSError(errno.EINVAL, "it is no file", os.fspath(path))
-    return file
-
-
-def _identity(descriptor: int) -> tuple[int, ...]:
-    about = os.fstat(descriptor)
-    return about.st_dev, about.st_ino, about.st_size, about.st_mtime_ns
-
-
-def _written(file: BinaryIO, pieces: Iterable[bytes]) -> Iterator[bytes]:
-    """Pass pieces on once they are written."""
-    for piece in pieces:
-        file.write(piece)
-        yield piece
-
-
-def _compared(digest: str, path: Path, pieces: Iterable[bytes]) -> Blob:
-    """Read a compressed content to its end.
-
-    Raises:
-        WrongBlob: It is not one gzip file, or not of that content.
-    """
-    inside, outside = hashlib.sha256(), hashlib.sha256()
-    size = content_size = 0
-    unpacker = zlib.decompressobj(wbits=31)
-    try:
-        for arrived in pieces:
-            piece = arrived
-            outside.update(piece)
-            size += len(piece)
-            if unpacker.eof:
-                raise WrongBlob(f"{digest}: something follows the compressed content")
-            while content := unpacker.decompress(piece, _PIECE):
-                inside.update(content)
-                content_size += len(content)
-                piece = unpacker.unconsumed_tail
-                if content_size > _MOST_CONTENT:
-                    raise WrongBlob(f"{digest}: it holds more than {_MOST_CONTENT >> 30} GiB")
-    except zlib.error as error:
-        raise WrongBlob(f"{digest}: it is not compressed by gzip ({error})") from error
-    found = f"sha256:{inside.hexdigest()}"
-    if not unpacker.eof or unpacker.unused_data or found != digest:
-        raise WrongBlob(f"{digest}: what came is {found if unpacker.eof else 'cut off'}")
-    return Blob(digest, path, size, content_size, f"sha256:{outside.hexdigest()}")

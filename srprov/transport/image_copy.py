@@ -17,7 +17,6 @@ from srprov.session import Progress, Session
 from srprov.transport.image_archive import ForeignImage, only
 from srprov.transport.image_deliver import deliver
 from srprov.transport.image_progress import Meter, mib
-from srprov.transport.image_source import NoSpool
 from srprov.transport.image_there import Room, Target, has_classic, image_of, look_at
 from srprov.transport.registry_copy import NoWayBack, copy_by_registry
 from srprov.transport.thin_archive import ThinArchive, check_config
@@ -110,8 +109,6 @@ class _Thin:
                     source.get(one, f"{name}, layer {number} of {len(missing)}", self._progress)
                     for number, one in enumerate(missing, 1)
                 ]
-        except NoSpool as error:
-            raise NotThin(str(error)) from error
         except OSError as error:
             raise NotThin(f"the cache of layers cannot be used: {error.strerror or error}") from error
         return ThinArchive(image, name, config, layers)

@@ -7,14 +7,13 @@ of it is there and its hash is right, the robot loads it by itself. Where there 
 from __future__ import annotations
 
 import hashlib
-import time
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from srprov.errors import TransportError
-from srprov.session import Progress, Streams
+from srprov.session import Progress
+from srprov.spool import load_script
 from srprov.transport.image_progress import Meter, mib
-from srprov.transport.image_spool import load_script
+from srprov.transport.image_shell import answer, dismiss, send
 from srprov.transport.image_there import Room
 from srprov.transport.thin_archive import ThinArchive
 from srprov.wire import Reply
@@ -23,8 +22,6 @@ if TYPE_CHECKING:
     from srprov.transport.session import BaseSession
 
 SPOOLED = 32 << 20
-_SILENCE_S = 120.0
-_LONGEST_ANSWER = 64 << 10
 _TRIES = 2
 
 
@@ -64,55 +61,32 @@ class _Spool:
 
     def deliver(self, room: Room, meter: Meter, progress: Progress) -> Reply | None:
         """Do it; None when there is no place for it, or what arrived is not what was sent, and is gone."""
-        streams = self._session.open_shell(load_script(self._sha256, self._archive.size))
+        host, streams = self._session.host, self._session.open_shell(load_script(self._sha256, self._archive.size))
         try:
-            word, _, rest = self._answer(streams, 60.0).partition(" ")
+            word, _, rest = answer(host, streams, b"\n", 60.0).partition(" ")
             if word != "have" or not rest.isdigit():
-                progress(f"{self._session.host} has no place to spool it: {rest[:200]}")
+                progress(f"{host} has no place to spool it: {rest[:200]}")
                 return None
             self.possible, have = True, min(int(rest[:18]), self._archive.size)
             if lack := room.lack(self._archive.size, self._archive.unpacked, spooled=True, have=have):
+                dismiss(streams)
                 return Reply(status=0, ok=False, err=lack)
             if have:
-                progress(f"{mib(have)} MiB of {mib(self._archive.size)} are there from an earlier try")
+                progress(f"{mib(have)} of {mib(self._archive.size)} MiB are there from an earlier try")
             meter.begin(have)
+            send(host, streams, b"go\n")
             for piece in _from(self._archive.pieces(), have):
-                self._send(streams, memoryview(piece))
+                send(host, streams, piece)
                 meter.add(len(piece))
             progress(f"{meter.text()}, loading")
-            word, _, rest = self._answer(streams, self._timeout_s).partition(" ")
+            word, _, rest = answer(host, streams, b"\n", self._timeout_s).partition(" ")
             if word == "wrong":
-                progress(f"what arrived on {self._session.host} is not what was sent (sha256 {rest[:64]}): again")
+                progress(f"what arrived on {host} is not what was sent (sha256 {rest[:64]}): again")
                 return None
             ok = word == "loaded"
             return Reply(status=200 if ok else 1, ok=ok, err="" if ok else rest[:2000] or streams.reason())
         finally:
             streams.close()
-
-    def _send(self, streams: Streams, piece: memoryview) -> None:
-        last = time.monotonic()
-        while piece:
-            sent = streams.write(piece)
-            piece = piece[sent:]
-            if sent:
-                last = time.monotonic()
-                continue
-            if streams.ended or time.monotonic() - last > _SILENCE_S:
-                why = streams.reason() if streams.ended else f"nothing went by for {_SILENCE_S:g} s"
-                raise TransportError(self._session.host, f"the image got no further: {why}", hint="apply again")
-            streams.wait(0.2, writing=True)
-
-    def _answer(self, streams: Streams, seconds: float) -> str:
-        """Return the next line that the robot says."""
-        said, end = bytearray(), time.monotonic() + seconds
-        while b"\n" not in said and not streams.ended:
-            out, error = streams.read()
-            said += out
-            if len(said) > _LONGEST_ANSWER or time.monotonic() > end:
-                raise TransportError(self._session.host, f"it said nothing of the image within {seconds:g} s")
-            if not out and not error:
-                streams.wait(0.2, writing=False)
-        return bytes(said).partition(b"\n")[0].decode("utf-8", "replace")
 
 
 def _from(pieces: Iterator[bytes], offset: int) -> Iterator[bytes]:

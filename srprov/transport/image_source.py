@@ -10,23 +10,19 @@ from __future__ import annotations
 import contextlib
 import posixpath
 import threading
-import time
 from collections.abc import Iterator
 
-from srprov.errors import TransportError
 from srprov.layers import Image, config_name
 from srprov.session import Progress, Session, Streams
+from srprov.spool import read_script, save_script
 from srprov.transport.blobs import Blob, Blobs, WrongBlob
 from srprov.transport.image_archive import ForeignImage
 from srprov.transport.image_progress import Meter
-from srprov.transport.image_spool import read_script, save_script
+from srprov.transport.image_shell import answer, dismiss, output
+from srprov.transport.tar_stream import TarError, TarStream
 from srprov.untrusted import json_or_none, mappings, string
 
-_SILENCE_S = 120.0
 _SAVE_S = 1800.0
-_REMOVAL_S = 10.0
-_LONGEST_ANSWER = 1 << 20
-_COMPLAINT = 4096
 
 
 class NoSpool(Exception):
@@ -78,7 +74,6 @@ class _Source:
 
         Raises:
             ForeignImage: The robot gives something else.
-            NoSpool: The robot cannot unpack the image.
             TransportError: The robot cannot be talked to any more.
             OSError: The cache cannot be written.
         """
@@ -86,36 +81,53 @@ class _Source:
             if (blob := self._blobs.get(digest)) is not None:
                 return blob
             with self._busy:
-                if self._holder is None:
-                    progress(f"{what}: {self._session.host} saves it")
-                    self._unpack()
-                script = read_script(self._spool, self._files[digest])
-                pieces = _output(self._session, self._session.open_shell(script))
-                try:
-                    return self._blobs.add(digest, Meter(f"{what} from {self._session.host}", progress).count(pieces))
-                except WrongBlob as error:
-                    raise ForeignImage(f"what it gives of {what} is not what its image names: {error}") from error
+                # whoever was busy may have read all of the image
+                return self._blobs.get(digest) or self._read(digest, what, progress)
+
+    def _read(self, digest: str, what: str, progress: Progress) -> Blob:
+        """Read it from the robot: from its spool, or where it can have none, with all the rest of the image."""
+        meter = Meter(f"{what} from {self._session.host}", progress)
+        try:
+            if self._holder is None:
+                progress(f"{what}: {self._session.host} saves it")
+                self._unpack()
+        except NoSpool as error:
+            progress(f"{what}: all of the image is read, as {error}")
+            return self._read_all(digest, meter)
+        shell = self._session.open_shell(read_script(self._spool, self._files[digest]))
+        try:
+            return self._blobs.add(digest, meter.count(output(self._session.host, shell)))
+        except WrongBlob as error:
+            raise ForeignImage(f"what it gives of {what} is not what its image names: {error}") from error
+
+    def _read_all(self, digest: str, meter: Meter) -> Blob:
+        """Keep every layer of the image, as they come anyway, and compress them here."""
+        wanted = {one for one in (self._image.id, *self._image.diff_ids) if self._blobs.size(one) is None}
+        archive = TarStream(meter.count(self._session.save_image(self._image.id, _SAVE_S)))
+        try:
+            for member in archive:
+                if member.isreg():
+                    self._blobs.add_wanted(wanted, archive.content())
+        except (TarError, UnicodeError) as error:
+            raise ForeignImage(f"what comes is no archive of an image: {error}") from error
+        if (blob := self._blobs.get(digest)) is None:
+            raise ForeignImage(f"its archive does not hold {digest}, which its image names")
+        return blob
 
     def close(self) -> None:
         """Let the spool go, and wait a moment until it has gone."""
-        if (holder := self._holder) is not None:
-            holder.write(memoryview(b"\n"))
-            end = time.monotonic() + _REMOVAL_S
-            while not holder.ended and time.monotonic() < end:
-                holder.read()
-                holder.wait(0.2, writing=False)
-            holder.close()
+        if self._holder is not None:
+            dismiss(self._holder)
 
     def _unpack(self) -> None:
         """Have the robot unpack the image, and learn which file is what."""
         holder = self._session.open_shell(save_script(self._image.id))
         try:
-            said = _answer(self._session.host, holder)
-            first, _, listed = said.partition(b"\n")
-            word, _, spool = first.decode("utf-8", "replace").partition(" ")
+            first, _, listed = answer(self._session.host, holder, b"\n\n", _SAVE_S).partition("\n")
+            word, _, spool = first.partition(" ")
             if word != "ready":
-                raise NoSpool(f"{self._session.host} cannot unpack it: {spool[:400] or 'no reason given'}")
-            self._spool, self._files = spool, _files(listed.decode("utf-8", "replace"), self._image)
+                raise NoSpool(f"{self._session.host} cannot unpack it ({spool[:400] or 'no reason given'})")
+            self._spool, self._files = spool, _files(listed, self._image)
         except BaseException:
             holder.close()
             raise
@@ -132,42 +144,3 @@ def _files(listed: str, image: Image) -> dict[str, str]:
     if any(name.startswith(("/", "-")) or ".." in posixpath.normpath(name).split("/") for name in names):
         raise ForeignImage("its archive lists files that lie elsewhere")
     return dict(zip((image.id, *image.diff_ids), names, strict=True))
-
-
-def _answer(host: str, streams: Streams) -> bytes:
-    """Return what a shell says up to an empty line; it goes on to run."""
-    said, complaint, end = bytearray(), bytearray(), time.monotonic() + _SAVE_S
-    while b"\n\n" not in said and not streams.ended:
-        out, error = streams.read()
-        said += out
-        complaint += error[: _COMPLAINT - len(complaint)]
-        if len(said) > _LONGEST_ANSWER:
-            raise ForeignImage("its archive's list of images is longer than any sensible one")
-        if time.monotonic() > end:
-            raise TransportError(host, f"it saved no image within {_SAVE_S:g} s", hint="is its disk full or slow?")
-        if not out:
-            streams.wait(0.2, writing=False)
-    if b"\n\n" in said:
-        return bytes(said)
-    return b"no " + b" ".join(complaint.split()) or b"no"
-
-
-def _output(session: Session, streams: Streams) -> Iterator[bytes]:
-    """Yield what a shell prints to its end.
-
-    Raises:
-        TransportError: It stopped to print.
-    """
-    last = time.monotonic()
-    try:
-        while not streams.ended:
-            piece, _ = streams.read()
-            if piece:
-                yield piece
-                last = time.monotonic()
-            elif time.monotonic() - last > _SILENCE_S:
-                raise TransportError(session.host, f"it gave nothing for {_SILENCE_S:g} s", hint="try again")
-            else:
-                streams.wait(0.2, writing=False)
-    finally:
-        streams.close()

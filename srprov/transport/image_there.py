@@ -42,7 +42,7 @@ class Room:
 
 
 def _lack(what: str, needed: int, free: int) -> str:
-    return f"{what} is too small: {needed / (1 << 20):.0f} MiB are needed, {free / (1 << 20):.0f} MiB are free"
+    return f"{what} is too small: {-(-needed // (1 << 20))} MiB are needed, {free >> 20} MiB are free"
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,8 +1,8 @@
 """Where a robot keeps images that are under way, and the shell scripts for it. Text only.
 
 `/var/lib/srprov/.images` has `save.PID`, an image unpacked for others to be read by the shell PID, and `load`, an
-archive that arrives in parts. Both go when they are done with; what a kill leaves goes with the next copy, and with
-the last of an instance (`TIDY`).
+archive that arrives in parts. Both go when they are done with; what a kill leaves goes with the next run that locks the
+robot (`tidy_script`).
 """
 
 from __future__ import annotations
@@ -11,21 +11,28 @@ from srprov.wire import quote
 
 SOCKET = "/var/run/docker.sock"
 FOLDER = "/var/lib/srprov/.images"
-_DEAD = f"""for old in {FOLDER}/save.*; do
-  [ ! -d "$old" ] || kill -0 "${{old##*.}}" 2>/dev/null || rm -rf "$old"
-done"""
-_EMPTY = f"rmdir {FOLDER} {FOLDER.rpartition('/')[0]} 2>/dev/null"
 
 
-def save_script(image_id: str) -> str:
+def _tidy(folder: str) -> str:
+    """Return what removes the spools of shells that are gone."""
+    dead = '[ ! -d "$old" ] || kill -0 "${old##*.}" 2>/dev/null || rm -rf "$old"'
+    return f"for old in {folder}/save.*; do {dead}; done"
+
+
+def _leave(folder: str) -> str:
+    """Return what removes the folder, and the one above, when nothing is in them."""
+    return f"rmdir {folder} {folder.rpartition('/')[0]} 2>/dev/null"
+
+
+def save_script(image_id: str, folder: str = FOLDER) -> str:
     """Return what unpacks an image, says `ready PLACE`, the archive's list and an empty line, and waits for its end."""
     name = quote(image_id)
     return f"""{{
 umask 077
-spool={FOLDER}/save.$$
-trap 'cd /; rm -rf "$spool"; {_EMPTY}' EXIT
+spool={folder}/save.$$
+trap 'cd /; rm -rf "$spool"; {_leave(folder)}' EXIT
 trap 'exit 1' HUP INT TERM PIPE
-{_DEAD}
+{_tidy(folder)}
 command -v gzip >/dev/null && command -v tar >/dev/null || {{ echo "no gzip or tar"; echo; exit 1; }}
 mkdir -p "$spool" && cd "$spool" || {{ echo "no folder $spool"; echo; exit 1; }}
 size=$(docker image inspect --format '{{{{.Size}}}}' {name} 2>/dev/null)
@@ -48,23 +55,24 @@ def read_script(spool: str, name: str) -> str:
     return f"cd {quote(spool)} && exec gzip -1 -n < {quote(name)}"
 
 
-def load_script(sha256: str, size: int) -> str:
+def load_script(sha256: str, size: int, folder: str = FOLDER) -> str:
     """Return what takes an archive of so many bytes, or the rest of it, into a file, and loads that.
 
-    It says `have BYTES`, or `no REASON`; takes the rest; then says `loaded`, `failed REASON`, or `wrong SHA256` when
-    the file is not what was sent. The file goes unless it is only a part.
+    It says `have BYTES`, or `no REASON`; takes the line `go`, and the rest; then says `loaded`, `failed REASON`, or
+    `wrong SHA256` when the file is not what was sent. The file goes unless it is only a part.
     """
     return f"""{{
 umask 077
-file={FOLDER}/load/{sha256}
-mkdir -p {FOLDER}/load 2>/dev/null && [ -w {FOLDER}/load ] || {{ echo "no it has no place for that"; exit 1; }}
+file={folder}/load/{sha256}
+mkdir -p {folder}/load 2>/dev/null && [ -w {folder}/load ] || {{ echo "no it has no place for that"; exit 1; }}
 command -v docker >/dev/null || command -v curl >/dev/null || {{ echo "no it has neither docker nor curl"; exit 1; }}
-for old in {FOLDER}/load/*; do [ "$old" = "$file" ] || rm -rf "$old"; done
-tidy() {{ rm -f "$file"; rmdir {FOLDER}/load 2>/dev/null; {_EMPTY}; }}
+for old in {folder}/load/*; do [ "$old" = "$file" ] || rm -rf "$old"; done
+tidy() {{ rm -f "$file"; rmdir {folder}/load 2>/dev/null; {_leave(folder)}; }}
 trap '[ -s "$file" ] || tidy' EXIT
 have=$(stat -c %s "$file" 2>/dev/null || echo 0)
 [ "$have" -le {size:d} ] || {{ rm -f "$file"; have=0; }}
 echo "have $have"
+read -r go && [ "$go" = go ] || exit 1
 [ "$have" = {size:d} ] || head -c $(({size:d} - have)) >>"$file"
 [ "$(stat -c %s "$file")" = {size:d} ] || exit 1
 found=$(sha256sum <"$file")
@@ -78,5 +86,11 @@ printf '%s %s\n' "$word" "$(printf %s "$said" | tr '\n' ' ')"
 }}"""
 
 
-TIDY = f"rm -rf {FOLDER}/load; {_DEAD}; {_EMPTY}"
-"""Removes what copies that ended otherwise may have left; what is in use for others stays."""
+def tidy_script(*, arriving: bool, folder: str = FOLDER) -> str:
+    """Return what removes what copies left that ended otherwise, but nothing that is in use for others.
+
+    With `arriving` also the parts of an archive, with which another copy to this robot could go on. Only who holds the
+    robot's lock may run it.
+    """
+    parts = f"rm -rf {folder}/load; " if arriving else ""
+    return f"if [ -d {folder} ]; then {parts}{_tidy(folder)}; {_leave(folder)}; fi"

@@ -1,0 +1,183 @@
+"""Large layers that are cut off on their way go on where they were; nothing is left of them afterwards."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from tests.lab.conftest import BEGUN, ROOT, Lab, part_of_lab
+from tests.lab.test_image_copies import received, root
+
+pytestmark = pytest.mark.soak
+MIB = 1 << 20
+SPOOL = "var/lib/srprov/.images"
+ROBOTS = ["robot1", "robot2"]
+
+
+def inside(lab: Lab, robot: str, *words: str) -> None:
+    """Run a command of this machine's root in a robot's view of the disk: robots may not mount."""
+    pid = root(lab, robot).parts[2]
+    subprocess.run(["nsenter", "-t", pid, "-m", *words], check=True, timeout=30)
+
+
+class Heavy:
+    """An experiment whose one service runs an image with a layer of random bytes that only robot1 has."""
+
+    def __init__(self, lab: Lab, folder: Path, size_mib: int) -> None:
+        self.lab, self.folder, self.size = lab, folder, size_mib * MIB
+        make = (
+            f"mkdir -p /tmp/base && cd /tmp/base && head -c {self.size} /dev/urandom > noise && "
+            "printf 'FROM busybox\\nCOPY noise /noise\\n' > Dockerfile && "
+            "docker build -q -t heavy:1 . && rm -rf /tmp/base"
+        )
+        lab.shell("robot1", "sh", "-c", make)
+        (folder / "x.cdf").write_text(
+            "cdf: 1\nname: heavy\nbase: heavy:1\ncommand: [sleep, '86400']\n", encoding="utf-8"
+        )
+        self.inventory = part_of_lab(lab, ROBOTS, folder / "lab.yml")
+        self.env = {**os.environ, "PYTHONPATH": str(ROOT), "SRPROV_HEARTBEAT": "1,4,6"}
+        self.env |= {"XDG_STATE_HOME": str(folder / "state"), "XDG_CACHE_HOME": str(folder / "cache")}
+        self.edf = str(folder / "heavy.edf")
+        self.on("robot1")
+        done = self.begin()
+        assert done.wait(250) == 0, done.communicate()
+
+    def on(self, *robots: str) -> None:
+        """Place the service."""
+        services = {f"on-{one}": {"cdf": "x.cdf", "robot": one, "stop_signal": "SIGKILL"} for one in robots}
+        text = json.dumps({"edf": 1, "name": f"heavy-{self.size >> 20}", "services": services})
+        Path(self.edf).write_text(text, encoding="utf-8")
+
+    def begin(self, *more: str) -> subprocess.Popen[str]:
+        """Start to apply it."""
+        words = ["apply", self.edf, "-i", self.inventory, "--yes", "--settle", "0", "--json", *more]
+        run = subprocess.Popen(
+            [sys.executable, "-m", "srprov", *words], cwd=self.folder, env=self.env, text=True,
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True,
+        )  # fmt: skip
+        BEGUN.append(run)
+        return run
+
+    def arrived(self) -> int:
+        """Give the bytes that robot2 has of the archive, by its own disk."""
+        return sum(one.stat().st_size for one in root(self.lab, "robot2").joinpath(SPOOL, "load").glob("*"))
+
+    def forget(self) -> None:
+        """Take the image from robot2."""
+        self.lab.shell("robot2", "sh", "-c", "docker rm -f $(docker ps -aq); docker rmi -f $(docker images -q); true")
+
+    def until(self, share: float, run: subprocess.Popen[str]) -> int:
+        """Wait until so much has arrived; give how much it is."""
+        end = time.monotonic() + 200
+        while (there := self.arrived()) < share * self.size:
+            assert run.poll() is None and time.monotonic() < end, run.communicate()
+            time.sleep(0.02)
+        return there
+
+    def finish(self, there: int) -> int:
+        """Apply again to the end; give the bytes that robot2 received meanwhile. Nothing is left of the copy."""
+        before = received(self.lab, "robot2")
+        run = self.begin()
+        out, err = run.communicate(timeout=250)
+        assert run.returncode == 0, (out[-2000:], err[-2000:])
+        got = received(self.lab, "robot2") - before
+        ids = {self.lab.shell(robot, "docker", "images", "-q", "--no-trunc", "srprov/heavy").out for robot in ROBOTS}
+        assert len(ids) == 1 and not any(root(self.lab, robot).joinpath(SPOOL).exists() for robot in ROBOTS), ids
+        assert there == 0 or got <= self.size - there + 32 * MIB, (got, there)
+        return got
+
+
+@pytest.fixture(scope="module")
+def heavy(lab_of_module: Lab, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Heavy]:
+    """Give one with 300 MiB."""
+    yield Heavy(lab_of_module, tmp_path_factory.mktemp("heavy"), 300)
+    for robot in ROBOTS:
+        clean = "docker rm -f $(docker ps -aq); docker image prune -af; rm -rf /var/lib/srprov/.images"
+        lab_of_module.shell(robot, "sh", "-c", clean, check=False)
+
+
+@pytest.mark.parametrize("share", [0.1, 0.5, 0.9])
+@pytest.mark.parametrize("how", ["cut", "killed"])
+def test_what_has_arrived_is_not_sent_again(heavy: Heavy, share: float, how: str) -> None:
+    lab = heavy.lab
+    heavy.on("robot1", "robot2")
+    heavy.forget()
+    run = heavy.begin()
+    heavy.until(share, run)
+    if how == "killed":
+        os.killpg(run.pid, signal.SIGKILL)
+        run.wait(10)
+    else:
+        assert lab.srprov("lab", "partition", "robot2").code == 0
+        assert run.wait(60) != 0
+        assert lab.srprov("lab", "heal", "robot2").code == 0
+    time.sleep(8)  # the robot's end of the lock notices
+    there = heavy.arrived()
+    assert there > 0
+    heavy.finish(there)
+
+
+def test_a_flipped_byte_in_what_has_arrived_is_noticed_and_nothing_wrong_is_tagged(heavy: Heavy) -> None:
+    heavy.on("robot1", "robot2")
+    heavy.forget()
+    run = heavy.begin()
+    heavy.until(0.3, run)
+    os.killpg(run.pid, signal.SIGKILL)
+    run.wait(10)
+    time.sleep(8)
+    (part,) = root(heavy.lab, "robot2").joinpath(SPOOL, "load").iterdir()
+    with part.open("r+b") as file:
+        file.seek(20 * MIB)
+        byte = file.read(1)
+        file.seek(20 * MIB)
+        file.write(bytes([byte[0] ^ 1]))
+    assert heavy.finish(0) > heavy.size, "all of it went over again"
+
+
+def test_a_disk_that_is_50_mib_short_is_refused_before_the_first_byte(heavy: Heavy) -> None:
+    """Both sizes are named; what runs there goes on."""
+    lab, place = heavy.lab, "/var/lib/srprov"
+    heavy.on("robot1", "robot2")
+    heavy.forget()
+    size = f"size={heavy.size + 14 * MIB}"
+    lab.shell("robot2", "mkdir", "-p", place)
+    inside(lab, "robot2", "mount", "-t", "tmpfs", "-o", size, "tmpfs", place)
+    try:
+        lab.shell("robot2", "docker", "run", "-d", "--name", "old", "busybox", "sleep", "86400")
+        before = received(lab, "robot2")
+        run = heavy.begin()
+        _, err = run.communicate(timeout=100)
+        assert run.returncode == 3 and received(lab, "robot2") - before < MIB, err
+        told = re.search(rf"the disk of {place} is too small: (\d+) MiB are needed, (\d+) MiB are free", err)
+        assert told and 48 <= int(told[1]) - int(told[2]) <= 52, err
+        assert lab.inspect("robot2", "old")["State"]["Running"]
+        assert not root(lab, "robot2").joinpath(SPOOL).exists()
+    finally:
+        lab.shell("robot2", "sh", "-c", "docker rm -f old")
+        inside(lab, "robot2", "umount", place)
+
+
+def test_a_gibibyte_of_noise_passes_and_the_controller_stays_small(lab_of_module: Lab, tmp_path: Path) -> None:
+    heavy = Heavy(lab_of_module, tmp_path, 1024)
+    heavy.on("robot1", "robot2")
+    heavy.forget()
+    run, said = heavy.begin(), list[str]()
+    assert run.stderr is not None
+    listener = threading.Thread(target=said.extend, args=(run.stderr,), daemon=True)
+    listener.start()
+    _, status, used = os.wait4(run.pid, 0)
+    listener.join(10)
+    assert status == 0, said
+    assert used.ru_maxrss < 150 * 1024, used.ru_maxrss
+    ids = {lab_of_module.shell(robot, "docker", "images", "-q", "--no-trunc", "srprov/heavy").out for robot in ROBOTS}
+    assert len(ids) == 1 and not any(root(lab_of_module, robot).joinpath(SPOOL).exists() for robot in ROBOTS)

@@ -1,0 +1,251 @@
+"""Copies of images without what is there: what goes over, what is refused, and what is left behind."""
+
+from __future__ import annotations
+
+import gzip
+import os
+import shutil
+import subprocess
+import threading
+from collections.abc import Collection
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from srprov.spool import tidy_script
+from srprov.transport import image_deliver
+from srprov.transport.blobs import Blobs
+from srprov.transport.image_copy import copy_image
+from srprov.transport.image_source import ImageSources
+from srprov.transport.options import ConnectOptions
+from srprov.wire import CopyImage, Reply
+from tests.unit.transport.thin_world import Made, Robot, sha
+
+TAG = "srprov/x:1"
+BASE, TOP = os.urandom(400_000), os.urandom(90_000)
+IMAGE = Made(BASE, TOP)
+
+
+class World:
+    """A builder that has the image, and another robot."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.builder, self.target = Robot("builder", folder), Robot("target", folder)
+        self.builder.images[TAG] = IMAGE
+        self.sources = ImageSources(Blobs(folder / "cache"))
+        self.said: list[str] = []
+
+    def copy(self, *, way: str = "", ids: Collection[str] = (), target: Robot | None = None) -> Reply:
+        session: Any = target or self.target
+        peers: Any = lambda _name: self.builder  # noqa: E731 - a mapping of one
+        options = ConnectOptions(image_sources=self.sources, image_ids=lambda _tag: ids)
+        copy = CopyImage(image=TAG, source_host="builder", way=way)
+        return copy_image(copy, session, peers, options, self.said.append)
+
+    def again(self) -> None:
+        """Forget what only this process knows."""
+        self.sources = ImageSources(Blobs(self.folder / "cache"))
+
+    def is_clean(self) -> bool:
+        """Tell whether no robot keeps anything of a copy."""
+        return not any(list(Path(one.folder, "state").rglob("*")) for one in (self.builder, self.target))
+
+
+@pytest.fixture
+def world(tmp_path: Path) -> World:
+    return World(tmp_path)
+
+
+def test_only_the_missing_layer_goes_over_and_the_image_is_the_same(world: World) -> None:
+    world.target.images["base"] = Made(BASE)
+    reply = world.copy(ids=[IMAGE.id])
+    assert reply.ok and "1 of 2 layers" in reply.out, reply
+    assert world.target.images[TAG].id == IMAGE.id
+    assert world.target.streamed[0] < 1.05 * len(gzip.compress(TOP, 1)) and world.builder.saves == 0
+    assert world.is_clean() and any("MiB/s" in line for line in world.said)
+
+
+def test_a_robot_that_has_all_layers_gets_only_the_name(world: World) -> None:
+    world.target.images["same"] = Made(BASE, TOP)
+    assert world.copy().ok and world.target.images[TAG].id == IMAGE.id and world.target.streamed[0] < 5_000
+
+
+def test_the_builder_is_read_once_for_all_robots_and_for_later_runs(world: World, tmp_path: Path) -> None:
+    others = [Robot(f"other{number}", tmp_path) for number in range(4)]
+    threads = [threading.Thread(target=world.copy, kwargs={"target": one}) for one in others]
+    for one in threads:
+        one.start()
+    for one in threads:
+        one.join(30)
+    assert all(one.images[TAG].id == IMAGE.id for one in others)
+    reads = sum("gzip" in one and "docker" not in one for one in world.builder.shells)
+    assert reads == 3, "configuration and two layers"
+    world.again()
+    shells = len(world.builder.shells)
+    assert world.copy().ok and len(world.builder.shells) == shells and world.is_clean()
+
+
+def test_a_builder_that_can_unpack_nothing_is_read_as_a_stream_once(world: World, tmp_path: Path) -> None:
+    world.builder.spools = False
+    assert world.copy(way="thin").ok and world.copy(target=Robot("other", tmp_path)).ok
+    assert world.builder.saves == 1 and world.target.images[TAG].id == IMAGE.id
+
+
+def test_an_engine_that_has_lost_a_layer_meanwhile_gets_the_image_whole_and_that_is_said(world: World) -> None:
+    world.target.images["base"] = Made(BASE)
+    world.target.lost = {sha(BASE)}
+    assert world.copy().ok and world.target.images[TAG].id == IMAGE.id and len(world.target.streamed) == 2
+    assert any(line.startswith(f"{TAG} is sent whole: its engine did not take it: open /var") for line in world.said)
+    world.target.images = {"base": Made(BASE)}
+    forced = world.copy(way="thin")
+    assert not forced.ok and "cannot be sent without the layers that are there" in forced.err
+
+
+CONTAINERD = {"Driver": "overlayfs", "DriverStatus": [["driver-type", "io.containerd.snapshotter.v1"]]}
+
+
+@pytest.mark.parametrize(("side", "info"), [("builder", CONTAINERD), ("target", {"Driver": ""})])
+def test_another_store_gives_and_gets_the_image_whole(world: World, side: str, info: dict[str, Any]) -> None:
+    robot: Robot = getattr(world, side)
+    robot.info = info
+    assert world.copy().ok and world.target.images[TAG].id == IMAGE.id and world.builder.saves == 1
+    assert any(f"the engine of {side} has no classic store" in line for line in world.said)
+    assert not world.copy(way="thin").ok
+
+
+def test_whole_is_whole(world: World) -> None:
+    world.target.images["base"] = Made(BASE)
+    assert world.copy(way="whole").ok and world.target.streamed[0] > len(BASE) and world.builder.shells == []
+
+
+def test_a_flipped_byte_in_the_cache_is_read_again(world: World, tmp_path: Path) -> None:
+    assert world.copy().ok
+    (kept,) = (one for one in (tmp_path / "cache").iterdir() if one.stat().st_size > 300_000)
+    content = bytearray(kept.read_bytes())
+    content[5_000] ^= 1
+    kept.write_bytes(content)
+    world.again()
+    world.target.images = {}
+    assert world.copy().ok and world.target.images[TAG].id == IMAGE.id
+    assert gzip.decompress(kept.read_bytes()) == BASE
+
+
+def test_a_flipped_byte_in_the_builders_spool_is_refused_and_nothing_is_tagged(world: World) -> None:
+    content = bytearray(IMAGE.saved())
+    content[content.find(TOP[:100]) + 50] ^= 1
+    world.builder.saved = bytes(content)
+    reply = world.copy()
+    assert not reply.ok and "layer 2 of 2 is not what its image names" in reply.err, reply
+    assert TAG not in world.target.images and world.target.streamed == [] and world.is_clean()
+
+
+def test_another_image_under_the_tag_is_refused(world: World) -> None:
+    reply = world.copy(ids=[Made(b"what was built").id])
+    assert not reply.ok and reply.err.startswith("builder: it gives another image under srprov/x:1")
+    assert world.target.streamed == [] and world.builder.shells == []
+
+
+def test_a_configuration_that_names_other_layers_than_the_engine_is_refused(world: World) -> None:
+    """The id is believed; the engine's list of layers would have others sent."""
+    liar = Made(BASE, TOP)
+    liar.diff_ids = [sha(BASE), sha(b"evil")]
+    world.builder.images[TAG] = liar
+    world.builder.saved = IMAGE.saved()
+    reply = world.copy(ids=[IMAGE.id])
+    assert not reply.ok and "names other layers" in reply.err, reply
+    assert TAG not in world.target.images
+
+
+def test_tags_of_the_builders_archive_reach_nobody(world: World) -> None:
+    world.builder.saved = IMAGE.saved([TAG, "busybox:latest"])
+    assert world.copy().ok and set(world.target.images) == {TAG}
+
+
+@pytest.mark.parametrize("listed", [b"", b"[]", b"[{}]", b'[{"Config": "/etc/shadow", "Layers": ["../a", "b"]}]'])
+def test_a_list_that_no_engine_writes_is_refused(world: World, listed: bytes) -> None:
+    saved = IMAGE.saved()
+    at = saved.rindex(b"[{")
+    end = saved.index(b"]}]", at) + 3
+    world.builder.saved = saved[:at] + listed.ljust(end - at) + saved[end:]
+    reply = world.copy()
+    assert (not reply.ok and "its archive lists" in reply.err) or "does not list" in reply.err, reply
+    assert world.is_clean()
+
+
+def test_a_robot_with_too_small_a_disk_is_refused_before_the_first_byte_with_both_sizes(world: World) -> None:
+    world.target.free_kib = 60 * 1024
+    reply = world.copy()
+    assert not reply.ok and reply.err == "its Docker's disk is too small: 65 MiB are needed, 60 MiB are free"
+    assert world.target.streamed == []
+
+
+@pytest.mark.parametrize("shell", [["dash"], ["busybox", "sh"]])
+def test_what_copies_left_goes_but_for_what_is_in_use(tmp_path: Path, shell: list[str]) -> None:
+    folder = tmp_path / "state" / ".images"
+    for name in ("load/0123", f"save.{os.getpid()}/x", "save.4194304/x"):
+        (folder / name).mkdir(parents=True)
+
+    def tidy(*, arriving: bool) -> list[str]:
+        script = tidy_script(arriving=arriving, folder=str(folder))
+        assert subprocess.run([*shell, "-c", script], check=False, capture_output=True).stderr == b""
+        return sorted(one.name for one in folder.iterdir()) if folder.exists() else []
+
+    assert tidy(arriving=False) == ["load", f"save.{os.getpid()}"]
+    assert tidy(arriving=True) == [f"save.{os.getpid()}"]
+    shutil.rmtree(folder / f"save.{os.getpid()}")
+    assert tidy(arriving=True) == [] and list(tmp_path.iterdir()) == [] and tidy(arriving=True) == []
+
+
+class TestSpooled:
+    """What is larger than a limit arrives in a file."""
+
+    @pytest.fixture(autouse=True)
+    def _low(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setattr(image_deliver, "SPOOLED", 100_000)
+
+    def test_it_is_loaded_from_there_and_the_file_goes(self, world: World) -> None:
+        assert world.copy().ok and world.target.images[TAG].id == IMAGE.id
+        assert world.target.streamed == [] and world.is_clean()
+
+    @pytest.mark.parametrize("part", [1, 50_000, 450_000])
+    def test_after_a_cut_only_the_rest_is_sent(self, world: World, part: int) -> None:
+        assert world.copy(target=Robot("other", world.folder)).ok
+        spool = Path(world.target.spool, "load")
+        whole = self._archive(world)
+        spool.mkdir(parents=True)
+        (spool / sha(whole).removeprefix("sha256:")).write_bytes(whole[:part])
+        (spool / ("0" * 64)).write_bytes(b"another that was never finished")
+        assert world.copy().ok and world.target.images[TAG].id == IMAGE.id and world.is_clean()
+        sent = [line for line in world.said if "from an earlier try" in line]
+        assert sent == [f"{part / (1 << 20):.1f} of {len(whole) / (1 << 20):.1f} MiB are there from an earlier try"]
+
+    def test_a_flipped_byte_in_the_part_is_noticed_and_all_is_sent_again(self, world: World) -> None:
+        assert world.copy(target=Robot("other", world.folder)).ok
+        whole = bytearray(self._archive(world))
+        name = sha(bytes(whole)).removeprefix("sha256:")
+        whole[70_000] ^= 1
+        Path(world.target.spool, "load").mkdir(parents=True)
+        Path(world.target.spool, "load", name).write_bytes(whole[:300_000])
+        assert world.copy().ok and world.target.images[TAG].id == IMAGE.id and world.is_clean()
+        assert any("is not what was sent" in line for line in world.said)
+
+    def test_a_robot_without_a_place_for_it_gets_a_stream(self, world: World) -> None:
+        world.target.spools = False
+        assert world.copy().ok and len(world.target.streamed) == 1
+
+    def test_room_is_asked_for_before_the_first_byte(self, world: World) -> None:
+        world.target.free_kib = 65 * 1024
+        reply = world.copy()
+        assert not reply.ok and "65 MiB are free" in reply.err and world.is_clean()
+
+    @staticmethod
+    def _archive(world: World) -> bytes:
+        other = Robot("probe", world.folder)
+        other.spools = False
+        taken: list[bytes] = []
+        load = other.engine.client.load
+        other.engine.client.load = lambda pieces, *more: load(iter([taken.append(b"".join(pieces)) or taken[0]]), *more)
+        assert world.copy(target=other).ok
+        return taken[0]
