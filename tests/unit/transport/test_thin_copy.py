@@ -7,7 +7,6 @@ import os
 import shutil
 import subprocess
 import threading
-from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -37,11 +36,11 @@ class World:
         self.sources = ImageSources(Blobs(folder / "cache"))
         self.said: list[str] = []
 
-    def copy(self, *, way: str = "", ids: Collection[str] = (), target: Robot | None = None) -> Reply:
+    def copy(self, *, way: str = "", id: str = "", target: Robot | None = None) -> Reply:
         session: Any = target or self.target
         peers: Any = lambda _name: self.builder  # noqa: E731 - a mapping of one
-        options = ConnectOptions(image_sources=self.sources, image_ids=lambda _tag: ids)
-        copy = CopyImage(image=TAG, source_host="builder", way=way)
+        options = ConnectOptions(image_sources=self.sources)
+        copy = CopyImage(image=TAG, source_host="builder", id=id, way=way)
         return copy_image(copy, session, peers, options, self.said.append)
 
     def again(self) -> None:
@@ -60,7 +59,7 @@ def world(tmp_path: Path) -> World:
 
 def test_only_the_missing_layer_goes_over_and_the_image_is_the_same(world: World) -> None:
     world.target.images["base"] = Made(BASE)
-    reply = world.copy(ids=[IMAGE.id])
+    reply = world.copy(id=IMAGE.id)
     assert reply.ok and "1 of 2 layers" in reply.out, reply
     assert world.target.images[TAG].id == IMAGE.id
     assert world.target.streamed[0] < 1.05 * len(gzip.compress(TOP, 1)) and world.builder.saves == 0
@@ -142,7 +141,7 @@ def test_a_flipped_byte_in_the_builders_spool_is_refused_and_nothing_is_tagged(w
 
 
 def test_another_image_under_the_tag_is_refused(world: World) -> None:
-    reply = world.copy(ids=[Made(b"what was built").id])
+    reply = world.copy(id=Made(b"what was built").id)
     assert not reply.ok and reply.err.startswith("builder: it gives another image under srprov/x:1")
     assert world.target.streamed == [] and world.builder.shells == []
 
@@ -153,7 +152,7 @@ def test_a_configuration_that_names_other_layers_than_the_engine_is_refused(worl
     liar.diff_ids = [sha(BASE), sha(b"evil")]
     world.builder.images[TAG] = liar
     world.builder.saved = IMAGE.saved()
-    reply = world.copy(ids=[IMAGE.id])
+    reply = world.copy(id=IMAGE.id)
     assert not reply.ok and "names other layers" in reply.err, reply
     assert TAG not in world.target.images
 
