@@ -51,8 +51,13 @@ read -r _
 
 
 def read_script(spool: str, name: str) -> str:
-    """Return what prints a file of a spool, compressed; equal contents give equal bytes."""
-    return f"cd {quote(spool)} && exec gzip -1 -n < {quote(name)}"
+    """Return what prints a file of a spool, compressed; equal contents give equal bytes.
+
+    A containerd store keeps layers as they came, most by gzip: those are printed as they are.
+    """
+    file = quote(name)
+    packed = f"""[ "$(head -c 2 < {file} | od -An -tx1 | tr -d ' ')" = 1f8b ]"""
+    return f"cd {quote(spool)} && if {packed}; then exec cat < {file}; else exec gzip -1 -n < {file}; fi"
 
 
 def load_script(sha256: str, size: int, folder: str = FOLDER) -> str:

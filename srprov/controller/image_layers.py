@@ -13,7 +13,7 @@ from typing import Any
 from srprov.controller.render_inputs import RenderInputs
 from srprov.controller.robot_images import robot_images
 from srprov.facts.gather import Gathering
-from srprov.layers import Image, has_classic_store, history_sizes, read_image
+from srprov.layers import Image, has_classic_store, has_containerd_store, history_sizes, read_image
 from srprov.transport.blobs import Blobs
 from srprov.transport.image_there import FIRST, INFO, Target, read_target, second_look
 from srprov.wire import AnyQuery, EngineQuery, Reply
@@ -64,7 +64,7 @@ def _copied(way: str, target: Target, source: Sequence[Reply], size: Callable[[s
     if image is None:
         return {}
     registry = way == "registry" or (target.containerd and not way)
-    if not (target.classic or registry) or not has_classic_store(info):
+    if not (target.classic or registry) or not (has_classic_store(info) or has_containerd_store(info)):
         return {} if way else {"way": "whole"}
     again = registry and target.classic  # an engine that may take once more what it did not pull
     missing = tuple(dict.fromkeys(image.diff_ids)) if again else target.missing(image)

@@ -14,12 +14,14 @@ from typing import TYPE_CHECKING
 from srprov.errors import TransportError
 from srprov.layers import Image
 from srprov.session import Progress, Session
+from srprov.transport.blob import Blob
 from srprov.transport.image_archive import ForeignImage, only
+from srprov.transport.image_config import configuration
 from srprov.transport.image_deliver import deliver
 from srprov.transport.image_progress import Meter, mib
-from srprov.transport.image_there import Room, Target, has_classic, image_of, look_at
+from srprov.transport.image_there import Room, Target, image_of, look_at, store_of
 from srprov.transport.registry_copy import NoWayBack, copy_by_registry
-from srprov.transport.thin_archive import ThinArchive, check_config
+from srprov.transport.thin_archive import ThinArchive
 from srprov.wire import CopyImage, Reply
 
 if TYPE_CHECKING:
@@ -86,29 +88,37 @@ class _Thin:
             NotThin: The image has to be sent whole.
             ForeignImage: The source has another image.
         """
-        image = image_of(self._source, self._copy.image)
-        if image is None or not has_classic(self._source):
-            raise NotThin(f"the engine of {self._source.host} has no classic store")
+        image, store = image_of(self._source, self._copy.image), store_of(self._source)
+        if image is None or not store:
+            raise NotThin(f"the engine of {self._source.host} does not say what it has")
         if ids and image.id not in ids:
             raise ForeignImage(f"it gives another image under {self._copy.image} than the one that was built")
         target = look_at(self._session)
         if self._copy.way == "registry" or (target.containerd and not self._copy.way):
-            return self._pull(self._archive(image, tuple(dict.fromkeys(image.diff_ids))), target)
+            return self._pull(self._archive(image, store, tuple(dict.fromkeys(image.diff_ids))), target)
         if not target.classic:
             raise NotThin(f"the engine of {self._session.host} has no classic store")
-        return self._load(self._archive(image, target.missing(image)), target.room)
+        return self._load(self._archive(image, store, target.missing(image)), target.room)
 
-    def _archive(self, image: Image, missing: Collection[str]) -> ThinArchive:
+    def _archive(self, image: Image, store: str, missing: Collection[str]) -> ThinArchive:
         """Get what is to be sent into the cache."""
         name = self._copy.image
         try:
             with self._sources.source(self._source, image) as source:
-                config = source.get(image.id, f"{name}, configuration", self._progress)
-                check_config(image, config)
+
+                def small(digest: str) -> Blob:
+                    return source.get(digest, f"{name}, configuration", self._progress)
+
+                image, config = configuration(image, small, classic=store == "classic")
                 layers = [
                     source.get(one, f"{name}, layer {number} of {len(missing)}", self._progress)
                     for number, one in enumerate(missing, 1)
                 ]
+        except ForeignImage as error:
+            if store == "classic":
+                raise
+            # its archive may lack layers that it never fetched; whole, the engine says for itself what it needs
+            raise NotThin(f"{self._source.host}: {error}") from error
         except OSError as error:
             raise NotThin(f"the cache of layers cannot be used: {error.strerror or error}") from error
         return ThinArchive(image, name, config, layers)

@@ -23,6 +23,8 @@ from srprov.transport.tar_stream import TarError, TarStream
 from srprov.untrusted import json_or_none, mappings, string
 
 _SAVE_S = 1800.0
+_LAYOUT = "blobs/sha256/"
+"""Where everything is in an OCI layout, by its hash."""
 
 
 class NoSpool(Exception):
@@ -94,7 +96,8 @@ class _Source:
         except NoSpool as error:
             progress(f"{what}: all of the image is read, as {error}")
             return self._read_all(digest, meter)
-        shell = self._session.open_shell(read_script(self._spool, self._files[digest]))
+        name = self._files.get(digest) or _LAYOUT + digest.removeprefix("sha256:")
+        shell = self._session.open_shell(read_script(self._spool, name))
         try:
             return self._blobs.add(digest, meter.count(output(self._session.host, shell)))
         except WrongBlob as error:
@@ -143,4 +146,5 @@ def _files(listed: str, image: Image) -> dict[str, str]:
         raise ForeignImage(f"its archive does not list the {len(image.diff_ids)} layers of {config_name(image)}")
     if any(name.startswith(("/", "-")) or ".." in posixpath.normpath(name).split("/") for name in names):
         raise ForeignImage("its archive lists files that lie elsewhere")
-    return dict(zip((image.id, *image.diff_ids), names, strict=True))
+    by_hash = names[0].startswith(_LAYOUT)
+    return dict(zip(image.diff_ids, names[1:], strict=True)) | ({} if by_hash else {image.id: names[0]})

@@ -69,9 +69,10 @@ def image_of(reader: Reader, name: str) -> Image | None:
     return read_image(reply.json()) if reply.ok else None
 
 
-def has_classic(reader: Reader) -> bool:
-    """Return whether a robot's engine has a classic store; raises as `image_of` does."""
-    return has_classic_store(reader.ask([INFO])[0].json())
+def store_of(reader: Reader) -> str:
+    """Return `classic` or `containerd`, or nothing for an engine that tells neither; raises as `image_of` does."""
+    info = reader.ask([INFO])[0].json()
+    return "classic" if has_classic_store(info) else "containerd" if has_containerd_store(info) else ""
 
 
 def look_at(reader: Reader) -> Target:

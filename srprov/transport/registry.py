@@ -18,7 +18,7 @@ from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler
 from typing import Any, BinaryIO, Protocol
 
-from srprov.transport.blobs import Blob
+from srprov.transport.blob import Blob, open_regular
 from srprov.transport.deadline import Deadline
 from srprov.transport.registry_image import MANIFEST, ServedImage, sha256
 
@@ -70,7 +70,7 @@ class _Content:
 
     def open(self) -> BinaryIO:
         """Return its bytes."""
-        return io.BytesIO(self.source) if isinstance(self.source, bytes) else self.source.open()
+        return io.BytesIO(self.source) if isinstance(self.source, bytes) else open_regular(self.source.path)
 
 
 def _contents(image: ServedImage) -> Mapping[str, _Content]:

@@ -15,13 +15,22 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from srprov.layers import Image
+from srprov.session import no_progress
+from srprov.transport.blob import Blob
+from srprov.transport.blobs import Blobs
+from srprov.transport.image_config import configuration
+from srprov.transport.image_source import ImageSources
 from srprov.transport.registry import answer
 from srprov.transport.registry_image import ServedImage
 from srprov.transport.ssh_session import SshSession
+from srprov.transport.thin_archive import content
 from tests.unit.transport.test_registry import an_image, tar_of
+from tests.unit.transport.thin_world import Made, Robot
 
 from .sshd import usable
 from .test_reverse import listens, robot
@@ -147,3 +156,24 @@ def test_a_layer_with_one_wrong_byte_is_refused(port: int, image: ServedImage, u
     source = f"docker://127.0.0.1:{port}/{image.name}@{image.digest}"
     with pytest.raises(AssertionError, match=r"(?i)digest did not match|does not match"):
         run(*words, "--src-tls-verify=false", source, f"dir:{tmp_path / 'copied'}", **library)
+
+
+def test_what_containerd_saves_is_read_from_a_builder(
+    port: int, image: ServedImage, containerd: str, tmp_path: Path
+) -> None:
+    in_containerd(containerd, f"127.0.0.1:{port}/{image.name}@{image.digest}")
+    saved = tmp_path / "saved.tar"
+    reference = f"127.0.0.1:{port}/{image.name}@{image.digest}"
+    run("ctr", "--address", containerd, "images", "export", str(saved), reference)
+    builder: Any = Robot("builder", tmp_path)
+    builder.saved, builder.images["srprov/x:1"] = saved.read_bytes(), Made(b"")
+
+    def get(digest: str) -> Blob:
+        return source.get(digest, "the image", no_progress)
+
+    known = Image(image.digest, image.image.diff_ids)
+    with ImageSources(Blobs(tmp_path / "cache")).source(builder, known) as source:
+        found, config = configuration(known, get, classic=False)
+        assert (found, content(config)) == (image.image, image.config)
+        layers = [get(one) for one in found.diff_ids]
+    assert [one.compressed for one in layers] == [one.compressed for one in image.layers], "they are compressed anew"

@@ -19,7 +19,7 @@ from srprov.transport.image_copy import copy_image
 from srprov.transport.image_source import ImageSources
 from srprov.transport.options import ConnectOptions
 from srprov.wire import CopyImage, Reply
-from tests.unit.transport.thin_world import Made, Robot, sha
+from tests.unit.transport.thin_world import CONTAINERD, InContainerd, Made, Robot, sha
 
 TAG = "srprov/x:1"
 BASE, TOP = os.urandom(400_000), os.urandom(90_000)
@@ -102,16 +102,40 @@ def test_an_engine_that_has_lost_a_layer_meanwhile_gets_the_image_whole_and_that
     assert not forced.ok and "cannot be sent without the layers that are there" in forced.err
 
 
-CONTAINERD = {"Driver": "overlayfs", "DriverStatus": [["driver-type", "io.containerd.snapshotter.v1"]]}
-
-
-@pytest.mark.parametrize(("side", "info"), [("builder", CONTAINERD), ("target", {"Driver": ""})])
-def test_another_store_gives_and_gets_the_image_whole(world: World, side: str, info: dict[str, Any]) -> None:
+@pytest.mark.parametrize(("side", "why"), [("builder", "does not say what it has"), ("target", "no classic store")])
+def test_an_engine_that_tells_no_store_gets_or_gives_the_image_whole(world: World, side: str, why: str) -> None:
     robot: Robot = getattr(world, side)
-    robot.info = info
+    robot.info.clear()
     assert world.copy().ok and world.target.images[TAG].id == IMAGE.id and world.builder.saves == 1
-    assert any(f"the engine of {side} has no classic store" in line for line in world.said)
+    assert any(f"the engine of {side} " in line and why in line for line in world.said)
     assert not world.copy(way="thin").ok
+
+
+def test_a_containerd_store_that_cannot_pull_gets_the_image_whole(world: World) -> None:
+    world.target.info["DriverStatus"] = CONTAINERD
+    assert world.copy().ok and world.target.images[TAG].id == IMAGE.id and world.builder.saves == 1
+    assert f"{TAG} is sent whole: this machine forwards no port to itself" in world.said
+
+
+@pytest.mark.parametrize("index", [False, True])
+def test_a_builder_with_a_containerd_store_is_read_by_what_its_id_leads_to(world: World, *, index: bool) -> None:
+    built = InContainerd(BASE, TOP, index=index)
+    world.builder.images[TAG], world.builder.info["DriverStatus"] = built, CONTAINERD
+    world.target.images["base"] = Made(BASE)
+    assert world.copy(id=built.id).ok and world.target.images[TAG].id == built.config_id == IMAGE.id, world.said
+    (sent,) = world.target.streamed
+    assert sent < len(built.packed[1]) + 10_000 and world.builder.saves == 0 and world.is_clean()
+    kept = {path.name for path in Path(world.folder, "cache").iterdir()}
+    assert {f"{sha(TOP)[7:]}.gz", f"{built.config_id[7:]}.gz"} <= kept and f"{sha(BASE)[7:]}.gz" not in kept
+
+
+def test_what_the_id_of_a_containerd_store_does_not_lead_to_is_not_sent(world: World) -> None:
+    built, other = InContainerd(BASE, TOP), InContainerd(BASE, b"other")
+    world.builder.images[TAG], world.builder.info["DriverStatus"] = built, CONTAINERD
+    built.documents = [built.config, other.manifest.encode()]
+    assert not world.copy(way="thin").ok
+    assert not world.copy(id=built.id).ok, "nor whole, where it is known what it should be"
+    assert TAG not in world.target.images
 
 
 def test_whole_is_whole(world: World) -> None:

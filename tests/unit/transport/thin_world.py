@@ -22,6 +22,8 @@ from srprov.transport.shell.pipes import PipeStreams
 from srprov.wire import EngineQuery, Query, Reply
 
 INFO = {"Driver": "overlay2", "DriverStatus": [["Backing Filesystem", "extfs"]], "DockerRootDir": "/var/lib/docker"}
+CONTAINERD = [["driver-type", "io.containerd.snapshotter.v1"]]
+"""`DriverStatus` of the other store."""
 _DOCKER = """#!/bin/sh
 case $1 in
   save) cat "$ROBOT/saved.tar" ;;
@@ -49,13 +51,41 @@ class Made:
         names = [f"{one.removeprefix('sha256:')}/layer.tar" for one in self.diff_ids]
         entry = {"Config": f"{self.id[7:]}.json", "RepoTags": list(tags) or None, "Layers": names}
         files = {f"{self.id[7:]}.json": self.config, **dict(zip(names, self.layers, strict=True))}
-        target = io.BytesIO()
-        with tarfile.open(fileobj=target, mode="w") as archive:
-            for name, content in (*files.items(), ("manifest.json", json.dumps([entry]).encode())):
-                member = tarfile.TarInfo(name)
-                member.size = len(content)
-                archive.addfile(member, io.BytesIO(content))
-        return target.getvalue()
+        return tar_of({**files, "manifest.json": json.dumps([entry]).encode()})
+
+
+class InContainerd(Made):
+    """An image as a containerd store has it: known by a manifest, or by an index, with compressed layers."""
+
+    def __init__(self, *layers: bytes, index: bool = False) -> None:
+        super().__init__(*layers)
+        self.packed = [gzip.compress(one, 6) for one in layers]
+        layers_of = [{"digest": sha(one)} for one in self.packed]
+        self.manifest = json.dumps({"config": {"digest": self.id}, "layers": layers_of})
+        proof = json.dumps({"config": {"digest": sha(b"{}")}, "layers": []})
+        elsewhere = {"digest": sha(b"of another platform")}
+        manifests = [elsewhere, {"digest": sha(proof.encode())}, {"digest": sha(self.manifest.encode())}]
+        self.index = json.dumps({"manifests": manifests}) if index else self.manifest
+        self.documents = [self.config, b"{}", *(one.encode() for one in (self.manifest, proof, self.index))]
+        self.config_id, self.id = self.id, sha(self.index.encode())
+
+    def saved(self, tags: Sequence[str] = ()) -> bytes:
+        """Give the archive of `docker save`: an OCI layout, with a list as older engines have it."""
+        names = [f"blobs/sha256/{sha(one)[7:]}" for one in self.packed]
+        entry = {"Config": f"blobs/sha256/{self.config_id[7:]}", "RepoTags": list(tags) or None, "Layers": names}
+        files = {f"blobs/sha256/{sha(one)[7:]}": one for one in (*self.documents, *self.packed)}
+        return tar_of({**files, "oci-layout": b"{}", "manifest.json": json.dumps([entry]).encode()})
+
+
+def tar_of(files: dict[str, bytes]) -> bytes:
+    """Give a tar of files."""
+    target = io.BytesIO()
+    with tarfile.open(fileobj=target, mode="w") as archive:
+        for name, content in files.items():
+            member = tarfile.TarInfo(name)
+            member.size = len(content)
+            archive.addfile(member, io.BytesIO(content))
+    return target.getvalue()
 
 
 class Robot:
