@@ -8,7 +8,7 @@ import os
 import secrets
 import stat
 from pathlib import Path
-from typing import TextIO
+from typing import BinaryIO, TextIO
 
 _OTHERS = 0o077
 _WRITABLE = 0o022
@@ -147,3 +147,12 @@ def write_file(path: str | Path, text: str, flags: int = os.O_TRUNC) -> None:
         if stat.S_ISREG(os.fstat(stream.fileno()).st_mode):  # not a pipe or a device
             os.fchmod(stream.fileno(), 0o600)
         stream.write(text)
+
+
+def open_new(path: Path) -> BinaryIO:
+    """Open a file that is not there yet, for writing.
+
+    Raises:
+        OSError: It is there, or cannot be made.
+    """
+    return open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o600), "wb")

@@ -160,8 +160,10 @@ class Session(Reader, Protocol):
             TransportError: It cannot be started.
         """
 
-    def container_log(self, container: str, *, tail: int, follow: bool) -> Iterator[str]:
+    def container_log(self, container: str, *, tail: int, follow: bool, times: bool = False) -> Iterator[str]:
         """Return a container's log line by line, standard output and error together; with `follow` until it ends.
+
+        A negative tail is all of it. With `times`, each line begins with the engine's time and a space.
 
         Raises:
             TransportError: The engine or the robot cannot be talked to any more.

@@ -25,6 +25,8 @@ OWN: Mapping[str, str] = {
     "definitions/schema_cache.py": "the user's own cache: nobody else can write there, or it is not used",
     "rendering/limited.py": "a pipe of its own, and a file of the kernel's",
     "private.py": "writes files of its own, for their owner alone",
+    "record/journal.py:__init__": "appends to the run's own journal",
+    "record/results.py": "what was written right before, into a new folder",
     "record/folder.py": "writes the run's record, into a new folder",
     "transport/blob.py": "the user's own cache: what a file holds is compared with the digest in its name",
     "transport/blobs.py": "writes the user's own cache",

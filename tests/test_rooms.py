@@ -48,10 +48,9 @@ ROOMS: Mapping[str, Room] = {
         "click rich tomli",
     ),
     "controller": room(
-        "errors layers"
-        " regular_file wire session resource secret data disk owner private untrusted sizes image_reference"
-        " git_address git definitions transport facts assignment network images rendering modules planning execution"
-        " record"
+        "errors layers regular_file wire session resource secret data disk owner private untrusted sizes"
+        " image_reference git_address git linear_regex definitions transport facts assignment network images rendering"
+        " modules planning execution record trials"
     ),
     "disk": room("regular_file images.plan"),
     "regular_file": room(),
@@ -63,7 +62,8 @@ ROOMS: Mapping[str, Room] = {
     "untrusted": room(),
     "yamldoc": room("errors regular_file", "yaml"),
     "definitions": room(
-        "errors names private regular_file untrusted secret data owner image_reference git_address yamldoc",
+        "errors names private regular_file untrusted secret data owner image_reference git_address linear_regex"
+        " yamldoc",
         "jsonschema jinja2",
     ),
     "transport": room(
@@ -87,11 +87,16 @@ ROOMS: Mapping[str, Room] = {
         " definitions.model definitions.secretmodel network.identity"
     ),
     "execution": room(
-        "errors spool plain_tar untrusted resource wire session image_reference modules planning facts owner"
-        " definitions.dockerfile"
+        "errors spool plain_tar untrusted resource wire session image_reference linear_regex modules planning facts"
+        " owner trials definitions.dockerfile definitions.trialsmodel"
     ),
-    "record": room("errors private regular_file untrusted resource secret definitions.model facts planning execution"),
+    "record": room(
+        "errors private regular_file untrusted resource secret definitions.model facts planning execution trials"
+        " transport.tar_stream"
+    ),
     "lab": room("errors yamldoc", "yaml"),
+    "trials": room("errors linear_regex untrusted definitions.trialsmodel"),
+    "linear_regex": room(foreign="re2"),
     "data": room("errors"),
     "errors": room(),
     "names": room("errors"),
@@ -141,6 +146,7 @@ FILES: Mapping[str, Room] = {
     "cli/logs.py": cli_file("facts"),
     "cli/plan.py": cli_file("planning"),
     "cli/progress.py": cli_file("planning execution"),
+    "cli/run.py": cli_file("execution"),
     "cli/schema.py": cli_file("data"),
     "cli/status.py": cli_file("facts"),
 }

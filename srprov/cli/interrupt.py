@@ -75,7 +75,7 @@ def _send_again(number: int) -> None:
 
 
 @contextmanager
-def soft_interrupt(stop: threading.Event) -> Iterator[None]:
+def soft_interrupt(stop: threading.Event, said: bytes = _SAID) -> Iterator[None]:
     """Set `stop` at the first signal, raise KeyboardInterrupt at the second; elsewhere than in main, do nothing."""
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -91,7 +91,7 @@ def soft_interrupt(stop: threading.Event) -> Iterator[None]:
         # This thread may be inside `stop.wait()` and hold its lock, or start a thread: to set it here would hang then.
         _thread.start_new_thread(stop.set, ())
         with contextlib.suppress(OSError):  # nobody may be there to read it any more
-            os.write(2, _SAID)  # the signal may have come in the middle of a print, which allows no other
+            os.write(2, said)  # the signal may have come in the middle of a print, which allows no other
 
     before = {number: signal.signal(number, ask) for number in _SIGNALS}
     try:

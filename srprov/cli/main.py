@@ -28,6 +28,7 @@ _VERBS = {
     "assign": "Show which robot would run which service, and why.",
     "plan": "Show what would change; changes nothing.",
     "apply": "Change the robots so that the experiment runs on them.",
+    "run": "Run the experiment's trials, and bring home what they give.",
     "status": "Show the running experiment.",
     "logs": "Show the output of services.",
     "locks": "Show who is changing which robot.",

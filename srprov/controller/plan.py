@@ -29,8 +29,9 @@ from srprov.controller.playbooks import playbooks
 from srprov.controller.render_inputs import RenderInputs
 from srprov.controller.request import PlanRequest
 from srprov.controller.robot_room import check_room, with_log_drivers
+from srprov.controller.trial_values import at_first_point, design_notes
 from srprov.definitions.containermodel import ContainerDefinition
-from srprov.definitions.model import Definitions, Inventory
+from srprov.definitions.model import Definitions, Experiment, Inventory
 from srprov.definitions.pins import unknown_pins
 from srprov.definitions.playbookmodel import Playbook
 from srprov.definitions.secretvalues import used
@@ -66,6 +67,8 @@ class Planned:
     snapshot: Snapshot | None = None
     """The robots as they were; None for a plan from a file."""
     definitions: Definitions | None = None
+    experiment: Experiment | None = None
+    """With every instance as a service of its own."""
     assignment: Assignment | None = None
     desired: tuple[Resource, ...] = ()
     """What should be true on all robots."""
@@ -123,20 +126,15 @@ def make_plan(
     notes = (*notes, *check_room(steps, choice, instance, snapshot, look, playbooks=bool(theirs)))
     made = _plan(definitions, dataclasses.replace(inputs, snapshot=snapshot), placed, theirs, steps, unchanged, notes)
     enforce(made, look.inventory, request.policies)
+    images = {image.tag: image for image in inputs.images.values()}
     return Planned(
-        plan=made,
-        snapshot=snapshot,
-        definitions=definitions,
-        assignment=placed,
-        desired=desired,
-        images={image.tag: image for image in inputs.images.values()},
-        playbooks=theirs,
-        owner=inputs.data.owner,
-    )
+        plan=made, snapshot=snapshot, definitions=definitions, experiment=choice.experiment, assignment=placed,
+        desired=desired, images=images, playbooks=theirs, owner=inputs.data.owner,
+    )  # fmt: skip
 
 
 def _plannable(definitions: Definitions, inventory: Inventory, request: PlanRequest) -> Definitions:
-    """Return the definitions with the limits of the lab's policy.
+    """Return the definitions with the limits of the lab's policy, at the first point of their parameters.
 
     What cannot or must not be planned is refused, before anything of it is shown to a robot.
     """
@@ -145,7 +143,7 @@ def _plannable(definitions: Definitions, inventory: Inventory, request: PlanRequ
     if unknown := unknown_pins(definitions.experiment, inventory):
         raise DefinitionError(unknown)
     permit_planning(permissions(definitions.experiment, definitions.containers), request.allowed)
-    return with_limits(definitions, request.policies)
+    return at_first_point(with_limits(definitions, request.policies))
 
 
 def _inputs(
@@ -230,6 +228,7 @@ def _plan(
             *idle_notes(definitions, experiment, inputs.snapshot),
             *notes,
             *inputs.data.notes,
+            *design_notes(definitions.experiment.trials),
         ),
         unreachable=inputs.snapshot.unreachable,
         playbooks=tuple(PlaybookUse(name=one.name, file=one.file, place=one.place) for one in theirs),

@@ -22,6 +22,7 @@ from srprov.controller.plan import Planned
 from srprov.controller.report import failures, run_json
 from srprov.controller.saved import plan_file
 from srprov.execution import Event, Listener, RunOptions, RunResult, run_plan
+from srprov.execution.lock_set import LockSet
 from srprov.owner import owner
 from srprov.record import RunFolder, RunInputs, default_root, event_json, run_id, write_inputs
 
@@ -41,7 +42,7 @@ class RunReport:
 
 def run(
     planned: Planned, fleet: Fleet, options: RunOptions, phases: Phases, listener: Listener, stop: threading.Event,
-    *, runs: Path | None = None,
+    *, runs: Path | None = None, held: LockSet | None = None,
 ) -> RunReport:  # fmt: skip
     """Lock the robots that the plan changes, do every step, and record what was given, decided and done.
 
@@ -53,6 +54,7 @@ def run(
         listener: Told what happens, from several threads at once.
         stop: Set from outside to begin no further step.
         runs: Where runs are recorded; None: `~/.local/state/srprov/runs`.
+        held: The locks, where the caller holds them already.
 
     Raises:
         UsageError: Who owns the volumes cannot be written down; nothing was changed.
@@ -67,7 +69,7 @@ def run(
             listener(event)
 
         forgetful = remembering.begin(planned)
-        result = run_plan(planned.plan, fleet.connected(), recorded, replace(options, run=folder.name), stop)
+        result = run_plan(planned.plan, fleet.connected(), recorded, replace(options, run=folder.name), stop, held)
         forgetful = remembering.note_built(result) or remembering.end(planned, result, options.verb) or forgetful
         document = run_json(planned.plan, result, fleet.connected(), phases)
         folder.put_json("result.json", lambda: {**document, "run": str(folder.path)})

@@ -75,7 +75,7 @@ def _references(root: Map, known: Mapping[str, Map], findings: Findings) -> None
         for item in named:
             _known(item, known, findings, path)
     lists: list[tuple[Node, Path]] = []
-    pools, related, results = (root.entries.get(key) for key in ("pools", "relations", "results"))
+    pools, related = (root.entries.get(key) for key in ("pools", "relations"))
     for index, pool in enumerate(pools.items if isinstance(pools, Seq) else ()):
         if isinstance(pool, Map) and "services" in pool.entries:
             lists.append((pool.entries["services"], ("pools", index, "services")))
@@ -87,8 +87,6 @@ def _references(root: Map, known: Mapping[str, Map], findings: Findings) -> None
     for group, path in lists:
         for item in scalars(group):
             _known(item, known, findings, path)
-    for item in results.keys.values() if isinstance(results, Map) else ():
-        _known(item, known, findings, ("results",))
 
 
 def _known(item: Scalar, known: Mapping[str, Map], findings: Findings, path: Path) -> None:

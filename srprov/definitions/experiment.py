@@ -25,6 +25,7 @@ from srprov.definitions import (
     service,
     sharing,
     taken,
+    trials,
 )  # fmt: skip
 from srprov.definitions.container import Container
 from srprov.definitions.model import Definitions, Experiment, NetworkSettings, Placement, Service, Weights
@@ -103,6 +104,7 @@ def _checked(
     sources = secrets.sources(root, folder, findings)
     playbooks = playbook.from_experiment(root, folder, findings)
     checks.check(root, services, containers, findings)
+    trial_definitions = trials.read(root, services, findings)
     if findings.problems:
         raise DefinitionError(findings.problems)
     return replace(
@@ -111,6 +113,7 @@ def _checked(
         playbooks=playbooks,
         outside=taken.outside(path, folder, services, containers),
         environment=bare,
+        trials=trial_definitions,
     )
 
 

@@ -14,6 +14,7 @@ from typing import Any
 from srprov.definitions.containermodel import ContainerDefinition, Requirements, Runtime
 from srprov.definitions.playbookmodel import Playbook
 from srprov.definitions.secretmodel import SecretSource, SecretUse
+from srprov.definitions.trialsmodel import TrialDefinitions
 from srprov.errors import Diagnostic, Location
 from srprov.secret import Secret, Vault
 
@@ -162,6 +163,8 @@ class Experiment:
     description: str = ""
     authors: tuple[str, ...] = ()
     metadata: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+    trials: TrialDefinitions | None = None
+    """What it says of trials, if anything."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -6,9 +6,7 @@ act refuses them: nothing is accepted and ignored.
 
 from __future__ import annotations
 
-from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq
-
-_TOP = ("parameters", "trials", "results")
+from srprov.yamldoc.nodes import Findings, Map, Path, Scalar
 
 
 def note_unsupported(root: Map, findings: Findings) -> None:
@@ -17,9 +15,6 @@ def note_unsupported(root: Map, findings: Findings) -> None:
     for name, entry in services.entries.items() if isinstance(services, Map) else ():
         if isinstance(entry, Map):
             _service(entry, ("services", name), findings)
-    for key in _TOP:
-        if key in root.entries and not _empty(root.entries[key]):
-            findings.add(root.keys[key], f"'{key}' is not supported yet", (key,))
     network = root.entries.get("network")
     for key, built in (("encryption", "none"), ("discovery", "multicast")):
         wanted = network.entries.get(key) if isinstance(network, Map) else None
@@ -37,10 +32,6 @@ def _service(entry: Map, path: Path, findings: Findings) -> None:
         )
     if isinstance(network, Scalar) and network.text == "both":
         findings.add(network, "'network: both' is not supported yet", (*path, "network"), "use overlay or host")
-
-
-def _empty(node: Node | None) -> bool:
-    return node is None or (isinstance(node, Map) and not node.entries) or (isinstance(node, Seq) and not node.items)
 
 
 def note_unsupported_of_cdf(layer: Map, findings: Findings) -> None:

@@ -15,6 +15,7 @@ from srprov.execution.options import RunOptions
 from srprov.execution.outcome import Event, Listener, Outcome, RunResult, StepResult
 
 if TYPE_CHECKING:
+    from srprov.execution.lock_set import LockSet
     from srprov.planning.plan import Plan
     from srprov.session import Session
 
@@ -27,6 +28,7 @@ def run_plan(
     listener: Listener,
     options: RunOptions | None = None,
     stop: threading.Event | None = None,
+    held: LockSet | None = None,
 ) -> RunResult:
     """Lock the robots that the plan changes, do every step and say what came of each.
 
@@ -36,6 +38,7 @@ def run_plan(
         listener: told what happens, from several threads at once.
         options: limits and deadlines; None: the defaults.
         stop: set from outside to begin no further step.
+        held: the locks, where the caller holds them already, of all robots that the plan changes.
 
     Raises:
         LockHeld: Somebody else holds one of the robots; nothing was changed.
@@ -52,4 +55,4 @@ def run_plan(
         )
     from srprov.execution.executor import walk
 
-    return walk(plan, sessions, listener, options, stop)
+    return walk(plan, sessions, listener, options, stop, held)

@@ -10,13 +10,14 @@ import concurrent.futures
 import itertools
 import threading
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import nullcontext
 
 from srprov.errors import TransportError
 from srprov.execution.audit import AuditEntry, audit
 from srprov.execution.batches import Batch, cut
 from srprov.execution.conditions import wait_for
 from srprov.execution.ending import CLOSING_S, LOOK_S, Ending
-from srprov.execution.lock_set import LockOptions, LockSet
+from srprov.execution.lock_set import LockSet, lock_options
 from srprov.execution.locks import claim
 from srprov.execution.options import RunOptions
 from srprov.execution.outcome import Event, Listener, Outcome, RunResult, StepResult
@@ -25,19 +26,18 @@ from srprov.execution.settle import settle
 from srprov.execution.stopping import begins_with_stop
 from srprov.planning.plan import Plan, Step
 from srprov.session import Session
-from srprov.wire import CopyImage
 
 
 def walk(
-    plan: Plan, sessions: Mapping[str, Session], listener: Listener, options: RunOptions, stop: threading.Event
-) -> RunResult:
+    plan: Plan, sessions: Mapping[str, Session], listener: Listener, options: RunOptions, stop: threading.Event,
+    held: LockSet | None = None,
+) -> RunResult:  # fmt: skip
     """Do what `srprov.execution.run_plan` promises."""
     robots = {step.host for step in plan.steps} & sessions.keys()
-    copied_to = frozenset(step.host for step in plan.steps for one in step.commands if isinstance(one, CopyImage))
-    waiting = LockOptions(wait_s=options.lock_wait_s, pulse=options.pulse, forks=options.forks, copied_to=copied_to)
     mine = claim(f"{options.verb} {plan.instance}", options.run)
     unaudited: dict[str, str] = {}
-    with LockSet(robots, sessions, mine, waiting, stop, listener).acquire() as locks:
+    waiting = lock_options(plan, options)
+    with nullcontext(held) if held else LockSet(robots, sessions, mine, waiting, stop, listener).acquire() as locks:
         reached = {host: session for host, session in sessions.items() if host not in locks.lost}
         run = _Run(reached, listener, options, stop, locks.lost)
         run.walk(cut(plan.steps))

@@ -17,10 +17,12 @@ from types import TracebackType
 
 from srprov.errors import LockHeld, TransportError
 from srprov.execution.locks import SCRIPT, Claim, Holder, parse_holder
+from srprov.execution.options import RunOptions
 from srprov.execution.outcome import Event, Listener
+from srprov.planning.plan import Plan
 from srprov.session import LockChannel, Pulse, Session
 from srprov.spool import tidy_script
-from srprov.wire import quote
+from srprov.wire import CopyImage, quote
 
 _GRACE_S = 1.0
 """For a lock that is only being tested, or released by a controller that lost a race."""
@@ -38,6 +40,12 @@ class LockOptions:
     forks: int = 64
     copied_to: frozenset[str] = frozenset()
     """Robots that get images in this run: what has arrived of one is not removed."""
+
+
+def lock_options(plan: Plan, options: RunOptions) -> LockOptions:
+    """Return how the robots of a plan are locked."""
+    copied_to = frozenset(step.host for step in plan.steps for one in step.commands if isinstance(one, CopyImage))
+    return LockOptions(wait_s=options.lock_wait_s, pulse=options.pulse, forks=options.forks, copied_to=copied_to)
 
 
 class LockSet:

@@ -15,7 +15,8 @@ from urllib.parse import quote as url_quote
 
 from srprov.definitions.model import Service
 from srprov.modules import container_form
-from srprov.modules.container_body import differing, engine_body, parts_of
+from srprov.modules.container_body import differing
+from srprov.modules.container_commands import creation, hashes, remove, start, stop
 from srprov.modules.container_leftover import BUILD, end_process, left_by_build
 from srprov.modules.container_limits import QUERY as LIMITS
 from srprov.modules.container_limits import changed_limits, limits_of
@@ -31,12 +32,10 @@ from srprov.modules.module import (
     STOP_GRACE,
     Module,
     Names,
-    canonical,
-    digest,
 )
 from srprov.resource import Action, Change, Observed, State
-from srprov.untrusted import integer, mapping, mappings, string, string_map
-from srprov.wire import STOP_MARGIN_S, AnyQuery, Command, EngineCall, EngineQuery, Query, Reply, Run, sh
+from srprov.untrusted import integer, mappings, string, string_map
+from srprov.wire import AnyQuery, Command, EngineCall, EngineQuery, Query, Reply, sh
 
 _LONGEST_GRACE_S = 7 * 86_400
 """A robot's label may say anything; a run's --stop-timeout is shorter."""
@@ -77,7 +76,7 @@ class ContainerModule(Module[ContainerParams]):
         """Compare by hash, then by what the process does."""
         if found is None:
             return Change(action=Action.CREATE, cause="not there", commands=_create_and_start(name, want))
-        wanted_hash, wanted_parts = _hashes(want)
+        wanted_hash, wanted_parts = hashes(want)
         if found["hash"] != wanted_hash:
             return _replacement(name, want, found, differing(found["parts"], wanted_parts))
         if cause := changed_limits(want, found["limits"]) or _wrong_address(want, found):
@@ -134,24 +133,7 @@ class ContainerModule(Module[ContainerParams]):
 
 
 def _create_and_start(name: str, want: ContainerParams) -> tuple[Command, ...]:
-    body = engine_body(want)
-    config_hash, parts = _hashes(want)
-    body["Labels"] = {
-        **want.run.labels,
-        INSTANCE: want.instance,
-        SERVICE: want.service,
-        SOURCE: want.source,
-        CONFIG_HASH: config_hash,
-        CONFIG_PARTS: ",".join(f"{key}={value}" for key, value in sorted(parts.items())),
-        STOP_GRACE: str(body["StopTimeout"]),
-    }
-    # engines older than API 1.42 take CreateMountpoint without a word, and refuse the mount
-    made = [str(m.get("Source")) for m in want.mounts if mapping(m.get("BindOptions")).get("CreateMountpoint") is True]
-    folders = [Run(script=sh("mkdir", "-p", "--", path)) for path in made]
-    create = EngineCall(
-        method="POST", path="/containers/create", params=(("name", name),), body=canonical(body), accept=(201,)
-    )
-    return (*folders, create, EngineCall(method="POST", path=f"/containers/{name}/start"))
+    return (*creation(name, want), start(name))
 
 
 def _replacement(name: str, want: ContainerParams, found: State, cause: str) -> Change:
@@ -161,16 +143,7 @@ def _replacement(name: str, want: ContainerParams, found: State, cause: str) -> 
 
 def _stop_and_remove(name: str, state: State) -> tuple[Command, ...]:
     grace = float(state.get("stop_grace", 10))
-    return (
-        *end_process(string(state.get("unstarted"))),
-        # 304: it stopped already; 404: somebody removed it since
-        EngineCall(
-            method="POST", path=f"/containers/{name}/stop", accept=(204, 304, 404), timeout_s=grace + STOP_MARGIN_S
-        ),
-        EngineCall(
-            method="DELETE", path=f"/containers/{name}", params=(("force", "true"), ("v", "true")), accept=(204, 404)
-        ),
-    )
+    return (*end_process(string(state.get("unstarted"))), stop(name, grace), remove(name))
 
 
 def _parse_one(item: Mapping[str, Any], limits: Mapping[str, Mapping[str, str]]) -> Observed | None:
@@ -213,11 +186,6 @@ def _ends(settings: object, key: str) -> dict[str, str]:
     if not isinstance(networks, Mapping):
         return {}
     return {str(name): string(end.get(key)) for name, end in networks.items() if isinstance(end, Mapping)}
-
-
-def _hashes(want: ContainerParams) -> tuple[str, dict[str, str]]:
-    parts = parts_of(want)
-    return digest(parts), {name: digest(value, 8) for name, value in parts.items()}
 
 
 def _wrong_address(want: ContainerParams, found: State) -> str:

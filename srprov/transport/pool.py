@@ -102,6 +102,20 @@ class Sessions:
                 if self._closed.is_set():
                     return ConnectError(host, "connections were closed", hint="connect again")
 
+    def again(self, host: str) -> Session:
+        """Connect anew to a robot whose connection was lost, and return the new session.
+
+        Raises:
+            TransportError: It cannot be reached.
+        """
+        session = connect(self._hosts[host], options=self._options, peers=self.get)
+        fresh: Future[Session] = Future()
+        fresh.set_result(session)
+        self._sessions[host] = fresh
+        if self._closed.is_set():
+            session.close()
+        return session
+
     def connected(self) -> dict[str, Session]:
         """Wait for all robots and return the sessions of those that were reached, in the inventory's order."""
         failures = self.failures()

@@ -227,13 +227,13 @@ class BaseSession(abc.ABC):
             tell(self._host, streams, f"SRPROV_SESSION={self._mark}; export SRPROV_SESSION; {script}; exit\n")
         return streams
 
-    def container_log(self, container: str, *, tail: int, follow: bool) -> Iterator[str]:
-        """Return a container's log line by line, standard output and error together; with `follow` until it ends.
+    def container_log(self, container: str, *, tail: int, follow: bool, times: bool = False) -> Iterator[str]:
+        """Return a container's log line by line; see `session.Session`.
 
         Raises:
             TransportError: The engine or the robot cannot be talked to any more.
         """
-        return self.engine.client.log(container, tail=tail, follow=follow)
+        return self.engine.client.log(container, tail=tail, follow=follow, times=times)
 
     def measure(self) -> Measures | None:
         """Return load and memory when that needs no shell, else None."""

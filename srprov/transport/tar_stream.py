@@ -33,8 +33,9 @@ class TarError(Exception):
 class TarStream:
     """The members of a tar, in order; what nobody reads of one is skipped."""
 
-    def __init__(self, chunks: Iterator[bytes]) -> None:
-        """Take the tar as it comes."""
+    def __init__(self, chunks: Iterator[bytes], *, most_members: int = _MOST_MEMBERS, any_kind: bool = False) -> None:
+        """Take the tar as it comes; with `any_kind` also entries that are neither file nor folder nor link."""
+        self._most, self._any_kind = most_members, any_kind
         self._chunks, self._rest = chunks, b""
         self._left = self._padding = 0
 
@@ -47,8 +48,8 @@ class TarStream:
         count = total = 0
         while header := self._header():
             count, total = count + 1, total + header.size
-            if count > _MOST_MEMBERS or total > _MOST_BYTES:
-                raise TarError(f"it has more than {_MOST_MEMBERS} members, or {_MOST_BYTES >> 30} GiB")
+            if count > self._most or total > _MOST_BYTES:
+                raise TarError(f"it has more than {self._most} members, or {_MOST_BYTES >> 30} GiB")
             self._left, self._padding = header.size, -header.size % _BLOCK
             yield header
             for _ in self.content():
@@ -86,7 +87,8 @@ class TarStream:
         header.name, header.linkname = words.get("path", header.name), words.get("linkpath", header.linkname)
         if "size" in words:
             header.size = int(words["size"]) if re.fullmatch("[0-9]{1,18}", words["size"]) else -1
-        if header.type not in _KINDS or header.size < 0 or any(name.startswith("GNU.") for name in words):
+        foreign = header.type not in _KINDS and not self._any_kind
+        if foreign or header.size < 0 or any(name.startswith("GNU.") for name in words):
             raise TarError(f"{header.name[:80]!r} is no file that an image has")
         if header.size and not header.isreg():
             raise TarError(f"{header.name[:80]!r} is no file, and has content")

@@ -161,8 +161,10 @@ class Engine:
         with self._or_error(no, "is it still there?", broken, timeout_s), self._client(timeout_s) as client:
             yield from client.get_image(within(image), _CHUNK)
 
-    def log(self, container: str, *, tail: int, follow: bool) -> Iterator[str]:
+    def log(self, container: str, *, tail: int, follow: bool, times: bool = False) -> Iterator[str]:
         """Yield a container's log line by line; with `follow` until the container ends. A negative tail is all of it.
+
+        With `times`, each line begins with the engine's time and a space.
 
         An engine that sends more lines than it was asked for is not listened to.
 
@@ -170,6 +172,7 @@ class Engine:
             TransportError: There is no such container, or the engine or the robot went away.
         """
         params = {"stdout": 1, "stderr": 1, "tail": tail if tail >= 0 else "all", "follow": int(follow)}
+        params["timestamps"] = int(times)
         timeout = (_LOG_TIMEOUT_S, None if follow else WaitInAll(_LOG_TIMEOUT_S))
         no, hint, broken = (
             f"no log of {container}",

@@ -251,9 +251,6 @@ def test_same_robot_groups_with_a_common_service_are_one(tmp_path: Path) -> None
         ("{image: x, network: both}", "", 4, "'network: both'"),
         ("{image: x}", "network: {encryption: wireguard}\n", 6, "'encryption: wireguard'"),
         ("{image: x}", "network: {discovery: zenoh}\n", 6, "'discovery: zenoh'"),
-        ("{image: x}", "parameters: {A: [1, 2]}\n", 6, "'parameters'"),
-        ("{image: x}", "trials: 3\n", 6, "'trials'"),
-        ("{image: x}", "results: {a: [/bags]}\n", 6, "'results'"),
     ],
 )
 def test_what_is_not_built_yet_is_listed_at_its_line(

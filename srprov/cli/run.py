@@ -1,0 +1,148 @@
+"""`srprov run`: trials, one after the other."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, TextIO
+
+import click
+
+from srprov.cli import inputs, options, output_options
+from srprov.cli.execute import confirm, refuse_without_terminal
+from srprov.cli.interrupt import soft_interrupt
+from srprov.cli.output import Answer, err, expect, out, out_json
+from srprov.cli.plan import show_plan
+from srprov.cli.progress import progress
+from srprov.cli.seconds import Seconds
+from srprov.cli.stdout_guard import answers_only
+from srprov.controller.request import PlanRequest
+from srprov.errors import UsageError
+
+if TYPE_CHECKING:
+    from srprov.controller.fleet import Fleet
+    from srprov.controller.plan import Planned
+    from srprov.controller.trial_plan import TrialPlan
+    from srprov.controller.trial_run import TrialsReport, TrialsRequest
+    from srprov.controller.trials import TrialNews
+    from srprov.definitions.model import Definitions
+    from srprov.execution import RunOptions
+    from srprov.secret import Vault
+    from srprov.session import Pulse
+
+_SAID = b"\ninterrupted: the present trial goes on to its end, no new one begins; once more to end it at once\n"
+
+
+@click.command()
+@click.argument("file", metavar="FILE")
+@options.robots
+@options.locking
+@options.planning
+@click.option("-o", "--out", "target", type=click.Path(file_okay=False, path_type=Path), default=None, metavar="DIR",
+              help="Where the run is kept (default: a new folder below ~/.local/state/srprov/runs).")  # fmt: skip
+@click.option("--resume", is_flag=True, help="Go on with the run in DIR: only what has not ended is run.")
+@click.option("--only", multiple=True, metavar="TRIAL|POINT", help="Only this trial, or trials of this point.")
+@click.option("-y", "--yes", is_flag=True, help="Do not ask.")
+@click.option("--wait-timeout", type=Seconds(min=0), default=300.0, show_default=True, metavar="S",
+              help="Seconds for a service that is kept over all trials to become healthy.")  # fmt: skip
+@output_options.EVENTS
+@output_options.QUIET
+@click.option("--no-color", is_flag=True, help="Plain text; so does NO_COLOR.")
+def run(
+    file: str, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, request: PlanRequest,
+    unreachable: str, lock_wait: float, stop_timeout: float, pulse: Pulse, target: Path | None, resume: bool,
+    only: tuple[str, ...], yes: bool, wait_timeout: float, events: TextIO | None, no_color: bool,
+) -> int:  # fmt: skip
+    """Run the experiment's trials: every combination of its parameters, as often as the EDF says.
+
+    Each trial makes its containers anew, waits until it has ended, brings logs and results home, and removes them.
+    Ctrl-C ends the run after the present trial, a second one at once; --resume goes on.
+    """
+    from srprov.controller.secrets import read_secrets
+
+    refuse_without_terminal(yes)
+    if unreachable != "fail":
+        raise UsageError("trials need all their robots", hint="leave --unreachable out")
+    definitions = inputs.load_experiment(file)
+    vault = read_secrets(definitions, request.allowed)
+    inventory = inputs.load_inventory(inventories)
+    request = inputs.with_own_files(request, definitions)
+    with inputs.connect(inventory, timeout, forks, changing=True, vault=vault) as fleet:
+        output_options.note(f"asking {len(inventory.hosts)} robots for facts")
+        planned = _planned(definitions, fleet, request, vault)
+        from srprov.controller.permissions import may_trigger, permit_run
+        from srprov.controller.trial_plan import trial_plan
+        from srprov.controller.trial_run import TrialsRequest
+        from srprov.execution import RunOptions
+
+        plan = trial_plan(planned, inventory, request.policies)
+        if not as_json:
+            show_plan(plan.base.plan, None, verbose=False)
+        permit_run(planned.plan, request.allowed, inventory, request.policies)
+        confirm(plan.base.plan, yes, stop_timeout)
+        run_options = RunOptions(
+            forks=forks, wait_timeout_s=wait_timeout, stop_timeout_s=stop_timeout, lock_wait_s=lock_wait, pulse=pulse,
+            triggers=may_trigger(request.allowed), verb="run",
+        )  # fmt: skip
+        wanted = TrialsRequest(folder=target, resume=resume, only=only)
+        report = _run(plan, fleet, wanted, run_options, events, color=not no_color)
+    _show(report, as_json)
+    return report.exit_code
+
+
+def _planned(definitions: Definitions, fleet: Fleet, request: PlanRequest, vault: Vault) -> Planned:
+    with fleet.look(definitions.experiment) as look, answers_only():
+        from srprov.controller.plan import make_plan  # a tenth of a second of imports, while the robots are asked
+
+        return make_plan(definitions, look, request, vault)
+
+
+def _run(
+    plan: TrialPlan, fleet: Fleet, wanted: TrialsRequest, run_options: RunOptions, events: TextIO | None, *, color: bool
+) -> TrialsReport:
+    """Run them, and show what happens."""
+    from srprov.controller.trial_run import run_trials
+
+    expect(Answer.ASIDE)
+    stop, quiet = threading.Event(), output_options.is_quiet()
+    with (
+        progress(plan.base.plan, events=events, color=color, quiet=quiet) as listener,
+        soft_interrupt(stop, _SAID),
+    ):
+        return run_trials(plan, fleet, wanted, run_options, listener, _say, stop, _pause)
+
+
+def _say(news: TrialNews) -> None:
+    """Say how an attempt of a trial ended."""
+    if news.over:
+        values = "".join(f" {name}={value}" for name, value in news.values.items())
+        output_options.note(f"[{news.order}/{news.trials}] {news.trial}{values}: {news.what}")
+
+
+def _pause(seconds: float, prompt: str) -> None:
+    """Wait between two trials, for a person too where there is one."""
+    if prompt and sys.stdin.isatty():
+        click.prompt(f"{prompt}; then press Enter", default="", show_default=False, err=True)
+    time.sleep(seconds)
+
+
+def _show(report: TrialsReport, as_json: bool) -> None:
+    """Say what came of the run, and how to read it."""
+    if as_json:
+        out_json({"run": str(report.folder), "trials": report.trials, "done": report.done, "rows": list(report.rows)})
+    if report.base is not None:
+        for line in report.base.failures:
+            err(line)
+    counts: dict[str, int] = {}
+    for one in report.rows:
+        word = str(one["status"]) + (f", {one['verdict']}" if one.get("verdict") not in (None, "unknown") else "")
+        counts[word] = counts.get(word, 0) + 1
+    told = "; ".join(f"{count} {word}" for word, count in sorted(counts.items())) or "nothing"
+    err(f"{report.done} of {report.trials} trials: {told}")
+    if report.ended_early:
+        err(f"the run ended early: {report.ended_early}; go on with --resume -o {report.folder}")
+    if not as_json:
+        out(f"{report.folder}/trials.csv")
+    err("pandas.read_csv('trials.csv').query(\"status in ['ok', 'timeout', 'crashed']\") has the trials that count")

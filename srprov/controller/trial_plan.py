@@ -1,0 +1,162 @@
+"""A plan of an experiment -> what is there over all trials, and what each trial makes anew. Pure."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+
+from srprov.controller.labpolicy import Policies, enforce
+from srprov.controller.ownership import owned
+from srprov.controller.plan import Planned
+from srprov.controller.trial_instances import with_instances
+from srprov.definitions.model import Inventory
+from srprov.definitions.trialsmodel import TrialDefinitions, folder_of
+from srprov.errors import UsageError
+from srprov.execution.trial_robots import TrialContainer
+from srprov.modules import RUNNING
+from srprov.modules.container_commands import creation, hashes
+from srprov.modules.container_params import ContainerParams
+from srprov.planning.diff import diff
+from srprov.resource import Resource
+from srprov.trials import Trial
+
+TRIAL = "srprov.trial"
+"""Label of a trial's containers: the trial and its attempt."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TrialPlan:
+    """What is planned for trials."""
+
+    base: Planned
+    """All that is there over all trials."""
+    services: tuple[Resource, ...]
+    """The containers that each trial makes anew, as they are without trials."""
+    given: TrialDefinitions
+    """With conditions that name every instance of a service."""
+    needs: Mapping[str, Mapping[str, str]]
+    """Service of a trial -> services of the trial that it waits for, and for what."""
+    origin: Mapping[str, str]
+    """Service of a trial -> its name in the EDF."""
+
+    @property
+    def jobs(self) -> frozenset[str]:
+        """The services that end by themselves, or may."""
+        return frozenset(one.service for one in self.services if one.params.run.restart in ("", "no"))
+
+
+def trial_plan(planned: Planned, inventory: Inventory, policies: Policies) -> TrialPlan:
+    """Divide what a plan wants into what is there over all trials and what each trial makes anew.
+
+    Raises:
+        UsageError: A service that is kept waits for one that is not.
+        RefusedError: A policy does not allow a container.
+    """
+    experiment = planned.experiment
+    assert planned.snapshot is not None and experiment is not None  # a plan from a file has none, and no trials
+    given = with_instances(experiment)
+    kept = set(given.settings.keep)
+    ours = {name for name in experiment.services if name not in kept}
+    for name in sorted(kept):
+        if waits := sorted(experiment.services[name].depends_on.keys() & ours):
+            raise UsageError(f"'{name}' is kept over all trials and waits for '{waits[0]}', which is not")
+    moving = tuple(one for one in planned.desired if one.module in RUNNING and one.service in ours)
+    rest = [one for one in planned.desired if one not in moving]
+    instance = planned.plan.instance
+    # each trial makes its containers anew, so a policy looks at all of them
+    enforce(replace(planned.plan, steps=diff(planned.desired, {}, instance)[0]), inventory, policies)
+    steps, unchanged = diff(rest, owned(planned.snapshot, instance), instance)
+    base = replace(planned, plan=replace(planned.plan, steps=steps, unchanged=unchanged), desired=tuple(rest))
+    needs = {
+        name: {other: how for other, how in experiment.services[name].depends_on.items() if other in ours}
+        for name in ours
+    }
+    origin = {name: experiment.services[name].instance_of or name for name in ours}
+    return TrialPlan(base=base, services=moving, given=given, needs=needs, origin=origin)
+
+
+def containers(plan: TrialPlan, trial: Trial, attempt: int, run: str) -> list[TrialContainer]:
+    """Return what one attempt of a trial runs."""
+    return [_container(plan, one, trial, attempt, run) for one in plan.services]
+
+
+def _container(plan: TrialPlan, one: Resource, trial: Trial, attempt: int, run: str) -> TrialContainer:
+    settings, base = plan.given.settings, one.params
+    assert isinstance(base, ContainerParams)
+    own = {
+        "SRPROV_RUN": run,
+        "SRPROV_TRIAL": trial.id,
+        "SRPROV_POINT": trial.point.id,
+        "SRPROV_REPETITION": str(trial.repetition),
+        "SRPROV_SEED": str(trial.seed),
+    }
+    set_here = {name: value for name, value in trial.point.values.items() if name in base.run.environment}
+    grace = base.run.stop_grace_s if settings.stop_grace_s is None else settings.stop_grace_s
+    runtime = replace(
+        base.run,
+        environment={**base.run.environment, **set_here, **own},
+        stop_signal=settings.stop_signal or base.run.stop_signal,
+        stop_grace_s=grace,
+    )
+    label = {TRIAL: f"{trial.id}.{attempt}"}
+    # volumes without a name: the engine removes them with their container, whoever removes that
+    mounts = tuple({"Type": "volume", "Target": folder} for folder in _result_folders(plan, one))
+    want = replace(base, run=runtime, mounts=(*base.mounts, *mounts))
+    return TrialContainer(
+        host=one.host,
+        service=one.service,
+        name=one.name,
+        create=creation(one.name, want, label),
+        needs=plan.needs[one.service],
+        grace_s=grace,
+    )
+
+
+def _result_folders(plan: TrialPlan, one: Resource) -> Iterator[str]:
+    """Return the folders of a service's results that no mount of its has."""
+    targets = [str(mount["Target"]).rstrip("/") for mount in one.params.mounts]
+    for result in plan.given.results.get(plan.origin[one.service], ()):
+        folder = folder_of(result.path)
+        if not any(folder == target or folder.startswith(f"{target}/") for target in targets):
+            yield folder
+            targets.append(folder)
+
+
+def sameness(plan: TrialPlan, facts: Mapping[str, Mapping[str, str]]) -> dict[str, str]:
+    """Return what must be the same in all trials of a run: what it is about -> its value, or a hash of it.
+
+    Args:
+        plan: What is planned.
+        facts: Robot -> what of it counts, in words.
+    """
+    given = plan.given
+    swept = {one.name for one in given.parameters}
+    found: dict[str, str] = {}
+    for one in plan.services:
+        plain = {name: value for name, value in one.params.run.environment.items() if name not in swept}
+        parts = hashes(replace(one.params, run=replace(one.params.run, environment=plain)))[1]
+        found |= {f"{one.service}: {part}": value for part, value in parts.items()}
+        found[f"{one.service}: image"] = one.params.image
+        found[f"{one.service}: robot"] = one.host
+        found |= {f"{one.host}: {what}": value for what, value in facts.get(one.host, {}).items()}
+    settings = asdict(replace(given.settings, repetitions=0, retries=0, max_failures=0, pause_s=0.0, prompt=""))
+    for key in ("repetitions", "retries", "max_failures", "pause_s", "prompt", "exclude", "include"):
+        settings.pop(key)
+    found |= {f"trials: {key}": _text(value) for key, value in settings.items()}
+    found |= {f"metrics: {one.name}": _text(asdict(replace(one, description=""))) for one in given.metrics}
+    found |= {f"results: {service}": _text([asdict(one) for one in some]) for service, some in given.results.items()}
+    found |= {f"parameters: {one.name}": _text(one.services) for one in given.parameters}
+    return found
+
+
+def _text(value: object) -> str:
+    text = json.dumps(value, sort_keys=True)
+    return text if len(text) <= 200 else f"sha256 {hashlib.sha256(text.encode()).hexdigest()[:16]}"
+
+
+def differences(before: Mapping[str, str], now: Mapping[str, str]) -> Sequence[str]:
+    """Return a line for each thing that is not as it was."""
+    changed = sorted(key for key in before.keys() | now.keys() if before.get(key) != now.get(key))
+    return [f"{key}: {before.get(key, 'nothing')} -> {now.get(key, 'nothing')}" for key in changed]

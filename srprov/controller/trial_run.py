@@ -1,0 +1,216 @@
+"""A run of trials from its beginning, or gone on with: locks, what is there over all trials, the journal, the trials.
+
+Takes a `Planned`, the fleet and what the user asks for; gives a `TrialsReport`. A run is gone on with only as the same
+experiment: the journal's first event says what must not have changed.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import hashlib
+import json
+import threading
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from srprov import __version__
+from srprov.controller.fleet import Fleet
+from srprov.controller.phases import Phases
+from srprov.controller.run import RunReport, run
+from srprov.controller.trial_connections import LockedRobots
+from srprov.controller.trial_plan import TrialPlan, differences, sameness
+from srprov.controller.trials import FINAL, Say, TrialRun, Trials, empty_folder
+from srprov.errors import RefusedError, UsageError
+from srprov.execution import Listener, RunOptions
+from srprov.execution.lock_set import LockSet, lock_options
+from srprov.execution.locks import claim
+from srprov.execution.trial_robots import Connections
+from srprov.facts.model import Snapshot
+from srprov.record import default_root
+from srprov.record.journal import Journal, read
+from srprov.trials import Design, design
+from srprov.untrusted import mapping
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TrialsRequest:
+    """What the user asks for beside the files."""
+
+    folder: Path | None = None
+    """Where the run is kept; None: below the folder of all runs."""
+    resume: bool = False
+    """Go on with the run that is in the folder."""
+    only: tuple[str, ...] = ()
+    """Ids of trials or points; empty: all."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TrialsReport:
+    """What came of a run."""
+
+    folder: Path
+    rows: tuple[Mapping[str, object], ...]
+    trials: int
+    """Of the design, or of those that were asked for."""
+    ended_early: str
+    base: RunReport | None = None
+    """What came of what is there over all trials, when something was to be done."""
+
+    @property
+    def done(self) -> int:
+        """How many trials ended in a way that counts."""
+        return len({one["trial"] for one in self.rows if one["status"] in FINAL})
+
+    @property
+    def exit_code(self) -> int:
+        """0 when every trial ended in a way that counts, whatever its verdict."""
+        if self.base is not None and self.base.result.exit_code:
+            return self.base.result.exit_code
+        if self.ended_early == "interrupted":
+            return 130
+        return 0 if self.done >= self.trials else 3
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class _Earlier:
+    """What the journal of a run says."""
+
+    name: str
+    rows: tuple[Mapping[str, Any], ...] = ()
+    begun: Mapping[str, int] | None = None
+    lost: str = ""
+    events: int = 0
+
+
+def chosen(made: Design, only: Collection[str]) -> Design:
+    """Return the design with only some trials or points.
+
+    Raises:
+        UsageError: One of them is not in it.
+    """
+    if not only:
+        return made
+    known = {one.id for one in made.points} | {one.id for one in made.trials}
+    for name in only:
+        if name not in known:
+            raise UsageError(f"there is no trial or point '{name[:60]}'", hint="`srprov plan` lists the points")
+    trials = tuple(one for one in made.trials if one.id in only or one.point.id in only)
+    return replace(made, trials=trials)
+
+
+def run_trials(
+    plan: TrialPlan, fleet: Fleet, request: TrialsRequest, options: RunOptions, listener: Listener,
+    say: Say, stop: threading.Event, pause: Callable[[float, str], None],
+) -> TrialsReport:  # fmt: skip
+    """Run all trials, on robots that are locked from the first act to the last.
+
+    Raises:
+        LockHeld: Somebody else holds one of the robots; nothing was changed.
+        RefusedError: The run in the folder is of another experiment.
+        UsageError: The folder cannot be used.
+        OSError: The folder cannot be written any more; the trial under way is lost.
+    """
+    same = sameness(plan, _robots(plan.base.snapshot))
+    folder, earlier = _folder(plan, same, request)
+    made = chosen(design(plan.given), request.only)
+    robots = {one.host for one in plan.services} | {step.host for step in plan.base.plan.steps}
+    sessions = fleet.connected()
+    for host in sorted(robots - sessions.keys()):
+        raise UsageError(f"{host} cannot be reached, and trials run there", hint="see `srprov doctor`")
+    fleet.sessions.prepare(sorted(robots))
+    mine = claim(f"run {plan.base.plan.instance}", earlier.name)
+    waiting = lock_options(plan.base.plan, options)
+    with LockSet(robots, sessions, mine, waiting, stop, listener).acquire() as locks:
+        base = None
+        if plan.base.plan.steps and not stop.is_set():
+            base = run(plan.base, fleet, replace(options, verb="run"), Phases(), listener, stop, held=locks)
+        if base is not None and base.result.exit_code:
+            return TrialsReport(folder=folder, rows=earlier.rows, trials=len(made.trials), ended_early="", base=base)
+        with LockedRobots(fleet, sessions, mine, waiting) as connections:
+            trials = _all(plan, made, same, folder, earlier, connections, options, say, stop, pause)
+    wanted = {trial.id for trial in made.trials}
+    rows = tuple(one for one in trials.rows if one["trial"] in wanted)
+    return TrialsReport(folder=folder, rows=rows, trials=len(made.trials), ended_early=trials.ended_early, base=base)
+
+
+def _all(
+    plan: TrialPlan, made: Design, same: Mapping[str, str], folder: Path, earlier: _Earlier,
+    connections: Connections, options: RunOptions, say: Say, stop: threading.Event,
+    pause: Callable[[float, str], None],
+) -> Trials:  # fmt: skip
+    """Run what has not ended yet, with the journal open."""
+    with Journal(folder, earlier.events + 1) as journal:
+        begun = {"version": __version__, "run": earlier.name, "same": same}
+        journal.add("resume" if earlier.events else "run", **begun, trials=len(made.trials))
+        about = TrialRun(
+            plan=plan,
+            design=made,
+            folder=folder,
+            name=earlier.name,
+            stop_limit_s=options.stop_timeout_s,
+            rows=earlier.rows,
+            begun=earlier.begun or {},
+            lost=earlier.lost,
+        )
+        trials = Trials(about, connections, journal, say)
+        trials.note_lost()
+        trials.write_table()
+        trials.all(stop, pause)
+        journal.add("ended", reason=trials.ended_early)
+    return trials
+
+
+def _robots(snapshot: Snapshot | None) -> dict[str, dict[str, str]]:
+    facts = snapshot.facts if snapshot is not None else {}
+    return {
+        name: {
+            "hostname": one.hostname,
+            "arch": one.arch,
+            "kernel": one.kernel,
+            "docker": one.docker.version if one.docker else "",
+        }
+        for name, one in facts.items()
+    }
+
+
+def _folder(plan: TrialPlan, same: Mapping[str, str], request: TrialsRequest) -> tuple[Path, _Earlier]:
+    """Return the run's folder, new or with what it says of an earlier session."""
+    if not request.resume:
+        now = dt.datetime.now(dt.timezone.utc).strftime("%Y%m%dT%H%M%SZ")
+        digest = hashlib.sha256(json.dumps(dict(same), sort_keys=True).encode()).hexdigest()[:8]
+        name = f"{now}-{plan.base.plan.instance}-{digest}"
+        folder = request.folder or default_root() / name
+        empty_folder(folder)
+        return folder, _Earlier(name=name)
+    if request.folder is None:
+        raise UsageError("--resume goes on with the run in a folder", hint="name it with -o DIR")
+    earlier, before = _read(request.folder)
+    if changed := differences(before, same):
+        lines = "\n".join(f"  {one}" for one in changed)
+        hint = "run it as it was, or begin a new run in another folder"
+        raise RefusedError(f"this is not the experiment of {request.folder} any more:\n{lines}", hint=hint)
+    return request.folder, earlier
+
+
+def _read(folder: Path) -> tuple[_Earlier, dict[str, str]]:
+    """Return what a journal says, and what must be the same.
+
+    Raises:
+        UsageError: It cannot be read, or says nothing.
+    """
+    events, _ = read(folder)
+    if not events or events[0]["event"] != "run":
+        raise UsageError(f"{folder} holds no run of trials", hint="begin one without --resume")
+    rows = tuple(mapping(one.get("row")) for one in events if one["event"] == "end")
+    begun: dict[str, int] = {}
+    lost = ""
+    for one in events:
+        if one["event"] == "begin":
+            lost = str(one.get("trial"))
+            begun[lost] = int(one.get("attempt", 0))
+        elif one["event"] == "end":
+            lost = ""
+    same = {str(key): str(value) for key, value in mapping(events[0].get("same")).items()}
+    return _Earlier(name=str(events[0].get("run")), rows=rows, begun=begun, lost=lost, events=len(events)), same

@@ -1,0 +1,246 @@
+"""Run trials one after the other, and keep all that they give.
+
+Takes a `TrialPlan`, a `Design` and the robots' sessions, which are locked; writes the run's folder. The journal is the
+truth: each table can be made from it again.
+"""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from srprov import private
+from srprov.controller.trial_files import Gathered, gather_files
+from srprov.controller.trial_plan import TrialPlan, containers
+from srprov.errors import TransportError, UsageError
+from srprov.execution.collect import CollectFailed
+from srprov.execution.trial import TrialEnd, TrialOrder, run_trial
+from srprov.execution.trial_robots import Connections, EquipmentFailed, TrialRobots
+from srprov.record.journal import Journal
+from srprov.secret import redacted
+from srprov.trials import Design, Trial
+from srprov.trials.judge import End, verdict
+from srprov.trials.row import Seen, row
+from srprov.trials.table import columns, csv_text
+
+Row = dict[str, object]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TrialNews:
+    """A moment of a trial, or how an attempt of it ended."""
+
+    trial: str
+    order: int
+    """Its place, counted from 1."""
+    trials: int
+    values: Mapping[str, str]
+    """Of its parameters."""
+    what: str
+    over: bool
+
+
+Say = Callable[[TrialNews], None]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TrialRun:
+    """What is run, and where it is kept."""
+
+    plan: TrialPlan
+    design: Design
+    folder: Path
+    name: str
+    stop_limit_s: float = 60.0
+    rows: tuple[Mapping[str, object], ...] = ()
+    """Of attempts that ended in an earlier session of this run."""
+    begun: Mapping[str, int] = field(default_factory=dict)
+    """Trial -> attempts that were begun earlier, whether they ended or not."""
+    lost: str = ""
+    """The trial whose last attempt was begun earlier and has no end."""
+
+
+class Trials:
+    """A run of trials under way."""
+
+    def __init__(self, run: TrialRun, connections: Connections, journal: Journal, say: Say) -> None:
+        """Take what is run, on locked robots, and whom to tell."""
+        self._run, self._connections, self._journal, self._say = run, connections, journal, say
+        self.rows: list[Mapping[str, object]] = list(run.rows)
+        self._attempts = dict(run.begun)
+        self._failures = 0
+        self._aborted = False
+        self.ended_early = ""
+        """Why the run ended before its last trial, or nothing."""
+
+    def all(self, stop: threading.Event, pause: Callable[[float, str], None]) -> None:
+        """Run every trial that has not ended yet, in order.
+
+        Args:
+            stop: Set from outside to begin no further trial.
+            pause: Told to wait between two trials: seconds, and what a person is asked to do.
+
+        Raises:
+            OSError: The journal or a table cannot be written.
+        """
+        settings = self._run.plan.given.settings
+        done = {one["trial"] for one in self.rows if one["status"] in FINAL}
+        between = False
+        for order, trial in enumerate(self._run.design.trials, start=1):
+            if trial.id in done:
+                continue
+            if between and not stop.is_set():
+                pause(settings.pause_s, settings.prompt)
+            if stop.is_set():
+                self.ended_early = "interrupted"
+                return
+            last = self._tried(order, trial, stop)
+            between = True
+            self._failures = self._failures + 1 if last["status"] == "infrastructure" else 0
+            if self._failures >= settings.max_failures:
+                self.ended_early = f"the equipment failed in {self._failures} trials in a row"
+            elif settings.stop_on_failure and last.get("verdict") == "failure":
+                self.ended_early = "a trial's verdict is failure, and 'on_failure' is stop"
+            if self._aborted:
+                self.ended_early = "interrupted"
+            if self.ended_early:
+                return
+
+    def note_lost(self) -> None:
+        """Write down that the attempt that was under way when an earlier session ended has come to nothing."""
+        for order, trial in enumerate(self._run.design.trials, start=1):
+            if trial.id == self._run.lost:
+                end = End("interrupted", "the run ended before it did")
+                lost = row(trial, self._attempts[trial.id], order, Seen(end=end))
+                self._journal.add("end", trial=trial.id, attempt=self._attempts[trial.id], row=lost)
+                self.rows.append(lost)
+
+    def _tried(self, order: int, trial: Trial, stop: threading.Event) -> Mapping[str, object]:
+        """Run a trial, and again while the equipment fails and it may be; return the last row."""
+        for left in range(self._run.plan.given.settings.retries, -1, -1):
+            one = self._attempt(order, trial)
+            again = one["status"] == "infrastructure" and left > 0 and not stop.is_set()
+            self._tell(trial, order, _said(one) + (", trying again" if again else ""), over=True)
+            if not again:
+                return one
+        raise AssertionError("a trial is tried at least once")
+
+    def _attempt(self, order: int, trial: Trial) -> Mapping[str, object]:
+        attempt = self._attempts[trial.id] = self._attempts.get(trial.id, 0) + 1
+        about = {"trial": trial.id, "attempt": attempt}
+        self._journal.add("begin", **about, order=order)
+        robots = TrialRobots(self._connections, containers(self._run.plan, trial, attempt, self._run.name))
+        folder = self._run.folder / "trials" / (trial.id if attempt == 1 else f"{trial.id}.{attempt}")
+        private.make_folder(folder)
+
+        def tell(moment: str) -> None:
+            self._journal.add(moment, **about)
+            self._tell(trial, order, moment)
+
+        made = self._done(trial, attempt, order, robots, folder, tell)
+        try:
+            robots.clear()
+        except EquipmentFailed as error:
+            made["reason"] = f"{made['reason']}; not cleared: {error}"
+        self._journal.add("end", **about, row=made)
+        self.rows.append(made)
+        private.replace_file(folder / "trial.json", json.dumps(redacted(made), indent=2) + "\n")
+        self.write_table()
+        return made
+
+    def _done(
+        self, trial: Trial, attempt: int, order: int, robots: TrialRobots, folder: Path,
+        tell: Callable[[str], None],
+    ) -> Row:  # fmt: skip
+        """Run an attempt and fetch what it gave; return its row."""
+        plan = self._run.plan
+        orders = TrialOrder(settings=plan.given.settings, jobs=plan.jobs, stop_limit_s=self._run.stop_limit_s)
+        ended, gathered = TrialEnd(end=End("infrastructure", "")), Gathered()
+        try:
+            ended = run_trial(orders, robots, tell)
+            begun = time.monotonic()
+            gathered = gather_files(plan, ended, robots, folder)
+            collect_s = time.monotonic() - begun
+        except (EquipmentFailed, CollectFailed, TransportError) as error:
+            why = error.message if isinstance(error, TransportError) else str(error)
+            return row(trial, attempt, order, self._seen(ended, gathered, End("infrastructure", why)))
+        except KeyboardInterrupt:
+            self._aborted = True
+            return row(trial, attempt, order, self._seen(ended, gathered, End("interrupted", "the run was ended")))
+        tell("collected")
+        end = ended.end
+        if gathered.missing:
+            end = End("infrastructure", f"a required result is missing: {', '.join(gathered.missing)}")
+        found = row(trial, attempt, order, self._seen(ended, gathered, end))
+        success = plan.given.settings.success
+        judged = verdict(success, ended.readings, gathered.matched, gathered.metrics)
+        counted = end.status in ("ok", "timeout", "crashed")
+        return {
+            **found,
+            "verdict": judged if counted else "unknown",
+            **{f"m_{name}": value for name, value in gathered.metrics.items()},
+            "collect_s": collect_s,
+            "controller_gap_s": robots.gap_s,
+            "files": gathered.files,
+            "bytes": gathered.bytes,
+        }
+
+    def _seen(self, ended: TrialEnd, gathered: Gathered, end: End) -> Seen:
+        return Seen(
+            end=end,
+            readings=ended.readings,
+            robots={one.service: one.host for one in self._run.plan.services},
+            before=ended.before,
+            after=ended.after,
+            began=ended.began,
+            ready_s=ended.ready_s,
+            duration_s=ended.duration_s,
+            stop_s=ended.stop_s,
+            matched=gathered.moments,
+        )
+
+    def _tell(self, trial: Trial, order: int, what: str, *, over: bool = False) -> None:
+        count = len(self._run.design.trials)
+        values = trial.point.values
+        self._say(TrialNews(trial=trial.id, order=order, trials=count, values=values, what=what, over=over))
+
+    def write_table(self) -> None:
+        """Write trials.csv anew.
+
+        Raises:
+            OSError: It cannot be written.
+        """
+        text = csv_text(columns(self._run.plan.given), self.rows)
+        private.replace_file(self._run.folder / "trials.csv", text)
+
+
+FINAL = ("ok", "timeout", "crashed")
+"""Statuses of a trial that is never run again."""
+
+
+def _said(one: Mapping[str, object]) -> str:
+    duration = one.get("duration_s")
+    took = f" after {duration:.1f} s" if isinstance(duration, float) else ""
+    judged = one.get("verdict")
+    verdict_word = f", {judged}" if judged not in (None, "unknown") else ""
+    return f"{one['status']}{verdict_word}{took}: {one['reason']}"
+
+
+def empty_folder(folder: Path) -> None:
+    """Make the folder of a new run.
+
+    Raises:
+        UsageError: Something is there already, or it cannot be made.
+    """
+    try:
+        if folder.exists() and any(folder.iterdir()):
+            hint = "go on with the run in it by --resume, or name another folder"
+            raise UsageError(f"{folder} is not empty", hint=hint)
+        private.make_folder(folder)
+        (folder / "trials").mkdir(mode=0o700)
+    except OSError as error:
+        raise UsageError(f"cannot make {folder}: {error.strerror}", hint="name another folder with -o") from None

@@ -1,0 +1,47 @@
+"""`until` and `success` of an EDF's trials -> Conditions. Pure."""
+
+from __future__ import annotations
+
+from srprov.definitions.trialsmodel import Condition, Conditions
+from srprov.definitions.values import duration, scalars, text
+from srprov.yamldoc import nodes
+from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq
+
+
+def read(node: Node | None, path: Path, findings: Findings) -> Conditions | None:
+    """Return the conditions of a map with `any` or `all`; None where nothing stands."""
+    if not isinstance(node, Map):
+        return None
+    key = "all" if "all" in node.entries else "any"
+    listed = node.entries.get(key)
+    items = listed.items if isinstance(listed, Seq) else ()
+    found = [_condition(item, (*path, key, index), findings) for index, item in enumerate(items)]
+    return Conditions(items=tuple(found), every=key == "all")
+
+
+def _condition(item: Node, path: Path, findings: Findings) -> Condition:
+    kind, value = next(iter(item.entries.items())) if isinstance(item, Map) else ("", item)
+    get = value.entries.get if isinstance(value, Map) else dict[str, Node]().get
+    if kind in ("completed", "healthy"):
+        return Condition(kind=kind, services=tuple(one.text for one in scalars(value)))
+    if kind == "exit":
+        code = get("code")
+        return Condition(kind=kind, services=(text(get("service")),), code=(nodes.as_int(code) if code else None) or 0)
+    if kind == "log":
+        return Condition(kind=kind, services=(text(get("service")),), pattern=text(get("matches")))
+    if kind == "after":
+        return Condition(kind=kind, seconds=_seconds(value, path, findings))
+    name, bounds = next(iter(value.entries.items())) if isinstance(value, Map) else ("", value)
+    limits = bounds.entries if isinstance(bounds, Map) else {}
+    below, above, equals = (
+        nodes.as_number(limits[key]) if key in limits else None for key in ("below", "above", "equals")
+    )
+    return Condition(kind="metric", metric=name, below=below, above=above, equals=equals)
+
+
+def _seconds(node: Node, path: Path, findings: Findings) -> float:
+    try:
+        return duration(node.text) if isinstance(node, Scalar) else 0.0
+    except ValueError as error:
+        findings.add(node, str(error), path)
+        return 0.0

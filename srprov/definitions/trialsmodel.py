@@ -1,0 +1,123 @@
+"""What an EDF says of its trials: parameters, how trials are run, what they give. Values only; times in seconds."""
+
+from __future__ import annotations
+
+import posixpath
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Parameter:
+    """One parameter and the values that it takes."""
+
+    name: str
+    """Of the environment variable."""
+    values: tuple[str, ...]
+    """As containers see them, in the order of the file; no two are equal."""
+    services: tuple[str, ...] | None = None
+    """Those that get it; None: all that are not kept."""
+    unit: str = ""
+    description: str = ""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Condition:
+    """Something that becomes true in a trial; which fields count is a matter of its kind."""
+
+    kind: str
+    """`completed`, `healthy`, `exit`, `log`, `after` or `metric`"""
+    services: tuple[str, ...] = ()
+    code: int = 0
+    pattern: str = ""
+    seconds: float = 0.0
+    metric: str = ""
+    below: float | None = None
+    above: float | None = None
+    equals: float | None = None
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Conditions:
+    """Several conditions, of which one, or all, must hold."""
+
+    items: tuple[Condition, ...]
+    every: bool
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Result:
+    """A file or folder of a container that comes home."""
+
+    path: str
+    required: bool = False
+    most_bytes: int = 0
+    """0: no limit"""
+
+
+def folder_of(path: str) -> str:
+    """Return the folder that holds a result: itself, or the one above a file, which is what has a suffix."""
+    clean = posixpath.normpath(path)
+    return posixpath.dirname(clean) if "." in posixpath.basename(clean)[1:] else clean
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Metric:
+    """A number that a trial gives, from a JSON file of its results or from a log."""
+
+    name: str
+    service: str
+    file: str = ""
+    pointer: str = ""
+    """RFC 6901"""
+    pattern: str = ""
+    """For a log; else empty."""
+    reduce: str = "last"
+    unit: str = ""
+    better: str = ""
+    """`less`, `more` or nothing"""
+    description: str = ""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TrialSettings:
+    """How trials are run."""
+
+    repetitions: int = 1
+    design: str = "product"
+    """`product`, `zip`, `one-at-a-time` or `list`"""
+    exclude: tuple[Mapping[str, str], ...] = ()
+    include: tuple[Mapping[str, str], ...] = ()
+    order: str = "listed"
+    """`random` or `listed`"""
+    seed: int = 0
+    paired_seeds: bool = False
+    """All trials of a repetition have the same seed."""
+    ready_s: float = 60.0
+    settle_s: float = 0.0
+    until: Conditions | None = None
+    """None: all services without a `restart` have ended."""
+    timeout_s: float = 600.0
+    stop_signal: str = ""
+    stop_grace_s: float | None = None
+    stop_first: tuple[str, ...] = ()
+    success: Conditions | None = None
+    retries: int = 1
+    stop_on_failure: bool = False
+    max_failures: int = 3
+    pause_s: float = 0.0
+    prompt: str = ""
+    keep: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TrialDefinitions:
+    """All that an EDF says of trials."""
+
+    parameters: tuple[Parameter, ...] = ()
+    """In the order of the file."""
+    settings: TrialSettings = field(default_factory=TrialSettings)
+    results: Mapping[str, tuple[Result, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    """Service -> its results."""
+    metrics: tuple[Metric, ...] = ()

@@ -1,0 +1,194 @@
+"""The containers of one trial on all their robots: made, started, looked at, stopped and removed, robots in parallel.
+
+Takes connections and what is told to the engines; gives readings. Containers run on while a connection is lost, so it
+is made anew, and what was being done is done again: all of it may be. A robot that stays away, or an engine that
+refuses, ends it with `EquipmentFailed`: that says nothing of the experiment, and the trial may be tried again.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Collection, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any, Protocol, TypeVar
+
+from srprov.errors import TransportError
+from srprov.modules.container_commands import remove, start, stop
+from srprov.session import Session
+from srprov.trials.clock import Offset, Sample, offset
+from srprov.trials.reading import Reading, read
+from srprov.untrusted import decimal
+from srprov.wire import Command, EngineQuery, Query
+
+CLOCK_ROUNDS = 16
+_PATIENCE_S = 120.0
+"""For a robot that is out of reach to come back."""
+_PAUSE_S = 1.0
+_T = TypeVar("_T")
+
+
+class EquipmentFailed(Exception):
+    """A robot or its engine did not do what it was asked; the text names it."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TrialContainer:
+    """One container of a trial."""
+
+    host: str
+    service: str
+    name: str
+    create: tuple[Command, ...]
+    needs: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    """Service of the trial -> `started`, `healthy` or `completed`: before this one is started."""
+    grace_s: float = 10.0
+
+
+class Connections(Protocol):
+    """Sessions with locked robots."""
+
+    def get(self, host: str) -> Session:
+        """Return the present session with a robot."""
+
+    def renew(self, host: str) -> None:
+        """Connect to a robot anew, and lock it.
+
+        Raises:
+            TransportError: It cannot be reached.
+        """
+
+
+class TrialRobots:
+    """The containers of one trial."""
+
+    def __init__(self, connections: Connections, containers: Collection[TrialContainer]) -> None:
+        """Take what is to be run, and connections with all robots that it is run on."""
+        self.by_service = {one.service: one for one in containers}
+        self.gap_s = 0.0
+        """How long some robot was out of reach, all in all."""
+        self._connections = connections
+        self._hosts = sorted({one.host for one in containers})
+
+    def clear(self) -> None:
+        """Remove the containers of this trial, or of one before that was not cleared, with their results."""
+        self._on_each(lambda one: [remove(one.name)])
+
+    def create(self) -> None:
+        """Create all containers, so that what takes long is done before the first is started.
+
+        What has their names is removed: it is of a trial before that was not cleared.
+        """
+        self._on_each(lambda one: [remove(one.name), *one.create])
+
+    def start(self, services: Collection[str]) -> None:
+        """Start some of them at once."""
+        self._on_each(lambda one: [start(one.name)] if one.service in services else [])
+
+    def stop(self, services: Collection[str], limit_s: float) -> None:
+        """Ask some of them to end, each with its own grace but none with more than the limit."""
+        self._on_each(
+            lambda one: [stop(one.name, one.grace_s).stopping_within(limit_s)] if one.service in services else []
+        )
+
+    def look(self) -> dict[str, Reading]:
+        """Read all of them, in one round trip each robot."""
+        return {service: read(answer) for service, answer in self.inspect().items()}
+
+    def inspect(self) -> dict[str, Any]:
+        """Return what the engines say of all of them, as JSON values; None for one that is not there."""
+
+        def ask(host: str) -> dict[str, Any]:
+            some = self._of(host)
+            replies = self._connections.get(host).ask(
+                [EngineQuery(path=f"/containers/{one.name}/json") for one in some]
+            )
+            for reply in replies:
+                if not reply.ok and reply.status != _NOT_FOUND:
+                    raise EquipmentFailed(f"{host}: its containers cannot be read: {_why(reply.err or reply.out)}")
+            return {one.service: reply.json() for one, reply in zip(some, replies, strict=True)}
+
+        return {service: answer for found in self.each(ask).values() for service, answer in found.items()}
+
+    def clocks(self) -> dict[str, Offset | None]:
+        """Measure all robots' clocks against ours."""
+        return self.each(lambda host: offset(_samples(self._connections.get(host))))
+
+    def log(self, service: str) -> Iterator[str]:
+        """Return the lines of a service's log as they come, each with the engine's time before it, to its end."""
+        one = self.by_service[service]
+        return self._connections.get(one.host).container_log(one.name, tail=-1, follow=True, times=True)
+
+    def on(self, service: str, work: Callable[[Session], _T]) -> _T:
+        """Do something with the session of a service's robot, again if the connection is lost meanwhile.
+
+        Raises:
+            EquipmentFailed: The robot stays away.
+        """
+        return self._guarded(lambda host: work(self._connections.get(host)), self.by_service[service].host)
+
+    def _on_each(self, commands: Callable[[TrialContainer], list[Command]]) -> None:
+        """Do it for all containers, one after the other on each robot."""
+
+        def act(host: str) -> None:
+            for one in self._of(host):
+                for command in commands(one):
+                    reply = self._connections.get(host).execute(command)
+                    if not reply.ok:
+                        raise EquipmentFailed(f"{one.service} on {host}: {_why(reply.err or reply.out)}")
+
+        self.each(act)
+
+    def each(self, work: Callable[[str], _T]) -> dict[str, _T]:
+        """Do it for all robots at once and return what each gave.
+
+        Raises:
+            EquipmentFailed: On the first robot by name that failed.
+        """
+        if len(self._hosts) == 1:
+            return {self._hosts[0]: self._guarded(work, self._hosts[0])}
+        with ThreadPoolExecutor(max(1, len(self._hosts))) as pool:
+            running = {host: pool.submit(self._guarded, work, host) for host in self._hosts}
+            return {host: one.result() for host, one in running.items()}
+
+    def _guarded(self, work: Callable[[str], _T], host: str) -> _T:
+        try:
+            return work(host)
+        except TransportError as error:
+            why = error
+        begun = time.monotonic()
+        while time.monotonic() - begun < _PATIENCE_S:
+            try:
+                self._connections.renew(host)
+                done = work(host)
+            except TransportError as error:
+                why = error
+                time.sleep(_PAUSE_S)
+            else:
+                self.gap_s += time.monotonic() - begun
+                return done
+        raise EquipmentFailed(f"{why.host}: {why.message}") from why
+
+    def _of(self, host: str) -> list[TrialContainer]:
+        return [one for one in self.by_service.values() if one.host == host]
+
+
+_NOT_FOUND = 404
+
+
+def _samples(session: Session) -> Iterator[Sample]:
+    """Ask one robot for its time, again and again."""
+    for _ in range(CLOCK_ROUNDS):
+        asked, begun = time.time(), time.monotonic()
+        (reply,) = session.ask([Query(command="date +%s.%N")])
+        answered = asked + (time.monotonic() - begun)  # a step of our own clock in between changes nothing
+        whole, _, fraction = reply.out.strip().partition(".")
+        fine = fraction.isdigit()  # busybox knows no %N
+        robot = decimal(f"{whole}.{fraction}" if fine else whole, low=0.0, high=1e11, default=0.0)
+        if reply.ok and robot:
+            yield Sample(asked=asked, robot=robot, answered=answered, resolution=0.0 if fine else 1.0)
+
+
+def _why(text: str) -> str:
+    return " ".join(text.split())[:300] or "it did not say why"

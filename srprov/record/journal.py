@@ -1,0 +1,101 @@
+"""A run of trials' journal: the truth about it, an event a line, each on the disk before the next act.
+
+Appends to one file, and reads it again. A line is one write, then fsync; what a killed run left of a last line is cut
+off, and said.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from srprov import regular_file
+from srprov.errors import UsageError
+from srprov.secret import redacted
+from srprov.untrusted import mapping, parse_json
+
+NAME = "journal.jsonl"
+_MOST_BYTES = 512 << 20
+_NEWLINE = b"\n"
+
+
+class Journal:
+    """An open journal; a context manager. What cannot be written ends the run: nothing is lost without a word."""
+
+    def __init__(self, folder: Path, first: int = 1) -> None:
+        """Open it, or make it; `first` is the number of the next event.
+
+        Raises:
+            OSError: It cannot be opened.
+        """
+        self._path = folder / NAME
+        self._descriptor = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
+        self._number = first
+
+    def add(self, event: str, **more: object) -> None:
+        """Write one event, and wait until it is on the disk.
+
+        Raises:
+            OSError: It is not.
+        """
+        about = {"seq": self._number, "utc": _utc(), "monotonic": round(time.monotonic(), 3), "event": event}
+        line = json.dumps({**about, **mapping(redacted(more))}, allow_nan=False) + "\n"
+        data = line.encode("utf-8", "replace")
+        if os.write(self._descriptor, data) != len(data):
+            raise OSError(28, "No space left on device", str(self._path))
+        os.fsync(self._descriptor)
+        self._number += 1
+
+    def close(self) -> None:
+        """Close it."""
+        os.close(self._descriptor)
+
+    def __enter__(self) -> Journal:
+        """Return itself."""
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        """Close it."""
+        self.close()
+
+
+def read(folder: Path) -> tuple[list[Mapping[str, Any]], bool]:
+    """Return the events of a journal, and whether its last line was torn, which is then cut off.
+
+    Raises:
+        UsageError: There is none, or it is broken elsewhere than at its end.
+    """
+    path = folder / NAME
+    try:
+        data = regular_file.read(path, _MOST_BYTES)
+    except OSError as error:
+        raise UsageError(
+            f"{path} cannot be read: {error.strerror}", hint="name the folder of a run of trials"
+        ) from None
+    whole, _, torn = data.rpartition(_NEWLINE)
+    lines = whole.split(_NEWLINE) if whole else []
+    events = [_event(path, number, line) for number, line in enumerate(lines, start=1)]
+    if torn:
+        os.truncate(path, len(data) - len(torn))
+    return events, bool(torn)
+
+
+def _event(path: Path, number: int, line: bytes) -> Mapping[str, Any]:
+    try:
+        event = mapping(parse_json(line.decode()))
+    except ValueError:
+        event = {}
+    if event.get("seq") != number or not isinstance(event.get("event"), str):
+        raise UsageError(
+            f"{path}:{number} is not the event number {number}", hint="the journal was changed by somebody"
+        )
+    return event
+
+
+def _utc() -> str:
+    now = time.time()
+    return time.strftime("%Y-%m-%dT%H:%M:%S", time.gmtime(now)) + f".{int(now * 1000) % 1000:03d}+00:00"

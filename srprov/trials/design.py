@@ -1,0 +1,146 @@
+r"""Parameters and repetitions -> the trials, each with an id and a seed, in the order in which they are run.
+
+A trial's id and seed follow from its parameters' values and the number of its repetition alone, and random order is an
+order by hash. So all of it is the same on every machine, another program can find it again, and a further value or
+repetition changes no trial that is there already:
+
+    point    first 10 hex digits of sha256("srprov-point/1\n" + the parameters as JSON, names sorted, no spaces, UTF-8)
+    trial    point + "-r" + the repetition, counted from 1, in three digits
+    seed     first 8 hex digits of sha256("srprov-seed/1|ROOT|POINT|REPETITION"), without the highest bit: 31 bits fit
+             everywhere; POINT is empty when all trials of a repetition share a seed
+    order    repetition by repetition, points by sha256("srprov-order/1|ROOT|REPETITION|POINT")
+"""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from srprov.definitions.trialsmodel import Parameter, TrialDefinitions, TrialSettings
+from srprov.errors import UsageError
+
+MOST_TRIALS = 10_000
+_POINT_DIGITS = 10
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Point:
+    """One combination of the parameters' values."""
+
+    id: str
+    values: Mapping[str, str]
+    """Parameter -> its value as text."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Trial:
+    """One repetition of a point."""
+
+    id: str
+    point: Point
+    repetition: int
+    """Counted from 1."""
+    seed: int
+    """0 to 2**31 - 1"""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Design:
+    """All trials of an experiment."""
+
+    points: tuple[Point, ...]
+    """As listed."""
+    trials: tuple[Trial, ...]
+    """In the order in which they are run."""
+
+
+def design(given: TrialDefinitions) -> Design:
+    """Return the trials that an EDF asks for.
+
+    Raises:
+        UsageError: There are too many, or none; or two points have one id.
+    """
+    settings = given.settings
+    count = _count(given) * settings.repetitions
+    if count > MOST_TRIALS:
+        raise UsageError(f"{count} trials are more than {MOST_TRIALS}", hint="give fewer values or repetitions")
+    points = _points(given)
+    if not points:
+        raise UsageError("no trial is left: 'exclude' takes all points away")
+    known: dict[str, Point] = {}
+    for point in points:
+        if known.setdefault(point.id, point) is not point:
+            raise UsageError(f"two points have the id {point.id}", hint="change a value, however little")
+    trials = [
+        _trial(point, repetition, settings)
+        for repetition in range(1, settings.repetitions + 1)
+        for point in _ordered(points, repetition, settings)
+    ]
+    return Design(points=points, trials=tuple(trials))
+
+
+def _count(given: TrialDefinitions) -> int:
+    """Return how many points there may be at most, without making them."""
+    count = len(given.settings.include)
+    if given.settings.design == "product":
+        product = 1
+        for one in given.parameters:
+            product *= len(one.values)
+        return count + product
+    return count + sum(len(one.values) for one in given.parameters)
+
+
+def _points(given: TrialDefinitions) -> tuple[Point, ...]:
+    settings, parameters = given.settings, given.parameters
+    combined = [dict(zip((one.name for one in parameters), some, strict=True)) for some in _combined(given)]
+    kept = [values for values in combined if not any(some.items() <= values.items() for some in settings.exclude)]
+    every = {json.dumps(values, sort_keys=True): values for values in (*kept, *map(dict, settings.include))}
+    return tuple(Point(id=point_id(values), values=values) for values in every.values())
+
+
+def _combined(given: TrialDefinitions) -> Iterable[tuple[str, ...]]:
+    """Return the values of each point, in the order of the parameters."""
+    parameters = given.parameters
+    values = [one.values for one in parameters]
+    kind = given.settings.design
+    if kind == "list":
+        return ()
+    if kind == "zip":
+        return zip(*values, strict=True) if values else [()]
+    return itertools.product(*values) if kind == "product" else _one_at_a_time(parameters)
+
+
+def _one_at_a_time(parameters: tuple[Parameter, ...]) -> list[tuple[str, ...]]:
+    """Return the first value of each, and then the others one at a time."""
+    base = tuple(one.values[0] for one in parameters)
+    return [
+        base,
+        *((*base[:at], value, *base[at + 1 :]) for at, one in enumerate(parameters) for value in one.values[1:]),
+    ]
+
+
+def point_id(values: Mapping[str, str]) -> str:
+    """Return the id of a combination of values."""
+    text = json.dumps(dict(values), sort_keys=True, separators=(",", ":"), ensure_ascii=False)
+    return _sha256(f"srprov-point/1\n{text}")[:_POINT_DIGITS]
+
+
+def _trial(point: Point, repetition: int, settings: TrialSettings) -> Trial:
+    whose = "" if settings.paired_seeds else point.id
+    digits = _sha256(f"srprov-seed/1|{settings.seed}|{whose}|{repetition}")[:8]
+    return Trial(
+        id=f"{point.id}-r{repetition:03d}", point=point, repetition=repetition, seed=int(digits, 16) & 0x7FFFFFFF
+    )
+
+
+def _ordered(points: tuple[Point, ...], repetition: int, settings: TrialSettings) -> Iterable[Point]:
+    if settings.order == "listed":
+        return points
+    return sorted(points, key=lambda one: _sha256(f"srprov-order/1|{settings.seed}|{repetition}|{one.id}"))
+
+
+def _sha256(text: str) -> str:
+    return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()

@@ -1,0 +1,248 @@
+"""Trials on real robots: each made anew, in order, with its data brought home; killed runs are gone on with."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import json
+import os
+import signal
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.lab.conftest import NOTHING, Done, Lab, busybox, edf, part_of_lab
+from tests.lab.looks import begin, wait_until
+
+pytestmark = pytest.mark.lab
+
+ROBOTS = ("robot1", "robot2")
+RACER = """
+echo "start $SPEED $SRPROV_SEED $SRPROV_TRIAL"
+[ ! -e /out/before ] && touch /out/before || echo "NOT FRESH"
+sleep "$SPEED"
+echo "GOAL $SPEED"
+echo "{\\"time\\": $SPEED}" >/out/result.json
+exit "$CODE"
+"""
+REFEREE = "trap 'echo stopped; exit 0' INT; n=0; while :; do echo tick; sleep 0.1; done"
+SETTINGS = {
+    "repetitions": 2,
+    "seed": 7,
+    "until": {"any": [{"completed": "racer"}]},
+    "timeout": "20s",
+    "stop": {"signal": "SIGINT", "grace": "5s"},
+    "success": {"all": [{"exit": {"service": "racer", "code": 0}}]},
+}
+
+
+def race(**settings: Any) -> str:
+    """Return an EDF with two services on two robots and four points."""
+    return edf(
+        "race",
+        {
+            "racer": busybox("sh", "-c", RACER, robot="robot1"),
+            "referee": busybox("sh", "-c", REFEREE, robot="robot2"),
+        },
+        parameters={"SPEED": {"values": [0.2, 0.4], "apply_to": "racer"}, "CODE": [0, 3]},
+        trials={**SETTINGS, **settings},
+        results={"racer": ["/out/result.json", "/out"]},
+        metrics={
+            "time": {"service": "racer", "json": "/out/result.json#/time", "unit": "s"},
+            "goal": {"service": "racer", "log": "^GOAL ([0-9.]+)"},
+            "ticks": {"service": "referee", "log": "^tick", "reduce": "count"},
+        },
+    )
+
+
+class Race:
+    """The experiment in a folder of its own."""
+
+    def __init__(self, lab: Lab, folder: Path, text: str) -> None:
+        self.lab, self.folder, self.home = lab, folder, folder / "run"
+        self.file = folder / "race.edf"
+        self.file.write_text(text)
+        self.inventory = part_of_lab(lab, ROBOTS, folder / "inventory.yml")
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        return ("run", str(self.file), "-i", self.inventory, "-o", str(self.home), "--yes")
+
+    def run(self, *more: str) -> Done:
+        return self.lab.srprov(*self.words, *more)
+
+    def rows(self) -> list[dict[str, str]]:
+        with (self.home / "trials.csv").open(newline="") as stream:
+            return list(csv.DictReader(stream))
+
+    def events(self) -> list[dict[str, Any]]:
+        journal = self.home / "journal.jsonl"
+        lines = journal.read_text().split("\n")[:-1] if journal.exists() else []
+        return [json.loads(line) for line in lines]
+
+    def disturb(self, when: Callable[[list[dict[str, Any]]], bool]) -> None:
+        """Begin the run, kill its controller as soon as the journal is as wanted."""
+        running = begin(self.lab, *self.words)
+        wait_until(lambda: when(self.events()) or running.poll() is not None, 120, "the moment to kill it")
+        assert running.poll() is None, running.communicate()
+        os.kill(running.pid, signal.SIGKILL)
+        running.wait()
+
+    def left(self) -> set[str]:
+        """Return the containers and volumes that are on the robots."""
+        words = ("sh", "-c", "docker ps -aq; docker volume ls -q")
+        return {line for robot in ROBOTS for line in self.lab.shell(robot, *words).out.split()}
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return tmp_path
+
+
+FINAL = ("trial", "point", "repetition", "order", "status", "verdict", "reason", "seed", "p_SPEED", "p_CODE", "m_goal",
+         "m_time", "restarts", "files", "bytes")  # fmt: skip
+
+
+def final(rows: list[dict[str, str]]) -> list[tuple[str, ...]]:
+    """Return what must be the same however often a run was disturbed."""
+    return sorted(tuple(row[name] for name in FINAL) for row in rows if row["status"] != "interrupted")
+
+
+def test_every_trial_is_run_in_its_order_and_its_data_come_home(lab: Lab, folder: Path) -> None:
+    one = Race(lab, folder, race(repetitions=1))
+    done = one.run()
+    assert done.code == 0, done
+    rows = one.rows()
+    assert [row["order"] for row in rows] == [str(number) for number in range(1, 5)]
+    assert {(row["p_SPEED"], row["p_CODE"], row["repetition"]) for row in rows} == {
+        (speed, code, "1") for speed in ("0.2", "0.4") for code in ("0", "3")
+    }
+    for row in rows:
+        assert (row["status"], row["verdict"]) == ("ok", "success" if row["p_CODE"] == "0" else "failure")
+        assert row["m_time"] == row["m_goal"] == str(float(row["p_SPEED"]))
+        assert float(row["m_ticks"]) >= 1
+        assert float(row["duration_s"]) < 5
+        kept = folder / "run" / "trials" / row["trial"]
+        log = (kept / "logs" / "robot1.racer.log").read_text()
+        assert f"start {row['p_SPEED']} {row['seed']} {row['trial']}\n" in log
+        assert "NOT FRESH" not in log, "each trial begins with an empty folder"
+        assert (kept / "logs" / "robot2.referee.log").read_text().endswith("stopped\n"), "it was stopped by SIGINT"
+        result = kept / "results" / "racer" / "out" / "result.json"
+        assert json.loads(result.read_text()) == {"time": float(row["p_SPEED"])}
+        listed = json.loads((kept / "collected.json").read_text())["results"]["racer/out"]
+        digests = {item["path"]: item["sha256"] for item in listed}
+        assert digests["result.json"] == hashlib.sha256(result.read_bytes()).hexdigest()
+    assert one.left() == set(), "containers of trials, and their results, are removed"
+    assert one.run().code == 5, "a folder that holds a run is not begun again"
+    again = one.run("--resume")
+    assert again.code == 0 and one.rows() == rows, again
+    gone = lab.srprov("destroy", str(one.file), "-i", one.inventory, "--yes")
+    assert gone.code == 0, gone
+    assert [lab.leftovers(robot) for robot in ROBOTS] == [NOTHING, NOTHING]
+
+
+def test_a_killed_run_is_gone_on_with(lab: Lab, folder: Path) -> None:
+    """SIGKILL in the middle of the second trial, and in the middle of a line: what has ended is not run again."""
+    one = Race(lab, folder, race(repetitions=1, exclude=[{"SPEED": 0.4}]))
+
+    def second_is_started(events: list[dict[str, Any]]) -> bool:
+        return sum(event["event"] == "started" for event in events) == 2
+
+    one.disturb(second_is_started)
+    ended = [event["trial"] for event in one.events() if event["event"] == "end"]
+    assert len(ended) == 1
+    with (one.home / "journal.jsonl").open("a") as journal:
+        journal.write('{"seq": 99, "ev')
+    again = one.run("--resume")
+    assert again.code == 0, again
+    rows = one.rows()
+    assert len(final(rows)) == 2
+    assert [row["attempt"] for row in rows if row["trial"] == ended[0]] == ["1"]
+    (lost,) = (row for row in rows if row["status"] == "interrupted")
+    assert [row["attempt"] for row in rows if row["trial"] == lost["trial"]] == ["1", "2"]
+    assert one.left() == set()
+    numbers = [event["seq"] for event in one.events()]
+    assert numbers == list(range(1, len(numbers) + 1))
+
+
+def test_what_is_no_longer_the_same_experiment_is_not_gone_on_with(lab: Lab, folder: Path) -> None:
+    few = {"exclude": [{"SPEED": 0.4}, {"CODE": 3}]}
+    one = Race(lab, folder, race(repetitions=1, **few))
+    done = one.run()
+    assert done.code == 0, done
+    one.file.write_text("# a comment changes nothing\n" + race(repetitions=2, **few))
+    more = one.run("--resume")
+    assert more.code == 0, more
+    assert len(one.rows()) == 2, "further repetitions are added"
+    one.file.write_text(race(repetitions=2, timeout="30s", **few).replace("echo tick", "echo tock"))
+    refused = one.run("--resume")
+    assert refused.code == 9, refused
+    assert "  referee: command: " in refused.err and "  trials: timeout_s: 20.0 -> 30.0" in refused.err
+    assert refused.err.count(" -> ") == 2, refused.err
+
+
+def test_what_the_robots_did_is_data_and_what_the_equipment_did_is_not(lab: Lab, folder: Path) -> None:
+    """A crash and a timeout count and are not tried again; a robot whose engine is gone does not count."""
+    text = edf(
+        "fates",
+        {
+            "racer": busybox("sh", "-c", 'case $FATE in crash) exit 4 ;; ok) exit 0 ;; *) sleep 60 ;; esac'),
+            "referee": busybox(),
+        },
+        parameters={"FATE": ["ok", "crash", "hang"]},
+        trials={**SETTINGS, "repetitions": 1, "order": "listed", "timeout": "2s", "until": {"any": [
+            {"log": {"service": "referee", "matches": "never"}}, {"exit": {"service": "racer", "code": 0}}]}},
+    )  # fmt: skip
+    one = Race(lab, folder, text)
+    done = one.run()
+    assert done.code == 0, done
+    fates = {row["p_FATE"]: (row["status"], row["verdict"], row["attempt"]) for row in one.rows()}
+    assert fates == {
+        "ok": ("ok", "success", "1"),
+        "crash": ("crashed", "failure", "1"),
+        "hang": ("timeout", "failure", "1"),
+    }
+    assert one.left() == set()
+
+
+@pytest.mark.soak
+def test_a_robot_that_is_out_of_reach_for_a_while_spoils_no_trial(lab: Lab, folder: Path) -> None:
+    """Its containers run on meanwhile; the connection and the lock are made anew, and the data are whole."""
+    few = {"exclude": [{"CODE": 3}], "repetitions": 1, "timeout": "90s"}
+    one = Race(lab, folder, race(**few).replace("0.2", "25").replace("0.4", "30"))
+    running = begin(lab, *one.words, "--heartbeat", "1,4,6")
+    wait_until(lambda: any(event["event"] == "ready" for event in one.events()), 120, "the first trial")
+    for robot in ROBOTS:
+        assert lab.srprov("lab", "partition", robot).code == 0
+    time.sleep(12)
+    for robot in ROBOTS:
+        assert lab.srprov("lab", "heal", robot).code == 0
+    _, said = running.communicate(timeout=200)
+    assert running.returncode == 0, said
+    first, second = one.rows()
+    assert (first["status"], first["verdict"], first["attempt"]) == ("ok", "success", "1")
+    assert float(first["controller_gap_s"]) > 5 and float(second["controller_gap_s"]) == 0
+    assert first["m_time"] == str(float(first["p_SPEED"]))
+    assert float(first["duration_s"]) == pytest.approx(float(first["p_SPEED"]), abs=2)
+
+
+@pytest.mark.soak
+@pytest.mark.parametrize("number", range(1, 34))
+def test_a_run_that_is_killed_at_any_event_is_gone_on_with(lab: Lab, folder: Path, number: int) -> None:
+    """At every event of a run of four trials: the table is that of an undisturbed run, but for times and attempts."""
+    whole = Race(lab, folder, race(repetitions=1))
+    calm = folder / "calm"
+    done = lab.srprov(*[str(calm) if word == str(whole.home) else word for word in whole.words])
+    assert done.code == 0, done
+    with (calm / "trials.csv").open(newline="") as stream:
+        expected = final(list(csv.DictReader(stream)))
+    whole.disturb(lambda events: len(events) >= number)
+    again = whole.run("--resume")
+    assert again.code == 0, again
+    assert final(whole.rows()) == expected
+    assert whole.left() == set()
+    ends = [event["trial"] for event in whole.events() if event["event"] == "end" and event["row"]["status"] == "ok"]
+    assert len(ends) == len(set(ends)) == 4, "no finished trial is run twice"
