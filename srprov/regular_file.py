@@ -12,6 +12,7 @@ import errno
 import os
 import stat
 from collections.abc import Iterator
+from typing import BinaryIO
 
 MIB = 1024 * 1024
 CHANGED = "it changed while it was read: run the command again"
@@ -61,6 +62,21 @@ def beginning(path: str | os.PathLike[str], count: int) -> bytes:
         OSError: It cannot be read, or is no regular file.
     """
     return _begin(path, count, whole=False)[0][:count]
+
+
+@contextlib.contextmanager
+def real_file(path: str | os.PathLike[str]) -> Iterator[BinaryIO]:
+    """Open a file of any size, whose path had no link in it when it was checked, to be read piece by piece.
+
+    Raises:
+        OSError: It cannot be read, is no regular file, or there is a link in its path now.
+    """
+    _check(path, os.stat(path, follow_symlinks=False).st_mode)
+    flags = os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOCTTY | os.O_NOFOLLOW
+    with open(os.open(path, flags), "rb") as file:
+        _check_real(path, file.fileno())
+        _check(path, os.fstat(file.fileno()).st_mode)
+        yield file
 
 
 @contextlib.contextmanager

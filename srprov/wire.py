@@ -1,8 +1,8 @@
 """What may travel to a robot, as data.
 
-A `Query` or `EngineQuery` reads; a `Run`, `Put`, `EngineCall`, `CopyImage` or `CopyVolume` changes. They are plain
-values, to print, compare, store and send later; `session.py` has the protocols that carry them. Every shell word passes
-through `quote`.
+A `Query` or `EngineQuery` reads; a `Run`, `Put`, `EngineCall`, `CopyImage`, `CopyVolume` or `SendData` changes. They
+are plain values, to print, compare, store and send later; `session.py` has the protocols that carry them. Every shell
+word passes through `quote`.
 """
 
 from __future__ import annotations
@@ -185,7 +185,29 @@ class CopyVolume:
         return f"copy volume {self.volume} from {self.source_host} into {self.into} (tar over the controller, sha256)"
 
 
-Command = Run | Put | EngineCall | CopyImage | CopyVolume
+DATA_STORE = "/var/lib/srprov/.data"
+"""Where robots have data sets: `<sha256>/data`. No instance can have that name."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class SendData:
+    """Bring a data set to a robot, from a file of this machine that has the hash, or else from its address.
+
+    It succeeds when the robot's own hash of what is there is the same.
+    """
+
+    sha256: str
+    url: str = ""
+    timeout_s: float = 8 * 3600.0
+
+    def text(self) -> str:
+        """Show it as the plan does."""
+        source = f", downloaded here from {self.url}" if self.url else ""
+        return f"send the data set {self.sha256} to {DATA_STORE}/{self.sha256}/data{source}"
+
+
+Copy = CopyImage | CopyVolume | SendData
+Command = Run | Put | EngineCall | Copy
 AnyQuery = Query | EngineQuery
 
 

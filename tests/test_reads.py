@@ -27,6 +27,7 @@ OWN: Mapping[str, str] = {
     "private.py": "writes files of its own, for their owner alone",
     "record/journal.py:__init__": "appends to the run's own journal",
     "record/results.py": "what was written right before, into a new folder",
+    "datasets.py:keep": "writes a download of its own, into the user's own cache",
     "record/folder.py": "writes the run's record, into a new folder",
     "transport/blob.py": "the user's own cache: what a file holds is compared with the digest in its name",
     "transport/blobs.py": "writes the user's own cache",

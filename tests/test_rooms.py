@@ -48,10 +48,11 @@ ROOMS: Mapping[str, Room] = {
         "click rich tomli",
     ),
     "controller": room(
-        "errors layers regular_file wire session resource secret data disk owner private untrusted sizes"
-        " image_reference git_address git linear_regex definitions transport facts assignment network images rendering"
-        " modules planning execution record trials"
+        "errors layers regular_file wire session resource secret data datasets disk owner private untrusted"
+        " sizes image_reference git_address git linear_regex definitions transport facts assignment network images"
+        " rendering modules planning execution record trials"
     ),
+    "datasets": room("private regular_file untrusted"),
     "disk": room("regular_file images.plan"),
     "regular_file": room(),
     "owner": room(),
@@ -67,7 +68,7 @@ ROOMS: Mapping[str, Room] = {
         "jsonschema jinja2",
     ),
     "transport": room(
-        "errors spool layers private plain_tar regular_file wire session untrusted secret definitions.model",
+        "errors datasets spool layers private plain_tar regular_file wire session untrusted secret definitions.model",
         "paramiko fabric invoke docker requests urllib3 psutil",
     ),
     "facts": room("errors names wire session untrusted resource modules definitions.model"),

@@ -18,6 +18,7 @@ from srprov.definitions.secretmodel import SecretSource
 from srprov.errors import RefusedError, UsageError
 from srprov.images.tag import read_context
 from srprov.modules import MODULES, PROBING
+from srprov.modules.dataset import DataParams
 from srprov.modules.file import FileParams
 from srprov.modules.image import ImageParams
 from srprov.modules.module import Names, canonical
@@ -29,7 +30,7 @@ from srprov.network.record import read_record
 from srprov.planning.plan import Plan
 from srprov.planning.planfile import PlanFile
 from srprov.planning.planread import named
-from srprov.planning.policy import Permission, permissions
+from srprov.planning.policy import Permission, fetch, permissions
 from srprov.resource import Resource
 from srprov.untrusted import json_or_none, mapping
 
@@ -72,6 +73,7 @@ def asked(saved: PlanFile) -> tuple[Permission, ...]:
         *permissions(whole, builds),
         *reach,
         *(Permission(kind="secret", service="", what=f"{name}, from {sources[name].origin}") for name in unused),
+        *sorted({fetch(url) for want in wants_of(saved) if (url := _url(want))}, key=lambda one: one.what),
         *(Permission(kind="playbook", service=want.id, what=_shown(want)) for want in strange),
     )
 
@@ -79,6 +81,10 @@ def asked(saved: PlanFile) -> tuple[Permission, ...]:
 def wants_of(saved: PlanFile) -> tuple[Resource, ...]:
     """Return all that a plan wants, what is right already too."""
     return (*(step.want for step in saved.plan.steps if step.want), *saved.also_wanted)
+
+
+def _url(want: Resource) -> str:
+    return want.params.url if isinstance(want.params, DataParams) else ""
 
 
 def check_underlay(saved: PlanFile, live: Collection[str]) -> None:

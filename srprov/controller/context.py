@@ -12,6 +12,7 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from srprov.controller.data_sets import data_set, used_data
 from srprov.controller.render_inputs import RenderInputs
 from srprov.controller.robot_images import robot_images
 from srprov.controller.services import hosts_path, service_context, tree_path
@@ -39,7 +40,8 @@ def contexts(inputs: RenderInputs) -> tuple[dict[str, dict[str, Any]], dict[str,
     images = robot_images(inputs, blobs)
     members = {robot for robot in inputs.placed.values() if robot in inputs.snapshot.facts}
     hosts = members | set(images) | set(_witnesses(inputs, members))
-    return {host: _one(inputs, host, images.get(host, []), trees) for host in sorted(hosts)}, blobs
+    data = {mount: data_set(inputs.instance, mount) for mount in _mounts(inputs, "data")}
+    return {host: _one(inputs, host, images.get(host, []), trees, data) for host in sorted(hosts)}, blobs
 
 
 def _witnesses(inputs: RenderInputs, members: Collection[str]) -> list[str]:
@@ -76,7 +78,11 @@ def _tree(path: str, blobs: dict[str, bytes]) -> dict[str, str]:
 
 
 def _one(
-    inputs: RenderInputs, host: str, images: Sequence[Mapping[str, Any]], trees: Mapping[str, Mapping[str, str]]
+    inputs: RenderInputs,
+    host: str,
+    images: Sequence[Mapping[str, Any]],
+    trees: Mapping[str, Mapping[str, str]],
+    data: Mapping[Mount, Mapping[str, Any]],
 ) -> dict[str, Any]:
     services = [inputs.experiment.services[name] for name, robot in sorted(inputs.placed.items()) if robot == host]
     overlay = _overlay(inputs.overlay, host)
@@ -98,9 +104,10 @@ def _one(
             {"path": tree_path(inputs.instance, trees[source]), "blob": trees[source]["blob"]}
             for source in sorted(used)
         ],
+        "data": used_data(data, services),
         "volumes": [_volume(inputs, host, volume_name(inputs.instance, name)) for name in sorted(volumes)],
         "secrets": _secrets(inputs.instance, services),
-        "services": [service_context(inputs, service, overlay, trees) for service in services],
+        "services": [service_context(inputs, service, overlay, trees, data) for service in services],
     }
 
 

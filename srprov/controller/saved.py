@@ -13,6 +13,7 @@ import srprov
 from srprov.controller import authority
 from srprov.controller.authority import check_copies, check_underlay, wants_of
 from srprov.controller.data_owner import check_saved, remember_owner
+from srprov.controller.data_sets import refuse_files
 from srprov.controller.fleet import Fleet
 from srprov.controller.ownership import check_source, looking, owned
 from srprov.controller.permissions import require_decided
@@ -121,6 +122,7 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False) -> Planned
     check_source(snapshot, saved.plan.instance, saved.plan.source, adopt=adopt)
     if not owners:
         check_copies(saved, known_images())
+        refuse_files(wants)
         check_underlay(saved, {facts.underlay_address for facts in snapshot.facts.values()})
         if not adopt:
             check_claim(saved, snapshot)

@@ -16,14 +16,27 @@ from srprov.modules.network import network_hash
 from srprov.modules.secret import secret_path
 from srprov.modules.volume import volume_name
 from srprov.resource import resource_id
+from srprov.wire import DATA_STORE
 
 
 def service_context(
-    inputs: RenderInputs, service: Service, overlay: Mapping[str, Any] | None, trees: Mapping[str, Mapping[str, str]]
+    inputs: RenderInputs,
+    service: Service,
+    overlay: Mapping[str, Any] | None,
+    trees: Mapping[str, Mapping[str, str]],
+    data: Mapping[Mount, Mapping[str, Any]],
 ) -> dict[str, Any]:
-    """Return a service as the playbooks see it; `trees` has path -> blob and top name of each shipped folder."""
+    """Return a service as the playbooks see it.
+
+    Args:
+        inputs: What contexts are made of.
+        service: The service.
+        overlay: The robot's end of the overlay, if it has one.
+        trees: Path -> blob and top name of each shipped folder.
+        data: Mount -> path and sha256 of each data set.
+    """
     image = image_of(inputs, service)
-    mounts = [_mount(inputs.instance, mount, trees) for mount in service.runtime.mounts]
+    mounts = [_mount(inputs.instance, mount, trees, data) for mount in service.runtime.mounts]
     needs: list[Any] = [f"image:{image}"]
     for use in service.secrets:
         place = secret_path(inputs.instance, use.source, use.mode)
@@ -36,6 +49,7 @@ def service_context(
     if service.network == "overlay" and overlay:
         needs += [f"network:{overlay['network']}", f"vxlan:{overlay['link']}"]
     needs += [f"tree:{tree_path(inputs.instance, trees[m.source])}" for m in service.runtime.mounts if m.kind == "tree"]
+    needs += [f"data:{data[m]['path']}" for m in service.runtime.mounts if m.kind == "data"]
     needs += [f"volume:{volume_name(inputs.instance, m.source)}" for m in service.runtime.mounts if m.kind == "volume"]
     needs += [_dependency(inputs, other, condition) for other, condition in sorted(service.depends_on.items())]
     return {
@@ -97,7 +111,9 @@ def _run(runtime: Runtime) -> dict[str, Any]:
     }
 
 
-def _mount(instance: str, mount: Mount, trees: Mapping[str, Mapping[str, str]]) -> dict[str, Any]:
+def _mount(
+    instance: str, mount: Mount, trees: Mapping[str, Mapping[str, str]], data: Mapping[Mount, Mapping[str, Any]]
+) -> dict[str, Any]:
     if mount.kind == "tmpfs":
         return {"Type": "tmpfs", "Target": mount.target, **({"Options": mount.options} if mount.options else {})}
     if mount.kind == "volume":
@@ -105,6 +121,8 @@ def _mount(instance: str, mount: Mount, trees: Mapping[str, Mapping[str, str]]) 
     elif mount.kind == "tree":
         tree = trees[mount.source]
         source = {"Type": "bind", "Source": f"{tree_path(instance, tree)}/{tree['top']}"}
+    elif mount.kind == "data":
+        source = {"Type": "bind", "Source": f"{DATA_STORE}/{data[mount]['sha256']}/data"}
     else:
         make = {"BindOptions": {"CreateMountpoint": True}} if mount.create_host_path else {}
         source = {"Type": "bind", "Source": mount.source, **make}

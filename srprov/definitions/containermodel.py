@@ -63,18 +63,23 @@ class Mount:
     """One volume of a service.
 
     `kind`: `tree` (a path of the experiment's folder, shipped read-only by content), `bind` (the robot's own path),
-    `volume` (a named volume of the instance), `tmpfs`.
+    `volume` (a named volume of the instance), `tmpfs`, `data` (a data set: a file that is shipped read-only, once).
     """
 
     kind: str
     source: str
-    """Tree: absolute path on the controller; bind: absolute path on the robot; volume: its bare name; tmpfs: empty."""
+    """Tree and data: absolute path on the controller; bind: absolute path on the robot; volume: its bare name; else
+    empty."""
     target: str
     read_only: bool = False
     create_host_path: bool = False
     """Of a bind: make the folder on the robot where there is nothing."""
     options: str = ""
     """Of a tmpfs: mount options such as `size=64m,mode=1777`."""
+    sha256: str = ""
+    """Of a data set: what its file must have; empty: whatever it has."""
+    url: str = ""
+    """Of a data set: where it is downloaded, when it has no source."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

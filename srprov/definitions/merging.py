@@ -26,7 +26,7 @@ KEYED = ("environment", "sysctls", "labels")
 
 RUNTIME_MERGED = frozenset(
     (*KEYED, "volumes", "devices", "ports", "expose", "ulimits", "cap_add", "group_add", "security_opt")
-) | {"device_cgroup_rules", "healthcheck", "cap_drop", "tmpfs", "extra_hosts"}
+) | {"device_cgroup_rules", "healthcheck", "cap_drop", "tmpfs", "extra_hosts", "data"}
 """Run-time fields in which a service is merged with its CDF."""
 
 BUILD_MERGED = frozenset(

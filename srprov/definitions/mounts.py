@@ -1,4 +1,4 @@
-"""`volumes` and `tmpfs` -> Mounts, in Compose's short and long form.
+"""`volumes`, `tmpfs` and `data` -> Mounts, in Compose's short and long form.
 
 Takes the merged lists and the folder of the experiment; gives Mounts in the order written. Touches the file
 system for looking: what a relative source names must exist below the experiment's folder. A CDF's volume gives way to
@@ -7,6 +7,7 @@ the EDF's at the same target; the same target twice in one file is a problem.
 
 from __future__ import annotations
 
+import os
 import posixpath
 import re
 from collections.abc import Iterator
@@ -25,11 +26,16 @@ _VOLUME_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*", re.ASCII)
 
 
 def parse(
-    volumes: Node | None, tmpfs: Node | None, folder: str, findings: Findings, path: Path
-) -> tuple[Mount, ...]:  # fmt: skip
+    volumes: Node | None, tmpfs: Node | None, data: Node | None, folder: str, findings: Findings, path: Path
+) -> tuple[Mount, ...]:
     """Read every mount; what is wrong with one is added to the findings and leaves it out."""
     by_target: dict[str, tuple[Node, Mount]] = {}
-    for item, mount, at in (*_volumes(volumes, folder, findings, path), *_tmpfs(tmpfs, findings, path)):
+    every = (
+        *_volumes(volumes, folder, findings, path),
+        *_tmpfs(tmpfs, findings, path),
+        *_data(data, folder, findings, path),
+    )
+    for item, mount, at in every:
         if mount is None:
             continue
         earlier = by_target.pop(mount.target, None)
@@ -56,6 +62,31 @@ def _tmpfs(node: Node | None, findings: Findings, path: Path) -> Iterator[_Read]
         if not TMPFS_OPTIONS.fullmatch(options):
             findings.add(item, f"'{options[:60]}' are no options of a tmpfs", path, "such as size=64m,mode=1777")
         yield item, mount, path
+
+
+def _data(node: Node | None, folder: str, findings: Findings, path: Path) -> Iterator[_Read]:
+    """Read data sets: a file, or what is downloaded; a folder is shipped as a relative source of a volume is."""
+    path = (*path, "data")
+    for item in node.items if isinstance(node, Seq) else ():
+        if not isinstance(item, Map):
+            continue
+        source, url, sha256 = item.entries.get("path"), text(item.entries.get("url")), text(item.entries.get("sha256"))
+        target = _target(item, text(item.entries.get("target")), findings, path)
+        if isinstance(source, Scalar) == bool(url):
+            findings.add(item, "a data set has either 'path' or 'url'", path)
+        elif url and not sha256:
+            findings.add(item, "what is downloaded needs its 'sha256'", path)
+        elif url:
+            yield item, Mount(kind="data", source="", target=target, read_only=True, sha256=sha256, url=url), path
+        elif isinstance(source, Scalar) and (real := paths.resolve(source, folder, findings, path)):
+            if os.path.isdir(real) and sha256:
+                findings.add(
+                    item, f"'{source.text}' is a folder, and a sha256 is that of a file", path, "pack it, e.g. by tar"
+                )
+            elif os.path.isdir(real) and (real := paths.resolve(source, folder, findings, path, tree=True)):
+                yield item, Mount(kind="tree", source=real, target=target, read_only=True), path
+            elif not os.path.isdir(real):
+                yield item, Mount(kind="data", source=real, target=target, read_only=True, sha256=sha256), path
 
 
 def _short(item: Node, folder: str, findings: Findings, path: Path) -> Mount | None:

@@ -23,8 +23,8 @@ from srprov.yamldoc import loader, nodes
 from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq, Source
 
 VARIABLES = (
-    "api", "files", "folder", "host", "images", "instance", "log_driver", "overlay", "robot", "secrets", "services",
-    "source", "trees", "volumes",
+    "api", "data", "files", "folder", "host", "images", "instance", "log_driver", "overlay", "robot", "secrets",
+    "services", "source", "trees", "volumes",
 )  # fmt: skip
 """What a playbook is rendered with; docs/playbooks.md says what each holds."""
 

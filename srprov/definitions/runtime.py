@@ -58,7 +58,7 @@ def parse(layer: Map, folder: str, findings: Findings, path: Path, *, init: bool
         stop_signal=text(get("stop_signal")),
         stop_grace_s=read("stop_grace_period", lambda node: values.duration(text(node)), 10.0),
         healthcheck=healthcheck(get("healthcheck"), findings, (*path, "healthcheck")),
-        mounts=mounts.parse(get("volumes"), get("tmpfs"), folder, findings, path),
+        mounts=mounts.parse(get("volumes"), get("tmpfs"), get("data"), folder, findings, path),
         devices=_devices(get("devices")),
         ports=_ports(get("ports"), findings, (*path, "ports")),
         expose=_exposed(get("expose"), findings, (*path, "expose")),

@@ -37,7 +37,7 @@ def outside(
         container = containers.get(name)
         # what was fetched is asked for as what git fetches
         homes = (folder, *(container.fetched if container else ()))
-        paths = [mount.source for mount in service.runtime.mounts if mount.kind == "tree"]
+        paths = [mount.source for mount in service.runtime.mounts if mount.kind in ("tree", "data") and mount.source]
         paths += _of_container(container)
         found |= {(name, _named(path)) for path in paths if not any(inside(path, home) for home in homes)}
     return tuple(sorted(found))

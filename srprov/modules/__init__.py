@@ -9,6 +9,7 @@ from typing import Any
 
 from srprov.modules.command import CommandModule
 from srprov.modules.container import ContainerModule
+from srprov.modules.dataset import DataModule
 from srprov.modules.file import FileModule
 from srprov.modules.image import ImageModule
 from srprov.modules.module import Module, Probing, Running
@@ -24,6 +25,7 @@ _ALL: tuple[Module[Any], ...] = (
     VxlanModule(),
     FileModule(),
     TreeModule(),
+    DataModule(),
     SecretModule(),
     VolumeModule(),
     CommandModule(),

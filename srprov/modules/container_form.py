@@ -16,10 +16,12 @@ from srprov.definitions.model import Service
 from srprov.definitions.secretmodel import SecretUse
 from srprov.modules.container_params import ContainerParams
 from srprov.modules.module import MEMORY_ROOT, STATE_ROOT, Names
+from srprov.wire import DATA_STORE
 
 WORD = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
 """A name that is one part of a path, and neither `.` nor `..`."""
 _SECRET = re.compile(rf"({WORD.pattern})(?:@([0-7]{{4}}))?")
+_DATA = re.compile(rf"{re.escape(DATA_STORE)}/[0-9a-f]{{64}}/data")
 _HOSTS = re.compile(rf"hosts(-{WORD.pattern})?")
 _TREE = re.compile(r"trees/[0-9a-f]{24}/(?!\.{1,2}\Z)[^/\0]+", re.DOTALL)
 
@@ -79,5 +81,7 @@ def _shipped(instance: str, source: str, target: str, read_only: bool) -> Mount 
         return None
     if source.startswith(kept) and (_HOSTS.fullmatch(source[len(kept) :]) or _TREE.fullmatch(source[len(kept) :])):
         return Mount(kind="tree", source=source, target=target)
+    if _DATA.fullmatch(source):
+        return Mount(kind="data", source=source, target=target, read_only=True)
     secret = _SECRET.fullmatch(source[len(memory) :]) if source.startswith(memory) else None
     return SecretUse(source=secret[1], target=target, mode=secret[2] or "0400") if secret else None

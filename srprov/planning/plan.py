@@ -15,7 +15,7 @@ from typing import Any
 from srprov.definitions.secretmodel import SecretSource
 from srprov.planning.policy import Permission
 from srprov.resource import Action, Change, Need, Observed, Resource, resource_id
-from srprov.wire import Command, CopyImage, CopyVolume, EngineCall, Put, Run
+from srprov.wire import Command, CopyImage, CopyVolume, EngineCall, Put, Run, SendData
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -193,6 +193,8 @@ def command_json(command: Command) -> dict[str, Any]:
         }
     if isinstance(command, CopyVolume):
         return {"copy_volume": command.volume, "into": command.into, "from": command.source_host}
+    if isinstance(command, SendData):
+        return {"send_data": command.sha256, "url": command.url}
     assert isinstance(command, EngineCall)
     request: dict[str, Any] = {"engine": command.method, "path": command.path, "params": dict(command.params)}
     if command.body:

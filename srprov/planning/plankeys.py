@@ -54,6 +54,8 @@ class CommandKeys:
     id: str = ""
     way: Literal["", "thin", "registry", "whole"] = ""
     copy_volume: str = ""
+    send_data: str = ""
+    url: str = ""
     into: str = ""
     from_: str = ""
     engine: str = ""

@@ -20,7 +20,7 @@ from srprov.planning.planfile import FORMAT, MAX_CHARACTERS, PlanFile, differenc
 from srprov.planning.plankeys import CommandKeys, Document, SecretKeys, StepKeys, WantKeys
 from srprov.resource import Action, Change, Condition, Need, Observed, Resource
 from srprov.untrusted import parse_json
-from srprov.wire import Command, CopyImage, CopyVolume, EngineCall, Put, Run
+from srprov.wire import Command, CopyImage, CopyVolume, EngineCall, Put, Run, SendData
 
 _MOST_NAMED = 8
 """Differences that an error names."""
@@ -179,6 +179,8 @@ def _command(read: CommandKeys, blobs: Mapping[str, bytes]) -> Command:
         return CopyImage(**what, timeout_s=read.timeout_s)
     if read.copy_volume:
         return CopyVolume(volume=read.copy_volume, into=read.into, source_host=read.from_, timeout_s=read.timeout_s)
+    if read.send_data:
+        return SendData(sha256=read.send_data, url=read.url, timeout_s=read.timeout_s)
     if read.run is not None:
         return Run(script=read.run, timeout_s=read.timeout_s)
     return EngineCall(

@@ -36,6 +36,7 @@ KINDS = (
     *("runtime", "logging"),
     "built-image",
     "engine-fetch",
+    "fetch",
     "git",
     "outside",
     "env",
@@ -82,6 +83,8 @@ def permissions(
             # whoever writes an EDF could name any variable, file or program of the controller
             what = f"{use.source}, from {experiment.secrets[use.source].origin}"
             found.append(Permission(kind="secret", service=service.name, what=what))
+    urls = {mount.url for one in experiment.services.values() for mount in one.runtime.mounts if mount.url}
+    found += (fetch(url) for url in urls)
     # what leaves the controller lies in the experiment's folder, or is named here
     found += (Permission(kind="outside", service=service, what=path) for service, path in experiment.outside)
     taken = ((service, f"{name}, from the controller's environment") for service, name in experiment.environment)
@@ -93,6 +96,11 @@ def permissions(
         for command in playbook.commands:
             listed.append(Permission(kind="playbook", service=f"{playbook.name}:{command.line}", what=command.what))
     return tuple(listed)
+
+
+def fetch(url: str) -> Permission:
+    """Return what it takes to download a data set on this machine, from its own network."""
+    return Permission(kind="fetch", service="data sets", what=f"{url}, downloaded by this machine")
 
 
 def refused(asked: Collection[Permission], allowed: Collection[str]) -> tuple[Permission, ...]:

@@ -27,7 +27,7 @@ def answer(host: str, streams: Streams, end: bytes, seconds: float) -> str:
         complaint += error[: _LONGEST_WORDS - len(complaint)]
         if len(said) > _LONGEST_ANSWER or time.monotonic() > until:
             why = f"within {seconds:g} s" if len(said) <= _LONGEST_ANSWER else "but noise"
-            raise TransportError(host, f"it said nothing of the image {why}", hint="is its disk full or slow?")
+            raise TransportError(host, f"it said nothing of what it gets {why}", hint="is its disk full or slow?")
         if not (out or error):
             streams.wait(0.2, writing=False)
     if end in said:
@@ -68,7 +68,7 @@ def send(host: str, streams: Streams, data: bytes) -> None:
             piece, last = piece[sent:], time.monotonic()
         elif streams.ended or time.monotonic() - last > _SILENCE_S:
             why = streams.reason() if streams.ended else f"nothing went by for {_SILENCE_S:g} s"
-            raise TransportError(host, f"the image got no further: {why}", hint="apply again: it goes on from there")
+            raise TransportError(host, f"what is sent got no further: {why}", hint="apply again: it goes on from there")
         else:
             streams.wait(0.2, writing=True)
 

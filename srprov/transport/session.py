@@ -21,7 +21,7 @@ from srprov.transport.engine import EngineAccess, preload
 from srprov.transport.engine.link import EngineLink, EngineSocket
 from srprov.transport.shell.lock_channel import HeartbeatChannel
 from srprov.transport.shell.shell import Shell, tell
-from srprov.wire import AnyQuery, Command, CopyImage, CopyVolume, EngineCall, EngineQuery, Put, Query, Reply, Run, sh
+from srprov.wire import AnyQuery, Command, Copy, EngineCall, EngineQuery, Put, Query, Reply, Run, sh
 
 if TYPE_CHECKING:
     from srprov.definitions.model import Host
@@ -124,14 +124,10 @@ class BaseSession(abc.ABC):
         with self._acting():
             if isinstance(command, EngineCall):
                 return self.engine.client.call(command, progress)
-            if isinstance(command, CopyImage):
-                from srprov.transport.image_copy import copy_image
+            if isinstance(command, Copy):
+                from srprov.transport.copies import copy
 
-                return copy_image(command, self, self._peers, self._options, progress)
-            if isinstance(command, CopyVolume):
-                from srprov.transport.volume_copy import copy_volume
-
-                return copy_volume(command, self, self._peers, progress)
+                return copy(command, self, self._peers, self._options, progress)
             with self._closing_on_error():
                 return self._shell.run(self._script(command), command.timeout_s, progress, shown=command.text())
 

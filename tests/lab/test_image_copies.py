@@ -18,7 +18,6 @@ from srprov.transport import connect
 from srprov.transport.registry_copy import pull_image
 from srprov.transport.ssh_session import SshSession
 from tests.lab.conftest import Lab, part_of_lab
-from tests.lab.containerd_store import pretending
 from tests.unit.transport.test_registry import an_image, tar_of
 
 MIB = 1 << 20
@@ -141,20 +140,13 @@ def no_forwards(job: Job) -> Iterator[None]:
             yield
 
 
-@pytest.fixture
-def containerd(job: Job) -> Iterator[None]:
-    """Let the engines of robot3 and robot4 say that they have containerd's store."""
-    with pretending(root(job.lab, "robot3")), pretending(root(job.lab, "robot4")):
-        yield
-
-
-@pytest.mark.usefixtures("no_forwards", "containerd")
-def test_an_engine_with_another_store_pulls_from_a_registry_of_which_nothing_is_left_or_gets_the_image_whole(
+@pytest.mark.usefixtures("no_forwards")
+def test_an_engine_pulls_from_a_registry_of_which_nothing_is_left_or_gets_the_image_whole(
     job: Job, tmp_path: Path
 ) -> None:
     lab, before, events = job.lab, listening(job.lab, "robot4"), tmp_path / "events"
     job.change(os.urandom(TOP))
-    made = job.apply("robot1", "robot3", "robot4", more=("--events", str(events)))
+    made = job.apply("robot1", "robot3", "robot4", more=("--copy", "registry", "--events", str(events)))
     name = next(one["id"].partition("image:")[2] for one in made["steps"] if "robot4/image:" in one["id"])
     found = [lab.shell(f"robot{n}", "docker", "image", "inspect", "-f", "{{.Id}}", name).out for n in (1, 3, 4)]
     assert len(set(found)) == 1

@@ -97,7 +97,7 @@ def test_what_is_asked(fields: dict[str, Any], asked: list[tuple[str, str]]) -> 
 
 def test_every_kind_is_asked_by_something() -> None:
     """The list of kinds that a user can allow holds nothing that is never asked."""
-    of_images = {"built-image", "engine-fetch"}
+    of_images = {"fetch", "built-image", "engine-fetch"}
     assert {kind for _, asked in ASKS for kind, _ in asked} | of_images | {
         "secret",
         "playbook",
@@ -199,3 +199,14 @@ def test_only_what_is_allowed_passes(allowed: tuple[str, ...], left: list[str]) 
     """A kind that the user names passes, `all` passes all, and another kind helps nobody."""
     asked = permissions(experiment(service("a", privileged=True, network="host")))
     assert [one.kind for one in refused(asked, allowed)] == left
+
+
+def test_a_download_is_asked_for_once_whoever_uses_it() -> None:
+    mounts = tuple(
+        Mount(kind="data", source="", target=f"/{name}", read_only=True, sha256="0" * 64, url="https://example.org/x")
+        for name in "xy"
+    )
+    asked = permissions(experiment(service("a", mounts=mounts), service("b", mounts=mounts)))
+    assert [(one.kind, one.what) for one in asked] == [("fetch", "https://example.org/x, downloaded by this machine")]
+    file = Mount(kind="data", source="/e/x", target="/x", read_only=True)
+    assert permissions(experiment(service("a", mounts=(file,)))) == ()

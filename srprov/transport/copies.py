@@ -1,0 +1,34 @@
+"""What travels to a robot as a stream: images, volumes' data and data sets, each by its own file."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from srprov.session import Progress
+from srprov.transport.data_copy import send_data
+from srprov.transport.image_copy import copy_image
+from srprov.transport.volume_copy import copy_volume
+from srprov.wire import Copy, CopyImage, CopyVolume, Reply
+
+if TYPE_CHECKING:
+    from srprov.transport.options import ConnectOptions, Peers
+    from srprov.transport.session import BaseSession
+
+
+def copy(
+    command: Copy,
+    session: BaseSession,
+    peers: Peers | None,
+    options: ConnectOptions,
+    progress: Progress,
+) -> Reply:
+    """Bring it to the robot.
+
+    Raises:
+        TransportError: The robot cannot be talked to any more.
+    """
+    if isinstance(command, CopyImage):
+        return copy_image(command, session, peers, options, progress)
+    if isinstance(command, CopyVolume):
+        return copy_volume(command, session, peers, progress)
+    return send_data(command, session, progress)

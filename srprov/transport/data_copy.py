@@ -1,0 +1,141 @@
+"""A data set gets to a robot, once: what is there already is compared, what was cut off goes on where it ended.
+
+Takes the file of this machine that has the hash, or downloads it; the robot compares the hash before it takes the
+place of a data set.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from http.client import HTTPException
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO
+
+from srprov import datasets, regular_file
+from srprov.session import Progress, Streams
+from srprov.transport.image_shell import answer, send
+from srprov.wire import DATA_STORE, Reply, SendData, quote
+
+if TYPE_CHECKING:
+    from srprov.transport.session import BaseSession
+
+_PIECE = 1 << 20
+_STEP = 64 << 20
+_STALL_S = 60.0
+_turns: dict[str, threading.Lock] = {}
+_turns_lock = threading.Lock()
+
+
+def send_data(command: SendData, session: BaseSession, progress: Progress) -> Reply:
+    """Send it; see `SendData`.
+
+    Raises:
+        TransportError: The robot cannot be talked to any more.
+    """
+    try:
+        with regular_file.real_file(_here(command, progress)) as file:
+            return _send(command, file, session, progress)
+    except (OSError, HTTPException, ValueError, datasets.WrongData) as error:
+        why = f"{command.url}: {error}" if command.url else str(error)
+        return Reply(status=1, ok=False, err=f"no data set {command.sha256[:12]} to send: {why}")
+
+
+def _send(command: SendData, file: BinaryIO, session: BaseSession, progress: Progress) -> Reply:
+    size = os.fstat(file.fileno()).st_size
+    streams = session.open_shell(take_script(command.sha256, size))
+    try:
+        # it may have to hash what is there
+        word, _, rest = answer(session.host, streams, b"\n", command.timeout_s).partition(" ")
+        if word == "there":
+            return Reply(status=0, out="it is there")
+        if word != "have" or not rest.isdigit():
+            return Reply(status=1, ok=False, err=rest[:500] or streams.reason())
+        file.seek(min(int(rest[:18]), size))
+        _feed(file, streams, size, session.host, progress)
+        word, _, rest = answer(session.host, streams, b"\n", command.timeout_s).partition(" ")
+        if word == "wrong":
+            datasets.forget(command.sha256)
+            return Reply(status=1, ok=False, err=f"what arrived has the sha256 {rest[:64]}: did the file change?")
+        return Reply(status=0) if word == "done" else Reply(status=1, ok=False, err=rest[:500] or streams.reason())
+    finally:
+        streams.close()
+
+
+def _feed(file: BinaryIO, streams: Streams, size: int, host: str, progress: Progress) -> None:
+    sent, told = file.tell(), file.tell()
+    while (piece := file.read(min(_PIECE, size - sent))) and sent < size:
+        send(host, streams, piece)
+        sent += len(piece)
+        if sent - told >= _STEP:
+            told = sent
+            progress(f"{sent >> 20} of {size >> 20} MiB")
+
+
+def take_script(sha256: str, size: int) -> str:
+    """Return what takes a data set of so many bytes, or the rest of it.
+
+    It says `there`, or `have BYTES` and takes the rest, or `no REASON`; then `done`, or `wrong SHA256`. A part stays.
+    """
+    place = quote(f"{DATA_STORE}/{sha256}")
+    return f"""{{
+umask 022
+mkdir -p {place} && cd {place} || {{ echo "no it has no place for that"; exit 1; }}
+if [ -f data ]; then
+  found=$(sha256sum <data)
+  [ "${{found%% *}}" != {sha256} ] || {{ echo there; exit 0; }}
+  rm -f data
+fi
+have=$(stat -c %s part 2>/dev/null || echo 0)
+[ "$have" -le {size:d} ] || {{ rm -f part; have=0; }}
+set -- $(df -Pk . | tail -n 1)
+if [ $((({size:d} - have) / 1024 + 65536)) -gt "${{4:-0}}" ]; then
+  echo "no room: it needs $((({size:d} - have) / 1048576 + 64)) MiB, and has $((${{4:-0}} / 1024)) MiB free"; exit 1
+fi
+echo "have $have"
+[ "$have" = {size:d} ] || head -c $(({size:d} - have)) >>part
+[ "$(stat -c %s part)" = {size:d} ] || exit 1
+found=$(sha256sum <part)
+[ "${{found%% *}}" = {sha256} ] || {{ rm -f part; echo "wrong ${{found%% *}}"; exit 1; }}
+chmod 0444 part && mv part data && echo done
+}}"""
+
+
+def _here(command: SendData, progress: Progress) -> Path:
+    """Return a file of this machine that has the hash; it is downloaded once for all robots."""
+    with _turns_lock:
+        turn = _turns.setdefault(command.sha256, threading.Lock())
+    with turn:
+        if found := datasets.find(command.sha256):
+            return found
+        if not command.url:
+            raise ValueError("no file here is known to have this hash; plan its EDF here again")
+        return datasets.keep(command.sha256, _download(command.url, command.timeout_s, progress))
+
+
+class _HttpsOnly(urllib.request.HTTPRedirectHandler):
+    def redirect_request(self, req: Any, fp: Any, code: Any, msg: Any, headers: Any, newurl: str) -> Any:  # noqa: ANN401 - as the base class has it
+        if not newurl.startswith("https://"):
+            raise urllib.error.URLError(f"it leads to {newurl[:200]}, which is not https")
+        return super().redirect_request(req, fp, code, msg, headers, newurl)
+
+
+def _download(url: str, seconds: float, progress: Progress) -> Iterator[bytes]:
+    end, got, told = time.monotonic() + seconds, 0, 0
+    opener = urllib.request.build_opener(_HttpsOnly())
+    request = urllib.request.Request(url, headers={"User-Agent": "srprov", "Accept-Encoding": "identity"})  # noqa: S310 - https, as the module has checked
+    if not url.startswith("https://"):
+        raise ValueError("it is not https")
+    with opener.open(request, timeout=_STALL_S) as response:
+        while piece := response.read(_PIECE):
+            got += len(piece)
+            if time.monotonic() > end:
+                raise OSError(f"it was not there within {seconds:g} s")
+            if got - told >= _STEP:
+                told = got
+                progress(f"downloaded {got >> 20} MiB")
+            yield piece
