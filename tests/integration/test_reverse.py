@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import http.client
 import socket
 import threading
@@ -124,6 +125,15 @@ def test_a_port_that_cannot_be_is_not_believed(port: int) -> None:
     forwards = ReverseForwards(Lying())  # type: ignore[arg-type]  # as much of a transport as is asked
     with pytest.raises(ForwardRefused, match=str(port)), forwards.open(echo, 5):
         pytest.fail("it was believed")
+
+
+def test_whoever_comes_from_elsewhere_is_not_let_in(robot: Callable[..., SshSession]) -> None:
+    with robot(GatewayPorts="yes").connection.forwards.open(echo, 5) as port:
+        elsewhere = socket.create_connection(("127.0.0.1", port), timeout=5, source_address=("127.0.0.2", 0))
+        with elsewhere, contextlib.suppress(ConnectionError):
+            elsewhere.sendall(b"hello")
+            assert elsewhere.recv(9) == b""
+        assert said(port, b"hello") == b"hello"
 
 
 def test_more_connections_than_there_is_room_for_are_closed(

@@ -18,6 +18,8 @@ import paramiko
 from srprov.transport.background import background
 
 _LOOPBACK = "127.0.0.1"
+_OURS = (_LOOPBACK, "::ffff:127.0.0.1")
+"""Where connections may come from; sshd with `GatewayPorts yes` listens on every address, whatever is asked."""
 _CANCEL_S = 5.0
 _MOST_CHANNELS = 16
 """At once; a pull has three to six. Any user of the robot may connect."""
@@ -90,12 +92,13 @@ class ReverseForwards:
         with contextlib.suppress(NotYet):
             background(ask).result(_CANCEL_S)
 
-    def _arrived(self, channel: paramiko.Channel, _origin: object, server: tuple[str, int]) -> None:
+    def _arrived(self, channel: paramiko.Channel, origin: tuple[str, int], server: tuple[str, int]) -> None:
         """Hand a new channel on. This is paramiko's own thread, which must not wait: nothing else moves meanwhile.
 
         A channel that nobody takes is closed by being forgotten.
         """
-        if door := self._doors.get(server[1]):
+        door = self._doors.get(server[1])
+        if door is not None and origin[0] in _OURS:
             door.arrived(channel)
 
 
