@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
-from typing import Any, TypeVar
+from typing import Any, TextIO, TypeVar
 
 import click
 
@@ -47,8 +48,13 @@ class _Output(click.File):
         except OSError as error:
             self.fail(f"cannot write {value}: {error.strerror}", param, ctx)
         if ctx is not None:
-            ctx.call_on_close(stream.close)
+            ctx.call_on_close(lambda: _close(stream))
         return stream
+
+
+def _close(stream: TextIO) -> None:
+    with contextlib.suppress(OSError):  # a full disk was told of when something was written
+        stream.close()
 
 
 EVENTS = click.option(

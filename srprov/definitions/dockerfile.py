@@ -29,10 +29,10 @@ _STRANGE = re.compile("[\x00-\x08\x0a-\x1f\x7f-\x9f\u2028\u2029]")
 """Control characters and separators of lines: each reader of a Dockerfile has its own idea of them."""
 _OTHER_BLANK = re.compile(r"[^\S \t\r]")
 _ESCAPE = re.compile(r"#\s*escape\s*=\s*[^\\\s]", re.IGNORECASE)
-_OPTIONS = re.compile(r"(?:--\S*(?:\s+|$))*")
+_OPTIONS = re.compile(r"(?:--\S*(?:\s+|\Z))*")
 _QUOTE = re.compile(r"[\"'\\]")
-_CONTINUED = re.compile(r"(?<!\\)\\$")
-_JOINTS = (_CONTINUED, re.compile(r"\\$"), re.compile("(?<!`)`$"), re.compile("`$"))
+_CONTINUED = re.compile(r"(?<!\\)\\\Z")
+_JOINTS = (_CONTINUED, re.compile(r"\\\Z"), re.compile(r"(?<!`)`\Z"), re.compile(r"`\Z"))
 """Where builders join lines: of two escapes at a line's end the second joins, or does not; or at backticks."""
 _NO_HEREDOC = re.compile(r"\"(?:\\.|[^\"\\])*\"|'[^']*'|<<<|\$\(\([^()\"'\\]*\)\)")
 _HEREDOC = re.compile(r"<<|[\"'\\]|\$\{[^}]*<")
