@@ -14,7 +14,7 @@ from srprov.definitions.dockerfile import instructions
 from srprov.images import quoting
 
 _WORD = re.compile(r"(?:[^\s\"'\\]|\"[^\"\\]*\"|'[^']*')+")
-_CONTINUED = re.compile(r"(?<!\\)\\[ \t\r]*$")
+_CONTINUED = re.compile(r"(?<!\\)\\[ \t\r]*\Z")
 
 
 def with_args(text: str, args: Mapping[str, str]) -> str:
