@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from srprov import names
 from srprov.errors import SrprovError, TransportError
@@ -13,7 +14,8 @@ from srprov.untrusted import text
 from srprov.wire import AnyQuery, Reply
 
 _MOST = 1000
-"""Things of a kind that a robot has; plans and tables grow with them, and a robot may say anything."""
+"""Things of a kind that a robot has, and things of any kind that it has of one instance: plans and tables grow with
+them, and with their pairs, and a robot may say anything."""
 _MOST_SMALL = dict.fromkeys(("image", "file", "secret"), 10_000)
 """Images are nobody's, and one service may have many files."""
 
@@ -46,6 +48,7 @@ def parse_observed(replies: Sequence[Reply], kinds: Iterable[str] = tuple(MODULE
 
     Raises:
         TooManyError: There are more things of a kind than a robot can have.
+        ValueError: One has a name, or a text in its state, that no robot's thing can have.
     """
     found: list[Observed] = []
     start = 0
@@ -56,9 +59,31 @@ def parse_observed(replies: Sequence[Reply], kinds: Iterable[str] = tuple(MODULE
         ours = [one for one in seen if not one.instance or names.valid("instance", one.instance)]
         if len(ours) > (most := _MOST_SMALL.get(kind, _MOST)):
             raise TooManyError(f"it has more than {most} things of the kind {kind}")
+        for one in ours:
+            _check(one)
         found += ours
         start += count
+    of_instances = Counter(one.instance for one in found if one.instance)
+    if of_instances and (most_of := of_instances.most_common(1)[0])[1] > _MOST:
+        raise TooManyError(f"it has more than {_MOST} things of the instance {most_of[0]}")
     return tuple(found)
+
+
+def _check(one: Observed) -> None:
+    """Refuse (ValueError) what no command could be about: plans for all robots are made of these words later."""
+    # an image's labels are its author's
+    if _has_nul(one.name) or (one.module != "image" and _has_nul(one.state)):
+        raise ValueError(f"a NUL in what it says of {one.module} {one.name[:60]!r}")
+    if one.instance and not MODULES[one.module].shared:
+        MODULES[one.module].removal(one)
+
+
+def _has_nul(value: object) -> bool:
+    if isinstance(value, str):
+        return "\0" in value
+    if isinstance(value, Mapping):
+        return any(_has_nul(key) or _has_nul(one) for key, one in value.items())
+    return isinstance(value, list | tuple) and any(map(_has_nul, value))
 
 
 def probe_queries(wants: Iterable[Resource]) -> tuple[AnyQuery, ...]:

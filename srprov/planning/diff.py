@@ -17,6 +17,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from srprov.errors import PlanError
 from srprov.modules import MODULES, PROBING, RUNNING
 from srprov.planning.plan import Step
+from srprov.planning.reach import Reach
 from srprov.planning.rebuild import rebuild_stranded, rebuild_users
 from srprov.planning.steps import Key, There, due_step, new_step, order_key, removal_step
 from srprov.resource import Action, Condition, Need, Observed, Resource, resource_id
@@ -66,10 +67,11 @@ def _asked_again(steps: Sequence[Step], wanted: Mapping[str, Resource], there: T
     changing = {step.id: step for step in steps}
     again = []
     solid = {key: dataclasses.replace(one, needs=_without_order(one.needs)) for key, one in wanted.items()}
+    reach = Reach(solid, changing)
     for resource in wanted.values():
         if resource.module not in PROBING or resource.id in changing:
             continue
-        if reached := sorted(_reached(solid[resource.id].needs, solid, changing)):
+        if reached := sorted(reach.of(solid[resource.id].needs)):
             cause = f"asked again after {', '.join(reached)}, which it needs"
             again.append(new_step(resource, cause, there.get((resource.host, resource.module, resource.name))))
     return again
@@ -158,13 +160,8 @@ def _in_order(steps: Sequence[Step], wanted: Mapping[str, Resource]) -> tuple[St
     by_key = {order_key(step): step for step in steps}
     if len(by_key) != len(steps):
         raise PlanError("two steps for one resource")
-    taken = _taken(wanted)
-    removals = {key: (one.id, one) for key, one in by_key.items() if one.change.action is Action.DELETE}
-    kinds: dict[tuple[str, str], list[Key]] = {}
-    for key, (_, step) in removals.items():
-        kinds.setdefault((step.host, step.module), []).append(key)
-    changed = {one.id: key for key, one in by_key.items() if one.want is not None}
-    needs = {key: _needs(key, by_key[key], removals, kinds, changed, wanted, taken) for key in by_key}
+    order = _Before(by_key, wanted)
+    needs = {key: order.of(step) for key, step in by_key.items()}
     numbers: dict[Key, int] = {}
     missing = {key: len(before) for key, before in needs.items()}
     followers: dict[Key, list[Key]] = {key: [] for key in by_key}
@@ -208,43 +205,43 @@ def _waits(want: Resource | None, wanted: Mapping[str, Resource]) -> tuple[Need,
     )
 
 
-def _needs(
-    key: Key, step: Step, removals: Mapping[Key, tuple[str, Step]],
-    kinds: Mapping[tuple[str, str], Sequence[Key]], changed: Mapping[str, Key],
-    wanted: Mapping[str, Resource], taken: Mapping[str, Resource],
-) -> set[Key]:  # fmt: skip
-    """Return the steps that must have succeeded before one; `removals` have their ids beside."""
-    if step.want is None:
+class _Before:
+    """What must be done before a step: an index of the removals, and of what needs what."""
+
+    def __init__(self, by_key: Mapping[Key, Step], wanted: Mapping[str, Resource]) -> None:
+        self._wanted, self._taken = wanted, _taken(wanted)
+        self._changed = {one.id: key for key, one in by_key.items() if one.want is not None}
+        self._reach = Reach(wanted, self._changed)
+        self._removals: dict[tuple[str, ...], set[Key]] = {}
+        """Keys of removals by robot and kind, by id, and by service."""
+        self._shared: dict[tuple[str, str], frozenset[Key]] = {}
+        for key, one in by_key.items():
+            if one.change.action is Action.DELETE:
+                for at in ((one.host, one.module), (one.id,), ("", "", one.service)):
+                    self._removals.setdefault(at, set()).add(key)
+
+    def of(self, step: Step) -> Collection[Key]:
+        """Return the steps that must have succeeded before one."""
+        if step.want is None:
+            return self._of_removal(step)
+        needs = {self._changed[one] for one in self._reach.of(step.want.needs)}
+        if source := MODULES[step.module].taken_from(step.want.params):
+            needs.update(*(self._gone(source, kind) for kind in RUNNING))
+        module = MODULES[step.module]
+        needs.update(*(self._gone(step.host, kind) for kind in MODULES if module.made_after_removal_of(kind)))
+        # nothing stands twice, and no service runs twice
+        return needs.union(self._gone(step.id), self._gone("", "", step.service) if step.service else ())
+
+    def _gone(self, *at: str) -> Collection[Key]:
+        return self._removals.get(at, ())
+
+    def _of_removal(self, step: Step) -> Collection[Key]:
+        place = step.host, step.module
+        if place not in self._shared:  # a robot may have very many, and all wait for the same
+            first = (self._gone(step.host, kind) for kind, one in MODULES.items() if one.removed_before(step.module))
+            self._shared[place] = frozenset[Key]().union(*first)
         # what was copied goes last: after the copy, and after what needs the copy was made
-        heir = taken.get(step.id)
-        readers = wanted.values() if heir else ()
-        users = {one.id for one in readers if heir and heir.id in (one.id, *(need.id for need in one.needs))}
-        after = {changed[one] for one in users if one in changed}
-        first = (kinds.get((step.host, kind), ()) for kind, one in MODULES.items() if one.removed_before(step.module))
-        return after.union(*first) - {key}
-    removals = {k: one for k, one in removals.items() if k != key}
-    here = {k: MODULES[one.module] for k, (_, one) in removals.items() if one.host == step.host}
-    needs = {changed[one] for one in _reached(step.want.needs, wanted, changed)}
-    if source := MODULES[step.module].taken_from(step.want.params):
-        needs |= {k for k, (_, one) in removals.items() if one.host == source and one.module in RUNNING}
-    needs |= {k for k, module in here.items() if MODULES[step.module].made_after_removal_of(module.kind)}
-    # nothing stands twice, and no service runs twice
-    own = step.id
-    return needs | {
-        k for k, (name, one) in removals.items() if name == own or (step.service and one.service == step.service)
-    }
-
-
-def _reached(needs: Iterable[Need], wanted: Mapping[str, Resource], changed: Mapping[str, object]) -> set[str]:
-    """Return the ids of changing resources that `needs` reach, through unchanged ones, however many."""
-    reached, seen, left = set(), set(), list(needs)
-    while left:
-        need = left.pop()
-        if need.id in seen:
-            continue
-        seen.add(need.id)
-        if need.id in changed:
-            reached.add(need.id)
-        elif need.id in wanted:
-            left.extend(wanted[need.id].needs)
-    return reached
+        if (heir := self._taken.get(step.id)) is None:
+            return self._shared[place]
+        users = {one.id for one in self._wanted.values() if heir.id in (one.id, *(need.id for need in one.needs))}
+        return self._shared[place] | {self._changed[one] for one in users if one in self._changed}

@@ -25,3 +25,54 @@ def test_a_robot_that_names_more_containers_than_it_can_have_is_not_believed() -
     assert len(parse_observed(containers(1000), ["container"])) == 1000
     with pytest.raises(TransportError, match="it has more than 1000 things of the kind container"), answers_of("r1"):
         parse_observed(containers(1001), ["container"])
+
+
+def told(out: object) -> Reply:
+    """Return the reply of a robot that says this."""
+    return Reply(status=200, out=out if isinstance(out, str) else json.dumps(out))
+
+
+OURS = {"srprov.instance": "x"}
+SHA = "0" * 64
+LINK = {"ifname": "srpv1", "ifalias": "srprov:x", "linkinfo": {"info_kind": "vxlan", "info_data": {}}}
+NETWORK = {"Name": "n", "Labels": OURS, "Options": {"com.docker.network.bridge.name": "srpb\0"}}
+
+
+@pytest.mark.parametrize(
+    ("kind", "replies"),
+    [
+        ("file", [f"{SHA}  ./x/.."]), ("file", [f"{SHA}  ./x/a\0b"]), ("file", [f"{SHA}  ./x/"]),
+        ("file", [f"{SHA}  ./x/."]), ("secret", [f"{SHA}  ./x/secrets/.."]), ("secret", [f"{SHA}  ./x/secrets/\0"]),
+        ("tree", ["/var/lib/srprov/x/trees/.."]), ("tree", ["/var/lib/srprov/x/trees/a\0"]),
+        ("vxlan", [[{**LINK, "ifname": "srpv\0"}], []]),
+        ("vxlan", [[LINK], [{"ifname": "srpv1", "mac": "02:00:00:00:00:01", "dst": "10.0.0.1\0"}]]),
+        ("network", [[NETWORK]]),
+        ("volume", [{"Volumes": [{"Name": "srprov.x.d", "Labels": OURS, "Mountpoint": "/a\0"}]}]),
+        ("volume", [{"Volumes": [{"Name": "srprov-copy.x.a\0", "Labels": OURS}]}]),
+    ],
+)  # fmt: skip
+def test_names_that_no_command_can_be_about_are_that_robots_failure(kind: str, replies: list[object]) -> None:
+    """A plan, a removal or a list of volumes for all robots would end with them."""
+    with pytest.raises(TransportError, match="its answers cannot be read"), answers_of("r1"):
+        parse_observed([told(one) for one in replies], [kind])
+
+
+def test_an_images_labels_may_hold_anything() -> None:
+    image = {"Id": "sha256:1", "RepoTags": ["a:1"], "Labels": {"by": "x\0"}}
+    assert parse_observed([told([image])], ["image"])[0].name == "a:1"
+
+
+def test_what_a_robot_has_of_one_instance_has_a_limit_in_all() -> None:
+    """To remove it, each file waits for each container."""
+
+    def robot(count: int) -> list[Reply]:
+        listed = [
+            {"Names": [f"/srprov.x.c{one}"], "Labels": {**OURS, "srprov.service": f"c{one}"}, "Id": "f" * 64}
+            for one in range(500)
+        ]
+        files = "\n".join(f"{SHA}  ./x/f{one}" for one in range(count))
+        return [*([told(listed)] * len(observe_queries(["container"]))), told(files)]
+
+    assert len(parse_observed(robot(500), ["container", "file"])) == 1000
+    with pytest.raises(TransportError, match="more than 1000 things of the instance x"), answers_of("r1"):
+        parse_observed(robot(501), ["container", "file"])
