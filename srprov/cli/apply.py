@@ -73,7 +73,7 @@ def apply(
         output_options.note(f"asking {len(inventory.hosts)} robots for facts")
         phases.begin("facts")
         lock_wait = inputs.waited(fleet, name, lock_wait)
-        planned = _planned(source, fleet, request, secrets.vault, phases).limited(chosen)
+        planned = _planned(source, fleet, request, secrets.vault, phases, signed=bool(signers)).limited(chosen)
         if not as_json and not (yes and output_options.is_quiet()):
             show_plan(planned.plan, None, verbose=verbose)
         from srprov.controller.permissions import may_trigger, permit_run
@@ -118,13 +118,13 @@ def _instance(source: Definitions | PlanFile, request: PlanRequest) -> str:
 
 
 def _planned(
-    source: Definitions | PlanFile, fleet: Fleet, request: PlanRequest, vault: Vault, phases: Phases
+    source: Definitions | PlanFile, fleet: Fleet, request: PlanRequest, vault: Vault, phases: Phases, *, signed: bool
 ) -> Planned:
     """Make the plan, or check that the one from a file still holds."""
     if not isinstance(source, Definitions):
         from srprov.controller.saved import check_plan
 
-        return check_plan(source, fleet, adopt=request.adopt)
+        return check_plan(source, fleet, adopt=request.adopt, signed=signed)
     with fleet.look(source.experiment) as look, answers_only():
         from srprov.controller.plan import make_plan  # a tenth of a second of imports, while the robots are asked
 

@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 
 from srprov.controller.context import is_record_path
+from srprov.controller.placement_claim import PlacementClaim
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.dockerfile import fetches, images_of, unclear
 from srprov.definitions.model import Experiment, NetworkSettings, Service
@@ -66,8 +67,9 @@ def asked(saved: PlanFile) -> tuple[Permission, ...]:
     names = _names(saved)
     contexts = {tag: saved.contexts[tag] for tag in builds.keys() & {service.cdf for service in services}}
     built = {(one.host, one.name) for one in steps if one.module == "image" and one.params.source == "build"}
+    claim = PlacementClaim(plan, names, wants_of(saved))
     # of what is right already, only checks are asked on the robots
-    strange = [want for want in steps if not _is_own(want, names, plan, contexts, built)]
+    strange = [want for want in steps if not _is_own(want, names, plan, contexts, built, claim)]
     strange += [want for want in saved.also_wanted if want.module in PROBING]
     return (
         *permissions(whole, builds),
@@ -181,8 +183,9 @@ def check_copies(saved: PlanFile, known: Mapping[str, Collection[str]]) -> None:
 
 
 def _is_own(
-    want: Resource, names: Names, plan: Plan, contexts: Mapping[str, bytes], built: Collection[tuple[str, str]]
-) -> bool:
+    want: Resource, names: Names, plan: Plan, contexts: Mapping[str, bytes], built: Collection[tuple[str, str]],
+    claim: PlacementClaim,
+) -> bool:  # fmt: skip
     """Return whether srprov's own playbooks could state a resource for this placement.
 
     `contexts` are those of its images, `built` the (robot, image) that the plan builds.
@@ -191,24 +194,10 @@ def _is_own(
         return want.params.blob is not None and want.params.blob == contexts.get(want.name)
     if isinstance(want.params, ImageParams) and want.params.source == "copy":
         return want.name in contexts and bool(want.params.id or (want.params.from_, want.name) in built)
-    is_record = isinstance(want.params, FileParams) and is_record_path(want.name)
-    if is_record and not _is_record(want.params.content, names, plan):
+    if isinstance(want.params, FileParams) and is_record_path(want.name) and not claim.is_record(want.params.content):
         return False
     at_home = want.service == "" or plan.assignment.get(want.service) == want.host
     return at_home and MODULES[want.module].is_own(want.name, want.params, names)
-
-
-def _is_record(content: str, names: Names, plan: Plan) -> bool:
-    """Return whether a file is the record of this placement: robots believe what stands there, line by line."""
-    value = mapping(json_or_none(content))
-    record = read_record(value)
-    return (
-        content == canonical(value) + "\n"
-        and (value.get("instance"), value.get("source")) == (names.instance, names.source)
-        and record is not None
-        and record.robots == plan.assignment
-        and set(record.vteps.values()) <= names.vteps
-    )
 
 
 def _shown(want: Resource) -> str:

@@ -33,14 +33,12 @@ def provers(saved: PlanFile) -> tuple[Owner, ...]:
 
 
 def check_claim(saved: PlanFile, snapshot: Snapshot) -> None:
-    """Refuse a plan that was not written here, and names a source that is, where containers of the instance are.
+    """Refuse a plan that was not written here where containers of its instance are: its source is only what it says.
 
     Raises:
         RefusedError: Names the robots.
     """
     instance = saved.plan.instance
-    if not owners_of(instance, saved.plan.source):
-        return
     robots = sorted(
         robot
         for robot, items in snapshot.observed.items()
@@ -48,9 +46,9 @@ def check_claim(saved: PlanFile, snapshot: Snapshot) -> None:
     )
     if robots:
         raise RefusedError(
-            f"this plan was not written on this controller, and says that it is of the source whose instance "
-            f"'{instance}' this controller made on {', '.join(robots)}",
-            hint="plan its EDF here; or --adopt lets this plan change the instance",
+            f"this plan was not written on this controller, and would change instance '{instance}', which is there on "
+            f"{', '.join(robots)}",
+            hint="plan its EDF here; or let this plan change it by --adopt, or by --signers FILE if it is signed",
         )
 
 

@@ -93,17 +93,18 @@ def _inputs(planned: Planned) -> dict[str, str]:
     return {os.path.relpath(path, experiment.folder): text for path, text in sorted(texts.items())}
 
 
-def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False) -> Planned:
+def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False, signed: bool = False) -> Planned:
     """Return the plan of a file when nothing that it relies on has moved; robots out of reach are noted in it.
 
     Its steps are those that follow from what it wants and from the robots as they are now; what the file says of them
-    must be the same. The values of secrets are not known yet.
+    must be the same. The values of secrets are not known yet. `signed` says that somebody whom the user trusts
+    signed the file.
 
     Raises:
         StalePlan: Names what moved on which robot.
         UsageError: A robot of the plan is not in the inventory; or the file's steps are not those that follow.
         RefusedError: Another source made the instance, and `adopt` does not take it over; or the file was not written
-            here, and would change an instance that was made here, use data, or send packets to a robot out of reach.
+            here, and would change an instance that is there, use data, or send packets to a robot out of reach.
     """
     missing = sorted(set(saved.fingerprints) - set(fleet.inventory.hosts))
     if missing:
@@ -124,7 +125,7 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False) -> Planned
         check_copies(saved, known_images())
         refuse_files(wants)
         check_underlay(saved, {facts.underlay_address for facts in snapshot.facts.values()})
-        if not adopt:
+        if not adopt and not signed:
             check_claim(saved, snapshot)
     _check_networks(wants, saved.plan.instance, snapshot)
     steps = _derived(saved, wants, snapshot)

@@ -28,6 +28,7 @@ from srprov.definitions import load_experiment
 from srprov.definitions.model import Definitions
 from srprov.errors import RefusedError, SrprovError, UsageError
 from srprov.modules.image import ImageParams
+from srprov.modules.module import canonical
 from srprov.planning.plan import Plan
 from srprov.planning.planfile import PlanFile, dump
 from srprov.planning.steps import due_step
@@ -242,3 +243,37 @@ def test_a_plan_file_copies_only_images_that_were_built_under_their_tag(
         note_images({built: ids})
         with pytest.raises(RefusedError, match="only this plan, which was not written here, says that srprov/new"):
             stage.apply(text)
+
+
+@pytest.mark.parametrize(
+    "forged",
+    [
+        {"subnet": "10.0.0.0/8"}, {"vni": 1}, {"mtu": 68}, {"port": 1}, {"extra": {"any": "thing"}}, {"serial": 2**40},
+        {"robots": {"robot1": {"gateway": "10.1.2.3", "vtep": ""}}}, {"services": {"web": {"ip": "10.1.2.3"}}},
+    ],
+)  # fmt: skip
+def test_a_plan_file_records_the_placement_of_its_own_resources(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, forged: dict[str, Any]
+) -> None:
+    """Robots believe a record: a subnet that it names is taken for everybody else."""
+    world = World().add("robot1", "robot2", "robot3")
+    _, saved = planned(world, written(tmp_path / "fresh", "fresh", 2), monkeypatch)
+    steps = []
+    for step in saved.plan.steps:
+        if step.want is not None and step.name.endswith("/placement.json"):
+            value = json.loads(step.want.params.content)
+            for key, one in forged.items():
+                value[key] = {**value[key], **one} if key in ("robots", "services") else one
+            written_as = {**step.want.written, "content": canonical(value) + "\n"}
+            params = dataclasses.replace(step.want.params, content=written_as["content"])
+            due = due_step(dataclasses.replace(step.want, params=params, written=written_as), None)
+            assert due is not None
+            steps.append(dataclasses.replace(step, want=due.want, change=due.change))
+        else:
+            steps.append(step)
+    (tmp_path / "plan.json").write_text(dump(saved))
+    assert read_source(str(tmp_path / "plan.json"))
+    plan = dataclasses.replace(saved.plan, steps=tuple(steps))
+    (tmp_path / "plan.json").write_text(dump(dataclasses.replace(saved, plan=plan, proof="")))
+    with pytest.raises(UsageError, match=r"placement\.json asks for playbook"):
+        read_source(str(tmp_path / "plan.json"))

@@ -122,7 +122,7 @@ def test_a_plan_from_elsewhere_sends_nothing_to_a_robot_that_does_not_answer(wor
 
 
 def test_a_plan_from_elsewhere_changes_no_instance_that_was_made_here(world: World) -> None:
-    """It names the source that this controller made the instance from; the controller's own plan is done."""
+    """It names the source that the instance was made from, here or elsewhere; the controller's own plan is done."""
     with mock.patch("srprov.controller.plan.source_of", return_value="lab@desk:/e/hello.edf"):
         saved = reread(planned(world))
     check_plan(saved, fleet(world))
@@ -131,9 +131,11 @@ def test_a_plan_from_elsewhere_changes_no_instance_that_was_made_here(world: Wor
         with pytest.raises(RefusedError, match=r"not written on this controller.* on r1, r2, r3"):
             check_plan(forged, fleet(world))
         check_plan(forged, fleet(world), adopt=True)
+        check_plan(forged, fleet(world), signed=True)
     for twin in owners_folder().iterdir():
         twin.unlink()
-    check_plan(forged, fleet(world))
+    with pytest.raises(RefusedError, match=r"not written on this controller.* on r1, r2, r3"):
+        check_plan(saved, fleet(world))
 
 
 def test_a_step_of_a_kind_that_there_is_not_and_a_wait_that_cannot_end_are_refused_when_the_file_is_read(

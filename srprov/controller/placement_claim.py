@@ -1,0 +1,75 @@
+"""Whether a placement record in a plan file is the one of its own plan: robots believe it, line by line. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from srprov.modules.container_params import ContainerParams
+from srprov.modules.module import Names, canonical
+from srprov.modules.network import NetworkParams
+from srprov.network.record import read_record
+from srprov.planning.plan import Plan
+from srprov.resource import Resource
+from srprov.untrusted import json_or_none, mapping
+
+_OVERLAY = ("subnet", "vni", "mtu", "port")
+_KEYS = {"instance", "source", "robots", "services", "serial", *_OVERLAY}
+_MOST_SERIAL = 2**31
+"""A record counts its changes."""
+
+
+class PlacementClaim:
+    """What a plan's own resources say of its placement."""
+
+    def __init__(self, plan: Plan, names: Names, wants: Iterable[Resource]) -> None:
+        """Take all that the plan wants, also what is right already."""
+        self._plan, self._names = plan, names
+        self._networks: dict[str, NetworkParams] = {}
+        self._endpoints: dict[str, dict[str, str]] = {}
+        self._judged: dict[str, bool] = {}
+        for one in wants:
+            if isinstance(one.params, NetworkParams):
+                self._networks[one.host] = one.params
+            elif isinstance(one.params, ContainerParams):
+                at = one.params.network
+                end = {"ip": at.ip or "", "mac": at.mac or "", "network": at.mode, "robot": one.host}
+                self._endpoints[one.params.service] = end
+
+    def is_record(self, content: str) -> bool:
+        """Return whether a file is the record of this placement, and says nothing else; robots share one."""
+        if content not in self._judged:
+            self._judged[content] = self._is_record(content)
+        return self._judged[content]
+
+    def _is_record(self, content: str) -> bool:
+        value = mapping(json_or_none(content))
+        record = read_record(value)
+        if record is None or content != canonical(value) + "\n" or value.keys() != _KEYS:
+            return False
+        overlays = [[getattr(one, key) for key in _OVERLAY] for one in self._networks.values()] or [["", 0, 0, 0]]
+        robots, services, assigned = mapping(value["robots"]), mapping(value["services"]), self._plan.assignment
+        return (
+            (value["instance"], value["source"]) == (self._names.instance, self._names.source)
+            and all(one == [value[key] for key in _OVERLAY] for one in overlays)
+            and type(value["serial"]) is int
+            and 0 < value["serial"] < _MOST_SERIAL
+            and record.robots == assigned
+            and (set(services), set(robots)) == (set(assigned), set(assigned.values()))
+            and all(self._is_robot(name, mapping(one)) for name, one in robots.items())
+            and all(self._is_service(name, mapping(one)) for name, one in services.items())
+        )
+
+    def _is_robot(self, name: str, told: Mapping[str, Any]) -> bool:
+        if told.keys() != {"gateway", "vtep"} or told["vtep"] not in ("", *self._names.vteps):
+            return False
+        network = self._networks.get(name)
+        # of a robot that is out of reach nothing is known but what the last record said
+        return told["gateway"] == (network.gateway if network else "") or (
+            network is None and name in self._plan.unreachable
+        )
+
+    def _is_service(self, name: str, told: Mapping[str, Any]) -> bool:
+        if name in self._endpoints:
+            return told == self._endpoints[name]
+        return told.keys() == {"ip", "mac", "network", "robot"} and told["robot"] in self._plan.unreachable
