@@ -78,6 +78,11 @@ def read(path: str) -> bytes:
     return (_budget.get() or _Budget()).read(path)
 
 
+def left() -> int:
+    """Return how many bytes may still be shipped."""
+    return (_budget.get() or _Budget()).left
+
+
 def spend(what: str, size: int, files: int) -> None:
     """Count what is shipped but was read elsewhere, `size` bytes in `files` files, against the limit.
 

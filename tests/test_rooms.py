@@ -143,6 +143,7 @@ FILES: Mapping[str, Room] = {
     "cli/facts_ranges.py": cli_file("facts data definitions.schema", "jsonschema"),
     "cli/facts_table.py": cli_file("facts"),
     "cli/lab.py": cli_file("lab"),
+    "cli/lock.py": cli_file("definitions.lockfile"),
     "cli/locks.py": cli_file("execution"),
     "cli/logs.py": cli_file("facts"),
     "cli/plan.py": cli_file("planning"),

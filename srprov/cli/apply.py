@@ -35,6 +35,7 @@ if TYPE_CHECKING:
 @output_options.TIMINGS
 @options.planning
 @options.MAX_FAIL
+@options.LOCKED
 @click.option("-y", "--yes", is_flag=True, help="Do not ask.")
 @click.option("--wait-timeout", type=Seconds(min=0), default=300.0, show_default=True, metavar="S",
               help="Seconds for a service to become healthy or to complete.")  # fmt: skip
@@ -50,7 +51,7 @@ def apply(
     file: str, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, limit: str, exclude: str,
     request: PlanRequest, unreachable: str, yes: bool, wait_timeout: float, settle: float, events: TextIO | None,
     verbose: bool, no_color: bool, lock_wait: float, stop_timeout: float, pulse: Pulse, runs: Path | None,
-    max_fail: str, signers: str | None,
+    max_fail: str, signers: str | None, locked: bool,
 ) -> int:  # fmt: skip
     """Change the robots so that the experiment runs on them. FILE is an EDF, or a plan that `srprov plan -o` wrote.
 
@@ -62,7 +63,7 @@ def apply(
 
     refuse_without_terminal(yes)
     phases = Phases()
-    source = read_source(file, signers or "", request.allowed)
+    source = read_source(file, signers or "", request.allowed, locked=locked)
     request = _fitting(request, source)
     secrets = HeldSecrets(source, request.allowed)
     inventory = inputs.load_inventory(inventories)

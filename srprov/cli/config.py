@@ -31,11 +31,11 @@ from srprov.errors import UsageError, did_you_mean
 
 PROJECT_KEYS = frozenset(
     ("inventory", "forks", "timeout", "wait-timeout", "settle", "lock-wait", "time-limit", "max-fail", "format",
-     "verbose", "explain", "timings", "no-color", "tail")
+     "verbose", "explain", "timings", "no-color", "tail", "locked")
 )  # fmt: skip
 OWN_KEYS = PROJECT_KEYS | {
     *("allow", "yes", "adopt", "data", "volumes", "unreachable", "reassign", "ask-become-pass", "limit", "exclude"),
-    *("copy", "instance", "runs", "events", "out", "sign", "signers", "svg", "png", "history", "facts"),
+    *("copy", "instance", "runs", "events", "out", "sign", "signers", "svg", "png", "history", "facts", "update"),
     *("quiet", "json", "detailed-exitcode", "exit-code", "pareto", "follow", "stop-timeout", "resume", "only"),
 }
 PARAMETERS = {"inventory": "inventories", "json": "as_json", "format": "form", "out": "target", "facts": "stored"}

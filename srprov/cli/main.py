@@ -26,6 +26,7 @@ _VERBS = {
     "facts": "Show the robots as they are.",
     "doctor": "Check that each robot has what srprov needs, and say how to get it.",
     "assign": "Show which robot would run which service, and why.",
+    "lock": "Write down what tags and branches are now, for plan and apply.",
     "plan": "Show what would change; changes nothing.",
     "apply": "Change the robots so that the experiment runs on them.",
     "run": "Run the experiment's trials, and bring home what they give.",

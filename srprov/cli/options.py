@@ -4,24 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import click
 
 from srprov import names
-from srprov.cli.config import user_folder
 from srprov.cli.seconds import Seconds
 from srprov.controller.request import SEARCH_LIMIT_S, PlanRequest
 from srprov.errors import UsageError
 from srprov.session import Pulse
 
-if TYPE_CHECKING:
-    from srprov.controller.labpolicy import Policies
-
-_MACHINE_FOLDER = Path("/etc/srprov")
 _F = TypeVar("_F", bound=Callable[..., Any])
 
 INVENTORY = click.option(
@@ -108,7 +102,7 @@ _UNREACHABLE = click.option(
     help="When robots cannot be reached: do the others and exit with 4, or with 0 (skip), "
     "or place their services elsewhere (reassign).",
 )
-_ALLOW = click.option(
+ALLOW = click.option(
     "--allow",
     multiple=True,
     metavar="KIND",
@@ -162,10 +156,9 @@ def planning(function: _F) -> _F:
         *, request: PlanRequest, adopt: bool, unreachable: str, allow: tuple[str, ...], data: str | None,
         copy: str | None, **more: object,
     ) -> object:  # fmt: skip
-        from srprov.controller.permissions import check_kinds
+        from srprov.cli.permitted import permitted
 
-        check_kinds(allow)
-        policies, allowed = _lab_policies(allow)
+        policies, allowed = permitted(allow)
         request = dataclasses.replace(
             request,
             adopt=adopt,
@@ -177,31 +170,12 @@ def planning(function: _F) -> _F:
         )
         return function(request=request, unreachable=unreachable, **more)
 
-    return cast("_F", deciding(_ADOPT(_UNREACHABLE(_ALLOW(_DATA(_COPY(with_request)))))))
+    return cast("_F", deciding(_ADOPT(_UNREACHABLE(ALLOW(_DATA(_COPY(with_request)))))))
 
 
-def _lab_policies(allow: tuple[str, ...]) -> tuple[Policies, frozenset[str]]:
-    """Return the policies of this machine and this user, and what is left of the permissions that the user gives."""
-    own = user_folder(os.environ)
-    if not any(_there(folder / "policy.yml") for folder in (_MACHINE_FOLDER, own)):
-        return (), frozenset(allow)  # nothing of it is imported then
-    from srprov.controller.labpolicy import narrowed, read_policies
-
-    policies = read_policies(own, _MACHINE_FOLDER)
-    return policies, narrowed(allow, policies)
-
-
-def _there(path: Path) -> bool:
-    """Return whether there is something; what cannot be looked at counts, and is told by who reads it."""
-    try:
-        path.stat()
-    except (FileNotFoundError, NotADirectoryError):
-        return False
-    except OSError:
-        return True
-    return True
-
-
+LOCKED = click.option(
+    "--locked", is_flag=True, help="Refuse an EDF without a lock, or whose lock is out of date; see `srprov lock`."
+)
 MAX_FAIL = click.option(
     "--max-fail",
     default="",

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 @options.EXCLUDE
 @options.RUNS
 @options.planning
+@options.LOCKED
 @click.option("--detailed-exitcode", is_flag=True, help="Exit with 2 when something would change.")
 @click.option("--format", "form", type=click.Choice(["text", "json", "markdown"]), default="text", show_default=True)
 @click.option(
@@ -45,7 +46,7 @@ if TYPE_CHECKING:
 def plan(
     file: str, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, limit: str, exclude: str,
     runs: Path | None, request: PlanRequest, unreachable: str, detailed_exitcode: bool, form: str, target: str | None,
-    verbose: bool, sign: str | None,
+    verbose: bool, sign: str | None, locked: bool,
 ) -> int:  # fmt: skip
     """Show what would change; changes nothing.
 
@@ -58,7 +59,7 @@ def plan(
     from srprov.controller.source import read_definitions
 
     _check_target(target, sign)
-    definitions = read_definitions(file, request.allowed)
+    definitions = read_definitions(file, request.allowed, locked=locked)
     vault = read_secrets(definitions, request.allowed)
     inventory = inputs.load_inventory(inventories)
     last = inputs.failed_robots(request.instance or definitions.experiment.name, runs)

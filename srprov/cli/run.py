@@ -44,6 +44,7 @@ _SAID = b"\ninterrupted: the present trial goes on to its end, no new one begins
               help="Where the run is kept (default: a new folder below ~/.local/state/srprov/runs).")  # fmt: skip
 @click.option("--resume", is_flag=True, help="Go on with the run in DIR: only what has not ended is run.")
 @click.option("--only", multiple=True, metavar="TRIAL|POINT", help="Only this trial, or trials of this point.")
+@options.LOCKED
 @click.option("-y", "--yes", is_flag=True, help="Do not ask.")
 @click.option("--wait-timeout", type=Seconds(min=0), default=300.0, show_default=True, metavar="S",
               help="Seconds for a service that is kept over all trials to become healthy.")  # fmt: skip
@@ -53,7 +54,7 @@ _SAID = b"\ninterrupted: the present trial goes on to its end, no new one begins
 def run(
     file: str, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, request: PlanRequest,
     unreachable: str, lock_wait: float, stop_timeout: float, pulse: Pulse, target: Path | None, resume: bool,
-    only: tuple[str, ...], yes: bool, wait_timeout: float, events: TextIO | None, no_color: bool,
+    only: tuple[str, ...], locked: bool, yes: bool, wait_timeout: float, events: TextIO | None, no_color: bool,
 ) -> int:  # fmt: skip
     """Run the experiment's trials: every combination of its parameters, as often as the EDF says.
 
@@ -61,11 +62,12 @@ def run(
     Ctrl-C ends the run after the present trial, a second one at once; --resume goes on.
     """
     from srprov.controller.secrets import read_secrets
+    from srprov.controller.source import read_definitions
 
     refuse_without_terminal(yes)
     if unreachable != "fail":
         raise UsageError("trials need all their robots", hint="leave --unreachable out")
-    definitions = inputs.load_experiment(file)
+    definitions = read_definitions(file, request.allowed, locked=locked)
     vault = read_secrets(definitions, request.allowed)
     inventory = inputs.load_inventory(inventories)
     request = inputs.with_own_files(request, definitions)

@@ -20,6 +20,7 @@ from srprov.controller.context import contexts
 from srprov.controller.copies import copies
 from srprov.controller.data_plan import plan_data
 from srprov.controller.image_layers import with_layers
+from srprov.controller.image_plans import plan_images, with_fresh
 from srprov.controller.labpolicy import enforce, with_limits
 from srprov.controller.owners import Owner
 from srprov.controller.ownership import check_source, owned, trusting
@@ -28,9 +29,9 @@ from srprov.controller.phases import Phases
 from srprov.controller.playbooks import playbooks
 from srprov.controller.render_inputs import RenderInputs
 from srprov.controller.request import PlanRequest
+from srprov.controller.robot_images import check_never
 from srprov.controller.robot_room import check_room, with_log_drivers
 from srprov.controller.trial_values import at_first_point, design_notes
-from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.model import Definitions, Experiment, Inventory
 from srprov.definitions.pins import unknown_pins
 from srprov.definitions.playbookmodel import Playbook
@@ -55,7 +56,6 @@ from srprov.secret import Vault
 
 if TYPE_CHECKING:
     from srprov.images.plan import ImagePlan
-    from srprov.images.tag import Checkouts
     from srprov.planning.planfile import PlanFile
 
 
@@ -121,7 +121,7 @@ def make_plan(
     overlay = layout(choice.experiment, placed.placed, snapshot, instance=instance)
     theirs = (*choice.experiment.playbooks, *request.playbooks)
     with together():
-        inputs = with_layers(_inputs(definitions, choice, placed, overlay, snapshot, source, request), look)
+        inputs = with_layers(_inputs(definitions, choice, placed, overlay, snapshot, source, request, look), look)
         snapshot, desired, steps, unchanged = _compared(inputs, theirs, vault, look)
     notes = (*notes, *check_room(steps, choice, instance, snapshot, look, playbooks=bool(theirs)))
     made = _plan(definitions, dataclasses.replace(inputs, snapshot=snapshot), placed, theirs, steps, unchanged, notes)
@@ -148,11 +148,12 @@ def _plannable(definitions: Definitions, inventory: Inventory, request: PlanRequ
 
 def _inputs(
     definitions: Definitions, choice: Choice, placed: Assignment, overlay: Overlay, snapshot: Snapshot, source: str,
-    request: PlanRequest,
+    request: PlanRequest, look: Gathering,
 ) -> RenderInputs:  # fmt: skip
-    experiment = choice.experiment
-    images, references = _images(definitions.containers)
-    return RenderInputs(
+    reachable = snapshot.facts.keys()
+    definitions, experiment = with_fresh(definitions, choice.experiment, placed.placed, reachable, look.ask_each)
+    images, references = plan_images(definitions.containers)
+    inputs = RenderInputs(
         instance=overlay.instance,
         source=source,
         experiment=experiment,
@@ -166,23 +167,8 @@ def _inputs(
         copy_way=request.copy,
         known_images=known_images() if images else {},
     )
-
-
-def _images(containers: Mapping[str, ContainerDefinition]) -> tuple[dict[str, ImagePlan], dict[str, str]]:
-    """Return CDF key -> what is built for it, and CDF key -> the ready image that it names."""
-    references = {key: one.image for key, one in containers.items() if one.image}
-    if len(references) == len(containers):
-        return {}, references
-    from srprov import disk
-    from srprov.images.tag import no_repositories, plan_image  # not needed where nothing is built
-
-    built = {key: one for key, one in containers.items() if not one.image}
-    checkout: Checkouts = no_repositories
-    if any(one.repositories for one in built.values()):
-        from srprov.controller.repositories import Repositories
-
-        checkout = Repositories(built.values()).checkout
-    return {key: plan_image(one, disk.listing, disk.read, checkout) for key, one in built.items()}, references
+    check_never(inputs)
+    return inputs
 
 
 def _desired(inputs: RenderInputs, theirs: Sequence[Playbook], vault: Vault) -> tuple[Resource, ...]:
@@ -224,6 +210,7 @@ def _plan(
         secrets=used(experiment),
         data=inputs.data.moves,
         notes=(
+            *definitions.notes,
             *_notes(inputs, placed),
             *idle_notes(definitions, experiment, inputs.snapshot),
             *notes,

@@ -5,10 +5,10 @@ Takes CDFs; gives what `images` puts into a build context. Robots have no part i
 
 from __future__ import annotations
 
-import functools
 import posixpath
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from types import MappingProxyType
 
 from srprov import disk
 from srprov.definitions.containermodel import ContainerDefinition
@@ -19,6 +19,7 @@ from srprov.git_address import is_commit, parse_address
 from srprov.images.plan import Checkout, ContextFile
 
 _AT_ONCE = 8
+_NONE: Mapping[tuple[str, str], str] = MappingProxyType({})
 
 
 class Repositories:
@@ -29,6 +30,7 @@ class Repositories:
         wanted = {(one.url, one.ref) for cdf in containers for one in cdf.repositories}
         with ThreadPoolExecutor(_AT_ONCE) as pool:
             self._commits = dict(zip(wanted, pool.map(_resolved, wanted), strict=True))
+        self._read: dict[tuple[str, str, frozenset[str]], tuple[TreeFile, ...]] = {}
 
     def checkout(self, cdf: ContainerDefinition, index: int) -> Checkout:
         """Return the commit and files of a CDF's repository.
@@ -43,7 +45,7 @@ class Repositories:
             if isinstance(commit, GitError):
                 raise commit
             below = {posixpath.relpath(other.path, one.path) for other in cdf.repositories if other is not one}
-            files = _files(one.url, commit, frozenset(below))
+            files = self._files(one.url, commit, frozenset(below))
         except GitError as error:
             raise ValueError(f"{one.url}: {error}") from None
         disk.spend(one.url, sum(len(file.content) for file in files), len(files))
@@ -51,6 +53,13 @@ class Repositories:
             "" if is_commit(one.ref) else f"{one.ref or 'the default branch'} of {one.url} is commit {commit[:12]} now"
         )
         return Checkout(commit=commit, files=tuple(map(_in_context, files)), moving=moving)
+
+    def _files(self, url: str, commit: str, elsewhere: frozenset[str]) -> tuple[TreeFile, ...]:
+        """Return what a commit holds; several CDFs may have one, which is read once."""
+        key = (url, commit, elsewhere)
+        if key not in self._read:
+            self._read[key] = cache.files(parse_address(url), commit, disk.left(), elsewhere=elsewhere)
+        return self._read[key]
 
 
 def _resolved(wanted: tuple[str, str]) -> str | GitError:
@@ -61,22 +70,32 @@ def _resolved(wanted: tuple[str, str]) -> str | GitError:
         return error
 
 
-def tree(url: str, ref: str) -> str:
+def commit_of(url: str, ref: str) -> str:
+    """Return the commit that a branch or tag is now.
+
+    Raises:
+        ValueError: There is none, or the repository cannot be reached.
+    """
+    found = _resolved((url, ref))
+    if isinstance(found, GitError):
+        raise ValueError(f"{url}: {found}")
+    return found
+
+
+def tree(url: str, ref: str, commits: Mapping[tuple[str, str], str] = _NONE) -> str:
     """Return a folder with the files of a repository's branch, tag or commit, for the CDF in it.
+
+    One that is among `commits` is not looked up.
 
     Raises:
         ValueError: It cannot be fetched or kept, or holds what cannot be taken.
     """
     address = parse_address(url)
     try:
-        return str(cache.folder(address, cache.resolve(address, ref), disk.MAX_BYTES))
+        commit = commits.get((url, ref)) or cache.resolve(address, ref)
+        return str(cache.folder(address, commit, disk.MAX_BYTES))
     except (GitError, OSError) as error:
         raise ValueError(f"{url}: {error}") from None
-
-
-@functools.lru_cache(maxsize=16)  # several CDFs of an experiment may have one repository
-def _files(url: str, commit: str, elsewhere: frozenset[str]) -> tuple[TreeFile, ...]:
-    return cache.files(parse_address(url), commit, disk.MAX_BYTES, elsewhere=elsewhere)
 
 
 def _in_context(file: TreeFile) -> ContextFile:

@@ -7,6 +7,7 @@ from typing import Any
 
 from srprov.controller.render_inputs import RenderInputs
 from srprov.definitions.model import Service
+from srprov.errors import UsageError
 from srprov.facts.model import HostFacts, Snapshot
 from srprov.image_reference import Reference, parse_reference
 from srprov.resource import resource_id
@@ -82,3 +83,22 @@ def _copied(inputs: RenderInputs, image: str, source: str, host: str, id_: str =
 def _alike(snapshot: Snapshot, facts: HostFacts) -> list[str]:
     """Return the reachable robots of the same architecture with an engine, in name order."""
     return sorted(h for h, other in snapshot.facts.items() if other.arch == facts.arch and other.docker is not None)
+
+
+def check_never(inputs: RenderInputs) -> None:
+    """Refuse a plan that would bring an image to a robot whose service says `never`.
+
+    Raises:
+        UsageError: Names each.
+    """
+    present = {(h, one.name) for h, items in inputs.snapshot.observed.items() for one in items if one.module == "image"}
+    missing = []
+    for name, robot in sorted(inputs.placed.items()):
+        service = inputs.experiment.services[name]
+        if service.runtime.pull_policy == "never" and robot in inputs.snapshot.facts:
+            image = image_of(inputs, service)
+            missing += [f"{name}: {image} is not on {robot}"] if (robot, image) not in present else []
+    if missing:
+        raise UsageError(
+            f"pull_policy is never: {'; '.join(missing)}", hint="load it there, or use pull_policy: missing"
+        )

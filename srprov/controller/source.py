@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+import dataclasses
+import functools
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from srprov import regular_file
 from srprov.definitions import load_experiment
+from srprov.definitions.lockfile import load as load_lock
+from srprov.definitions.lockfile import lock_path
 from srprov.definitions.model import Definitions
 from srprov.errors import UsageError
 
@@ -18,7 +22,9 @@ if TYPE_CHECKING:
     from srprov.planning.planfile import PlanFile
 
 
-def read_source(file: str, signers: str = "", allowed: Collection[str] = ()) -> Definitions | PlanFile:
+def read_source(
+    file: str, signers: str = "", allowed: Collection[str] = (), *, locked: bool = False
+) -> Definitions | PlanFile:
     """Read an EDF with every file that it names, or a plan that `plan -o` wrote.
 
     With `signers`, only a plan that one of them signed: nothing of the file is looked at before that is sure.
@@ -30,11 +36,59 @@ def read_source(file: str, signers: str = "", allowed: Collection[str] = ()) -> 
     """
     if signers:
         return _signed(file, signers)
-    return _plan(file) or read_definitions(file, allowed)
+    saved = _plan(file)
+    if saved and locked:
+        raise UsageError("--locked is for an EDF: what a plan in a file does was decided when it was made")
+    return saved or read_definitions(file, allowed, locked=locked)
 
 
-def read_definitions(file: str, allowed: Collection[str]) -> Definitions:
+def read_definitions(file: str, allowed: Collection[str], *, locked: bool = False) -> Definitions:
+    """Read an EDF with every file that it names, and put in what its lock says.
+
+    Args:
+        file: The EDF.
+        allowed: Kinds of permission that the user gave.
+        locked: Refuse when there is no lock, or when it is out of date.
+
+    Raises:
+        DefinitionError: With everything that is wrong with it, or with the lock.
+        UsageError: With all that the lock and the files differ in.
+        RefusedError: A CDF is in a git repository, and the user did not allow to fetch it.
+    """
+    path = lock_path(file)
+    lock = load_lock(path)
+    found = fetched(file, allowed, functools.partial(_tree, lock.commits if lock else {}))
+    if lock is None and not locked:
+        return found
+    from srprov.controller.pins import differences, pinned
+
+    if lock is None:
+        raise UsageError(f"there is no lock {path}", hint=f"srprov lock {file}")
+    try:
+        told = differences(found, lock)
+    except (OSError, ValueError) as error:
+        raise UsageError(f"a file of the experiment cannot be read: {error}") from None
+    if told and locked:
+        lines = "\n".join(f"  {one}" for one in told)
+        raise UsageError(f"{path} is out of date:\n{lines}", hint=f"srprov lock {file}")
+    more = f", and {len(told) - 1} more" if told[1:] else ""
+    notes = [f"{path} is out of date: {one}{more}" for one in told[:1]]
+    return dataclasses.replace(pinned(found, lock), notes=tuple(notes))
+
+
+def _tree(commits: Mapping[tuple[str, str], str], url: str, ref: str) -> str:
+    from srprov.controller.repositories import tree
+
+    return tree(url, ref, commits)
+
+
+def fetched(file: str, allowed: Collection[str], fetch: Callable[[str, str], str]) -> Definitions:
     """Read an EDF with every file that it names; CDFs in git repositories are fetched when the user allowed it.
+
+    Args:
+        file: The EDF.
+        allowed: Kinds of permission that the user gave.
+        fetch: Gives a folder with the files of a repository's branch, tag or commit.
 
     Raises:
         DefinitionError: With everything that is wrong with it.
@@ -44,11 +98,10 @@ def read_definitions(file: str, allowed: Collection[str]) -> Definitions:
     if not found.experiment.remote:
         return found
     from srprov.controller.permissions import permit_planning
-    from srprov.controller.repositories import tree
     from srprov.planning.policy import permissions
 
     permit_planning(permissions(found.experiment, found.containers), allowed)
-    return load_experiment(file, fetch=tree)
+    return load_experiment(file, fetch=fetch)
 
 
 def is_edf_name(file: str) -> bool:

@@ -103,7 +103,10 @@ def check_files(paths: Sequence[str | Path]) -> list[Diagnostic]:
 def _check(path: str) -> None:
     kind = file_kind(path)
     if kind == "edf":
+        from srprov.definitions import lockfile
+
         load_experiment(path)
+        lockfile.load(lockfile.lock_path(path))
     elif kind == "cdf":
         load_container(path)
     else:

@@ -15,7 +15,6 @@ from types import MappingProxyType
 from srprov.definitions import build, dockerfile, images, merging, paths, remote, requirements, runtime, schema
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.remote import Fetch
-from srprov.definitions.unsupported import note_unsupported_of_cdf
 from srprov.definitions.values import text, texts
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.yamldoc import loader, nodes
@@ -114,8 +113,6 @@ class _ExtendsReader:
         schema.check(root, "cdf", own)
         schema.check_tags(root, own, _MERGED_TAGS)
         layer = merging.normalise(root, self.environ, own, ()) if not own.problems else root
-        if not own.problems:
-            note_unsupported_of_cdf(layer, self.unsupported)
         self.own = self.own or layer
         parent = self._parent(root, path, shown, trail, own)
         self.findings.extend(own.problems)

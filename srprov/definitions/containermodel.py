@@ -152,7 +152,7 @@ class Runtime:
     restart: str = "no"
     """`no`, `always`, `unless-stopped`, `on-failure` or `on-failure:N`"""
     pull_policy: str = "missing"
-    """`missing`, `always` or `never`"""
+    """`missing`, `always`, `never` or `build`"""
     job: bool = False
 
 
@@ -205,6 +205,8 @@ class ContainerDefinition:
     """The stage that is built; empty: the last."""
     images: tuple[str, ...] = ()
     """The images that it starts from or takes files of, as written; a variable in a name is not resolved."""
+    pins: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    """Of these images, by the names that the Dockerfile has -> the name by digest that stands for it."""
     fetches: tuple[str, ...] = ()
     """What its Dockerfile ADDs from a URL, or may: such a source is fetched by the engine itself."""
     description: str = ""

@@ -31,7 +31,7 @@ from srprov.definitions.container import Container
 from srprov.definitions.model import Definitions, Experiment, NetworkSettings, Placement, Service, Weights
 from srprov.definitions.remote import Fetch
 from srprov.definitions.unsupported import note_unsupported
-from srprov.definitions.values import text, texts
+from srprov.definitions.values import scalars, text, texts
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.yamldoc import loader, nodes
 from srprov.yamldoc.allowance import allowance
@@ -83,6 +83,7 @@ def _load(path: str, environ: Mapping[str, str], fetch: Fetch | None) -> Definit
         experiment=replace(
             experiment,
             remote=tuple(sorted(set(read.remote))),
+            files=_files(root, experiment, read),
             outside=tuple(sorted({*experiment.outside, *elsewhere})),
         ),
         containers=MappingProxyType({key: one.definition for key, one in sorted(read.by_path.items())}),
@@ -115,6 +116,16 @@ def _checked(
         environment=bare,
         trials=trial_definitions,
     )
+
+
+def _files(root: Map, experiment: Experiment, read: cdfs.Cdfs) -> tuple[str, ...]:
+    """Return the paths of all that was read, but for what comes from git repositories."""
+    found = {experiment.file, *(one.file for one in experiment.playbooks)}
+    for one in read.by_path.values():
+        found |= {path for path in one.files if not any(paths.inside(path, tree) for tree in one.fetched)}
+    for entry in checks.service_maps(root).values():
+        found |= {os.path.join(each.source.folder, each.text) for each in scalars(entry.entries.get("env_file"))}
+    return tuple(sorted(map(os.path.normpath, found)))
 
 
 def _services(

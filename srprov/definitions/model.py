@@ -149,6 +149,8 @@ class Experiment:
     """Those that come with the EDF, in its order."""
     outside: tuple[tuple[str, str], ...] = ()
     """(service, path of the controller) of what it reads or ships from outside of its folder."""
+    files: tuple[str, ...] = ()
+    """Absolute paths of the EDF, its CDFs, env_files and playbooks, but for what comes from git repositories."""
     remote: tuple[tuple[str, str, str], ...] = ()
     """(service, address, branch, tag or commit) of its CDFs in git repositories, those that are extended too."""
     environment: tuple[tuple[str, str], ...] = ()
@@ -174,5 +176,7 @@ class Definitions:
     experiment: Experiment
     containers: Mapping[str, ContainerDefinition]
     unsupported: tuple[Diagnostic, ...] = ()
+    notes: tuple[str, ...] = ()
+    """What the user should know of them, for the plan."""
     variables: Vault = field(default_factory=Vault)
     """The values that come from the controller's environment, but for those too short to be hidden."""

@@ -79,7 +79,7 @@ def parse(layer: Map, folder: str, findings: Findings, path: Path, *, init: bool
         labels=_labels(get("labels"), findings, (*path, "labels")),
         logging=_logging(get("logging")),
         restart=text(get("restart"), "no"),
-        pull_policy=text(get("pull_policy"), "missing"),
+        pull_policy=text(get("pull_policy"), "missing").replace("if_not_present", "missing"),
         job=flag(get("job")),
     )
 

@@ -57,6 +57,11 @@ def build(
         per_robot=_per_robot(node.entries.get("per_robot")),
         location=nodes.location(key),
     )
+    if built.runtime.pull_policy == "build" and (built.image or (container and container.definition.image)):
+        place, hint = merged.entries["pull_policy"], "a CDF with base or dockerfile is built"
+        findings.add(
+            place, "'pull_policy: build' builds nothing: the image is a ready one", (*path, "pull_policy"), hint
+        )
     # what is built into the image is taken as well, whatever the service says of that variable
     into_image = container.layer if container is not None and container.definition.build_environment else None
     return built, tuple(sorted({*taken.environment(merged), *taken.environment(into_image)}))

@@ -25,17 +25,5 @@ def note_unsupported(root: Map, findings: Findings) -> None:
 def _service(entry: Map, path: Path, findings: Findings) -> None:
     get = entry.entries.get
     network = get("network")
-    policy = get("pull_policy")
-    if isinstance(policy, Scalar) and policy.text != "missing":
-        findings.add(
-            policy, f"'pull_policy: {policy.text}' is not supported yet", (*path, "pull_policy"), "only missing is"
-        )
     if isinstance(network, Scalar) and network.text == "both":
         findings.add(network, "'network: both' is not supported yet", (*path, "network"), "use overlay or host")
-
-
-def note_unsupported_of_cdf(layer: Map, findings: Findings) -> None:
-    """Add what a CDF says that is not built yet; `layer` is in normal form."""
-    policy = layer.entries.get("pull_policy")
-    if isinstance(policy, Scalar) and policy.text != "missing":
-        findings.add(policy, f"'pull_policy: {policy.text}' is not supported yet", ("pull_policy",))

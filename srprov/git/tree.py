@@ -6,6 +6,7 @@ one name twice, links to any place. A stranger's tree is held to what a plain fo
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
@@ -15,6 +16,8 @@ MOST_FILES = 20_000
 _MOST_LINKS = 40
 """That one path may lead over."""
 _LONGEST_PATH = 1000
+_LISTED = re.compile(rb"([0-7]{6}) [a-z]+ ([0-9a-f]{40}|[0-9a-f]{64}) +([0-9]{1,15}|-)\t(.*)", re.DOTALL)
+"""What `git ls-tree -l` prints for an entry: mode, object, size, name."""
 _FILE, _PROGRAM, _OLD_FILE, _LINK, _SUBMODULE = "100644", "100755", "100664", "120000", "160000"
 
 
@@ -62,16 +65,18 @@ def entries(listed: bytes, most: int, elsewhere: Collection[str] = ()) -> list[E
     """
     found: list[Entry] = []
     for line in listed.split(b"\0")[:-1]:
-        about, _, name = line.partition(b"\t")
-        mode, _, identity, size = about.decode("ascii", "replace").split()
-        path = _checked(name)
+        match = _LISTED.fullmatch(line)
+        if match is None:
+            raise GitError(f"git lists {line[:100]!r}, which is no entry of a commit")
+        mode, identity, size = (match[group].decode("ascii") for group in (1, 2, 3))
+        path = _checked(match[4])
         if mode == _SUBMODULE:
             if path not in elsewhere:
                 raise GitError(
                     f"it holds the submodule {path}, which is not fetched: name it as a repository of its own"
                 )
             continue
-        if mode not in (_FILE, _PROGRAM, _OLD_FILE, _LINK):
+        if mode not in (_FILE, _PROGRAM, _OLD_FILE, _LINK) or not size.isdigit():
             raise GitError(f"{path} is no file and no link")
         found.append(Entry(path, mode, identity, int(size)))
     if len(found) > MOST_FILES or sum(one.size for one in found) > most:

@@ -1,4 +1,4 @@
-"""Values for the ARG instructions of a Dockerfile, written into it.
+"""Values for the ARG instructions of a Dockerfile, and digests of its images, written into it.
 
 Takes a Dockerfile's text and values; gives the text. Pure. So what is built follows from the build context alone: the
 content tag covers the values, and a plan from a file needs nothing beside it. They are in the image's history, and so
@@ -40,6 +40,29 @@ def with_args(text: str, args: Mapping[str, str]) -> str:
         ]
         end = _end(lines, start)
         lines[start - 1 : end] = [f"ARG {' '.join(given)}", *[""] * (end - start)]
+    return "\n".join(lines)
+
+
+def with_digests(text: str, pins: Mapping[str, str]) -> str:
+    """Return a Dockerfile that names images by their digests; stages that are called like an image are left alone.
+
+    Args:
+        text: The Dockerfile.
+        pins: Name as it stands there -> name by digest.
+    """
+    lines, stages = text.split("\n"), set[str]()
+    for start, word, rest in instructions(text) if pins else ():
+        if word not in ("FROM", "COPY", "ADD"):
+            continue
+        end, image = _end(lines, start), next((one for one in rest.split() if not one.startswith("--")), "")
+        for name, digest in pins.items():
+            found = re.compile(rf"(?<![^\s=]){re.escape(name)}(?!\S)")
+            named = image == name if word == "FROM" else f"--from={name}" in rest.split()
+            at = next((number for number in range(start - 1, end) if found.search(lines[number])), None)
+            if named and name.lower() not in stages and at is not None:
+                lines[at] = found.sub(digest, lines[at], count=1)
+        if word == "FROM" and len(words := rest.split()) > 2 and words[-2].lower() == "as":
+            stages.add(words[-1].lower())
     return "\n".join(lines)
 
 

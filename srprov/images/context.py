@@ -70,7 +70,12 @@ def _entry(prefix: str, source: str, item: ListedFile, mode: int | None, read: R
 
 
 def folder_entries(folder: str, listing: Listing, read: Read) -> list[ContextFile]:
-    """Return the entries of a Dockerfile's folder, without what its `.dockerignore` leaves out.
+    """Return the entries of a Dockerfile's folder, without what its `.dockerignore` leaves out; errors as below."""
+    return _entries("", folder, folder_items(folder, listing, read), None, read)
+
+
+def folder_items(folder: str, listing: Listing, read: Read) -> list[ListedFile]:
+    """Return what of a Dockerfile's folder belongs to its build context.
 
     Raises:
         OSError: Something cannot be read.
@@ -80,8 +85,17 @@ def folder_entries(folder: str, listing: Listing, read: Read) -> list[ContextFil
     ignore = ""
     if any(item.path == ".dockerignore" and item.link is None for item in items):
         ignore = read(f"{folder.rstrip('/')}/.dockerignore").decode("utf-8", "replace")
-    ignored = ignore_rule([*_ALWAYS, *ignore.splitlines()], sum(len(item.path) for item in items))
-    return _entries("", folder, (item for item in items if not ignored(item.path)), None, read)
+    locks = [f"{item.path.removesuffix('.edf')}.lock" for item in items if item.path.endswith(".edf")]
+    ignored = ignore_rule(
+        [*_ALWAYS, *map(_escaped, locks), *ignore.splitlines()], sum(len(item.path) for item in items)
+    )
+    return [item for item in items if not ignored(item.path)]
+
+
+def _escaped(path: str) -> str:
+    """Return the pattern of a path alone; one that is too long for a pattern is not left out."""
+    escaped = re.sub(r"([*?\[\]\\])", r"\\\1", path)
+    return escaped if len(escaped) <= _LONGEST_PATTERN else ""
 
 
 def ignore_rule(patterns: Iterable[str], characters: int = 0) -> Callable[[str], bool]:

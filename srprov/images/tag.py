@@ -22,7 +22,7 @@ from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.dockerfile import stages, until_stage
 from srprov.errors import Location
 from srprov.image_reference import parse_reference
-from srprov.images.args import with_args
+from srprov.images.args import with_args, with_digests
 from srprov.images.context import DOCKERFILE, Listing, Read, context_tar, entries_of, folder_entries
 from srprov.images.dockerfile import (
     FieldErrors,
@@ -172,9 +172,9 @@ def _from_folder(cdf: ContainerDefinition, listing: Listing, read: Read) -> tupl
 
 
 def _tailored(text: str, cdf: ContainerDefinition) -> str:
-    """Return a Dockerfile as it is built: with the CDF's values for ARG, up to the stage that the CDF wants."""
+    """Return a Dockerfile as it is built: its values for ARG and digests in it, up to the stage that is wanted."""
     whole = until_stage(text.replace("\r\n", "\n"), cdf.target).rstrip("\n") + "\n"
-    return with_args(whole, cdf.build_args)
+    return with_digests(with_args(whole, cdf.build_args), cdf.pins)
 
 
 def _refuse() -> None:

@@ -29,7 +29,7 @@ _WORDS = {
     "ipc": (re.compile(r"(host|private|shareable|none)?"), "host, private, shareable or none"),
     "pid": (re.compile(r"(host)?"), "host"),
     "gpus": (re.compile(r"(all|[1-9][0-9]{0,5})?"), "'all' or a number"),
-    "pull_policy": (re.compile(r"missing|always|never"), "missing, always or never"),
+    "pull_policy": (re.compile(r"missing|always|never|build"), "missing, always, never or build"),
     "working_dir": (re.compile(r"(/.*)?", re.DOTALL), "an absolute path"),
     "cpuset": (re.compile(r"([0-9]{1,4}(-[0-9]{1,4})?(,(?!\Z)|\Z))*"), "processors such as 0-2,5"),
     "runtime": (re.compile(r"([A-Za-z0-9][A-Za-z0-9_.-]{0,127})?"), "a runtime of the engine"),

@@ -6,6 +6,7 @@ Only srprov's own errors may come of it.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
 import os
@@ -30,6 +31,8 @@ from srprov.errors import SrprovError
 from srprov.facts.document import facts_document
 from srprov.facts.host import parse_host
 from srprov.facts.stored import read_document
+from srprov.git.program import GitError
+from srprov.git.tree import check_links, entries
 from srprov.images.tag import plan_image
 from srprov.modules import MODULES
 from srprov.planning.markdown import plan_markdown
@@ -62,6 +65,16 @@ POLICY = (
     "policy: 1\nallow: {all: [gpu], robots: [host-network]}\nlimits:\n  memory: {default: 512m, maximum: 2g}\n"
     "  cpus: {default: 1, maximum: 2}\n  pids: {default: 100, maximum: 200}\nregistries: [docker.io]\n"
 )
+LOCK = f"""\
+lock: 1
+srprov: 0.1.0
+images:
+- {{name: docker.io/library/busybox:1.36, digest: sha256:{"1" * 64}, platforms: [linux/arm64]}}
+repositories:
+- {{git: https://h/x.git, ref: main, commit: {"2" * 40}}}
+files: {{a: {"3" * 64}}}
+"""
+TREE = f"100644 blob {'1' * 40}      12\ta/b\n100755 blob {'2' * 40} 3\tc\n120000 blob {'3' * 40} 3\ta/link\n"
 DOCKERFILE = "ARG A=1\nFROM debian:bookworm AS one\nRUN <<E\nx\nE\nFROM one\nHEALTHCHECK CMD true\n"
 IGNORE = "# a\n*.pyc\n**/b*c*d\n!a/**\n[a-c]?\n"
 RESULT = json.dumps({"unreachable": ["r7"], "steps": [{"number": 1, "id": "r1/container:a", "outcome": "failed"}]})
@@ -178,6 +191,16 @@ def _policy() -> None:
     labpolicy.load("policy.yml", KINDS)
 
 
+def _locked() -> None:
+    read_source("experiment.edf")
+
+
+def _tree(_folder: Path, content: bytes) -> None:
+    with contextlib.suppress(GitError):
+        links = {one.path: content for one in entries(content.replace(b"\n", b"\0"), 1 << 20) if one.is_link}
+        check_links(links)
+
+
 def _env(_folder: Path, content: bytes) -> None:
     parse_env(content.decode("utf-8", "replace"), "a.env", {})
 
@@ -230,6 +253,8 @@ def surfaces() -> Mapping[str, Surface]:
         "srprov.toml": Surface((CONFIG,), _file("srprov.toml", _configured)),
         "pyproject": Surface((CONFIG,), _file("pyproject.toml", _configured)),
         "own configuration": Surface((CONFIG,), _file(".config/srprov/srprov.toml", _configured)),
+        "lock": Surface((LOCK,), _file("experiment.lock", lambda: _checked("experiment.edf"), _locked)),
+        "git tree": Surface((TREE,), _tree),
         "policy": Surface((POLICY,), _file("policy.yml", _policy)),
     }
 

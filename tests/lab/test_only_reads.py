@@ -139,6 +139,7 @@ def test_what_plans_only_reads_and_what_applies_does_not(listening: Listening, t
     path = tmp_path / "read.edf"
     one = busybox(environment={"WORD": "it's $(reboot)"}, volumes=["log:/log"])
     path.write_text(edf("read", {"one": one}), encoding="utf-8")
+    path.with_name("other.edf").write_text(edf("other", {"one": one}), encoding="utf-8")
     looks = [
         ("validate", str(path)),
         ("facts", "-i", inventory),
@@ -147,6 +148,7 @@ def test_what_plans_only_reads_and_what_applies_does_not(listening: Listening, t
         ("plan", str(path), "-i", inventory, "-v"),
         ("plan", str(path), "-i", inventory, "--format", "markdown"),
         ("plan", str(path), "-i", inventory, "-o", str(tmp_path / "plan.json"), "--reassign"),
+        ("lock", str(path.with_name("other.edf")), "-i", inventory, "--update", "busybox"),
         ("status", str(path), "-i", inventory),
         ("status", str(path), "-i", inventory, "--volumes"),
         ("locks", "-i", inventory),

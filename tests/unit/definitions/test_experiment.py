@@ -268,7 +268,7 @@ def test_what_is_not_built_yet_is_listed_at_its_line(
 @pytest.mark.parametrize(
     ("text", "line"),
     [
-        ("cdf: 1\nbase: x\npull_policy: always\n", 3),
+        ("cdf: 1\nextends: {git: https://h/x, path: a.cdf}\n", 2),
     ],
 )
 def test_what_of_a_cdf_is_not_built_yet(tmp_path: Path, text: str, line: int) -> None:

@@ -123,7 +123,7 @@ def test_no_word_of_a_file_outside_is_shown(
 
 
 def test_what_is_not_built_yet_of_a_file_outside_is_not_shown_either(here: Path) -> None:
-    (here / "victim" / "w.cdf").write_text(f"cdf: 1\nbase: busybox\npull_policy: always # {MARK}\n")
+    (here / "victim" / "w.cdf").write_text(f"cdf: 1\nextends: {{git: 'https://h/{MARK}', path: a.cdf}}\n")
     read = load_experiment(edf(here, "{cdf: ../victim/w.cdf}"), {})
     assert read.unsupported and all(MARK not in repr(one) for one in read.unsupported)
 

@@ -1,0 +1,55 @@
+"""`srprov lock`: write down what tags and branches are now."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from pathlib import Path
+
+import click
+
+from srprov.cli import inputs, options
+from srprov.cli.output import out
+from srprov.cli.permitted import permitted
+from srprov.errors import UsageError
+
+
+@click.command()
+@click.argument("file", metavar="FILE")
+@options.quietly_robots
+@options.ALLOW
+@click.option(
+    "--update", multiple=True, metavar="NAME",
+    help="Look this up again: an image, the address of a repository or its last part, or all. May be repeated.",
+)  # fmt: skip
+def lock(
+    file: str, inventories: tuple[str, ...], forks: int, timeout: float, allow: tuple[str, ...], update: tuple[str, ...]
+) -> int:
+    """Write the lock of an EDF: the digest of every image, the commit of every branch, the hash of every file.
+
+    What stands in the lock already stays, unless --update names it. `plan` and `apply` use the lock; --locked makes
+    them refuse one that is out of date. Registries are asked through robots' engines; nothing is changed there.
+    """
+    from srprov.controller import digests, locking
+    from srprov.definitions.lockfile import Lock, dump, load, lock_path
+
+    path = lock_path(file)
+    old = load(path) or Lock()
+    made = locking.draft(file, old, update, permitted(allow)[1])
+    inventory = inputs.load_inventory(inventories)
+    with inputs.connect(inventory, timeout, forks) as fleet, fleet.look(made.definitions.experiment) as look:
+
+        def look_up(names: Collection[str]) -> dict[str, digests.Found]:
+            if not names:
+                return {}
+            with_engine = [name for name, facts in look.first().facts.items() if facts.docker]
+            return digests.look_up(look.ask_each, with_engine, names)
+
+        new = locking.finished(made, look_up)
+    try:
+        Path(path).write_text(dump(new), encoding="utf-8")
+    except OSError as error:
+        raise UsageError(f"cannot write {path}: {error.strerror}") from error
+    for line in locking.changes(old, new):
+        out(line)
+    out(f"{path}: {len(new.digests)} images, {len(new.commits)} branches and tags, {len(new.files)} files")
+    return 0

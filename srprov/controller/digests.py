@@ -1,0 +1,72 @@
+"""What the tags of images are now: asked of registries through robots' engines.
+
+Takes a way to ask robots, and names; gives digests. Only reads. The controller needs no Docker, and a registry is asked
+from where images will be pulled.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+
+from srprov.errors import UsageError
+from srprov.image_reference import parse_reference
+from srprov.untrusted import mapping, mappings, string
+from srprov.wire import AnyQuery, EngineQuery, Reply
+
+AskEach = Callable[[Mapping[str, Sequence[AnyQuery]]], Mapping[str, Sequence[Reply]]]
+"""Robot -> questions, in; robot -> replies, out, without robots that failed."""
+MOST_ROBOTS = 3
+"""That are asked for the same: they must agree, as one alone could say what it likes."""
+_DIGEST = re.compile(r"sha256:[0-9a-f]{64}")
+_LONG_S = 60.0
+
+Found = tuple[str, tuple[str, ...]]
+"""(digest, platforms)"""
+
+
+def look_up(ask_each: AskEach, robots: Iterable[str], names: Collection[str]) -> dict[str, Found]:
+    """Return full name with tag -> what it is now.
+
+    Args:
+        ask_each: Asks robots.
+        robots: Those that may be asked; the first few are.
+        names: Full names with tags.
+
+    Raises:
+        UsageError: No registry tells a name to any robot, or robots disagree.
+    """
+    asked, wanted = sorted(robots)[:MOST_ROBOTS], sorted(names)
+    questions = [
+        EngineQuery(path=f"/distribution/{parse_reference(name).familiar}/json", timeout_s=_LONG_S) for name in wanted
+    ]
+    replies = ask_each(dict.fromkeys(asked, questions)) if wanted else {}
+    return {
+        name: _agreed(name, {robot: answers[index] for robot, answers in replies.items()})
+        for index, name in enumerate(wanted)
+    }
+
+
+def _agreed(name: str, replies: Mapping[str, Reply]) -> Found:
+    short = parse_reference(name).familiar
+    found = {robot: one for robot, reply in sorted(replies.items()) if (one := _digest(reply))}
+    if not found:
+        why = next((reply.err for reply in replies.values() if reply.err), "no robot with an engine answers")
+        raise UsageError(f"what {short} is now, no robot could learn from its registry: {why.strip()[:300]}")
+    if len({digest for digest, _ in found.values()}) > 1:
+        told = ", ".join(f"{robot} {digest}" for robot, (digest, _) in found.items())
+        raise UsageError(
+            f"robots disagree about {short}: {told}", hint="look at the registries or mirrors that they use"
+        )
+    return next(iter(found.values()))
+
+
+def _digest(reply: Reply) -> Found | None:
+    answer = mapping(reply.json()) if reply.ok else {}
+    digest = string(mapping(answer.get("Descriptor")).get("digest"))
+    platforms = [
+        "/".join(word for key in ("os", "architecture", "variant") if (word := string(one.get(key))))
+        for one in mappings(answer.get("Platforms"))
+    ]
+    plain = tuple(sorted({one for one in platforms if re.fullmatch(r"[a-z0-9]+/[a-z0-9]+(/v[0-9]+)?", one)}))
+    return (digest, plain) if _DIGEST.fullmatch(digest) else None

@@ -1,0 +1,49 @@
+"""What a plan needs to know of images: what is built, what is a ready one, and what tags are at this moment.
+
+Takes containers and the placement. Imports what builds, fetches and looks up only where something asks for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from typing import TYPE_CHECKING
+
+from srprov.definitions.containermodel import ContainerDefinition
+from srprov.definitions.model import Definitions, Experiment
+
+if TYPE_CHECKING:
+    from srprov.controller.digests import AskEach
+    from srprov.images.plan import ImagePlan
+    from srprov.images.tag import Checkouts
+
+
+def with_fresh(
+    definitions: Definitions,
+    experiment: Experiment,
+    placed: Mapping[str, str],
+    reachable: Collection[str],
+    ask: AskEach,
+) -> tuple[Definitions, Experiment]:
+    """Put in the digests of tags that shall be looked up for each plan; see `pull_policy.with_fresh`."""
+    if all(one.runtime.pull_policy != "always" for one in experiment.services.values()):
+        return definitions, experiment
+    from srprov.controller import pull_policy
+
+    return pull_policy.with_fresh(definitions, experiment, placed, reachable, ask)
+
+
+def plan_images(containers: Mapping[str, ContainerDefinition]) -> tuple[dict[str, ImagePlan], dict[str, str]]:
+    """Return CDF key -> what is built for it, and CDF key -> the ready image that it names."""
+    references = {key: one.image for key, one in containers.items() if one.image}
+    if len(references) == len(containers):
+        return {}, references
+    from srprov import disk
+    from srprov.images.tag import no_repositories, plan_image  # not needed where nothing is built
+
+    built = {key: one for key, one in containers.items() if not one.image}
+    checkout: Checkouts = no_repositories
+    if any(one.repositories for one in built.values()):
+        from srprov.controller.repositories import Repositories
+
+        checkout = Repositories(built.values()).checkout
+    return {key: plan_image(one, disk.listing, disk.read, checkout) for key, one in built.items()}, references

@@ -1,0 +1,51 @@
+"""`pull_policy: always`: what tags are at the time of a plan.
+
+Takes the placement and a way to ask robots; gives definitions with digests.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import replace
+
+from srprov.controller.digests import AskEach, look_up
+from srprov.controller.pins import names_of, pinned, pinned_services
+from srprov.definitions.lockfile import Lock
+from srprov.definitions.model import Definitions, Experiment
+
+
+def with_fresh(
+    definitions: Definitions,
+    experiment: Experiment,
+    placed: Mapping[str, str],
+    reachable: Collection[str],
+    ask: AskEach,
+) -> tuple[Definitions, Experiment]:
+    """Return definitions and experiment with the digests that the tags of services with `always` have now.
+
+    Their plan is as certain as any other: the digest stands in it. What a lock holds is not looked up.
+
+    Args:
+        definitions: What was read.
+        experiment: The experiment with a service for each replica.
+        placed: Service -> robot.
+        reachable: Robots that answer.
+        ask: Asks robots.
+
+    Raises:
+        UsageError: No registry tells it, or robots disagree.
+    """
+    fresh = {name: one for name, one in experiment.services.items() if one.runtime.pull_policy == "always"}
+    robots = {placed[name] for name in fresh if placed.get(name) in reachable}
+    if not robots:
+        return definitions, experiment
+    keys = {one.cdf for one in fresh.values()}
+    mine = replace(
+        definitions,
+        experiment=replace(experiment, services=fresh, remote=()),
+        containers={key: one for key, one in definitions.containers.items() if key in keys},
+    )
+    digests = {name: digest for name, (digest, _) in look_up(ask, robots, names_of(mine).images).items()}
+    containers = {**definitions.containers, **pinned(mine, Lock(digests=digests)).containers}
+    services = {**experiment.services, **pinned_services(mine.experiment, digests).services}
+    return replace(definitions, containers=containers), replace(experiment, services=services)

@@ -1,0 +1,108 @@
+"""The lock beside an EDF: what its names led to when it was locked.
+
+Takes a path, or values; gives a `Lock`, or the text of the file. Touches the file, for reading. Others may have
+written it: it can say which commit or digest a name stands for, and nothing more.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+
+from srprov.definitions import paths, schema
+from srprov.definitions.values import text, texts
+from srprov.errors import DefinitionError, Diagnostic, Location
+from srprov.yamldoc import loader
+from srprov.yamldoc.nodes import Findings, Map, Node, Seq
+
+_SHA256 = re.compile(r"[0-9a-f]{64}")
+_HEAD = """\
+# Written by `srprov lock`; keep it in git. What stands here counts until `srprov lock --update NAME`.
+"""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Lock:
+    """What the names in an experiment stand for."""
+
+    commits: Mapping[tuple[str, str], str] = field(default_factory=lambda: MappingProxyType({}))
+    """(address, branch or tag) -> commit"""
+    digests: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    """Full name with tag -> digest"""
+    platforms: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    """Full name with tag -> platforms that it was there for; a record."""
+    files: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    """Path from the EDF's folder -> sha256"""
+    version: str = ""
+
+
+def lock_path(edf: str) -> str:
+    """Return where the lock of an EDF lies: `experiment.lock` for `experiment.edf`."""
+    return f"{edf.removesuffix('.edf')}.lock"
+
+
+def load(path: str) -> Lock | None:
+    """Read a lock; None where there is none.
+
+    Raises:
+        DefinitionError: With everything that is wrong with it; nothing is shown of a file elsewhere, as by a link.
+    """
+    if not os.path.lexists(path):
+        return None
+    try:
+        return _load(path)
+    except DefinitionError as error:
+        raise DefinitionError(paths.hide_outside(error.problems, os.path.dirname(os.path.abspath(path)))) from None
+
+
+def _load(path: str) -> Lock:
+    root, findings = loader.read(path), Findings()
+    if not isinstance(root, Map):
+        raise DefinitionError([Diagnostic(Location(path), "a lock is a map", hint="write it anew: srprov lock")])
+    files = root.entries.get("files")
+    schema.check(_without_files(root, files), "lock", findings)
+    for name, sha in files.entries.items() if isinstance(files, Map) else ():
+        if not _SHA256.fullmatch(text(sha)):
+            findings.add(sha, "is no sha256 in hex", ("files", name))
+    if findings.problems:
+        raise DefinitionError(findings.problems)
+    images = [one.entries for one in _maps(root.entries["images"])]
+    repositories = [one.entries for one in _maps(root.entries["repositories"])]
+    return Lock(
+        commits={(text(one["git"]), text(one["ref"])): text(one["commit"]) for one in repositories},
+        digests={text(one["name"]): text(one["digest"]) for one in images},
+        platforms={text(one["name"]): texts(one.get("platforms")) for one in images},
+        files={path: text(one) for path, one in files.entries.items()} if isinstance(files, Map) else {},
+        version=text(root.entries["srprov"]),
+    )
+
+
+def _without_files(root: Map, files: Node | None) -> Map:
+    """Return the lock for its schema, which takes shorter maps than that of a large experiment's files."""
+    empty = Map(root.source, root.line, root.column)
+    return replace(root, entries={**root.entries, "files": empty}) if isinstance(files, Map) else root
+
+
+def _maps(node: Node) -> list[Map]:
+    return [one for one in node.items if isinstance(one, Map)] if isinstance(node, Seq) else []
+
+
+def dump(lock: Lock) -> str:
+    """Return the text of a lock: sorted, an entry for each line, so that a change is a line of a diff."""
+
+    def line(**values: object) -> str:
+        return "- " + json.dumps(values, ensure_ascii=False)
+
+    images = [
+        line(name=name, digest=digest, platforms=list(lock.platforms.get(name, ())))
+        for name, digest in sorted(lock.digests.items())
+    ]
+    repositories = [line(git=git, ref=ref, commit=commit) for (git, ref), commit in sorted(lock.commits.items())]
+    files = [f"  {json.dumps(path, ensure_ascii=False)}: {sha}" for path, sha in sorted(lock.files.items())]
+    parts = (("images", images, "[]"), ("repositories", repositories, "[]"), ("files", files, "{}"))
+    body = "".join("\n".join([f"{key}:", *lines]) + "\n" if lines else f"{key}: {none}\n" for key, lines, none in parts)
+    return f"{_HEAD}lock: 1\nsrprov: {json.dumps(lock.version)}\n{body}"

@@ -1,0 +1,223 @@
+"""Locks: what is looked up, what stays, and how a lock and an experiment differ."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+
+import pytest
+
+from srprov.controller import digests, locking
+from srprov.controller.pins import differences, names_of, pinned
+from srprov.controller.source import read_definitions
+from srprov.definitions import check_files, load_experiment
+from srprov.definitions.lockfile import Lock, dump, load, lock_path
+from srprov.errors import DefinitionError, UsageError
+from srprov.images.args import with_digests
+from srprov.wire import AnyQuery, EngineQuery, Reply
+
+OLD, NEW = "sha256:" + "1" * 64, "sha256:" + "2" * 64
+BUSYBOX, DEBIAN = "docker.io/library/busybox:latest", "docker.io/library/debian:bookworm"
+COMMIT = "a" * 40
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "e.edf").write_text(
+        "edf: 1\nname: demo\nservices:\n  a: {cdf: a.cdf}\n"
+        "  b: {image: busybox, env_file: b.env}\n  c: {cdf: Dockerfile}\n"
+        f"  d: {{image: 'busybox@{OLD}'}}\n"
+    )
+    (tmp_path / "b.env").write_text("A=1\n")
+    (tmp_path / "words").write_text("x")
+    (tmp_path / "Dockerfile").write_text("FROM debian:bookworm AS busybox\nFROM busybox\nCOPY words /\n")
+    (tmp_path / "a.cdf").write_text(
+        "cdf: 1\nbase: debian:bookworm\nfiles: [{src: words, dest: /}]\n"
+        "repositories:\n- {git: https://h/x.git, ref: main, path: /x}\n"
+        f"- {{git: https://h/y, ref: {COMMIT}, path: /y}}\n"
+    )
+    return tmp_path
+
+
+def _lock(here: Path) -> Lock:
+    from srprov.controller.pins import file_hashes
+
+    found = load_experiment("e.edf", {})
+    return Lock(
+        commits={("https://h/x.git", "main"): COMMIT},
+        digests={BUSYBOX: OLD, DEBIAN: OLD},
+        platforms={BUSYBOX: ("linux/amd64",)},
+        files=file_hashes(found.experiment, found.containers.values()),
+        version="1",
+    )
+
+
+def test_a_lock_is_read_as_it_was_written(here: Path) -> None:
+    lock = _lock(here)
+    assert sorted(lock.files) == ["Dockerfile", "a.cdf", "b.env", "e.edf", "words"]
+    (here / "a.cdf").rename(here / "real.cdf")
+    (here / "a.cdf").symlink_to("real.cdf")
+    assert _lock(here) == lock, "a link counts as what it leads to"
+    (here / "e.lock").write_text(dump(lock))
+    assert load(lock_path("e.edf")) == Lock(
+        commits=lock.commits,
+        digests=lock.digests,
+        platforms={**lock.platforms, DEBIAN: ()},
+        files=lock.files,
+        version="1",
+    )
+    assert load("nothing.lock") is None
+
+
+def test_names_that_never_move_are_not_locked(here: Path) -> None:
+    names = names_of(load_experiment("e.edf", {}))
+    assert names.images == {BUSYBOX, DEBIAN}
+    assert names.repositories == {("https://h/x.git", "main")}
+
+
+def test_digests_and_commits_take_the_place_of_names(here: Path) -> None:
+    (here / "e.lock").write_text(dump(_lock(here)))
+    found = read_definitions("e.edf", (), locked=True)
+    containers = {Path(key).name: one for key, one in found.containers.items()}
+    assert containers["a.cdf"].base == f"debian@{OLD}"
+    assert [one.ref for one in containers["a.cdf"].repositories] == [COMMIT, COMMIT]
+    assert containers["Dockerfile"].pins == {"debian:bookworm": f"debian@{OLD}"}
+    assert found.experiment.services["b"].image == f"busybox@{OLD}"
+    assert found.notes == () and names_of(found).images == frozenset()
+
+
+def test_a_stage_that_is_called_like_an_image_is_no_image() -> None:
+    text = (
+        "FROM busybox AS base\nCOPY --from=debian /busybox /\nFROM \\\n  debian AS busybox\nFROM busybox\n"
+        "COPY --from=busybox a b\n"
+    )
+    pins = {"busybox": "busybox@1", "debian": "debian@2"}
+    assert with_digests(text, pins) == (
+        "FROM busybox@1 AS base\nCOPY --from=debian@2 /busybox /\nFROM \\\n  debian@2 AS busybox\nFROM busybox\n"
+        "COPY --from=busybox a b\n"
+    )
+
+
+def test_each_difference_is_named(here: Path) -> None:
+    lock = _lock(here)
+    assert differences(load_experiment("e.edf", {}), lock) == []
+    (here / "words").write_text("y")
+    (here / "new").write_text("")
+    (here / "a.cdf").write_text("cdf: 1\nbase: alpine\nfiles: [{src: new, dest: /}]\n")
+    told = differences(load_experiment("e.edf", {}), lock)
+    assert told == [
+        "alpine:latest is not in it",
+        "main of https://h/x.git is in it, and no longer named",
+        "the file new is not in it",
+        "the file a.cdf has changed",
+        "the file words has changed",
+    ]
+    (here / "e.lock").write_text(dump(lock))
+    (note,) = read_definitions("e.edf", ()).notes
+    assert note == "e.lock is out of date: alpine:latest is not in it, and 4 more"
+    with pytest.raises(UsageError, match=r"e\.lock is out of date") as refused:
+        read_definitions("e.edf", (), locked=True)
+    assert all(one in refused.value.message for one in told)
+    (here / "e.lock").unlink()
+    with pytest.raises(UsageError, match=r"there is no lock e\.lock"):
+        read_definitions("e.edf", (), locked=True)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[]", "", "lock: 2\n", "lock: 1\nsrprov: x\nimages: []\nrepositories: []\nfiles: {a: b}\n",
+        "lock: 1\nsrprov: x\nimages: [{name: x, digest: latest}]\nrepositories: []\nfiles: {}\n",
+        "lock: 1\nsrprov: x\nimages: []\nrepositories: [{git: x, ref: y, commit: '--x'}]\nfiles: {}\n",
+    ],
+)  # fmt: skip
+def test_what_is_no_lock_is_refused(here: Path, text: str) -> None:
+    (here / "e.lock").write_text(text)
+    with pytest.raises(DefinitionError):
+        read_definitions("e.edf", ())
+
+
+def test_a_lock_is_checked_with_its_edf_and_shows_nothing_of_a_file_elsewhere(here: Path) -> None:
+    (here.parent / "victim").write_text("secret-of-the-victim\n")
+    (here / "e.lock").symlink_to(here.parent / "victim")
+    (problem,) = check_files(["e.edf"])
+    assert "what is wrong is not shown" in problem.message and "secret" not in repr(problem)
+    (here / "e.lock").unlink()
+    (here / "e.lock").write_text("lock: 2\n")
+    assert {one.location.file for one in check_files(["e.edf"])} == {"e.lock"}
+
+
+def test_what_is_locked_stays_until_it_is_named(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An image by its name with or without the tag, a repository by its address or its last part."""
+    asked: list[object] = []
+
+    def commit_of(url: str, ref: str) -> str:
+        asked.append((url, ref))
+        return "b" * 40
+
+    def look_up(names: Collection[str]) -> Mapping[str, digests.Found]:
+        asked.extend(sorted(names))
+        return {name: (NEW, ("linux/arm64",)) for name in names}
+
+    monkeypatch.setattr(locking, "commit_of", commit_of)
+
+    def made(old: Lock, *update: str) -> Lock:
+        asked.clear()
+        return locking.finished(locking.draft("e.edf", old, update, {"git"}), look_up)
+
+    first = made(Lock())
+    assert asked == [("https://h/x.git", "main"), BUSYBOX, DEBIAN]
+    assert (first.digests, first.platforms[BUSYBOX]) == ({BUSYBOX: NEW, DEBIAN: NEW}, ("linux/arm64",))
+    old = Lock(
+        commits={("https://h/x.git", "main"): COMMIT, ("https://h/z", "x"): COMMIT}, digests={BUSYBOX: OLD, DEBIAN: OLD}
+    )
+    assert made(old).digests == old.digests and asked == []
+    assert made(old).commits == {("https://h/x.git", "main"): COMMIT}
+    for word in ("debian", "debian:bookworm"):
+        assert made(old, word).digests == {BUSYBOX: OLD, DEBIAN: NEW} and asked == [DEBIAN]
+    for word in ("x", "https://h/x.git", "main of https://h/x.git"):
+        changed = made(old, word)
+        assert changed.commits == {("https://h/x.git", "main"): "b" * 40} and changed.digests == old.digests
+    assert len(made(old, "all").digests) == 2 and len(asked) == 3
+    with pytest.raises(UsageError, match="nothing is called 'debain'"):
+        made(old, "debain")
+    told = locking.changes(old, made(old, "debian"))
+    assert told == [f"~ debian:bookworm: {OLD} is {NEW} now", "- x of https://h/z"]
+
+
+def test_robots_are_believed_when_they_agree() -> None:
+    """One alone could say what it likes; one that fails, or says nonsense, is left out."""
+
+    def answer(digest: object) -> Reply:
+        platforms = [{"os": "linux", "architecture": "arm64", "variant": "v8"}, {"os": "\x1b[31m", "architecture": "x"}]
+        body = json.dumps({"Descriptor": {"digest": digest}, "Platforms": platforms})
+        return Reply(status=200, ok=True, out=body)
+
+    asked: list[str] = []
+
+    def ask_each(said: Mapping[str, object]) -> digests.AskEach:
+        def ask(questions: Mapping[str, Sequence[AnyQuery]]) -> dict[str, Sequence[Reply]]:
+            for host, (query,) in questions.items():
+                assert isinstance(query, EngineQuery)
+                asked.append(f"{host} {query.path}")
+            return {host: [answer(said[host])] for host in questions if said.get(host)}
+
+        return ask
+
+    every = {"r1": OLD, "r2": OLD, "r3": None, "r4": NEW}
+    assert digests.look_up(ask_each(every), every, [BUSYBOX]) == {BUSYBOX: (OLD, ("linux/arm64/v8",))}
+    assert asked == [f"r{i} /distribution/busybox:latest/json" for i in (1, 2, 3)]
+    with pytest.raises(UsageError, match=f"robots disagree about busybox:latest: r1 {OLD}, r4 {NEW}"):
+        digests.look_up(ask_each(every), ["r4", "r1"], [BUSYBOX])
+    for nonsense in ("latest", ["x"], OLD + "0", None):
+        with pytest.raises(UsageError, match="no robot could learn"):
+            digests.look_up(ask_each({"r1": nonsense}), ["r1"], [BUSYBOX])
+    assert digests.look_up(ask_each({}), [], []) == {}
+
+
+def test_pins_reach_what_is_extended_to_more_services(here: Path) -> None:
+    (here / "e.edf").write_text("edf: 1\nname: demo\nservices: {b: {image: busybox, replicas: 3}}\n")
+    found = pinned(load_experiment("e.edf", {}), Lock(digests={BUSYBOX: OLD}))
+    assert found.experiment.services["b"].image == f"busybox@{OLD}"
