@@ -30,9 +30,12 @@ def refuse_without_terminal(yes: bool) -> None:
         raise RefusedError("there is no terminal to ask on", hint="add --yes to go on without being asked")
 
 
-def confirm(made: Plan, yes: bool, stop_timeout_s: float) -> None:
-    """Say who gets less time to stop than it asks for; ask before anything is changed, unless the user said yes."""
-    if made.empty:
+def confirm(made: Plan, yes: bool, stop_timeout_s: float, also: str = "") -> None:
+    """Say who gets less time to stop than it asks for; ask before anything is changed, unless the user said yes.
+
+    `also` is what is done besides the plan, and is asked about where the plan is empty too.
+    """
+    if made.empty and not also:
         return
     from srprov.execution.options import hurried
 
@@ -41,7 +44,7 @@ def confirm(made: Plan, yes: bool, stop_timeout_s: float) -> None:
     if yes:
         return
     lost = sum(step.change.destructive for step in made.steps)
-    question = "Do this?" if not lost else f"Do this? {lost} steps destroy data."
+    question = f"Do this{also}?" if not lost else f"Do this{also}? {lost} steps destroy data."
     if not click.confirm(question, err=True):
         raise RefusedError("not confirmed; nothing was changed")
 

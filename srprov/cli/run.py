@@ -83,7 +83,7 @@ def run(
         if not as_json:
             show_plan(plan.base.plan, None, verbose=False)
         permit_run(planned.plan, request.allowed, inventory, request.policies)
-        confirm(plan.base.plan, yes, stop_timeout)
+        confirm(plan.base.plan, yes, stop_timeout, " and run the trials")
         run_options = RunOptions(
             forks=forks, wait_timeout_s=wait_timeout, stop_timeout_s=stop_timeout, lock_wait_s=lock_wait, pulse=pulse,
             triggers=may_trigger(request.allowed), verb="run",

@@ -95,7 +95,9 @@ def chosen(made: Design, only: Collection[str]) -> Design:
     known = {one.id for one in made.points} | {one.id for one in made.trials}
     for name in only:
         if name not in known:
-            raise UsageError(f"there is no trial or point '{name[:60]}'", hint="`srprov plan` lists the points")
+            raise UsageError(
+                f"there is no trial or point '{name[:60]}'", hint="trials.csv of a run, and its lines, have the ids"
+            )
     trials = tuple(one for one in made.trials if one.id in only or one.point.id in only)
     return replace(made, trials=trials)
 

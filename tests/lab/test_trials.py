@@ -191,21 +191,29 @@ def test_what_the_robots_did_is_data_and_what_the_equipment_did_is_not(lab: Lab,
         {
             "racer": busybox("sh", "-c", 'case $FATE in crash) exit 4 ;; ok) exit 0 ;; *) sleep 60 ;; esac'),
             "referee": busybox(),
+            "camera": busybox(),
         },
         parameters={"FATE": ["ok", "crash", "hang"]},
-        trials={**SETTINGS, "repetitions": 1, "order": "listed", "timeout": "2s", "until": {"any": [
+        trials={**SETTINGS, "repetitions": 1, "order": "listed", "timeout": "2s", "keep": ["camera"], "until": {"any": [
             {"log": {"service": "referee", "matches": "never"}}, {"exit": {"service": "racer", "code": 0}}]}},
     )  # fmt: skip
     one = Race(lab, folder, text)
+    one.inventory = part_of_lab(lab, ROBOTS, folder / "slots.yml", robot1={"srprov_slots": 2})
     done = one.run()
     assert done.code == 0, done
     fates = {row["p_FATE"]: (row["status"], row["verdict"], row["attempt"]) for row in one.rows()}
+    camera = {robot: names for robot in ROBOTS if (names := lab.containers(robot))}
+    ((where, names),) = camera.items()
+    assert set(names) == {"srprov.fates.camera"}, "what is kept goes on, and the trials' own are gone"
+    assert lab.inspect(where, "srprov.fates.camera")["State"]["StartedAt"] < min(
+        row["started_utc"] for row in one.rows()
+    )
+    assert "FATE" not in str(lab.inspect(where, "srprov.fates.camera")["Config"]["Env"])
     assert fates == {
         "ok": ("ok", "success", "1"),
         "crash": ("crashed", "failure", "1"),
         "hang": ("timeout", "failure", "1"),
     }
-    assert one.left() == set()
 
 
 @pytest.mark.soak
