@@ -123,8 +123,10 @@ class _Found:
     link: str | None
 
 
-def _below(root: str) -> list[_Found]:
+def _below(root: str, without: str = "") -> list[_Found]:
     """Return everything below a folder, sorted; raises OSError when that is too much, or a link took a folder's place.
+
+    What is called `without` is left out at any depth.
 
     Each folder is read by its descriptor: what stands in the list was in that folder, and nowhere else.
     """
@@ -134,6 +136,8 @@ def _below(root: str) -> list[_Found]:
         folder = folders.pop()
         with regular_file.real_folder(os.path.join(root, folder).rstrip("/")) as descriptor:
             for one in itertools.islice(os.scandir(descriptor), budget.files + 1):
+                if one.name == without:
+                    continue
                 found.append(_found(os.path.join(folder, one.name), one, descriptor))
                 if stat.S_ISDIR(found[-1].mode):
                     folders.append(found[-1].path)
@@ -151,12 +155,14 @@ def _found(path: str, one: os.DirEntry[str], folder: int) -> _Found:
 def tree_tar(path: str) -> bytes:
     """Return a file or folder as a tar with one top entry, equal for equal content: sorted, no owners, no times.
 
+    `.git` is left out, which holds tokens and differs between clones, but where the path itself lies in one.
+
     Raises:
         OSError: It cannot be read, holds too much, or something that is no file.
     """
     buffer, name, budget = io.BytesIO(), os.path.basename(path), _budget.get() or _Budget()
     mode = os.stat(path, follow_symlinks=False).st_mode
-    below = _below(path) if stat.S_ISDIR(mode) else []
+    below = _below(path, "" if ".git" in path.split("/") else ".git") if stat.S_ISDIR(mode) else []
     with tarfile.open(fileobj=buffer, mode="w", format=tarfile.PAX_FORMAT) as tar:
         for one in [_Found("", mode, None), *below]:
             entry = tarfile.TarInfo(os.path.join(name, one.path).rstrip("/"))

@@ -19,6 +19,9 @@ _PATH = re.compile(r"[a-z0-9]+(?:(?:\.|_|__|-+)[a-z0-9]+)*(?:/[a-z0-9]+(?:(?:\.|
 _TAG = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,127}")
 _DIGEST = re.compile(r"sha256:[0-9a-f]{64}|sha512:[0-9a-f]{128}")
 _LONGEST = 255
+_PUBLIC = re.compile(r"(?:[a-z0-9-]+\.)+[a-z][a-z0-9-]*")
+_PRIVATE = (".localhost", ".local", ".localdomain", ".internal", ".lan", ".home.arpa")
+"""Names that mean another machine in every network (RFC 6761, 6762, 8375, and what ICANN keeps for that)."""
 
 
 @dataclass(frozen=True, order=True, slots=True)
@@ -34,6 +37,12 @@ class Reference:
     def pinned(self) -> bool:
         """True when it names content, not a tag that may move."""
         return bool(self.digest)
+
+    @property
+    def is_private(self) -> bool:
+        """True when the registry is an address, or has no public name: which machine it is depends on the robot."""
+        host = re.sub(r":[0-9]+$", "", self.domain).lower()
+        return _PUBLIC.fullmatch(host) is None or host.endswith(_PRIVATE)
 
     @property
     def canonical(self) -> str:

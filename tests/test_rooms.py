@@ -95,7 +95,7 @@ ROOMS: Mapping[str, Room] = {
         "errors private regular_file untrusted resource secret definitions.model facts planning execution trials"
         " transport.tar_stream"
     ),
-    "lab": room("errors yamldoc", "yaml"),
+    "lab": room("errors regular_file yamldoc", "yaml"),
     "trials": room("errors linear_regex untrusted definitions.trialsmodel"),
     "linear_regex": room(foreign="re2"),
     "data": room("errors"),

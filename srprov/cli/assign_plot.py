@@ -5,8 +5,10 @@ Takes an Assignment; writes SVG or PNG. The only file of the command line that n
 
 from __future__ import annotations
 
+import contextlib
 import math
-from collections.abc import Sequence
+import os
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -29,13 +31,14 @@ def draw(answer: Assignment, front: Sequence[Point], target: Path, form: str) ->
     if not answer.matrix:
         raise UsageError("nothing is placed, so there is no picture", hint="leave out --svg and --png")
     try:
-        import matplotlib
+        with _elsewhere():
+            import matplotlib
 
         matplotlib.use("agg")
         from matplotlib.figure import Figure
     except ImportError as error:
         raise UsageError("pictures need matplotlib", hint="pip install 'srprov[plots]'") from error
-    matplotlib.rcdefaults()  # it has read `matplotlibrc` of the current folder, which may run LaTeX (text.usetex)
+    matplotlib.rcdefaults()  # a user's own `matplotlibrc` may run LaTeX (text.usetex) on names in an experiment
     matplotlib.rcParams["svg.hashsalt"] = "srprov"
     matplotlib.rcParams["text.parse_math"] = False  # a name with two $ is a name, no formula
     robots = sorted({robot for row in answer.matrix.values() for robot in row})
@@ -53,6 +56,17 @@ def draw(answer: Assignment, front: Sequence[Point], target: Path, form: str) ->
             )
         shape[1].set(xlabel="cost", ylabel="Jain's index", title="fairness")
     figure.savefig(target, format=form, metadata={"Date": None} if form == "svg" else {})
+
+
+@contextlib.contextmanager
+def _elsewhere() -> Iterator[None]:
+    """Be in the root folder meanwhile: matplotlib reads `matplotlibrc` of the current one when it is imported."""
+    here = os.getcwd()
+    try:
+        os.chdir("/")
+        yield
+    finally:
+        os.chdir(here)
 
 
 def _matrix(axes: Any, answer: Assignment, robots: Sequence[str]) -> None:  # noqa: ANN401 - matplotlib has no stubs

@@ -16,7 +16,6 @@ anything, gives permission, or names an instance. The inventory that it names li
 from __future__ import annotations
 
 import importlib
-import math
 import os
 import re
 import stat
@@ -42,6 +41,7 @@ PARAMETERS = {"inventory": "inventories", "json": "as_json", "format": "form", "
 """Options that have another name in the code."""
 _LISTS = ("inventory", "allow")
 _MOST_BYTES = 1 << 20
+_BEYOND = 1e15
 _HEADER = re.compile(r"\s*\[([^\[\]]+)\]\s*(?:#.*)?")
 
 
@@ -174,7 +174,9 @@ def _plain(value: object, *, text_only: bool) -> bool:
     """Return whether a value is one that an option takes: a text, a finite number, a boolean."""
     if isinstance(value, str):
         return "\0" not in value
-    return not text_only and isinstance(value, int | float) and math.isfinite(value)
+    if text_only or not isinstance(value, int | float):
+        return False
+    return abs(value) < _BEYOND  # neither infinite nor NaN, nor a whole number that no float can be
 
 
 def _line(text: str, table: str, key: str) -> int:

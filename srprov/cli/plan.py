@@ -112,12 +112,13 @@ def write_plan(
         RefusedError: The value of a secret stands in what the plan does: in another field of the user's files; or that
             of one of `variables`, which come from the controller's environment.
     """
-    from srprov.planning.planfile import MAX_CHARACTERS, dump
+    from srprov.planning.planfile import dump
 
-    text = dump(dataclasses.replace(file, inputs={name: redact(text) for name, text in file.inputs.items()}))
-    if len(text) > MAX_CHARACTERS:
+    try:
+        text = dump(dataclasses.replace(file, inputs={name: redact(text) for name, text in file.inputs.items()}))
+    except ValueError as error:
         hint = "apply the EDF itself, or ship less: what is large belongs in an image or a volume"
-        raise UsageError(f"the plan's file would be larger than {MAX_CHARACTERS >> 20} MiB", hint=hint)
+        raise UsageError(str(error), hint=hint) from None
     if name := vault.holds(text):
         hint = f"take it out of the definition files, or give '{name}' a value that is not an everyday word"
         raise RefusedError(

@@ -6,6 +6,7 @@ Takes `Diagnostic`s; returns text. Pure.
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Sequence
 from typing import Any
 
@@ -72,7 +73,7 @@ def _result(problem: Diagnostic) -> dict[str, Any]:
     words = problem.message + (f" ({problem.hint})" if problem.hint else "")
     region = {"startLine": problem.location.line, "startColumn": problem.location.column}
     place: dict[str, Any] = {
-        "physicalLocation": {"artifactLocation": {"uri": quote(problem.location.file)}, "region": region}
+        "physicalLocation": {"artifactLocation": {"uri": quote(os.fsencode(problem.location.file))}, "region": region}
     }
     if problem.path:
         place["logicalLocations"] = [{"fullyQualifiedName": problem.path}]

@@ -64,10 +64,13 @@ def _host(place: Scalar, group: str, tree: HostTree) -> None:
         tree.findings.add(place, f"cannot be split into words: {str(error).lower()}")
         return
     variables: Variables = {}
+    offset = 0
     for pair in pairs:
         key, sign, value = pair.partition("=")
-        offset = max(place.text.find(f" {key}{sign}") + 1, 0)
-        at = Scalar(place.source, place.line, place.column + offset, key)
+        # where it stands is looked for behind the one before, and no more after one that is quoted: once over the line
+        offset = place.text.find(f" {key}{sign}", offset) + 1 if offset >= 0 else offset
+        offset = offset or -1
+        at = Scalar(place.source, place.line, place.column + max(offset, 0), key)
         if not sign or not key:
             tree.findings.add(at, "is not key=value")
             continue

@@ -26,6 +26,8 @@ _NAME_IT = "if you trust it, name it on the command line: -i FILE"
 _MOST_BYTES = 16 * 1024 * 1024
 _MOST_VALUES = 120_000
 """Of all files of the inventory; a thousand robots need a sixth."""
+_MOST_FILES = 1000
+"""Of one host or group."""
 _GROUP_KEYS = ("hosts", "vars", "children")
 
 
@@ -75,8 +77,9 @@ def _finish(tree: HostTree, source: str, *, may_run: bool) -> Inventory:
         shown = tuple(sorted(groups - {"all", "ungrouped"}))
         effective = tree.effective(tree.hosts[name], groups, depths, hostvars.READ)
         hosts[name] = hostvars.host(name, effective, shown, tree.hosts[name].place, tree.findings)
-        if not may_run and (hosts[name].ssh_options or hosts[name].connection == "local"):
-            message = f"'{name}' is reached by ssh options, or is this machine, in an inventory that you did not name"
+        one = hosts[name]
+        if not may_run and (one.ssh_options or one.identity_file or one.connection == "local"):
+            message = f"'{name}' has ssh options or a key, or is this machine, in an inventory that you did not name"
             tree.findings.add(tree.hosts[name].place, message, (), _NAME_IT)
     if tree.findings.problems:
         raise DefinitionError(tree.findings.problems)
@@ -202,11 +205,14 @@ def _variables(folder: str, name: str, tree: HostTree, unnamed: str) -> Variable
         return found
     for suffix in ("", ".yml", ".yaml", ".json"):
         path = os.path.join(folder, name + suffix)
+        _check_place(path, unnamed)  # before it is walked through: a link may lead to the root of all
         parts = [path] if os.path.isfile(path) else []
         for parent, folders, files in os.walk(path) if os.path.isdir(path) else ():
             folders[:] = sorted(inner for inner in folders if not inner.startswith("."))
             named = [inner for inner in files if os.path.splitext(inner)[1] in ("", ".yml", ".yaml", ".json")]
             parts += [os.path.join(parent, inner) for inner in sorted(named) if not inner.startswith(".")]
+        if len(parts) > _MOST_FILES:
+            raise DefinitionError([Diagnostic(Location(path), f"it holds more than {_MOST_FILES} files")])
         for part in parts:
             found.update(_variables_file(part, tree, unnamed))
     return found

@@ -19,6 +19,9 @@ from srprov.yamldoc import loader, nodes
 from srprov.yamldoc.fields import size_in_bytes
 from srprov.yamldoc.nodes import Findings, Map, Node, Scalar
 
+_LEAST = {"memory": 6 << 20, "cpus": 0.01, "pids": 1}
+"""What is less would be rounded to nothing, which is no limit."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Limit:
@@ -117,10 +120,11 @@ def _limit(root: Map, name: str, findings: Findings) -> Limit:
 
 def _number(name: str, node: Node, findings: Findings) -> float:
     assert isinstance(node, Scalar)
-    if name != "memory":
-        return nodes.as_number(node) or 0.0
     try:
-        return size_in_bytes(node.text)
+        number = size_in_bytes(node.text) if name == "memory" else nodes.as_number(node) or 0.0
     except ValueError as error:
         findings.add(node, str(error), ("limits", name))
         return 0.0
+    if number < _LEAST[name]:
+        findings.add(node, f"'{node.text[:40]}' is less than an engine takes", ("limits", name))
+    return number

@@ -10,14 +10,19 @@ import re
 _RANGE = re.compile(r"\[([0-9]+|[a-zA-Z]):([0-9]+|[a-zA-Z])(?::([0-9]+))?\]", re.ASCII)
 _ADDRESS = re.compile(r"(?P<name>[^:\s]+|\[[0-9a-fA-F:.%]+\]):(?P<port>[0-9]{1,5})", re.ASCII)
 MOST_NAMES = 10_000
+_LONGEST = 512
+"""Characters of a name with its ranges: what is longer is no name, whatever it stands for."""
 
 
 def expand(text: str) -> list[str]:
     """Return every name that a text with ranges stands for; a text without any is its own name.
 
     Raises:
-        ValueError: A range runs backwards, mixes digits and letters, or there are more names than `MOST_NAMES`.
+        ValueError: A range runs backwards, mixes digits and letters, or there are more names than `MOST_NAMES`; or the
+            text is too long for a name.
     """
+    if len(text) > _LONGEST:
+        raise ValueError(f"'{text[:60]}…' is longer than {_LONGEST} characters")
     names = [""]
     rest = text
     while (match := _RANGE.search(rest)) is not None:

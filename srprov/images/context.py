@@ -24,6 +24,7 @@ Listing = Callable[[str], Iterable[ListedFile]]
 DOCKERFILE = "Dockerfile"
 MOST_BYTES = 96 * 1024 * 1024
 """Of all files of a context, which is held in memory."""
+_LARGEST_IGNORE = 64 * 1024
 _LONGEST_PATTERN = 255
 _RANGE = re.compile(r"(\\.|[^\\])(?:-(\\.|[^\\]))?", re.DOTALL)
 """One character of a class, or two with those between them; `\\` takes its meaning from what follows."""
@@ -44,7 +45,8 @@ def entries_of(prefix: str, source: str, mode: str, listing: Listing, read: Read
     if mode and not re.fullmatch(r"0?[0-7]{3,4}", mode):
         raise ValueError(f"mode '{mode}' is no octal number such as 0755")
     fixed = int(mode, 8) if mode else None
-    return _entries(prefix, source, listing(source), fixed, read)
+    shipped = (item for item in listing(source) if ".git" not in item.path.split("/"))
+    return _entries(prefix, source, shipped, fixed, read)
 
 
 def _entries(prefix: str, source: str, items: Iterable[ListedFile], mode: int | None, read: Read) -> list[ContextFile]:
@@ -84,7 +86,10 @@ def folder_items(folder: str, listing: Listing, read: Read) -> list[ListedFile]:
     items = list(listing(folder))
     ignore = ""
     if any(item.path == ".dockerignore" and item.link is None for item in items):
-        ignore = read(f"{folder.rstrip('/')}/.dockerignore").decode("utf-8", "replace")
+        content = read(f"{folder.rstrip('/')}/.dockerignore")
+        if len(content) > _LARGEST_IGNORE:
+            raise ValueError(f".dockerignore is larger than {_LARGEST_IGNORE >> 10} KiB")
+        ignore = content.decode("utf-8", "replace")
     locks = [f"{item.path.removesuffix('.edf')}.lock" for item in items if item.path.endswith(".edf")]
     ignored = ignore_rule(
         [*_ALWAYS, *map(_escaped, locks), *ignore.splitlines()], sum(len(item.path) for item in items)

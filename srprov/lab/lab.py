@@ -6,7 +6,9 @@ folders), compared with what is wanted, and only the difference is done.
 
 from __future__ import annotations
 
+import contextlib
 import os
+import tempfile
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -15,7 +17,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from srprov.errors import UsageError
+from srprov import regular_file
+from srprov.errors import LabError, UsageError
 from srprov.lab import (
     cgroups,
     disk,
@@ -141,11 +144,21 @@ def _write_inventory(site: Site, lab: state.Lab, robots: Sequence[spec.Robot]) -
 
 
 def _write_if_other(path: Path, text: str) -> None:
-    if not path.exists() or path.read_text() != text:
+    """Write a file, as root, into a folder that may be a stranger's: through no link, over nothing but its own name."""
+    if path.parent.is_symlink():
+        raise LabError(f"{path.parent} is a link to another folder", hint="remove it, or go to another folder")
+    try:
+        if regular_file.read_text(path) == text:
+            return
+    except FileNotFoundError:
         path.parent.mkdir(parents=True, exist_ok=True)
-        draft = path.with_name(f".{path.name}.new")
-        draft.write_text(text)
-        draft.replace(path)
+    except OSError as error:
+        raise LabError(f"{path} cannot be read: {error.strerror}", hint="remove it") from None
+    descriptor, draft = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    with open(descriptor, "w", encoding="utf-8") as stream:
+        os.fchmod(descriptor, 0o644)  # whoever called sudo reads it
+        stream.write(text)
+    os.replace(draft, path)
 
 
 def down(name: str, say: Say) -> bool:
@@ -163,8 +176,9 @@ def down(name: str, say: Say) -> bool:
         registry.remove(site)
         network.remove(site)
         for path in map(Path, lab.inventories if lab else ()):
-            if path.exists() and path.read_text().startswith(inventory.HEADER):
-                path.unlink()
+            with contextlib.suppress(OSError):  # gone, or no file
+                if regular_file.beginning(path, len(inventory.HEADER)) == inventory.HEADER.encode():
+                    path.unlink()
         sites.release(site)
     return True
 

@@ -20,6 +20,8 @@ _ULIMITS = {
 _LONGEST_S = 24 * 3600.0
 _MOST = 20_000
 """Entries of one list or map, merged of all files that it may come from."""
+_LEAST_CPUS = 0.01
+"""An engine takes no less, and a figure that is rounded to 0 is no limit at all."""
 _MOST_PORTS = _MOST_RETRIES = 1000
 _PORTS = range(1, 65_536)
 _PROTOCOLS = ("tcp", "udp")
@@ -96,5 +98,5 @@ def _figures(run: Runtime) -> Iterator[str]:
     for name in ("mem_limit", "mem_reservation", "pids_limit", "shm_size"):
         if getattr(run, name) not in _SIZES:
             yield f"{name}: {getattr(run, name)} is too large or less than nothing"
-    if not 0 <= run.cpus <= _MOST:
-        yield f"cpus: {run.cpus} is too large or less than nothing"
+    if run.cpus != 0 and not _LEAST_CPUS <= run.cpus <= _MOST:
+        yield f"cpus: {run.cpus} is too large, or less than {_LEAST_CPUS}"

@@ -53,8 +53,18 @@ class PlanFile:
 
 
 def dump(saved: PlanFile) -> str:
-    """Return the file's text."""
-    return "".join(pieces(saved))
+    """Return the file's text.
+
+    Raises:
+        ValueError: It would be too large to be read again.
+    """
+    blobs: dict[str, bytes] = {}
+    _document(saved, blobs)
+    too_large = sum(len(blob) for blob in blobs.values()) * 4 // 3 > MAX_CHARACTERS  # known before it is encoded
+    text = "" if too_large else "".join(pieces(saved))
+    if too_large or len(text) > MAX_CHARACTERS:
+        raise ValueError(f"the plan's file would be larger than {MAX_CHARACTERS >> 20} MiB")
+    return text
 
 
 def pieces(saved: PlanFile) -> Iterator[str]:

@@ -6,7 +6,6 @@ An EDF may come from a stranger. Everything that reaches the robot itself is a `
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
@@ -16,6 +15,7 @@ from srprov.definitions.model import Experiment, NetworkSettings, Service
 from srprov.errors import RefusedError
 from srprov.image_reference import parse_reference
 from srprov.network.identity import is_for_overlays
+from srprov.planning.image_origin import not_from_a_registry
 from srprov.planning.mount_kind import mount_kind
 
 KINDS = (
@@ -52,9 +52,6 @@ _LOGS = ("", "json-file", "local", "none")
 _LOG_OPTIONS = ("max-size", "max-file", "compress", "mode", "labels", "env", "tag")
 """Options that say how much such a driver keeps, and what it writes beside the lines."""
 _FIRST_FREE_PORT = 1024
-_IMAGE_ID = re.compile(r"(sha256:)?[0-9a-f]+")
-_BUILT_HERE = "srprov/"
-"""Before the name of every image that srprov builds."""
 _NONE: Mapping[str, ContainerDefinition] = MappingProxyType({})
 
 
@@ -143,8 +140,11 @@ def _of_service(service: Service) -> Iterator[Permission]:
 def _of_image(service: Service, containers: Mapping[str, ContainerDefinition]) -> Iterator[Permission]:
     cdf = containers.get(service.cdf)
     for name in (service.image,) if service.image else cdf.images if cdf else ():
-        if why := _not_from_a_registry(name):
+        if why := not_from_a_registry(name):
             yield Permission(kind="built-image", service=service.name, what=f"{name}: {why}")
+        elif parse_reference(name).is_private:
+            what = f"{name}: the robot's engine asks whoever that is in the robot's own network"
+            yield Permission(kind="engine-fetch", service=service.name, what=what)
     for source in cdf.fetches if cdf else ():
         what = f"ADD {source}: the robot's engine fetches it, from the robot's own network"
         if source.startswith("FROM "):
@@ -163,20 +163,6 @@ def _of_repositories(service: Service, containers: Mapping[str, ContainerDefinit
 def _fetched(url: str, ref: str) -> str:
     how = "" if url.startswith(("https:", "file:")) else " with your SSH keys"
     return f"{url}, {ref or 'its default branch'}: fetched here{how}"
-
-
-def _not_from_a_registry(name: str) -> str:
-    """Return why an image may be one that the robot has for somebody else, or nothing."""
-    if "$" in name:
-        return "which image that is only the builder knows"
-    if _IMAGE_ID.fullmatch(name):
-        return "perhaps the id of an image that is on the robot"
-    try:
-        reference = parse_reference(name)
-    except ValueError:
-        return "which image that is only the builder knows"
-    built = reference.domain == "docker.io" and reference.path.startswith(_BUILT_HERE)
-    return "built by srprov, perhaps for another experiment" if built else ""
 
 
 def _namespaces(run: Runtime) -> Iterator[tuple[str, str]]:

@@ -24,7 +24,7 @@ from srprov.errors import AuthError, ConnectError, DeadlineError
 from srprov.transport.deadline import Deadline
 from srprov.transport.openssh.settings import SshSettings
 
-_LARGEST_KEY = regular_file.MIB
+_LARGEST_KEY = 16 * 1024
 Attempt = tuple[str, str, Callable[[paramiko.Transport], list[str]]]
 """Method, what is offered in words, and a function that offers it and returns what the robot wants besides."""
 

@@ -19,6 +19,7 @@ from srprov.transport.openssh.settings import SshSettings
 from srprov.transport.openssh.ssh_config import ADDS_UP, DEFAULT_KEYS, lookup, words
 
 _NO_WORD = re.compile(r"^-|[\s\x00-\x1f\x7f'`\"$\\;&<>|(){}]")
+_PORTS = 1 << 16
 _OF_JUMP_HOSTS_TOO = ("userknownhostsfile", "globalknownhostsfile", "stricthostkeychecking")
 
 
@@ -74,8 +75,10 @@ def _settings(
     """Type the values and expand what is in them."""
     hostname = config.one("hostname", host.address).replace("%h", host.address)
     user, port = config.one("user", getpass.getuser()), config.one("port", "22")
-    if not re.fullmatch("[0-9]{1,5}", port):
-        raise ConnectError(host.name, f"port {port!r} is not a number", hint="correct ansible_port or ssh_config")
+    if not re.fullmatch("[0-9]{1,5}", port) or not 0 < int(port) < _PORTS:
+        raise ConnectError(
+            host.name, f"port {port!r} is not within 1 to 65535", hint="correct ansible_port or ssh_config"
+        )
     alias, proxy = config.one("hostkeyalias") or None, config.chosen("proxycommand")
     if proxy:
         _check_words(host.name, (hostname, host.address, user, alias or ""))

@@ -175,6 +175,17 @@ def test_a_projects_settings_for_pictures_run_nothing(lab: Path) -> None:
     assert "#ff0000" not in (lab / "a.svg").read_text()
 
 
+def test_pictures_read_nothing_of_the_folder_where_they_are_made(lab: Path) -> None:
+    """A link would have a line of its file in a warning, and a pipe would be waited for."""
+    pytest.importorskip("matplotlib")
+    os.mkfifo(lab / "matplotlibrc")
+    words = ["-m", "srprov", "assign", "e.edf", "-i", "inv.yml", "--facts", "facts.json", "--svg", "a.svg"]
+    env = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])}
+    done = subprocess.run([sys.executable, *words], env=env, capture_output=True, text=True, timeout=30, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert (lab / "a.svg").exists()
+
+
 def test_without_matplotlib_the_extra_is_named(
     lab: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

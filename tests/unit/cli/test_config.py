@@ -76,6 +76,7 @@ def own(tmp_path: Path) -> dict[str, str]:
         ("inventory = {a = 1}\n", r"there is no verb 'inventory'"),
         ("\nforks = [1]\n", r":2: 'forks' cannot have this value"),
         ("timeout = nan\n", r":1: 'timeout' cannot have this value"),
+        (f"forks = 1{'0' * 400}\n", r":1: 'forks' cannot have this value"),
         ("[plan]\nverbose = 2026-01-01\n", r":2: 'verbose' cannot have this value"),
         ('inventory = ["a", 3]\n', r":1: 'inventory' cannot have this value"),
         ('inventory = "a\\u0000"\n', r":1: 'inventory' cannot have this value"),
@@ -207,6 +208,19 @@ def test_only_an_inventory_that_the_user_named_runs_anything_here(
         assert code == 5, said
         assert "name it on the command line" in said
         assert not (tmp_path / "ran").exists()
+
+
+def test_only_an_inventory_that_the_user_named_offers_keys(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its errors would tell the value of a variable, and whether a file exists; its key could take minutes to read."""
+    write(tmp_path / "inv", "r1 ansible_host=192.0.2.1 ansible_ssh_private_key_file=/tmp/${DECOY}\n")
+    write(tmp_path / "srprov.toml", "inventory = 'inv'\ntimeout = 1\n")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("DECOY", "hunter2")
+    assert run(["status"]) == 5
+    said = capsys.readouterr().err
+    assert "name it on the command line" in said and "hunter2" not in said
 
 
 def test_a_program_in_a_folder_is_not_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -190,6 +190,8 @@ def test_a_build_starts_from_the_registries_of_the_lab(tmp_path: Path, text: str
         ("limits: {memory: {default: 2g, max: 1g}}\n", "the default is more than the maximum"),
         ("limits: {disk: {max: 1}}\n", "unknown key 'disk'"),
         ("limits: {pids: {max: 0}}\n", "0 is less than 1"),
+        ("limits: {cpus: {max: 1e-320}}\n", "less than an engine takes"),
+        ("limits: {memory: {max: 0.0000001k}}\n", "less than an engine takes"),
         ("permit: {}\n", "unknown key 'permit'"),
     ],
 )

@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import io
 import os
+import tarfile
 import tracemalloc
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from srprov import disk, regular_file
 from srprov.definitions import load_experiment
 from srprov.errors import SrprovError
-from srprov.planning import plan
+from srprov.images.context import entries_of, folder_entries
+from srprov.planning import plan, planfile
+from srprov.planning.plan import Plan
 from srprov.regular_file import MIB
+from tests.bounded import bounded
 from tests.fakes import World
 from tests.worlds import made
 
@@ -100,3 +106,40 @@ def test_a_thousand_containers_are_put_in_order_without_being_compared_with_each
     )
     steps = made(World().add("r1"), load_experiment(tmp_path / "e.edf")).plan.steps
     assert len(named) < 20 * len(steps)
+
+
+def test_a_large_dockerignore_is_refused_before_it_is_split(tmp_path: Path) -> None:
+    (tmp_path / "Dockerfile").write_text("FROM a\n")
+    (tmp_path / ".dockerignore").write_bytes(b"\n" * (30 << 20))
+    with pytest.raises(ValueError, match="larger than 64 KiB"):
+        bounded(lambda: folder_entries(str(tmp_path), disk.listing, disk.read))
+
+
+@pytest.mark.parametrize("kind", ["volume", "file of an image"])
+def test_what_is_shipped_leaves_git_out(tmp_path: Path, kind: str) -> None:
+    """It may hold tokens; who names the folder itself gets it."""
+    inner = tmp_path / "src" / ".git"
+    inner.mkdir(parents=True)
+    (inner / "config").write_text("url = https://token@example.com\n")
+    (tmp_path / "src" / "a.py").touch()
+
+    def shipped(path: Path) -> list[str]:
+        if kind == "volume":
+            return tarfile.open(fileobj=io.BytesIO(disk.tree_tar(str(path)))).getnames()
+        return [one.path for one in entries_of("0", str(path), "", disk.listing, disk.read)]
+
+    assert "a.py" in " ".join(shipped(tmp_path / "src")) and ".git" not in " ".join(shipped(tmp_path / "src"))
+    assert "config" in " ".join(shipped(inner))
+
+
+def _large(saved: planfile.PlanFile, blobs: dict[str, bytes]) -> dict[str, Any]:
+    blobs["x"] = bytes(planfile.MAX_CHARACTERS * 3 // 4 + 3)
+    return {}
+
+
+def test_a_plan_file_that_is_too_large_is_refused_before_it_is_encoded(monkeypatch: pytest.MonkeyPatch) -> None:
+    saved = planfile.PlanFile(plan=Plan(instance="a", source="", steps=()), fingerprints={})
+    monkeypatch.setattr(planfile, "_document", _large)
+    monkeypatch.setattr(planfile, "pieces", lambda _: pytest.fail("it was encoded"))
+    with pytest.raises(ValueError, match="larger than 96 MiB"):
+        planfile.dump(saved)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,7 +12,7 @@ import pytest
 from srprov.cli.problems import render_problems
 from srprov.definitions import check_files, hostvars, load_inventory
 from srprov.definitions.groups import Variables
-from srprov.errors import did_you_mean
+from srprov.errors import DefinitionError, did_you_mean
 from srprov.yamldoc.nodes import Findings, Scalar, Source
 from tests.bounded import bounded
 
@@ -186,6 +187,22 @@ DOCKERFILES = {
 @pytest.mark.parametrize("case", DOCKERFILES)
 def test_a_dockerfile_is_read_in_time(tmp_path: Path, case: str) -> None:
     problems(tmp_path / "Dockerfile", DOCKERFILES[case])
+
+
+LINE = " ".join(f"{number:x}=" for number in range(8000))
+LONG_INVENTORIES = {
+    "hosts.yml": f"all: {{hosts: {{? '{'a' * 100_000}[1:10000]' : {{}}}}}}\n",
+    "hosts": f"{'a' * 40_000}[1:10000]\nb[{'0' * 400}1:{'9' * 401}]\n",
+    "hosts.ini": "".join(f"r{number} {LINE}\n" for number in range(20)),
+    "quoted.ini": "".join(f"r{number} {LINE.replace('=', chr(34) * 2 + '=')}\n" for number in range(15)),
+}
+
+
+@pytest.mark.parametrize("name", LONG_INVENTORIES)
+def test_an_inventory_with_long_names_and_lines_is_read_in_time(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_text(LONG_INVENTORIES[name])
+    with contextlib.suppress(DefinitionError):
+        bounded(lambda: len(load_inventory([tmp_path / name]).hosts), cpu_s=4)
 
 
 def test_a_dockerfile_of_megabytes_is_refused(tmp_path: Path) -> None:

@@ -265,3 +265,22 @@ def test_a_tag_of_a_file_does_not_pass_for_a_value_of_the_controller(here: Path)
     """The mark for such values means nothing in a file."""
     with pytest.raises(DefinitionError):
         load_experiment(edf(here, "{image: busybox, environment: {A: !controller x}}"), {})
+
+
+def test_variables_elsewhere_are_not_even_looked_through(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A link to the root of all would take long, and tell the names of files there."""
+    (here / "exp" / "host_vars").mkdir()
+    (here / "exp" / "host_vars" / "r1").symlink_to("/")
+    monkeypatch.setattr(os, "walk", lambda path: pytest.fail(f"{path} was looked through"))
+    with pytest.raises(DefinitionError, match="1 problem"):
+        load_inventory(["inv.yml"], unnamed=["inv.yml"])
+
+
+def test_a_host_has_no_more_files_of_variables_than_anybody_writes(here: Path) -> None:
+    folder = here / "exp" / "host_vars" / "r1"
+    folder.mkdir(parents=True)
+    for number in range(1001):
+        (folder / f"{number}.yml").touch()
+    with pytest.raises(DefinitionError) as refused:
+        load_inventory(["inv.yml"])
+    assert "more than 1000 files" in refused.value.problems[0].message

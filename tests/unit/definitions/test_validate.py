@@ -46,6 +46,11 @@ def test_json_is_all_of_stdout(folder: Path, capsys: pytest.CaptureFixture[str])
     assert shown.err == "1 problem in 1 file\n"
 
 
+def test_sarif_has_a_file_whose_name_is_no_text(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["validate", "--format", "sarif", "z\udcff.edf"]) == 5
+    assert '"z%FF.edf"' in capsys.readouterr().out
+
+
 def test_sarif_points_at_the_place(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["validate", "--format", "sarif", "bad.edf"]) == 5
     log = json.loads(capsys.readouterr().out)

@@ -30,6 +30,7 @@ NEVER = HealthCheck(test=("CMD", "true"), interval_s=1e9)
         ("runtime", "a/b"), ("hostname", "a b"), ("hostname", "-"), ("cap_drop", ("all",)), ("mem_reservation", -1),
         ("oom_score_adj", -1001), ("labels", {"srprov.instance": "other"}), ("labels", {"srprov": ""}),
         ("labels", {"": "x"}), ("extra_hosts", (("a\n", "10.0.0.1"),)), ("logging", Logging(driver="GELF ")),
+        ("cpus", 1e-6),
     ],
 )  # fmt: skip
 def test_what_no_edf_could_say_is_refused(field: str, value: Any) -> None:

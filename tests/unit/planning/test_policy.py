@@ -162,6 +162,29 @@ def test_what_the_engine_fetches_for_a_build_is_asked_for() -> None:
     assert "http://127.0.0.1:2375/info" in found.what
 
 
+@pytest.mark.parametrize(
+    "image",
+    [
+        *("127.0.0.1:9998/a/b:now", "[::1]:80/a/b", "localhost/a", "robot2:5000/a", "127.1:80/a", "2130706433:80/a"),
+        *("metadata.google.internal/a", "Printer.LOCAL/a"),
+    ],
+)
+def test_a_registry_that_only_the_robot_knows_is_asked_for(image: str) -> None:
+    """Its engine would ask its own loopback, or whoever has that name there."""
+    cdf = ContainerDefinition(name="x", file="/e/x.cdf", folder="/e", images=(image,))
+    user = dataclasses.replace(service("a"), image="", cdf="/e/x.cdf")
+    for found in (
+        permissions(experiment(user), {"/e/x.cdf": cdf}),
+        permissions(experiment(dataclasses.replace(service("a"), image=image))),
+    ):
+        assert [(one.kind, one.what.partition(": ")[0]) for one in found] == [("engine-fetch", image)]
+
+
+@pytest.mark.parametrize("image", ["ros:humble", "a/b", "ghcr.io/a/b:1", "registry.lab.example:5000/team/image"])
+def test_a_public_registry_is_not_asked_for(image: str) -> None:
+    assert permissions(experiment(dataclasses.replace(service("a"), image=image))) == ()
+
+
 def test_reading_a_secret_of_the_controller_is_asked() -> None:
     """Whoever writes an EDF could name any variable, file or program: each service that gets one asks for it."""
     use = SecretUse(source="token", target="/run/secrets/token")

@@ -112,6 +112,9 @@ def test_broken_config_is_an_error_in_words(tmp_path: Path) -> None:
         resolved(tmp_path, "nonsense\n")
     with pytest.raises(ConnectError, match="port 'ssh'"):
         resolved(tmp_path, ssh_options=(("port", "ssh"),))
+    for port in ("99999", "0"):
+        with pytest.raises(ConnectError, match=f"port '{port}' is not within"):
+            resolved(tmp_path, ssh_options=(("port", port),))
 
 
 def test_agent_choices(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

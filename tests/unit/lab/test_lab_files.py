@@ -1,0 +1,43 @@
+"""What `lab up` writes as root into the folder where it runs, which may be a stranger's."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import pytest
+
+from srprov.errors import LabError
+from srprov.lab.lab import _write_if_other
+
+
+def test_a_file_is_written_once_and_can_be_read_by_whoever_called_sudo(tmp_path: Path) -> None:
+    path = tmp_path / "inventory" / "lab.yml"
+    _write_if_other(path, "one")
+    about = path.stat()
+    _write_if_other(path, "one")
+    assert (path.read_text(), about.st_mode & 0o777, path.stat().st_ino) == ("one", 0o644, about.st_ino)
+    _write_if_other(path, "two")
+    assert (path.read_text(), os.listdir(path.parent)) == ("two", ["lab.yml"])
+
+
+@pytest.mark.parametrize("name", [".lab.yml.new", "lab.yml"])
+def test_a_link_in_a_strangers_folder_is_not_written_through(tmp_path: Path, name: str) -> None:
+    precious = tmp_path / "precious"
+    precious.write_text("mine")
+    (tmp_path / "inventory").mkdir()
+    (tmp_path / "inventory" / name).symlink_to(precious)
+    _write_if_other(tmp_path / "inventory" / "lab.yml", "lab")
+    assert precious.read_text() == "mine"
+    assert (tmp_path / "inventory" / "lab.yml").read_text() == "lab"
+
+
+def test_a_folder_that_is_a_link_and_a_pipe_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "etc").mkdir()
+    (tmp_path / "inventory").symlink_to("etc")
+    with pytest.raises(LabError, match="is a link"):
+        _write_if_other(tmp_path / "inventory" / "lab.yml", "lab")
+    assert os.listdir(tmp_path / "etc") == []
+    os.mkfifo(tmp_path / "etc" / "lab.yml")
+    with pytest.raises(LabError, match="it is a pipe"):
+        _write_if_other(tmp_path / "etc" / "lab.yml", "lab")
