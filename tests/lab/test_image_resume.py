@@ -34,15 +34,15 @@ class Heavy:
     """An experiment whose one service runs an image with a layer of random bytes that only robot1 has."""
 
     def __init__(self, lab: Lab, folder: Path, size_mib: int) -> None:
-        self.lab, self.folder, self.size = lab, folder, size_mib * MIB
+        self.lab, self.folder, self.size, self.name = lab, folder, size_mib * MIB, f"heavy-{size_mib}"
         make = (
             f"mkdir -p /tmp/base && cd /tmp/base && head -c {self.size} /dev/urandom > noise && "
             "printf 'FROM busybox\\nCOPY noise /noise\\n' > Dockerfile && "
-            "docker build -q -t heavy:1 . && rm -rf /tmp/base"
+            f"docker build -q -t {self.name}:1 . && rm -rf /tmp/base"
         )
         lab.shell("robot1", "sh", "-c", make)
         (folder / "x.cdf").write_text(
-            "cdf: 1\nname: heavy\nbase: heavy:1\ncommand: [sleep, '86400']\n", encoding="utf-8"
+            f"cdf: 1\nname: {self.name}\nbase: {self.name}:1\ncommand: [sleep, '86400']\n", encoding="utf-8"
         )
         self.inventory = part_of_lab(lab, ROBOTS, folder / "lab.yml")
         self.env = {**os.environ, "PYTHONPATH": str(ROOT), "SRPROV_HEARTBEAT": "1,4,6"}
@@ -55,7 +55,7 @@ class Heavy:
     def on(self, *robots: str) -> None:
         """Place the service."""
         services = {f"on-{one}": {"cdf": "x.cdf", "robot": one, "stop_signal": "SIGKILL"} for one in robots}
-        text = json.dumps({"edf": 1, "name": f"heavy-{self.size >> 20}", "services": services})
+        text = json.dumps({"edf": 1, "name": self.name, "services": services})
         Path(self.edf).write_text(text, encoding="utf-8")
 
     def begin(self, *more: str) -> subprocess.Popen[str]:
@@ -91,10 +91,15 @@ class Heavy:
         out, err = run.communicate(timeout=250)
         assert run.returncode == 0, (out[-2000:], err[-2000:])
         got = received(self.lab, "robot2") - before
-        ids = {self.lab.shell(robot, "docker", "images", "-q", "--no-trunc", "srprov/heavy").out for robot in ROBOTS}
-        assert len(ids) == 1 and not any(root(self.lab, robot).joinpath(SPOOL).exists() for robot in ROBOTS), ids
+        self.check()
         assert there == 0 or got <= self.size - there + 32 * MIB, (got, there)
         return got
+
+    def check(self) -> None:
+        """Both robots have the same image, and nothing is left of the copy."""
+        words = ("docker", "images", "-q", "--no-trunc", f"srprov/{self.name}")
+        ids = {self.lab.shell(robot, *words).out for robot in ROBOTS}
+        assert len(ids) == 1 and not any(root(self.lab, robot).joinpath(SPOOL).exists() for robot in ROBOTS), ids
 
 
 @pytest.fixture(scope="module")
@@ -179,5 +184,4 @@ def test_a_gibibyte_of_noise_passes_and_the_controller_stays_small(lab_of_module
     _, status, used = os.wait4(run.pid, 0)
     assert status == 0, events.read_text(encoding="utf-8")[-4000:]
     assert used.ru_maxrss < 150 * 1024, used.ru_maxrss
-    ids = {lab_of_module.shell(robot, "docker", "images", "-q", "--no-trunc", "srprov/heavy").out for robot in ROBOTS}
-    assert len(ids) == 1 and not any(root(lab_of_module, robot).joinpath(SPOOL).exists() for robot in ROBOTS)
+    heavy.check()
