@@ -110,6 +110,7 @@ def test_the_robots_own_tools_say_the_same(figured: Lab, facts: dict[str, dict[s
         assert one["underlay_mtu"] == links["eth0"]["mtu"]
         assert one["docker"]["version"] == tool("docker", "version", "--format", "{{.Server.Version}}")
         assert one["docker"]["storage_driver"] == tool("docker", "info", "--format", "{{.Driver}}")
+        assert one["docker"]["log_driver"] == tool("docker", "info", "--format", "{{.LoggingDriver}}")
         total = int(tool("df", "-B1", "--output=size", "/var/lib/docker").split()[-1])
         assert one["disk_total"] == total
         assert abs(one["clock_offset_s"]) < 1

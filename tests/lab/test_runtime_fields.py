@@ -129,7 +129,7 @@ def test_limits_that_docker_update_changed_are_named_and_mended(fields: Fields) 
 
 def test_containers_of_a_robot_stop_side_by_side(fields: Fields, tmp_path: Path) -> None:
     """Four that need all of their grace die at the same time, by the engine's word."""
-    stubborn = busybox("sh", "-c", "trap '' TERM; while :; do sleep 1; done", stop_grace_period="2s")
+    stubborn = busybox("sh", "-c", "trap '' TERM; while :; do sleep 1; done", stop_grace_period="2s", network="none")
     del stubborn["stop_signal"]
     services = {f"s{number}": stubborn for number in range(4)}
     path = tmp_path / "stubborn.edf"
