@@ -11,7 +11,7 @@ import os
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from srprov import disk
+from srprov import datasets, disk
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.lockfile import Lock
 from srprov.definitions.model import Definitions, Experiment
@@ -101,6 +101,10 @@ def file_hashes(experiment: Experiment, containers: Iterable[ContainerDefinition
             found[os.path.relpath(path, experiment.folder)] = hashlib.sha256(
                 disk.read(os.path.realpath(path))
             ).hexdigest()
+    for service in experiment.services.values():
+        for mount in service.runtime.mounts:
+            if mount.kind == "data" and mount.source:  # of any size; what is downloaded is named by its hash
+                found[os.path.relpath(mount.source, experiment.folder)] = datasets.digest(mount.source)[0]
     return found
 
 

@@ -10,6 +10,7 @@ import pytest
 
 from srprov.controller.authority import check_file
 from srprov.controller.data_sets import data_set, refuse_files, used_data
+from srprov.controller.pins import file_hashes
 from srprov.definitions.containermodel import Mount
 from srprov.errors import RefusedError, UsageError
 from srprov.modules.params import ParameterError
@@ -42,6 +43,15 @@ def test_a_file_with_another_hash_or_that_is_gone_is_an_error(file: str) -> None
         data_set("hello", Mount(kind="data", source=file, target="/d", sha256="0" * 64))
     with pytest.raises(UsageError, match="cannot be shipped"):
         data_set("hello", Mount(kind="data", source=f"{file}-none", target="/d"))
+
+
+def test_the_lock_has_its_hash(file: str) -> None:
+    """That of a download stands in the EDF."""
+    mounts = (
+        Mount(kind="data", source=file, target="/d"),
+        Mount(kind="data", source="", target="/e", sha256="0" * 64, url="https://example.org/x"),
+    )
+    assert list(file_hashes(experiment(service("a", mounts=mounts)), []).values()) == [SHA]
 
 
 def test_what_several_services_use_is_one_data_set(file: str) -> None:
