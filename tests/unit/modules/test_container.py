@@ -65,7 +65,9 @@ NO_PART = {"pull_policy", "job"}
 
 def wanted(**fields: Any) -> Resource:
     """Return the container resource of an experiment with one service."""
-    plan = plan_for(World().add("r1"), experiment(service("a", **fields)))
+    world = World().add("r1")
+    world.robots["r1"].engine.images["busybox:latest"] = {}
+    plan = plan_for(world, experiment(service("a", **fields)))
     return next(step.want for step in plan.steps if step.want is not None and step.module == "container")
 
 
