@@ -5,16 +5,42 @@ Takes containers and the placement. Imports what builds, fetches and looks up on
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.model import Definitions, Experiment
+from srprov.facts.model import Snapshot
+from srprov.image_reference import parse_reference
 
 if TYPE_CHECKING:
     from srprov.controller.digests import AskEach
     from srprov.images.plan import ImagePlan
     from srprov.images.tag import Checkouts
+
+
+def moved_tags(locked: Mapping[str, str], snapshot: Snapshot) -> tuple[str, ...]:
+    """Return notes of tags that robots have for another digest than the lock; no registry is asked for it."""
+    wanted = {parse_reference(name).familiar: digest for name, digest in locked.items()}
+    moved: dict[tuple[str, str], list[str]] = {}
+    for robot, items in sorted(snapshot.observed.items() if wanted else ()):
+        images = [one for one in items if one.module == "image"]
+        tagged = {one.state.get("id"): one.name for one in images if one.name in wanted}
+        digests: dict[str, set[str]] = {}
+        for one in images:
+            repository, at, digest = one.name.partition("@")
+            name = tagged.get(one.state.get("id"), "") if at else ""
+            if name.rpartition(":")[0] == repository:
+                digests.setdefault(name, set()).add(digest)
+        for name, had in digests.items():
+            if wanted[name] not in had:
+                moved.setdefault((name, min(had)), []).append(robot)
+    return tuple(_moved(name, found, wanted[name], robots) for (name, found), robots in sorted(moved.items()))
+
+
+def _moved(name: str, found: str, locked: str, robots: Sequence[str]) -> str:
+    told = ", ".join(robots[:3]) + (f" and {len(robots) - 3} more" if robots[3:] else "")
+    return f"{name} has moved: it is {found[:19]}… on {told}, the lock has {locked[:19]}…"
 
 
 def with_fresh(

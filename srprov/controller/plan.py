@@ -20,7 +20,7 @@ from srprov.controller.context import contexts
 from srprov.controller.copies import copies
 from srprov.controller.data_plan import plan_data
 from srprov.controller.image_layers import with_layers
-from srprov.controller.image_plans import plan_images, with_fresh
+from srprov.controller.image_plans import moved_tags, plan_images, with_fresh
 from srprov.controller.labpolicy import enforce, with_limits
 from srprov.controller.owners import Owner
 from srprov.controller.ownership import check_source, owned, trusting
@@ -211,6 +211,7 @@ def _plan(
         data=inputs.data.moves,
         notes=(
             *definitions.notes,
+            *moved_tags(definitions.locked, inputs.snapshot),
             *_notes(inputs, placed),
             *idle_notes(definitions, experiment, inputs.snapshot),
             *notes,

@@ -176,6 +176,8 @@ class Definitions:
     experiment: Experiment
     containers: Mapping[str, ContainerDefinition]
     unsupported: tuple[Diagnostic, ...] = ()
+    locked: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    """Full name of an image with its tag -> the digest that a lock has for it."""
     notes: tuple[str, ...] = ()
     """What the user should know of them, for the plan."""
     variables: Vault = field(default_factory=Vault)

@@ -9,12 +9,15 @@ from pathlib import Path
 import pytest
 
 from srprov.controller import digests, locking
+from srprov.controller.image_plans import moved_tags
 from srprov.controller.pins import differences, names_of, pinned
 from srprov.controller.source import read_definitions
 from srprov.definitions import check_files, load_experiment
 from srprov.definitions.lockfile import Lock, dump, load, lock_path
 from srprov.errors import DefinitionError, UsageError
+from srprov.facts.model import Snapshot
 from srprov.images.args import with_digests
+from srprov.resource import Observed
 from srprov.wire import AnyQuery, EngineQuery, Reply
 
 OLD, NEW = "sha256:" + "1" * 64, "sha256:" + "2" * 64
@@ -221,3 +224,19 @@ def test_pins_reach_what_is_extended_to_more_services(here: Path) -> None:
     (here / "e.edf").write_text("edf: 1\nname: demo\nservices: {b: {image: busybox, replicas: 3}}\n")
     found = pinned(load_experiment("e.edf", {}), Lock(digests={BUSYBOX: OLD}))
     assert found.experiment.services["b"].image == f"busybox@{OLD}"
+
+
+def test_a_tag_that_a_robot_has_for_another_digest_is_noted_as_moved() -> None:
+    """By what robots list anyway: tag and digest of one image. One without a digest was built there."""
+
+    def has(*names: str, of: str) -> list[Observed]:
+        return [Observed(module="image", name=name, instance="", state={"id": of}) for name in names]
+
+    observed = {
+        "r1": has("busybox:latest", f"busybox@{NEW}", f"other@{OLD}", of="1"),
+        "r2": [*has("busybox:latest", f"busybox@{NEW}", f"busybox@{OLD}", of="2"), *has("debian:bookworm", of="3")],
+        "r3": [*has("busybox:1", f"busybox@{NEW}", of="1"), *has("busybox:latest", f"busybox@{OLD}", of="2")],
+    }
+    snapshot = Snapshot(facts={}, observed={robot: tuple(items) for robot, items in observed.items()})
+    (note,) = moved_tags({BUSYBOX: OLD, DEBIAN: OLD}, snapshot)
+    assert note == f"busybox:latest has moved: it is {NEW[:19]}… on r1, the lock has {OLD[:19]}…"
