@@ -75,7 +75,7 @@ repositories:
 files: {{a: {"3" * 64}}}
 """
 TREE = f"100644 blob {'1' * 40}      12\ta/b\n100755 blob {'2' * 40} 3\tc\n120000 blob {'3' * 40} 3\ta/link\n"
-DOCKERFILE = "ARG A=1\nFROM debian:bookworm AS one\nRUN <<E\nx\nE\nFROM one\nHEALTHCHECK CMD true\n"
+DOCKERFILE = "ARG A=1\nFROM debian:bookworm AS one\nRUN echo \\\n  x\nFROM one\nHEALTHCHECK CMD true\n"
 IGNORE = "# a\n*.pyc\n**/b*c*d\n!a/**\n[a-c]?\n"
 RESULT = json.dumps({"unreachable": ["r7"], "steps": [{"number": 1, "id": "r1/container:a", "outcome": "failed"}]})
 EVENTS = '{"event": "end", "step": 1, "outcome": "changed"}\n{"event": "begin", "step": 2}\n'
