@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import re
 import time
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from srprov.errors import TransportError
 from srprov.session import Progress, Streams
+from srprov.untrusted import integer, lines_of
 from srprov.wire import CopyVolume, Reply, Run, quote
 
 if TYPE_CHECKING:
@@ -20,6 +22,10 @@ if TYPE_CHECKING:
 
 _STEP = 16 << 20
 _SILENCE_S = 120.0
+_DU_S = 600.0
+_SPARE = 64 << 20
+_ENTRY = 16 << 10
+"""Bytes that a file may take in a tar beside its content: names, rights, extended attributes."""
 _KEEP = "--format=posix --numeric-owner --acls --xattrs '--xattrs-include=*'"
 _FIXED = "--sort=name '--pax-option=exthdr.name=%d/PaxHeaders/%f,delete=atime,delete=ctime'"
 _READY = b"ready\n"
@@ -39,8 +45,11 @@ def copy_volume(copy: CopyVolume, session: BaseSession, peers: Peers | None, pro
         before = _hash(source.execute(_hash_of(copy.volume, copy.timeout_s)))
         if not _HASH.fullmatch(before):
             return _failed(f"{copy.source_host}: its data cannot be read: {before}")
+        most, problem = _most(copy, source.execute(_size_of(copy.volume)), session.execute(_room_of(copy.into)))
+        if problem:
+            return _failed(problem)
         if problem := _stream(
-            copy, source.open_shell(_out(copy.volume)), session.open_shell(_into(copy.into)), progress
+            copy, source.open_shell(_out(copy.volume)), session.open_shell(_into(copy.into)), progress, most, session
         ):
             return _failed(problem)
         after = _hash(session.execute(_hash_of(copy.into, copy.timeout_s)))
@@ -68,6 +77,35 @@ def _hash_of(volume: str, timeout_s: float) -> Run:
     return Run(script=script, timeout_s=timeout_s)
 
 
+def _size_of(volume: str) -> Run:
+    """Return what says kilobytes on the disk, kilobytes of the files' lengths, and how many names there are."""
+    du = 'du -s -k "$place" && du -s -k --apparent-size "$place" && find "$place" | wc -l'
+    return Run(script=f"{_place(volume)}{du}", timeout_s=_DU_S)
+
+
+def _room_of(volume: str) -> Run:
+    """Return what says how many kilobytes are free where a volume lies."""
+    return Run(script=f'{_place(volume)}df -P -k "$place" | tail -n 1')
+
+
+def _most(copy: CopyVolume, size: Reply, room: Reply) -> tuple[int, str]:
+    """Return the most bytes that may be sent, and why nothing can be sent, or nothing."""
+    kib = [integer(line.partition("\t")[0], high=1 << 53, default=-1) for line in lines_of(size.out.strip(), 3)]
+    if not size.ok or len(kib) != 3 or min(kib) < 0:
+        return 0, f"{copy.source_host}: how large its data is cannot be told: {_said(size)}"
+    words = room.out.split()
+    free = integer(words[3], high=1 << 53, default=-1) if room.ok and len(words) > 3 else -1
+    if free < 0:
+        return 0, f"how much room there is cannot be told: {_said(room)}"
+    if kib[0] > free:
+        return 0, f"there are {free >> 10} MiB free, and the data has {kib[0] >> 10} MiB"
+    return min((max(kib[:2]) << 10) + kib[2] * _ENTRY + _SPARE, free << 10), ""
+
+
+def _said(reply: Reply) -> str:
+    return " ".join(f"{reply.err} {reply.out}".split())[:200] or f"status {reply.status}"
+
+
 def _hash(reply: Reply) -> str:
     """Return the hash that a robot said, or what it said in its place."""
     found = _HASH.match(reply.out)
@@ -85,10 +123,12 @@ def _into(volume: str) -> str:
     return f"{_place(volume)}printf 'ready\\n' && {tar} && printf 'done\\n'"
 
 
-def _stream(copy: CopyVolume, source: Streams, target: Streams, progress: Progress) -> str:
+def _stream(
+    copy: CopyVolume, source: Streams, target: Streams, progress: Progress, most: int, session: BaseSession
+) -> str:
     """Pass on what one shell prints to the other; return why that did not work, or nothing."""
     try:
-        return _Pump(copy, source, target, progress).run()
+        return _Pump(copy, source, target, progress, most, lambda: session.alive).run()
     finally:
         source.close()
         target.close()
@@ -97,7 +137,11 @@ def _stream(copy: CopyVolume, source: Streams, target: Streams, progress: Progre
 class _Pump:
     """One copy under way: a piece of it is in memory at a time."""
 
-    def __init__(self, copy: CopyVolume, source: Streams, target: Streams, progress: Progress) -> None:
+    def __init__(
+        self, copy: CopyVolume, source: Streams, target: Streams, progress: Progress, most: int,
+        alive: Callable[[], bool],
+    ) -> None:  # fmt: skip
+        self._most, self._alive = most, alive
         self._copy, self._source, self._target, self._progress = copy, source, target, progress
         self._said, self._complaint = bytearray(), bytearray()
         self._total = self._step = 0
@@ -110,6 +154,10 @@ class _Pump:
         while not self._source.ended:
             piece, error = self._source.read()
             self._complaint += error[: 4096 - len(self._complaint)]
+            if not self._alive():  # whoever ended the run closed it
+                return "its connection was closed"
+            if self._total + len(piece) > self._most:
+                return f"{self._copy.source_host} gives more than it said that it has, or than there is room for"
             if piece and not self._send(memoryview(piece)):
                 return self._why("it took no more of the data")
             if not piece and not self._patient(self._source):

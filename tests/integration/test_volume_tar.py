@@ -10,7 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from srprov.transport.volume_copy import _hash_of, _into, _out
+from srprov.transport.volume_copy import _hash_of, _into, _most, _out, _room_of, _size_of
+from srprov.wire import CopyVolume, Reply
 
 
 class Places:
@@ -89,3 +90,22 @@ def test_an_archive_of_a_robot_that_lies_leaves_its_folder_nowhere(places: Place
     assert sorted(one.name for one in outside.iterdir()) == ["own"]
     assert (outside / "own").read_text() == "own"
     assert target.is_dir() and not target.is_symlink()
+
+
+def test_robots_say_how_large_data_is_and_how_much_room_there_is(places: Places) -> None:
+    """What is sparse takes less of the disk than it is long; a tar of it is no longer than both and its names."""
+    source = places.volume("source")
+    places.volume("target")
+    (source / "full").write_bytes(os.urandom(1 << 20))
+    with (source / "sparse").open("wb") as stream:
+        stream.truncate(50 << 20)
+    os.link(source / "full", source / "link\nwith two lines")
+    size, room = (places.run(one.script) for one in (_size_of("source"), _room_of("target")))
+    disk, long, names = (int(line.split("\t")[0]) for line in size.stdout.decode().splitlines())
+    assert 1024 <= disk < 10 * 1024 < 51 * 1024 <= long < 52 * 1024 and names == 5, size
+    most, problem = _most(CopyVolume(volume="v", into="v", source_host="r"), *map(_reply, (size, room)))
+    assert not problem and most >= len(places.run(_out("source")).stdout)
+
+
+def _reply(done: subprocess.CompletedProcess[bytes]) -> Reply:
+    return Reply(status=done.returncode, out=done.stdout.decode(), err=done.stderr.decode(), ok=done.returncode == 0)
