@@ -73,7 +73,7 @@ def apply(
     with inputs.connect(inventory, timeout, forks, changing=True, vault=secrets.vault) as fleet:
         output_options.note(f"asking {len(inventory.hosts)} robots for facts")
         phases.begin("facts")
-        lock_wait = inputs.waited(fleet, name, lock_wait)
+        lock_wait = inputs.waited(fleet, name, lock_wait, chosen)
         planned = _planned(source, fleet, request, secrets.vault, phases, signed=bool(signers)).limited(chosen)
         if not as_json and not (yes and output_options.is_quiet()):
             show_plan(planned.plan, None, verbose=verbose)

@@ -53,7 +53,7 @@ def destroy(
     chosen = inputs.selected(inventory, limit, exclude, inputs.failed_robots(name, runs))
     with inputs.connect(inventory, timeout, forks, changing=True) as fleet:
         phases.begin("facts")
-        lock_wait = inputs.waited(fleet, name, lock_wait)
+        lock_wait = inputs.waited(fleet, name, lock_wait, chosen)
         from srprov.controller.owners import read_owner
         from srprov.controller.remove import make_removal, other_instances
         from srprov.execution import RunOptions

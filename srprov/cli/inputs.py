@@ -114,13 +114,13 @@ def connect(
         yield connected
 
 
-def waited(fleet: Fleet, instance: str, seconds: float) -> float:
-    """Wait for other runs of the instance as long as the user said; return the seconds that are left."""
+def waited(fleet: Fleet, instance: str, seconds: float, chosen: Collection[str]) -> float:
+    """Wait for other runs of the instance on the chosen robots as long as the user said; return the seconds left."""
     if seconds <= 0:
         return seconds
     from srprov.controller.waiting import wait_for_other_runs
 
-    return wait_for_other_runs(fleet, instance, seconds, note)
+    return wait_for_other_runs(fleet, instance, seconds, note, chosen)
 
 
 def failed_robots(instance: str, runs: Path | None) -> Callable[[], frozenset[str]]:

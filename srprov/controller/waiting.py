@@ -7,7 +7,7 @@ stale before it begins: what it finds missing is being made.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 from srprov.controller.fleet import Fleet
 from srprov.errors import LockHeld, visible
@@ -17,8 +17,12 @@ _LOOK_S = 1.0
 _TELL_S = 5.0
 
 
-def wait_for_other_runs(fleet: Fleet, instance: str, seconds: float, tell: Callable[[str], None]) -> float:
+def wait_for_other_runs(
+    fleet: Fleet, instance: str, seconds: float, tell: Callable[[str], None], robots: Collection[str]
+) -> float:
     """Wait at most so many seconds while somebody applies or destroys the instance; return the seconds that are left.
+
+    Only `robots`, which take part, are asked.
 
     Robots that cannot be asked are not waited for; whether they can be left out is decided later. `tell` is given a
     line every few seconds.
@@ -29,7 +33,7 @@ def wait_for_other_runs(fleet: Fleet, instance: str, seconds: float, tell: Calla
     begun = time.monotonic()
     told = begun - _TELL_S
     while seconds > 0:
-        held, _ = holders(fleet.inventory.hosts, fleet.sessions.get, forks=fleet.forks)
+        held, _ = holders(robots, fleet.sessions.get, forks=fleet.forks)
         busy = {robot: one for robot, one in held.items() if one and one.purpose.partition(" ")[2] == instance}
         now = time.monotonic()
         left = max(0.0, begun + seconds - now)

@@ -93,7 +93,7 @@ def _plan_file(read: Document) -> PlanFile:
         playbooks=read.playbooks,
         data=read.data,
         notes=read.notes,
-        unreachable=read.unreachable,
+        unreachable={names.checked("robot", robot): why for robot, why in read.unreachable.items()},
     )
     also = tuple(_resource(one.robot, one.module, one.name, one, blobs) for one in read.also_wanted)
     return PlanFile(

@@ -70,7 +70,8 @@ def _lines(plan: Plan, commands: bool) -> Iterator[str]:
     for host, reason in sorted(plan.unreachable.items()):
         first, *hints = reason.splitlines() or [""]
         yield f"unreachable: {host}: {first}"
-        yield from hints
+        if words := " ".join(" ".join(hints).split()):  # in a plan file it may be any text: it gets one line
+            yield f"  hint: {words}"
     for note in plan.notes:
         yield f"note: {note}"
     yield ""

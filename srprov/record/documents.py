@@ -78,11 +78,27 @@ def write_inputs(folder: RunFolder, run: RunInputs) -> None:
         folder.put_json(f"rendered/{host.replace('/', '_')}.yml", lambda host=host: rendered(run.desired, host))  # type: ignore[misc]
 
 
+_DEEPEST = 20
+_LONGEST_NAME = 200
+"""Bytes; a file is written beside its place first, under a longer name."""
+
+
 def inputs(files: Mapping[str, str]) -> Iterable[tuple[str, str]]:
-    """Return each definition file by a name below inputs/; one from outside the EDF's folder lies below outside/."""
-    for name, text in sorted(files.items()):
+    """Return each definition file by a name below inputs/; one from outside the EDF's folder lies below outside/.
+
+    A plan file may say any names: what cannot be a file beside the others, or is srprov's own, lies in other/.
+    """
+    taken, folders = {"inventory.yml", "other"}, set[str]()
+    for number, (name, text) in enumerate(sorted(files.items()), 1):
         parts = [part for part in PurePosixPath(name).parts if part not in ("/", "..", ".")]
-        yield "/".join(parts) if not name.startswith(("/", "..")) else "/".join(("outside", *parts)), text
+        parts = ["outside", *parts] if name.startswith(("/", "..")) else parts
+        place, above = "/".join(parts), {"/".join(parts[:depth]) for depth in range(1, len(parts))}
+        fits = parts and len(parts) <= _DEEPEST and all(len(os.fsencode(one)) <= _LONGEST_NAME for one in parts)
+        if not fits or not place.isprintable() or place in taken | folders or above & taken:
+            place, above = f"other/{number}", set()
+        taken.add(place)
+        folders |= above
+        yield place, text
 
 
 def decision(plan: Plan, assignment: object) -> dict[str, Any]:

@@ -48,6 +48,7 @@ class RunFolder:
         self.path = root / name
         self.problem = ""
         self._events = -1
+        self._cut = False
         self._jobs: queue.SimpleQueue[Callable[[], None] | None] = queue.SimpleQueue()
         self._thread = threading.Thread(target=self._work, name="record", daemon=True)
         self._jobs.put(self._make)
@@ -55,11 +56,15 @@ class RunFolder:
 
     def put(self, name: str, make: Callable[[], str]) -> None:
         """Write a file, later; `make` gives its text then, and secrets are taken out of it."""
-        self._jobs.put(lambda: private.replace_file(self.path / name, redact(make())))
+        self._put(name, lambda: redact(make()))
 
     def put_json(self, name: str, make: Callable[[], object]) -> None:
         """Write a JSON document, later; secrets are taken out of its texts, so that it stays JSON."""
-        self._jobs.put(lambda: private.replace_file(self.path / name, in_lines(redacted(make())) + "\n"))
+        self._put(name, lambda: in_lines(redacted(make())) + "\n")
+
+    def _put(self, name: str, make: Callable[[], str]) -> None:
+        # after one that could not be written no other is tried, but events are
+        self._jobs.put(lambda: None if self.problem else private.replace_file(self.path / name, make()))
 
     def event(self, value: object) -> None:
         """Add a JSON value as a line to events.jsonl, soon."""
@@ -86,12 +91,12 @@ class RunFolder:
     def _work(self) -> None:
         while (job := self._jobs.get()) is not None:
             try:
-                if not self.problem:
+                if not self.problem or self._events >= 0:
                     job()
             except OSError as error:
-                self.problem = f"{error.filename or self.path}: {error.strerror or error}"
+                self.problem = self.problem or f"{error.filename or self.path}: {error.strerror or error}"
             except Exception as error:  # a bug in here must not show in the run, only beside it
-                self.problem = f"{type(error).__name__}: {redact(str(error))}"
+                self.problem = self.problem or f"{type(error).__name__}: {redact(str(error))}"
         if self._events >= 0:
             with contextlib.suppress(OSError):
                 os.close(self._events)
@@ -109,5 +114,6 @@ class RunFolder:
 
     def _append(self, line: str) -> None:
         data = line.encode("utf-8", "replace")
-        if os.write(self._events, data) != len(data):
+        if not self._cut and os.write(self._events, data) != len(data):
+            self._cut = True
             raise OSError(28, "No space left on device", str(self.path / "events.jsonl"))

@@ -50,23 +50,28 @@ def robots(clock: Clock, held: dict[str, tuple[str, float]], away: tuple[str, ..
 def test_it_waits_until_the_other_run_is_over(clock: Clock) -> None:
     said: list[str] = []
     held = robots(clock, {"r2": ("apply hello", 7.0)}, away=("r9",))
-    left = waiting.wait_for_other_runs(held, "hello", 20.0, said.append)
+    left = waiting.wait_for_other_runs(held, "hello", 20.0, said.append, ["r1", "r2"])
     assert clock.now == 107.0 and left == 13.0
     assert len(said) == 2 and said[0].startswith("waiting up to 20 s for r2: held by anna@desk, process 7: apply hello")
 
 
 @pytest.mark.parametrize("purpose", ["apply other", "destroy hello-2", "apply"])
 def test_other_instances_are_not_waited_for(clock: Clock, purpose: str) -> None:
-    assert waiting.wait_for_other_runs(robots(clock, {"r1": (purpose, 99.0)}), "hello", 20.0, print) == 20.0
+    assert waiting.wait_for_other_runs(robots(clock, {"r1": (purpose, 99.0)}), "hello", 20.0, print, ["r1"]) == 20.0
     assert clock.now == 100.0
 
 
 def test_it_gives_up_in_time(clock: Clock) -> None:
     with pytest.raises(LockHeld, match=r"r1 is held by anna@desk.*destroy hello.*not free within 3 s") as raised:
-        waiting.wait_for_other_runs(robots(clock, {"r1": ("destroy hello", 99.0)}), "hello", 3.0, print)
+        waiting.wait_for_other_runs(robots(clock, {"r1": ("destroy hello", 99.0)}), "hello", 3.0, print, ["r1"])
     assert clock.now == 103.0 and raised.value.exit_code == 7
 
 
 def test_without_a_wish_nobody_is_asked(clock: Clock) -> None:
     nobody: Any = None
-    assert waiting.wait_for_other_runs(nobody, "hello", 0.0, print) == 0.0
+    assert waiting.wait_for_other_runs(nobody, "hello", 0.0, print, ["r1"]) == 0.0
+
+
+def test_a_robot_that_takes_no_part_is_not_asked(clock: Clock) -> None:
+    held = robots(clock, {"r2": ("apply hello", 99.0)})
+    assert waiting.wait_for_other_runs(held, "hello", 8.0, print, ["r1"]) == 8.0 and clock.now == 100.0

@@ -208,6 +208,33 @@ def test_inputs_stay_in_their_folder(name: str, place: str) -> None:
     assert list(inputs({name: "text"})) == [(place, "text")]
 
 
+@pytest.mark.parametrize(
+    "files",
+    [
+        {"x" * 300: "a"}, {"": "a"}, {"a": "1", "a/b": "2"}, {"a/b": "1", "a": "2"}, {"inventory.yml": "FORGED"},
+        {"..": "x"}, {"a\0b": "x"}, {"/".join("a" * 2000): "x"}, {"other": "x", "x/y": "1", "x": "2"}, {"é" * 120: "x"},
+    ],
+)  # fmt: skip
+def test_no_name_in_a_plan_file_damages_the_record(tmp_path: Path, files: dict[str, str]) -> None:
+    with RunFolder(tmp_path, "run") as folder:
+        folder.put("inputs/inventory.yml", lambda: "REAL")
+        for name, text in inputs(files):
+            folder.put(f"inputs/{name}", lambda text=text: text)  # type: ignore[misc]
+        folder.event({"event": "start"})
+    below = tmp_path / "run" / "inputs"
+    there = {str(one.relative_to(below)): one.read_text() for one in below.rglob("*") if one.is_file()}
+    assert there.pop("inventory.yml") == "REAL" and sorted(there.values()) == sorted(files.values())
+    assert (tmp_path / "run" / "events.jsonl").read_text() == '{"event": "start"}\n' and not folder.problem
+
+
+def test_a_file_that_cannot_be_written_does_not_end_the_events(tmp_path: Path) -> None:
+    with RunFolder(tmp_path, "run") as folder:
+        folder.put("a" * 300, lambda: "x")
+        folder.event({"event": "start"})
+    assert "too long" in folder.problem
+    assert (tmp_path / "run" / "events.jsonl").read_text() == '{"event": "start"}\n'
+
+
 def test_any_value_becomes_json() -> None:
     """Bytes by length and hash, hidden values as `***`, sets in order."""
     shown = plain({"a": b"xy", "b": Hidden("v"), 3: {"y", "x"}, "d": Action.CREATE, "e": (1, None, 2.5, Path("/p"))})
