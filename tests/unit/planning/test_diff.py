@@ -285,7 +285,7 @@ def test_a_robot_cannot_write_lines_of_the_plan() -> None:
     text = plan_text(Plan(instance="hello", source="s", steps=steps, unreachable={"r9": "gone\x07\nis it up?"}))
     assert "\\n  + #1 file /etc/passwd" in text
     assert all(c.isprintable() for line in text.split("\n") for c in line)
-    assert "unreachable: r9: gone\\x07\nis it up?\n" in text
+    assert "unreachable: r9: gone\\x07\n  hint: is it up?\n" in text
 
 
 def test_summary_counts_actions_in_words() -> None:
