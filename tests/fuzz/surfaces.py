@@ -8,9 +8,12 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import io
 import json
 import os
 import shutil
+import tarfile
+import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -27,7 +30,8 @@ from srprov.controller.source import named_instance, read_source
 from srprov.definitions import check_files, labpolicy, load_experiment, load_inventory, select
 from srprov.definitions.envfile import parse as parse_env
 from srprov.definitions.model import Host
-from srprov.errors import SrprovError
+from srprov.errors import SrprovError, UsageError
+from srprov.execution.collect import place_of
 from srprov.facts.document import facts_document
 from srprov.facts.host import parse_host
 from srprov.facts.stored import read_document
@@ -41,9 +45,14 @@ from srprov.planning.planfile import PlanFile, dump
 from srprov.planning.policy import KINDS
 from srprov.planning.text import plan_text
 from srprov.record import last_run
+from srprov.record.journal import read as read_journal
+from srprov.record.results import unpack
 from srprov.rendering.limited import render_texts
 from srprov.transport.openssh import host_keys, ssh_config
-from srprov.untrusted import parse_json
+from srprov.transport.tar_stream import TarError
+from srprov.trials.metrics import from_json
+from srprov.trials.reading import read as read_container
+from srprov.untrusted import json_or_none, parse_json
 from srprov.wire import Reply
 from tests.fakes import World
 from tests.unit.assignment.worlds import robot
@@ -80,6 +89,16 @@ IGNORE = "# a\n*.pyc\n**/b*c*d\n!a/**\n[a-c]?\n"
 RESULT = json.dumps({"unreachable": ["r7"], "steps": [{"number": 1, "id": "r1/container:a", "outcome": "failed"}]})
 EVENTS = '{"event": "end", "step": 1, "outcome": "changed"}\n{"event": "begin", "step": 2}\n'
 ASSIGNED = json.dumps({"assignment": {"a": "r1"}, "cost": 3.5, "costs": {"r1": 3.5}, "matrix": {"a": {"r1": 3.5}}})
+JOURNAL = (
+    '{"seq": 1, "utc": "2026-11-22T09:00:00.000+00:00", "event": "run", "same": {"a": "1"}}\n'
+    '{"seq": 2, "event": "begin", "trial": "9f2c01ab34-r002", "attempt": 1}\n'
+)
+CONTAINER = json.dumps(
+    {
+        "State": {"Status": "exited", "ExitCode": 3, "StartedAt": "2026-11-22T09:00:00.1Z", "Health": {"Status": "x"}},
+        "Mounts": [{"Destination": "/out", "Source": "/var/lib/docker/volumes/x/_data"}],
+    }
+)
 RECORD = "20261121T090507Z-hello-4f1c09aa"
 
 
@@ -201,6 +220,43 @@ def _tree(_folder: Path, content: bytes) -> None:
         check_links(links)
 
 
+def _journal(_folder: Path, content: bytes) -> None:
+    Path("journal.jsonl").write_bytes(content)
+    with contextlib.suppress(UsageError):
+        for event in read_journal(Path())[0]:
+            assert isinstance(event["event"], str)
+
+
+def _collected(_folder: Path, content: bytes) -> None:
+    """Unpack a tar as a robot might send it, into a folder of its own."""
+    home = Path(tempfile.mkdtemp(dir="."))
+    (home / "tar").write_bytes(content)
+    (home / "in").mkdir()
+    with contextlib.suppress(TarError, OSError):
+        for one in unpack(home / "tar", home / "in"):
+            assert not one.name or (home / "in" / one.name).is_file()
+    shutil.rmtree(home)
+
+
+def _trial(_folder: Path, content: bytes) -> None:
+    text = content.decode("utf-8", "replace")
+    inspected = json_or_none(text)
+    read_container(inspected)
+    place_of(inspected, "/out/a")
+    from_json(text, "/State/ExitCode")
+
+
+def _tar() -> str:
+    stream = io.BytesIO()
+    with tarfile.open(fileobj=stream, mode="w:", format=tarfile.PAX_FORMAT) as tar:
+        for name, kind in (("./a", tarfile.DIRTYPE), ("./a/" + "x" * 120, tarfile.REGTYPE), ("./l", tarfile.SYMTYPE)):
+            member = tarfile.TarInfo(name)
+            member.type, member.linkname = kind, "/etc/passwd" if kind == tarfile.SYMTYPE else ""
+            member.size = 3 if kind == tarfile.REGTYPE else 0
+            tar.addfile(member, io.BytesIO(b"abc"))
+    return stream.getvalue().decode("latin-1")
+
+
 def _env(_folder: Path, content: bytes) -> None:
     parse_env(content.decode("utf-8", "replace"), "a.env", {})
 
@@ -218,7 +274,7 @@ def _facts_text() -> str:
 
 def surfaces() -> Mapping[str, Surface]:
     """Return every surface by name."""
-    edfs = tuple((EXAMPLES / name / "experiment.edf").read_text() for name in ("hello", "chatter-ros"))
+    edfs = tuple((EXAMPLES / name / "experiment.edf").read_text() for name in ("hello", "chatter-ros", "race"))
     cdf = (EXAMPLES / "chatter-ros" / "ros.cdf").read_text()
     edf = _file("experiment.edf", lambda: _checked("experiment.edf"), _named, _loaded)
     result = f"runs/{RECORD}/result.json"
@@ -255,6 +311,9 @@ def surfaces() -> Mapping[str, Surface]:
         "own configuration": Surface((CONFIG,), _file(".config/srprov/srprov.toml", _configured)),
         "lock": Surface((LOCK,), _file("experiment.lock", lambda: _checked("experiment.edf"), _locked)),
         "git tree": Surface((TREE,), _tree),
+        "journal": Surface((JOURNAL,), _journal),
+        "result tar": Surface((_tar(),), _collected),
+        "container": Surface((CONTAINER,), _trial),
         "policy": Surface((POLICY,), _file("policy.yml", _policy)),
     }
 
