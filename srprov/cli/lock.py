@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from pathlib import Path
 
 import click
 
+from srprov import private
 from srprov.cli import inputs, options
 from srprov.cli.output import out
 from srprov.cli.permitted import permitted
@@ -46,7 +46,7 @@ def lock(
 
         new = locking.finished(made, look_up)
     try:
-        Path(path).write_text(dump(new), encoding="utf-8")
+        private.write_output(path, dump(new).encode())
     except OSError as error:
         raise UsageError(f"cannot write {path}: {error.strerror}") from error
     for line in locking.changes(old, new):
