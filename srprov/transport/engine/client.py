@@ -172,7 +172,7 @@ class Engine:
             TransportError: There is no such container, or the engine or the robot went away.
         """
         params = {"stdout": 1, "stderr": 1, "tail": tail if tail >= 0 else "all", "follow": int(follow)}
-        params["timestamps"] = int(times)
+        params |= {"timestamps": 1} if times else {}
         timeout = (_LOG_TIMEOUT_S, None if follow else WaitInAll(_LOG_TIMEOUT_S))
         no, hint, broken = (
             f"no log of {container}",
