@@ -41,7 +41,7 @@ class Reference:
     @property
     def is_private(self) -> bool:
         """True when the registry is an address, or has no public name: which machine it is depends on the robot."""
-        host = re.sub(r":[0-9]+$", "", self.domain).lower()
+        host = re.sub(r":[0-9]+\Z", "", self.domain).lower()
         return _PUBLIC.fullmatch(host) is None or host.endswith(_PRIVATE)
 
     @property
