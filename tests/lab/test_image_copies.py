@@ -20,6 +20,8 @@ from srprov.transport.ssh_session import SshSession
 from tests.lab.conftest import Lab, part_of_lab
 from tests.unit.transport.test_registry import an_image, tar_of
 
+pytestmark = pytest.mark.lab
+
 MIB = 1 << 20
 CLEAN = "docker rm -f $(docker ps -aq); docker image prune -af; rm -f /tmp/base.tar"
 TOP, BASE = 4 * MIB, 24 * MIB

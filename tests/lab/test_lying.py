@@ -7,7 +7,11 @@ import re
 import time
 from pathlib import Path
 
+import pytest
+
 from tests.lab.conftest import Lab, busybox, edf, part_of_lab
+
+pytestmark = pytest.mark.lab
 
 RECORD = "/var/lib/srprov/lies/placement.json"
 
