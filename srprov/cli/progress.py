@@ -24,9 +24,11 @@ _PROGRESS_EVERY_S = 5.0
 
 
 @contextmanager
-def progress(plan: Plan, *, events: TextIO | None, color: bool, quiet: bool = False) -> Iterator[Listener]:
-    """Return a listener for one run; the status line goes away at the end."""
-    live = bool(plan.steps) and not quiet and is_terminal(sys.stderr)
+def progress(
+    plan: Plan, *, events: TextIO | None, color: bool, quiet: bool = False, lines_only: bool = False
+) -> Iterator[Listener]:
+    """Return a listener for one run; the status line goes away at the end. With `lines_only` there is none."""
+    live = bool(plan.steps) and not quiet and not lines_only and is_terminal(sys.stderr)
     shown = _Shown(len(plan.steps), events, live=live, color=color and wants_color(sys.stderr), quiet=quiet)
     if not live:
         yield shown.listen

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import threading
 import time
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
@@ -13,13 +14,14 @@ import click
 from srprov.cli import inputs, options, output_options
 from srprov.cli.execute import confirm, refuse_without_terminal
 from srprov.cli.interrupt import soft_interrupt
-from srprov.cli.output import Answer, err, expect, out, out_json
+from srprov.cli.output import Answer, err, expect, is_terminal, out, out_json
 from srprov.cli.plan import show_plan
 from srprov.cli.progress import progress
 from srprov.cli.seconds import Seconds
+from srprov.cli.status_line import status_line
 from srprov.cli.stdout_guard import answers_only
 from srprov.controller.request import PlanRequest
-from srprov.errors import UsageError
+from srprov.errors import RefusedError, UsageError
 
 if TYPE_CHECKING:
     from srprov.controller.fleet import Fleet
@@ -41,7 +43,7 @@ _SAID = b"\ninterrupted: the present trial goes on to its end, no new one begins
 @options.locking
 @options.planning
 @click.option("-o", "--out", "target", type=click.Path(file_okay=False, path_type=Path), default=None, metavar="DIR",
-              help="Where the run is kept (default: a new folder below ~/.local/state/srprov/runs).")  # fmt: skip
+              help="Where the run is kept (default: a new folder below ~/.local/state/srprov/trials).")  # fmt: skip
 @click.option("--resume", is_flag=True, help="Go on with the run in DIR: only what has not ended is run.")
 @click.option("--only", multiple=True, metavar="TRIAL|POINT", help="Only this trial, or trials of this point.")
 @options.LOCKED
@@ -109,18 +111,33 @@ def _run(
 
     expect(Answer.ASIDE)
     stop, quiet = threading.Event(), output_options.is_quiet()
-    with (
-        progress(plan.base.plan, events=events, color=color, quiet=quiet) as listener,
-        soft_interrupt(stop, _SAID),
-    ):
-        return run_trials(plan, fleet, wanted, run_options, listener, _say, stop, _pause)
+    if plan.given.settings.prompt and not sys.stdin.isatty():
+        raise RefusedError("a person is asked between two trials, and there is no terminal", hint="see `between`")
+    shown = _Shown()
+    alone = quiet or bool(plan.given.settings.prompt) or not is_terminal(sys.stderr)
+    live = nullcontext() if alone else status_line(lambda: shown.status, color=color)
+    listening = progress(plan.base.plan, events=events, color=color, quiet=quiet, lines_only=True)
+    try:
+        with live, listening as listener, soft_interrupt(stop, _SAID):
+            return run_trials(plan, fleet, wanted, run_options, listener, shown.say, stop, _pause)
+    except OSError as error:
+        hint = "what is in the folder is whole; go on with --resume when there is room"
+        raise UsageError(f"{error.filename or 'the run'}: {error.strerror or error}", hint=hint) from error
 
 
-def _say(news: TrialNews) -> None:
-    """Say how an attempt of a trial ended."""
-    if news.over:
+class _Shown:
+    """Says how attempts of trials ended, and on a terminal what the present one does."""
+
+    def __init__(self) -> None:
+        self.status = "starting"
+
+    def say(self, news: TrialNews) -> None:
+        """Show one moment of a trial."""
         values = "".join(f" {name}={value}" for name, value in news.values.items())
-        output_options.note(f"[{news.order}/{news.trials}] {news.trial}{values}: {news.what}")
+        line = f"[{news.order}/{news.trials}] {news.trial}{values}: {news.what}"
+        if news.over:
+            output_options.note(line)
+        self.status = line
 
 
 def _pause(seconds: float, prompt: str) -> None:

@@ -20,8 +20,9 @@ from srprov.controller.fleet import Fleet
 from srprov.controller.phases import Phases
 from srprov.controller.run import RunReport, run
 from srprov.controller.trial_connections import LockedRobots
+from srprov.controller.trial_folder import check_empty, make_folder
 from srprov.controller.trial_plan import TrialPlan, differences, sameness
-from srprov.controller.trials import FINAL, Say, TrialRun, Trials, empty_folder
+from srprov.controller.trials import FINAL, Say, TrialRun, Trials
 from srprov.errors import RefusedError, UsageError
 from srprov.execution import Listener, RunOptions
 from srprov.execution.lock_set import LockSet, lock_options
@@ -130,6 +131,8 @@ def run_trials(
             base = run(plan.base, fleet, replace(options, verb="run"), Phases(), listener, stop, held=locks)
         if base is not None and base.result.exit_code:
             return TrialsReport(folder=folder, rows=earlier.rows, trials=len(made.trials), ended_early="", base=base)
+        if not earlier.events:
+            make_folder(folder)
         with LockedRobots(fleet, sessions, mine, waiting) as connections:
             trials = _all(plan, made, same, folder, earlier, connections, options, say, stop, pause)
     wanted = {trial.id for trial in made.trials}
@@ -183,8 +186,8 @@ def _folder(plan: TrialPlan, same: Mapping[str, str], request: TrialsRequest) ->
         now = dt.datetime.now(dt.timezone.utc).strftime("%Y%m%dT%H%M%SZ")
         digest = hashlib.sha256(json.dumps(dict(same), sort_keys=True).encode()).hexdigest()[:8]
         name = f"{now}-{plan.base.plan.instance}-{digest}"
-        folder = request.folder or default_root() / name
-        empty_folder(folder)
+        folder = request.folder or default_root().parent / "trials" / name
+        check_empty(folder)
         return folder, _Earlier(name=name)
     if request.folder is None:
         raise UsageError("--resume goes on with the run in a folder", hint="name it with -o DIR")

@@ -6,6 +6,7 @@ truth: each table can be made from it again.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import threading
 import time
@@ -16,7 +17,7 @@ from pathlib import Path
 from srprov import private
 from srprov.controller.trial_files import Gathered, gather_files
 from srprov.controller.trial_plan import TrialPlan, containers
-from srprov.errors import TransportError, UsageError
+from srprov.errors import TransportError
 from srprov.execution.collect import CollectFailed
 from srprov.execution.trial import TrialEnd, TrialOrder, run_trial
 from srprov.execution.trial_robots import Connections, EquipmentFailed, TrialRobots
@@ -141,7 +142,12 @@ class Trials:
             self._journal.add(moment, **about)
             self._tell(trial, order, moment)
 
-        made = self._done(trial, attempt, order, robots, folder, tell)
+        try:
+            made = self._done(trial, attempt, order, robots, folder, tell)
+        except BaseException:  # a full disk here, or a lock that somebody else took: nothing of ours goes on there
+            with contextlib.suppress(EquipmentFailed):
+                robots.clear()
+            raise
         try:
             robots.clear()
         except EquipmentFailed as error:
@@ -228,19 +234,3 @@ def _said(one: Mapping[str, object]) -> str:
     judged = one.get("verdict")
     verdict_word = f", {judged}" if judged not in (None, "unknown") else ""
     return f"{one['status']}{verdict_word}{took}: {one['reason']}"
-
-
-def empty_folder(folder: Path) -> None:
-    """Make the folder of a new run.
-
-    Raises:
-        UsageError: Something is there already, or it cannot be made.
-    """
-    try:
-        if folder.exists() and any(folder.iterdir()):
-            hint = "go on with the run in it by --resume, or name another folder"
-            raise UsageError(f"{folder} is not empty", hint=hint)
-        private.make_folder(folder)
-        (folder / "trials").mkdir(mode=0o700)
-    except OSError as error:
-        raise UsageError(f"cannot make {folder}: {error.strerror}", hint="name another folder with -o") from None

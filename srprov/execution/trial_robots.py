@@ -7,6 +7,7 @@ refuses, ends it with `EquipmentFailed`: that says nothing of the experiment, an
 
 from __future__ import annotations
 
+import threading
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -69,6 +70,7 @@ class TrialRobots:
         self.gap_s = 0.0
         """How long some robot was out of reach, all in all."""
         self._connections = connections
+        self._over = threading.Event()
         self._hosts = sorted({one.host for one in containers})
 
     def clear(self) -> None:
@@ -150,7 +152,11 @@ class TrialRobots:
             return {self._hosts[0]: self._guarded(work, self._hosts[0])}
         with ThreadPoolExecutor(max(1, len(self._hosts))) as pool:
             running = {host: pool.submit(self._guarded, work, host) for host in self._hosts}
-            return {host: one.result() for host, one in running.items()}
+            try:
+                return {host: one.result() for host, one in running.items()}
+            except BaseException:
+                self._over.set()  # whoever waits for a robot to come back need not any more
+                raise
 
     def _guarded(self, work: Callable[[str], _T], host: str) -> _T:
         try:
@@ -158,13 +164,13 @@ class TrialRobots:
         except TransportError as error:
             why = error
         begun = time.monotonic()
-        while time.monotonic() - begun < _PATIENCE_S:
+        while time.monotonic() - begun < _PATIENCE_S and not self._over.is_set():
             try:
                 self._connections.renew(host)
                 done = work(host)
             except TransportError as error:
                 why = error
-                time.sleep(_PAUSE_S)
+                self._over.wait(_PAUSE_S)
             else:
                 self.gap_s += time.monotonic() - begun
                 return done
