@@ -18,15 +18,19 @@ def begins_with_stop(step: Step) -> bool:
 
 
 def stop_together(steps: Iterable[Step], most_s: float) -> Run:
-    """Return the script that stops what these steps stop, each with its own grace but none with more than `most_s`.
+    """Return the script that stops what these steps stop, each with its own grace but none with more than `most_s`."""
+    return stop_all((call for step in steps if (call := _stop(step))), most_s)
+
+
+def stop_all(calls: Iterable[EngineCall], most_s: float) -> Run:
+    """Return the script that does what these calls of one engine do, which stop a container each, at the same time.
 
     The docker CLI stops all that it is told at once; it is started for each grace.
     """
     by_grace: dict[str, list[str]] = {}
-    for step in steps:
-        if call := _stop(step):
-            ((_, grace),) = call.stopping_within(most_s).params
-            by_grace.setdefault(grace, []).append(call.path.removeprefix("/containers/").removesuffix("/stop"))
+    for call in calls:
+        ((_, grace),) = call.stopping_within(most_s).params
+        by_grace.setdefault(grace, []).append(call.path.removeprefix("/containers/").removesuffix("/stop"))
     lines = [sh("docker", "stop", "-t", grace, "--", *names) for grace, names in sorted(by_grace.items())]
     script = "".join(f"{line} >/dev/null 2>&1 </dev/null & " for line in lines) + "wait"
     return Run(script=script, timeout_s=max(map(float, by_grace), default=0.0) + STOP_MARGIN_S)

@@ -16,6 +16,7 @@ from types import MappingProxyType
 from typing import Any, Protocol, TypeVar
 
 from srprov.errors import TransportError
+from srprov.execution.stopping import stop_all
 from srprov.modules.container_commands import remove, start, stop
 from srprov.session import Session
 from srprov.trials.clock import Offset, Sample, offset
@@ -89,7 +90,14 @@ class TrialRobots:
         self._on_each(lambda one: [start(one.name)] if one.service in services else [])
 
     def stop(self, services: Collection[str], limit_s: float) -> None:
-        """Ask some of them to end, each with its own grace but none with more than the limit."""
+        """Ask some of them to end at the same time, each with its own grace but none with more than the limit."""
+
+        def act(host: str) -> None:
+            calls = [stop(one.name, one.grace_s) for one in self._of(host) if one.service in services]
+            if len(calls) > 1:
+                self._connections.get(host).execute(stop_all(calls, limit_s))
+
+        self.each(act)
         self._on_each(
             lambda one: [stop(one.name, one.grace_s).stopping_within(limit_s)] if one.service in services else []
         )

@@ -194,8 +194,12 @@ def test_what_the_robots_did_is_data_and_what_the_equipment_did_is_not(lab: Lab,
             "camera": busybox(),
         },
         parameters={"FATE": ["ok", "crash", "hang"]},
-        trials={**SETTINGS, "repetitions": 1, "order": "listed", "timeout": "2s", "keep": ["camera"], "until": {"any": [
-            {"log": {"service": "referee", "matches": "never"}}, {"exit": {"service": "racer", "code": 0}}]}},
+        trials={
+            **SETTINGS, "repetitions": 1, "order": "listed", "timeout": "2s", "stop": {"signal": "SIGKILL"},
+            "keep": ["camera"], "until": {"any": [
+                {"log": {"service": "referee", "matches": "never"}}, {"exit": {"service": "racer", "code": 0}},
+            ]},
+        },
     )  # fmt: skip
     one = Race(lab, folder, text)
     one.inventory = part_of_lab(lab, ROBOTS, folder / "slots.yml", robot1={"srprov_slots": 2})
