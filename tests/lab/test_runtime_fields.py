@@ -138,7 +138,8 @@ def test_containers_of_a_robot_stop_side_by_side(fields: Fields, tmp_path: Path)
     gone = fields.lab.srprov("destroy", *words)
     assert gone.code == 0 and fields.lab.leftovers("robot2")["containers"] == [], gone
     look = (
-        "docker events --since 1h --until 0s --filter event=die --format '{{.TimeNano}} {{.Actor.Attributes.exitCode}}'"
+        "docker events --since 1h --until 0s --filter event=die --filter label=srprov.instance=stubborn "
+        "--format '{{.TimeNano}} {{.Actor.Attributes.exitCode}}'"
     )
     died = [line.split() for line in fields.lab.shell("robot2", "sh", "-c", look).out.splitlines()]
     assert [code for _, code in died] == ["137"] * 4
