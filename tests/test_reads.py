@@ -25,7 +25,7 @@ OWN: Mapping[str, str] = {
     "definitions/schema_cache.py": "the user's own cache: nobody else can write there, or it is not used",
     "rendering/limited.py": "a pipe of its own, and a file of the kernel's",
     "private.py": "writes files of its own, for their owner alone",
-    "record/journal.py:__init__": "appends to the run's own journal",
+    "record/journal.py": "the run's own journal, in a folder that nobody else can write to, and no link",
     "record/results.py": "what was written right before, into a new folder",
     "datasets.py:keep": "writes a download of its own, into the user's own cache",
     "record/folder.py": "writes the run's record, into a new folder",

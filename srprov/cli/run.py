@@ -143,7 +143,8 @@ class _Shown:
 def _pause(seconds: float, prompt: str) -> None:
     """Wait between two trials, for a person too where there is one."""
     if prompt and sys.stdin.isatty():
-        click.prompt(f"{prompt}; then press Enter", default="", show_default=False, err=True)
+        err(f"{prompt}; then press Enter")
+        input()
     time.sleep(seconds)
 
 

@@ -6,8 +6,11 @@ the robot's tar until its hash was compared; only then it is unpacked.
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import json
+import posixpath
+import shutil
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
@@ -28,6 +31,9 @@ from srprov.trials.judge import Match
 from srprov.trials.metrics import LONGEST_LINE, from_json, from_log
 from srprov.trials.metrics import MOST_BYTES as MOST_JSON
 from srprov.trials.reading import engine_time
+
+_MARGIN = 64 << 20
+"""Bytes that stay free here, whatever comes."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -90,9 +96,10 @@ def _results(
             note = f"left on {robots.by_service[service].host}: it has {offer.size} bytes, more than its `max`"
             found[result] = [Kept(path=result.path, size=offer.size, note=note)]
             continue
-        # a tar's names begin with the path inside of the mount: the folder is what the mount is in the container
-        below = folder / "results" / service / _mount_of(result, places[result])
-        found[result] = list(_fetched(robots, service, places[result], offer, below))
+        # a tar's names begin with the result's own; of a mount's root with what is in it
+        whole = places[result].path == "."
+        below = folder / "results" / service / (result.path if whole else posixpath.dirname(result.path)).strip("/")
+        found[result] = list(_fetched(robots, service, places[result], offer, below, folder))
     return found
 
 
@@ -100,16 +107,13 @@ def _inside_one_of(result: Result, others: list[Result]) -> bool:
     return any(result.path.startswith(f"{one.path.rstrip('/')}/") for one in others)
 
 
-def _mount_of(result: Result, place: Place) -> str:
-    inside = "" if place.path == "." else f"/{place.path}"
-    return result.path.rstrip("/").removesuffix(inside).strip("/")
-
-
-def _fetched(robots: TrialRobots, service: str, place: Place, offer: Offer, folder: Path) -> Iterator[Kept]:
+def _fetched(robots: TrialRobots, service: str, place: Place, offer: Offer, folder: Path, home: Path) -> Iterator[Kept]:
     """Bring a tar home, compare it with what the robot said, and unpack it."""
     host = robots.by_service[service].host
     private.make_folder(folder)
-    whole = folder / ".tar.part"
+    if shutil.disk_usage(folder).free < 2 * offer.most + _MARGIN:
+        raise CollectFailed(f"{host}: {place.path} has {offer.size} bytes, and there is no room for twice that here")
+    whole = home / ".tar.part"
     try:
         with private.open_new(whole) as stream:
             digest = hashlib.sha256()
@@ -124,8 +128,12 @@ def _fetched(robots: TrialRobots, service: str, place: Place, offer: Offer, fold
         if digest.hexdigest() != offer.sha256:
             raise CollectFailed(f"{host}: {place.path} is not what it said it has: does something change it?")
         yield from unpack(whole, folder)
-    except TarError as error:
+    except (TarError, FileExistsError, NotADirectoryError, IsADirectoryError) as error:
         raise CollectFailed(f"{host}: {place.path}: {error}") from error
+    except OSError as error:
+        if error.errno != errno.ENAMETOOLONG:
+            raise
+        raise CollectFailed(f"{host}: {place.path} has names that are too long here") from error
     finally:
         whole.unlink(missing_ok=True)
 
@@ -151,7 +159,7 @@ def _summed(
                     if ends:
                         moments[service] = min(moments.get(service, moment), moment)
     listing = {name: [_listed(one) for one in some] for name, some in kept.items()}
-    document = {"results": listing, "missing": missing}
+    document = redacted({"results": listing, "missing": missing})
     private.replace_file(folder / "collected.json", json.dumps(document, indent=2) + "\n")
     return Gathered(
         metrics=metrics,

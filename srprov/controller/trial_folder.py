@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import os
+import stat
 from pathlib import Path
 
 from srprov import private
-from srprov.errors import UsageError
+from srprov.errors import RefusedError, UsageError
 
 
 def check_empty(folder: Path) -> None:
@@ -34,3 +36,20 @@ def make_folder(folder: Path) -> None:
         (folder / "trials").mkdir(mode=0o700)
     except OSError as error:
         raise UsageError(f"cannot make {folder}: {error.strerror}", hint="name another folder with -o") from None
+
+
+def check_own(folder: Path) -> None:
+    """Refuse to go on in a folder in which others may have put links: they would lead elsewhere.
+
+    Raises:
+        RefusedError: It, or its `trials`, is a link, another user's, or writable by others.
+        UsageError: There is none.
+    """
+    for one in (folder, folder / "trials"):
+        try:
+            about = os.lstat(one)
+        except OSError as error:
+            raise UsageError(f"{one}: {error.strerror}", hint="name the folder of a run of trials") from None
+        if not stat.S_ISDIR(about.st_mode) or about.st_uid != os.geteuid() or about.st_mode & 0o022:
+            hint = "go on only with a run of your own, whose folder nobody else can write to"
+            raise RefusedError(f"{one} is a link, somebody else's, or writable by others", hint=hint)

@@ -20,7 +20,7 @@ from srprov.controller.fleet import Fleet
 from srprov.controller.phases import Phases
 from srprov.controller.run import RunReport, run
 from srprov.controller.trial_connections import LockedRobots
-from srprov.controller.trial_folder import check_empty, make_folder
+from srprov.controller.trial_folder import check_empty, check_own, make_folder
 from srprov.controller.trial_plan import TrialPlan, differences, sameness
 from srprov.controller.trials import FINAL, Say, TrialRun, Trials
 from srprov.errors import RefusedError, UsageError
@@ -32,7 +32,7 @@ from srprov.facts.model import Snapshot
 from srprov.record import default_root
 from srprov.record.journal import Journal, read
 from srprov.trials import Design, design
-from srprov.untrusted import mapping
+from srprov.untrusted import integer, mapping
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -191,6 +191,7 @@ def _folder(plan: TrialPlan, same: Mapping[str, str], request: TrialsRequest) ->
         return folder, _Earlier(name=name)
     if request.folder is None:
         raise UsageError("--resume goes on with the run in a folder", hint="name it with -o DIR")
+    check_own(request.folder)
     earlier, before = _read(request.folder)
     if changed := differences(before, same):
         lines = "\n".join(f"  {one}" for one in changed)
@@ -209,12 +210,14 @@ def _read(folder: Path) -> tuple[_Earlier, dict[str, str]]:
     if not events or events[0]["event"] != "run":
         raise UsageError(f"{folder} holds no run of trials", hint="begin one without --resume")
     rows = tuple(mapping(one.get("row")) for one in events if one["event"] == "end")
+    if not all({"trial", "status"} <= row.keys() for row in rows):
+        raise UsageError(f"{folder}: the journal has rows that are none", hint="somebody changed it; begin a new run")
     begun: dict[str, int] = {}
     lost = ""
     for one in events:
         if one["event"] == "begin":
             lost = str(one.get("trial"))
-            begun[lost] = int(one.get("attempt", 0))
+            begun[lost] = integer(one.get("attempt"), high=1_000_000)
         elif one["event"] == "end":
             lost = ""
     same = {str(key): str(value) for key, value in mapping(events[0].get("same")).items()}

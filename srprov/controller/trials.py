@@ -27,6 +27,7 @@ from srprov.trials import Design, Trial
 from srprov.trials.judge import End, verdict
 from srprov.trials.row import Seen, row
 from srprov.trials.table import columns, csv_text
+from srprov.untrusted import mapping
 
 Row = dict[str, object]
 
@@ -136,7 +137,7 @@ class Trials:
         self._journal.add("begin", **about, order=order)
         robots = TrialRobots(self._connections, containers(self._run.plan, trial, attempt, self._run.name))
         folder = self._run.folder / "trials" / (trial.id if attempt == 1 else f"{trial.id}.{attempt}")
-        private.make_folder(folder)
+        folder.mkdir(mode=0o700)  # never one that somebody else made
 
         def tell(moment: str) -> None:
             self._journal.add(moment, **about)
@@ -220,7 +221,7 @@ class Trials:
         Raises:
             OSError: It cannot be written.
         """
-        text = csv_text(columns(self._run.plan.given), self.rows)
+        text = csv_text(columns(self._run.plan.given), [mapping(redacted(one)) for one in self.rows])
         private.replace_file(self._run.folder / "trials.csv", text)
 
 

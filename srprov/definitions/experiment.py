@@ -78,7 +78,7 @@ def _load(path: str, environ: Mapping[str, str], fetch: Fetch | None) -> Definit
         alone = functools.partial(_checked, root, path, known_files, environ)
         raise DefinitionError(paths.hide_merged(error.problems, alone, known, folder)) from None
     note_unsupported(root, unsupported)
-    elsewhere = taken.repositories(read.remote, folder)
+    elsewhere = taken.repositories(read.remote)
     return Definitions(
         experiment=replace(
             experiment,

@@ -40,13 +40,14 @@ def outside(
         paths = [mount.source for mount in service.runtime.mounts if mount.kind in ("tree", "data") and mount.source]
         paths += _of_container(container)
         found |= {(name, _named(path)) for path in paths if not any(inside(path, home) for home in homes)}
+        found |= {(name, _named(path)) for path in _local_repositories(container)}
     return tuple(sorted(found))
 
 
-def repositories(remote: Iterable[tuple[str, str, str]], folder: str) -> Taken:
-    """Return service -> path of the repositories with CDFs that are on this machine, and not in the folder."""
+def repositories(remote: Iterable[tuple[str, str, str]]) -> Taken:
+    """Return service -> path of the repositories with CDFs that are on this machine."""
     found = ((service, parse_address(url).path) for service, url, _ in remote)
-    return tuple((service, _named(path)) for service, path in found if path and not inside(path, folder))
+    return tuple((service, _named(path)) for service, path in found if path)
 
 
 def _of_container(container: Container | None) -> Iterator[str]:
@@ -56,11 +57,15 @@ def _of_container(container: Container | None) -> Iterator[str]:
     if container.definition.dockerfile:
         yield container.definition.dockerfile
         yield container.definition.context or os.path.dirname(container.definition.dockerfile)  # the build context
-    for repository in container.definition.repositories:
-        if local := parse_address(repository.url).path:
-            yield local
     for file in container.definition.files:
         yield file.source
+
+
+def _local_repositories(container: Container | None) -> Iterator[str]:
+    """Return the repositories on this machine: git follows what stands in one to anywhere, so each is outside."""
+    for repository in container.definition.repositories if container is not None else ():
+        if local := parse_address(repository.url).path:
+            yield local
 
 
 def _named(path: str) -> str:

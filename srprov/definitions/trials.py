@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping
+from decimal import Decimal
 from fractions import Fraction
 from types import MappingProxyType
 from typing import TypeVar
@@ -21,6 +22,7 @@ from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq
 
 KEYS = ("parameters", "trials", "results", "metrics")
 _LEADING_ZERO = re.compile("[-+]?0[0-9]")
+_MOST_DIGITS = 30
 _T = TypeVar("_T")
 
 
@@ -61,7 +63,10 @@ def _parameter(name: str, node: Node, findings: Findings) -> Parameter:
     spaced = get("range")
     values = tuple(value_text(one) for one in scalars(listed))
     if isinstance(spaced, Map):
-        values = _range(spaced)
+        odd = [key for key in ("from", "to") if abs(Decimal(_decimal(spaced.entries[key])).adjusted()) > _MOST_DIGITS]
+        values = () if odd else _range(spaced)
+        for key in odd:
+            findings.add(spaced.entries[key], f"it has more than {_MOST_DIGITS} digits", ("parameters", name, "range"))
     for index, value in enumerate(values):
         if value in values[:index]:
             place = scalars(listed)[index] if listed is not None else node
@@ -76,9 +81,15 @@ def _parameter(name: str, node: Node, findings: Findings) -> Parameter:
     )
 
 
+def _decimal(node: Node) -> str:
+    """Return a number's digits; whole ones may be written in other bases."""
+    whole = nodes.as_int(node)
+    return text(node) if whole is None else str(whole)
+
+
 def _range(node: Map) -> tuple[str, ...]:
     """Return evenly spaced values, without the errors of binary fractions; whole numbers where all of them are."""
-    words = [text(node.entries.get(key)) for key in ("from", "to", "steps")]
+    words = [_decimal(node.entries[key]) for key in ("from", "to", "steps")]
     first, last, steps = (Fraction(word) for word in words)
     values = [first + (last - first) * index / (steps - 1) for index in range(int(steps))]
     if all(value.denominator == 1 for value in values) and "." not in words[0] + words[1]:

@@ -6,6 +6,7 @@ was cut goes on where it ended, and who has the whole tar compares.
 
 from __future__ import annotations
 
+import posixpath
 import re
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -18,6 +19,8 @@ from srprov.untrusted import mapping, mappings, string
 from srprov.wire import Query, quote
 
 _SILENCE_S = 120.0
+_LEAST_RATE = 64 << 10
+"""Bytes a second, beyond the first silence: who trickles is not waited for."""
 _HASH_S = 3600.0
 _SAID = re.compile("(?P<size>[0-9]{1,15}) (?P<entries>[0-9]{1,9}) (?P<hash>[0-9a-f]{64})\\s*")
 _END = b"srprov-end"
@@ -116,23 +119,33 @@ def _hash_script(place: Place) -> str:
 
 
 def _inside(place: Place) -> str:
-    """Return a script that goes to a place and sets `what`; a link that leads out of the container's folder is none."""
+    """Return a script that goes to the folder of a place and sets `what`, its name there.
+
+    The kernel says where the working folder is: whatever runs there may put links in the way meanwhile, and neither tar
+    nor find follow one that they are named.
+    """
+    folder, name = posixpath.split(posixpath.normpath(place.path))
     return (
         f'here=$(realpath -e -- {quote(place.root)} 2>/dev/null) && cd -- "$here" || exit {_MISSING}; '
-        f"there=$(realpath -e -- {quote('./' + place.path)} 2>/dev/null) || exit {_MISSING}; "
-        'case $there/ in "$here"/*) ;; *) echo "it is a link to $there" >&2; exit 1 ;; esac; '
-        'what=${there#"$here"}; what=./${what#/}'
+        f"folder={quote(folder)}; what={quote('./' + (name if name != '.' else ''))}; "
+        f'if [ "$folder" ]; then cd -- "./$folder" 2>/dev/null || exit {_MISSING}; fi; '
+        '[ "$(pwd -P)" = "$here${folder:+/$folder}" ] || { echo "a link leads out of its folder" >&2; exit 1; }; '
+        f'[ -e "$what" ] || [ -L "$what" ] || exit {_MISSING}'
     )
 
 
 def _pump(host: str, streams: Streams, sink: Callable[[bytes], object]) -> None:
     """Pass on what comes, to its end."""
-    complaint, last = bytearray(), time.monotonic()
+    complaint, begun, got = bytearray(), time.monotonic(), 0
+    last = begun
     while True:
         piece, error = streams.read()
         complaint += error[: _LONGEST_COMPLAINT - len(complaint)]
         if piece:
             sink(piece)
+        got += len(piece)
+        if time.monotonic() - begun > _SILENCE_S + got / _LEAST_RATE:
+            raise TransportError(host, "a result comes more slowly than 64 KiB a second")
         if piece or error:
             last = time.monotonic()
         elif streams.ended:

@@ -33,7 +33,7 @@ class Journal:
             OSError: It cannot be opened.
         """
         self._path = folder / NAME
-        self._descriptor = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_APPEND, 0o600)
+        self._descriptor = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW, 0o600)
         self._number = first
 
     def add(self, event: str, **more: object) -> None:
@@ -70,6 +70,8 @@ def read(folder: Path) -> tuple[list[Mapping[str, Any]], bool]:
         UsageError: There is none, or it is broken elsewhere than at its end.
     """
     path = folder / NAME
+    if path.is_symlink():
+        raise UsageError(f"{path} is a link", hint="it is not what a run wrote; begin a new one")
     try:
         data = regular_file.read(path, _MOST_BYTES)
     except OSError as error:
@@ -80,7 +82,9 @@ def read(folder: Path) -> tuple[list[Mapping[str, Any]], bool]:
     lines = whole.split(_NEWLINE) if whole else []
     events = [_event(path, number, line) for number, line in enumerate(lines, start=1)]
     if torn:
-        os.truncate(path, len(data) - len(torn))
+        descriptor = os.open(path, os.O_WRONLY | os.O_NOFOLLOW)
+        os.ftruncate(descriptor, len(data) - len(torn))
+        os.close(descriptor)
     return events, bool(torn)
 
 

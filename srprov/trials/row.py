@@ -11,6 +11,9 @@ from srprov.trials.design import Trial
 from srprov.trials.judge import End
 from srprov.trials.reading import Reading
 
+_LAST_MOMENT = 253_402_300_000.0
+"""The end of the year 9999."""
+
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Seen:
@@ -96,5 +99,8 @@ def _steps(seen: Seen) -> list[bool]:
     return [stepped(one, other, elapsed) for one, other in pairs if one and other]
 
 
-def _utc(moment: float) -> str:
+def _utc(moment: float) -> str | None:
+    """Return a time as text; None for one that no calendar has, which a robot may claim."""
+    if not 0 <= moment < _LAST_MOMENT:
+        return None
     return dt.datetime.fromtimestamp(moment, dt.timezone.utc).isoformat(timespec="milliseconds")

@@ -64,8 +64,8 @@ def test_a_plan_holds_the_files_of_a_commit_and_a_file_of_it_says_so(here: Path)
         env = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[3])}
         return subprocess.run(faked, capture_output=True, text=True, env=env, check=False)
 
-    pinned = plan(sha, "--allow", "git", "--json")
-    branch = plan("main", "--allow", "git", "-o", "plan.json", "--json")
+    pinned = plan(sha, "--allow", "git", "--allow", "outside", "--json")
+    branch = plan("main", "--allow", "git", "--allow", "outside", "-o", "plan.json", "--json")
     assert (pinned.returncode, branch.returncode) == (0, 0), (pinned, branch)
     one, two = json.loads(pinned.stdout), json.loads(branch.stdout)
     note = f"main of file://{code} is commit {sha[:12]} now"
@@ -78,6 +78,6 @@ def test_a_plan_holds_the_files_of_a_commit_and_a_file_of_it_says_so(here: Path)
         "service": "a",
         "what": f"file://{code}, main: fetched here, its files go into the image",
     } in [dict(sorted(one.items())) for one in kept["permissions"]]
-    nothing = plan("nothing", "--allow", "git")
+    nothing = plan("nothing", "--allow", "git", "--allow", "outside")
     assert nothing.returncode == 5
     assert "a.cdf:4" in nothing.stderr and f"file://{code}: it has no branch or tag 'nothing'" in nothing.stderr

@@ -115,5 +115,5 @@ repositories:
             "git@h:lab/msgs, its default branch: fetched here with your SSH keys, its files go into the image",
         ),
         ("git", "s", "https://h/driver.git, v2: fetched here, its files go into the image"),
-        ("outside", "s", str(elsewhere)),
+        *sorted(("outside", "s", str(path)) for path in (elsewhere, here / "own.git")),
     ]

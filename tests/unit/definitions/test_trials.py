@@ -40,6 +40,7 @@ def load(folder: Path, text: str) -> TrialDefinitions:
         ("{range: {from: 0, to: 1, steps: 3}}", ("0.0", "0.5", "1.0")),
         ("{range: {from: 0.1, to: 0.5, steps: 5}}", ("0.1", "0.2", "0.3", "0.4", "0.5")),
         ("{range: {from: 2, to: -2, steps: 2}}", ("2", "-2")),
+        ("{range: {from: 0x10, to: 18, steps: 2}}", ("16", "18")),
         ("{range: {from: 0.0, to: 2, steps: 3}}", ("0.0", "1.0", "2.0")),
     ],
 )
@@ -129,6 +130,7 @@ metrics:
         ("parameters: {speed: [1]}", 7, "'speed' is not a variable's name"),
         ("parameters: {SPEED: []}", 7, "must not be empty"),
         ("parameters: {SPEED: [1, 0.5, 0.50]}", 7, "SPEED has the value '0.5' twice"),
+        ("parameters: {P: {range: {from: 1e-9999999, to: 1, steps: 3}}}", 7, "more than 30 digits"),
         ("parameters: {SPEED: {unit: m}}", 7, "needs 'values' or 'range'"),
         ("parameters: {SRPROV_SEED: [1]}", 7, "one of srprov's own variables"),
         ("parameters: {OWN: [1, 2]}", 7, "'navigator' sets OWN itself"),

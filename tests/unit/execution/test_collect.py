@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import os
 import subprocess
 from collections.abc import Sequence
@@ -133,7 +135,7 @@ def test_a_path_that_leads_out_is_refused_and_one_that_is_not_there_is_nothing(r
     (root / "out").symlink_to(tmp_path)
     assert offers(session(), [Place(root=str(root), path="no/such")]) == [None]
     assert offers(session(), [Place(root=str(tmp_path / "gone"), path=".")]) == [None]
-    with pytest.raises(CollectFailed, match="it is a link to"):
+    with pytest.raises(CollectFailed, match="a link leads out of its folder"):
         offers(session(), [Place(root=str(root), path="out/decoy")])
 
 
@@ -141,8 +143,32 @@ def test_one_file_or_a_folder_below_comes_alone(root: Path, tmp_path: Path) -> N
     (root / "deep" / "er").mkdir(parents=True)
     (root / "deep" / "er" / "a").write_text("a")
     (root / "deep" / "b").write_text("b")
-    assert set(brought(root, tmp_path / "one", "deep/b")) == {"deep/b"}
-    assert set(brought(root, tmp_path / "two", "deep/er")) == {"deep/er/a"}
+    assert set(brought(root, tmp_path / "one", "deep/b")) == {"b"}
+    assert set(brought(root, tmp_path / "two", "deep/er")) == {"er/a"}
+
+
+def test_a_link_that_is_put_in_the_way_meanwhile_is_not_followed(root: Path, tmp_path: Path) -> None:
+    """Something swaps a folder with a link to outside all the time: what comes is from inside, or nothing does."""
+    (tmp_path / "outside").mkdir()
+    (tmp_path / "outside" / "f").write_text("secret")
+    (root / "x").mkdir()
+    (root / "x" / "f").write_text("harmless")
+    swap = f'cd "$0" && while :; do mv x y; ln -s {tmp_path}/outside x; rm x; mv y x; done'
+    swapping = subprocess.Popen(["sh", "-c", swap, str(root)], stderr=subprocess.DEVNULL)
+    came = 0
+    try:
+        for number in range(60):
+            stream = io.BytesIO()
+            with contextlib.suppress(CollectFailed, TransportError):
+                place = Place(root=str(root), path="x/f")
+                if offers(session(), [place]) != [None]:
+                    fetch(session(), place, stream.write)
+            assert b"secret" not in stream.getvalue(), number
+            came += b"harmless" in stream.getvalue()
+    finally:
+        swapping.kill()
+        swapping.wait()
+    assert came
 
 
 def test_a_transfer_that_was_cut_goes_on_where_it_ended(root: Path, tmp_path: Path) -> None:

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from srprov.errors import UsageError
+from srprov.controller.trial_folder import check_own
+from srprov.errors import RefusedError, UsageError
 from srprov.record.journal import NAME, Journal, read
 
 
@@ -52,3 +53,29 @@ def test_a_journal_that_was_changed_is_refused(tmp_path: Path, change: object) -
 def test_without_a_journal_the_folder_is_named(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="cannot be read"):
         read(tmp_path)
+
+
+def test_a_journal_that_is_a_link_is_neither_read_nor_cut(tmp_path: Path) -> None:
+    decoy = tmp_path / "decoy"
+    decoy.write_text("one line without an end")
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / NAME).symlink_to(decoy)
+    with pytest.raises(UsageError, match="is a link"):
+        read(tmp_path / "run")
+    with pytest.raises(OSError):
+        Journal(tmp_path / "run")
+    assert decoy.read_text() == "one line without an end"
+
+
+def test_a_folder_in_which_others_may_put_links_is_not_gone_on_with(tmp_path: Path) -> None:
+    run = tmp_path / "run"
+    run.mkdir(mode=0o700)
+    (run / "trials").mkdir(mode=0o700)
+    check_own(run)
+    (run / "trials").chmod(0o770)
+    with pytest.raises(RefusedError, match="writable by others"):
+        check_own(run)
+    (run / "trials").rmdir()
+    (run / "trials").symlink_to(tmp_path)
+    with pytest.raises(RefusedError, match="is a link"):
+        check_own(run)
