@@ -152,6 +152,7 @@ def _all(
         about = TrialRun(
             plan=plan,
             design=made,
+            orders={trial.id: order for order, trial in enumerate(design(plan.given).trials, start=1)},
             folder=folder,
             name=earlier.name,
             stop_limit_s=options.stop_timeout_s,

@@ -20,7 +20,7 @@ from srprov.controller.trial_plan import TrialPlan, containers
 from srprov.errors import TransportError
 from srprov.execution.collect import CollectFailed
 from srprov.execution.trial import TrialEnd, TrialOrder, run_trial
-from srprov.execution.trial_robots import Connections, EquipmentFailed, TrialRobots
+from srprov.execution.trial_robots import Connections, EquipmentFailed, RobotRestarted, TrialRobots
 from srprov.record.journal import Journal
 from srprov.secret import redacted
 from srprov.trials import Design, Trial
@@ -55,6 +55,9 @@ class TrialRun:
 
     plan: TrialPlan
     design: Design
+    """What is run of it now."""
+    orders: Mapping[str, int]
+    """Trial -> its place in the whole design, counted from 1."""
     folder: Path
     name: str
     stop_limit_s: float = 60.0
@@ -92,7 +95,8 @@ class Trials:
         settings = self._run.plan.given.settings
         done = {one["trial"] for one in self.rows if one["status"] in FINAL}
         between = False
-        for order, trial in enumerate(self._run.design.trials, start=1):
+        for trial in self._run.design.trials:
+            order = self._run.orders[trial.id]
             if trial.id in done:
                 continue
             if between and not stop.is_set():
@@ -103,6 +107,8 @@ class Trials:
             last = self._tried(order, trial, stop)
             between = True
             self._failures = self._failures + 1 if last["status"] == "infrastructure" else 0
+            if self.ended_early:
+                return
             if self._failures >= settings.max_failures:
                 self.ended_early = f"the equipment failed in {self._failures} trials in a row"
             elif settings.stop_on_failure and last.get("verdict") == "failure":
@@ -114,7 +120,8 @@ class Trials:
 
     def note_lost(self) -> None:
         """Write down that the attempt that was under way when an earlier session ended has come to nothing."""
-        for order, trial in enumerate(self._run.design.trials, start=1):
+        for trial in self._run.design.trials:
+            order = self._run.orders[trial.id]
             if trial.id == self._run.lost:
                 end = End("interrupted", "the run ended before it did")
                 lost = row(trial, self._attempts[trial.id], order, Seen(end=end))
@@ -125,7 +132,7 @@ class Trials:
         """Run a trial, and again while the equipment fails and it may be; return the last row."""
         for left in range(self._run.plan.given.settings.retries, -1, -1):
             one = self._attempt(order, trial)
-            again = one["status"] == "infrastructure" and left > 0 and not stop.is_set()
+            again = one["status"] == "infrastructure" and left > 0 and not stop.is_set() and not self.ended_early
             self._tell(trial, order, _said(one) + (", trying again" if again else ""), over=True)
             if not again:
                 return one
@@ -173,6 +180,8 @@ class Trials:
             gathered = gather_files(plan, ended, robots, folder)
             collect_s = time.monotonic() - begun
         except (EquipmentFailed, CollectFailed, TransportError) as error:
+            if isinstance(error, RobotRestarted):
+                self.ended_early = f"{error}; its network may be gone, which going on mends"
             why = error.message if isinstance(error, TransportError) else str(error)
             return row(trial, attempt, order, self._seen(ended, gathered, End("infrastructure", why)))
         except KeyboardInterrupt:
@@ -180,7 +189,7 @@ class Trials:
             return row(trial, attempt, order, self._seen(ended, gathered, End("interrupted", "the run was ended")))
         tell("collected")
         end = ended.end
-        if gathered.missing:
+        if gathered.missing and end.status == "ok":  # who crashed could not write it, and that is data
             end = End("infrastructure", f"a required result is missing: {', '.join(gathered.missing)}")
         found = row(trial, attempt, order, self._seen(ended, gathered, end))
         success = plan.given.settings.success
@@ -211,7 +220,7 @@ class Trials:
         )
 
     def _tell(self, trial: Trial, order: int, what: str, *, over: bool = False) -> None:
-        count = len(self._run.design.trials)
+        count = len(self._run.orders)
         values = trial.point.values
         self._say(TrialNews(trial=trial.id, order=order, trials=count, values=values, what=what, over=over))
 

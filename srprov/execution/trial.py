@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 from srprov.definitions.trialsmodel import TrialSettings
 from srprov.errors import TransportError
-from srprov.execution.trial_robots import EquipmentFailed, TrialRobots
+from srprov.execution.trial_robots import EquipmentFailed, RobotRestarted, TrialRobots
 from srprov.linear_regex import compiled
 from srprov.trials.clock import Offset
 from srprov.trials.judge import End, Match, ended
@@ -22,6 +22,7 @@ from srprov.trials.reading import Reading
 
 _LOOK_S = 0.2
 """Between two looks at the containers."""
+_FOUND_DEAD = 255
 _AGAIN_S = 1.0
 """Until a log that ended is asked for again."""
 
@@ -85,6 +86,7 @@ def run_trial(order: TrialOrder, robots: TrialRobots, tell: Tell) -> TrialEnd:
     end, readings = _wait(order, robots, watch, ready)
     over = time.monotonic()
     tell("until")
+    _refuse_restarted(robots, readings)
     watch.over.set()
     first = [name for name in settings.stop_first if name in robots.by_service]
     for some in (first, [name for name in robots.by_service if name not in first]):
@@ -103,6 +105,14 @@ def run_trial(order: TrialOrder, robots: TrialRobots, tell: Tell) -> TrialEnd:
         stop_s=stopped - over,
         gap_s=robots.gap_s,
     )
+
+
+def _refuse_restarted(robots: TrialRobots, readings: Mapping[str, Reading]) -> None:
+    """End the trial when a container died with its robot: an engine says 255 of what it finds dead when it begins."""
+    dead = sorted(name for name, one in readings.items() if one.ended and one.exit_code == _FOUND_DEAD)
+    if robots.gap_s and dead:
+        host = robots.by_service[dead[0]].host
+        raise RobotRestarted(f"{host} was out of reach and {dead[0]} did not survive it: it was restarted")
 
 
 def _start_all(settings: TrialSettings, robots: TrialRobots, watch: _Logs) -> None:

@@ -35,6 +35,10 @@ class EquipmentFailed(Exception):
     """A robot or its engine did not do what it was asked; the text names it."""
 
 
+class RobotRestarted(EquipmentFailed):
+    """A robot went down and came back: its containers are dead, and what was there over all trials may be gone."""
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TrialContainer:
     """One container of a trial."""

@@ -258,3 +258,21 @@ def test_a_run_that_is_killed_at_any_event_is_gone_on_with(lab: Lab, folder: Pat
     assert whole.left() == set()
     ends = [event["trial"] for event in whole.events() if event["event"] == "end" and event["row"]["status"] == "ok"]
     assert len(ends) == len(set(ends)) == 4, "no finished trial is run twice"
+
+
+@pytest.mark.soak
+def test_a_robot_that_restarts_in_a_trial_spoils_it_and_ends_the_run(lab: Lab, folder: Path) -> None:
+    """What ran on it is dead, and its link is gone: the trial does not count, and going on mends the network first."""
+    few = {"exclude": [{"CODE": 3}], "repetitions": 1, "timeout": "90s"}
+    one = Race(lab, folder, race(**few).replace("0.2", "20").replace("0.4", "21"))
+    running = begin(lab, *one.words, "--heartbeat", "1,4,6")
+    wait_until(lambda: any(event["event"] == "ready" for event in one.events()), 120, "the first trial")
+    assert lab.srprov("lab", "kill", "robot2").code == 0
+    assert lab.srprov("lab", "restart", "robot2").code == 0
+    _, said = running.communicate(timeout=200)
+    assert running.returncode == 3, said
+    (row,) = one.rows()
+    assert row["status"] == "infrastructure" and "robot2" in row["reason"], row
+    again = one.run("--resume")
+    assert again.code == 0, again
+    assert [row["status"] for row in one.rows()] == ["infrastructure", "ok", "ok"]
