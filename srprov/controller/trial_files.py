@@ -15,12 +15,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from srprov import private, regular_file
 from srprov.controller.trial_plan import TrialPlan
 from srprov.definitions.trialsmodel import Metric, Result
 from srprov.execution.collect import CollectFailed, Offer, Place, fetch, offers, place_of
-from srprov.execution.trial import TrialEnd
 from srprov.execution.trial_robots import TrialRobots
 from srprov.linear_regex import compiled
 from srprov.record.results import Kept, is_safe_name, log_lines, unpack, write_log
@@ -51,14 +51,19 @@ class Gathered:
     bytes: int = 0
 
 
-def gather_files(plan: TrialPlan, ended: TrialEnd, robots: TrialRobots, folder: Path) -> Gathered:
+def gather_files(plan: TrialPlan, inspected: Mapping[str, Any], robots: TrialRobots, folder: Path) -> Gathered:
     """Bring logs and results of an attempt into its folder, and take its metrics from them.
+
+    Args:
+        plan: What was run.
+        inspected: Service -> what its engine says of the container that has ended.
+        robots: Where that is.
+        folder: The attempt's.
 
     Raises:
         EquipmentFailed, CollectFailed, TransportError: A robot or its engine failed.
         OSError: Something cannot be written here.
     """
-    inspected = robots.inspect()
     private.replace_file(folder / "containers.json", json.dumps(redacted(inspected), indent=2) + "\n")
     logs = {one.service: folder / "logs" / f"{one.host}.{one.service}.log" for one in plan.services}
     for service, path in logs.items():

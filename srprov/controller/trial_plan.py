@@ -141,7 +141,7 @@ def sameness(plan: TrialPlan, facts: Mapping[str, Mapping[str, str]]) -> dict[st
         found[f"{one.service}: image"] = one.params.image
         found[f"{one.service}: robot"] = one.host
         found |= {f"{one.host}: {what}": value for what, value in facts.get(one.host, {}).items()}
-    settings = asdict(replace(given.settings, repetitions=0, retries=0, max_failures=0, pause_s=0.0, prompt=""))
+    settings = asdict(given.settings)
     for key in ("repetitions", "retries", "max_failures", "pause_s", "prompt", "exclude", "include"):
         settings.pop(key)
     found |= {f"trials: {key}": _text(value) for key, value in settings.items()}

@@ -11,7 +11,7 @@ import hashlib
 import json
 import threading
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +22,7 @@ from srprov.controller.run import RunReport, run
 from srprov.controller.trial_connections import LockedRobots
 from srprov.controller.trial_folder import check_empty, check_own, make_folder
 from srprov.controller.trial_plan import TrialPlan, differences, sameness
-from srprov.controller.trials import FINAL, Say, TrialRun, Trials
+from srprov.controller.trials import Say, TrialRun, Trials
 from srprov.errors import RefusedError, UsageError
 from srprov.execution import Listener, RunOptions
 from srprov.execution.lock_set import LockSet, lock_options
@@ -32,6 +32,7 @@ from srprov.facts.model import Snapshot
 from srprov.record import default_root
 from srprov.record.journal import Journal, read
 from srprov.trials import Design, design
+from srprov.trials.judge import COUNTED
 from srprov.untrusted import integer, mapping
 
 
@@ -62,7 +63,7 @@ class TrialsReport:
     @property
     def done(self) -> int:
         """How many trials ended in a way that counts."""
-        return len({one["trial"] for one in self.rows if one["status"] in FINAL})
+        return len({one["trial"] for one in self.rows if one["status"] in COUNTED})
 
     @property
     def exit_code(self) -> int:
@@ -80,7 +81,7 @@ class _Earlier:
 
     name: str
     rows: tuple[Mapping[str, Any], ...] = ()
-    begun: Mapping[str, int] | None = None
+    begun: Mapping[str, int] = field(default_factory=dict)
     lost: str = ""
     events: int = 0
 
@@ -117,7 +118,8 @@ def run_trials(
     """
     same = sameness(plan, _robots(plan.base.snapshot))
     folder, earlier = _folder(plan, same, request)
-    made = chosen(design(plan.given), request.only)
+    whole = design(plan.given)
+    made = chosen(whole, request.only)
     robots = {one.host for one in plan.services} | {step.host for step in plan.base.plan.steps}
     sessions = fleet.connected()
     for host in sorted(robots - sessions.keys()):
@@ -134,14 +136,14 @@ def run_trials(
         if not earlier.events:
             make_folder(folder)
         with LockedRobots(fleet, sessions, mine, waiting) as connections:
-            trials = _all(plan, made, same, folder, earlier, connections, options, say, stop, pause)
+            trials = _all(plan, whole, made, same, folder, earlier, connections, options, say, stop, pause)
     wanted = {trial.id for trial in made.trials}
     rows = tuple(one for one in trials.rows if one["trial"] in wanted)
     return TrialsReport(folder=folder, rows=rows, trials=len(made.trials), ended_early=trials.ended_early, base=base)
 
 
 def _all(
-    plan: TrialPlan, made: Design, same: Mapping[str, str], folder: Path, earlier: _Earlier,
+    plan: TrialPlan, whole: Design, made: Design, same: Mapping[str, str], folder: Path, earlier: _Earlier,
     connections: Connections, options: RunOptions, say: Say, stop: threading.Event,
     pause: Callable[[float, str], None],
 ) -> Trials:  # fmt: skip
@@ -152,12 +154,12 @@ def _all(
         about = TrialRun(
             plan=plan,
             design=made,
-            orders={trial.id: order for order, trial in enumerate(design(plan.given).trials, start=1)},
+            orders={trial.id: order for order, trial in enumerate(whole.trials, start=1)},
             folder=folder,
             name=earlier.name,
             stop_limit_s=options.stop_timeout_s,
             rows=earlier.rows,
-            begun=earlier.begun or {},
+            begun=earlier.begun,
             lost=earlier.lost,
         )
         trials = Trials(about, connections, journal, say)

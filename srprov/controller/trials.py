@@ -24,7 +24,7 @@ from srprov.execution.trial_robots import Connections, EquipmentFailed, RobotRes
 from srprov.record.journal import Journal
 from srprov.secret import redacted
 from srprov.trials import Design, Trial
-from srprov.trials.judge import End, verdict
+from srprov.trials.judge import COUNTED, End, verdict
 from srprov.trials.row import Seen, row
 from srprov.trials.table import columns, csv_text
 from srprov.untrusted import mapping
@@ -78,7 +78,6 @@ class Trials:
         self.rows: list[Mapping[str, object]] = list(run.rows)
         self._attempts = dict(run.begun)
         self._failures = 0
-        self._aborted = False
         self.ended_early = ""
         """Why the run ended before its last trial, or nothing."""
 
@@ -93,7 +92,7 @@ class Trials:
             OSError: The journal or a table cannot be written.
         """
         settings = self._run.plan.given.settings
-        done = {one["trial"] for one in self.rows if one["status"] in FINAL}
+        done = {one["trial"] for one in self.rows if one["status"] in COUNTED}
         between = False
         for trial in self._run.design.trials:
             order = self._run.orders[trial.id]
@@ -113,20 +112,22 @@ class Trials:
                 self.ended_early = f"the equipment failed in {self._failures} trials in a row"
             elif settings.stop_on_failure and last.get("verdict") == "failure":
                 self.ended_early = "a trial's verdict is failure, and 'on_failure' is stop"
-            if self._aborted:
-                self.ended_early = "interrupted"
             if self.ended_early:
                 return
 
     def note_lost(self) -> None:
         """Write down that the attempt that was under way when an earlier session ended has come to nothing."""
         for trial in self._run.design.trials:
-            order = self._run.orders[trial.id]
             if trial.id == self._run.lost:
-                end = End("interrupted", "the run ended before it did")
-                lost = row(trial, self._attempts[trial.id], order, Seen(end=end))
-                self._journal.add("end", trial=trial.id, attempt=self._attempts[trial.id], row=lost)
-                self.rows.append(lost)
+                seen = Seen(end=End("interrupted", "the run ended before it did"))
+                self._keep(row(trial, self._attempts[trial.id], self._run.orders[trial.id], seen))
+
+    def _keep(self, made: Row) -> Mapping[str, object]:
+        """Write down how an attempt ended, without secrets, and return that."""
+        kept = mapping(redacted(made))
+        self._journal.add("end", trial=made["trial"], attempt=made["attempt"], row=kept)
+        self.rows.append(kept)
+        return kept
 
     def _tried(self, order: int, trial: Trial, stop: threading.Event) -> Mapping[str, object]:
         """Run a trial, and again while the equipment fails and it may be; return the last row."""
@@ -160,11 +161,10 @@ class Trials:
             robots.clear()
         except EquipmentFailed as error:
             made["reason"] = f"{made['reason']}; not cleared: {error}"
-        self._journal.add("end", **about, row=made)
-        self.rows.append(made)
-        private.replace_file(folder / "trial.json", json.dumps(redacted(made), indent=2) + "\n")
+        kept = self._keep(made)
+        private.replace_file(folder / "trial.json", json.dumps(kept, indent=2) + "\n")
         self.write_table()
-        return made
+        return kept
 
     def _done(
         self, trial: Trial, attempt: int, order: int, robots: TrialRobots, folder: Path,
@@ -177,7 +177,7 @@ class Trials:
         try:
             ended = run_trial(orders, robots, tell)
             begun = time.monotonic()
-            gathered = gather_files(plan, ended, robots, folder)
+            gathered = gather_files(plan, ended.inspected, robots, folder)
             collect_s = time.monotonic() - begun
         except (EquipmentFailed, CollectFailed, TransportError) as error:
             if isinstance(error, RobotRestarted):
@@ -185,7 +185,7 @@ class Trials:
             why = error.message if isinstance(error, TransportError) else str(error)
             return row(trial, attempt, order, self._seen(ended, gathered, End("infrastructure", why)))
         except KeyboardInterrupt:
-            self._aborted = True
+            self.ended_early = "interrupted"
             return row(trial, attempt, order, self._seen(ended, gathered, End("interrupted", "the run was ended")))
         tell("collected")
         end = ended.end
@@ -194,10 +194,9 @@ class Trials:
         found = row(trial, attempt, order, self._seen(ended, gathered, end))
         success = plan.given.settings.success
         judged = verdict(success, ended.readings, gathered.matched, gathered.metrics)
-        counted = end.status in ("ok", "timeout", "crashed")
         return {
             **found,
-            "verdict": judged if counted else "unknown",
+            "verdict": judged if end.status in COUNTED else "unknown",
             **{f"m_{name}": value for name, value in gathered.metrics.items()},
             "collect_s": collect_s,
             "controller_gap_s": robots.gap_s,
@@ -230,12 +229,8 @@ class Trials:
         Raises:
             OSError: It cannot be written.
         """
-        text = csv_text(columns(self._run.plan.given), [mapping(redacted(one)) for one in self.rows])
+        text = csv_text(columns(self._run.plan.given), self.rows)
         private.replace_file(self._run.folder / "trials.csv", text)
-
-
-FINAL = ("ok", "timeout", "crashed")
-"""Statuses of a trial that is never run again."""
 
 
 def _said(one: Mapping[str, object]) -> str:

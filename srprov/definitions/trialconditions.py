@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TypeVar
+
 from srprov.definitions.trialsmodel import Condition, Conditions
 from srprov.definitions.values import duration, scalars, text
 from srprov.yamldoc import nodes
 from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq
+
+_T = TypeVar("_T")
 
 
 def read(node: Node | None, path: Path, findings: Findings) -> Conditions | None:
@@ -30,7 +35,7 @@ def _condition(item: Node, path: Path, findings: Findings) -> Condition:
     if kind == "log":
         return Condition(kind=kind, services=(text(get("service")),), pattern=text(get("matches")))
     if kind == "after":
-        return Condition(kind=kind, seconds=_seconds(value, path, findings))
+        return Condition(kind=kind, seconds=attempt(value, path, duration, findings) or 0.0)
     name, bounds = next(iter(value.entries.items())) if isinstance(value, Map) else ("", value)
     limits = bounds.entries if isinstance(bounds, Map) else {}
     below, above, equals = (
@@ -39,9 +44,12 @@ def _condition(item: Node, path: Path, findings: Findings) -> Condition:
     return Condition(kind="metric", metric=name, below=below, above=above, equals=equals)
 
 
-def _seconds(node: Node, path: Path, findings: Findings) -> float:
+def attempt(node: Node | None, path: Path, read_text: Callable[[str], _T], findings: Findings) -> _T | None:
+    """Return what a scalar's text says; None where nothing stands, or what cannot be, which is added."""
+    if not isinstance(node, Scalar):
+        return None
     try:
-        return duration(node.text) if isinstance(node, Scalar) else 0.0
+        return read_text(node.text)
     except ValueError as error:
         findings.add(node, str(error), path)
-        return 0.0
+        return None

@@ -6,7 +6,7 @@ Takes the root of an EDF that passed the schema, and the services; gives TrialDe
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from decimal import Decimal
 from fractions import Fraction
 from types import MappingProxyType
@@ -149,15 +149,7 @@ def _whole(node: Node | None) -> int | None:
 
 
 def _seconds(node: Node | None, key: str, findings: Findings) -> float | None:
-    return _attempt(node, ("trials", key), duration, findings) if isinstance(node, Scalar) else None
-
-
-def _attempt(node: Scalar, path: Path, read_text: Callable[[str], _T], findings: Findings) -> _T | None:
-    try:
-        return read_text(node.text)
-    except ValueError as error:
-        findings.add(node, str(error), path)
-        return None
+    return trialconditions.attempt(node, ("trials", key), duration, findings)
 
 
 def _points(node: Node | None) -> tuple[Mapping[str, str], ...]:
@@ -182,7 +174,7 @@ def _result(node: Node, path: Path, findings: Findings) -> Result:
     return Result(
         path=text(get("path")),
         required=bool(required is not None and nodes.as_bool(required)),
-        most_bytes=(_attempt(most, path, size_in_bytes, findings) or 0) if isinstance(most, Scalar) else 0,
+        most_bytes=trialconditions.attempt(most, path, size_in_bytes, findings) or 0,
     )
 
 

@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from srprov.definitions.trialsmodel import TrialSettings
 from srprov.errors import TransportError
@@ -18,7 +19,7 @@ from srprov.linear_regex import compiled
 from srprov.trials.clock import Offset
 from srprov.trials.judge import End, Match, ended
 from srprov.trials.metrics import LONGEST_LINE
-from srprov.trials.reading import Reading
+from srprov.trials.reading import Reading, read
 
 _LOOK_S = 0.2
 """Between two looks at the containers."""
@@ -46,6 +47,8 @@ class TrialEnd:
 
     end: End
     readings: Mapping[str, Reading] = field(default_factory=dict)
+    inspected: Mapping[str, Any] = field(default_factory=dict)
+    """What the engines said, which `readings` were taken from."""
     before: Mapping[str, Offset | None] = field(default_factory=dict)
     """Robot -> its clock, measured before."""
     after: Mapping[str, Offset | None] = field(default_factory=dict)
@@ -56,8 +59,6 @@ class TrialEnd:
     duration_s: float = 0.0
     """From there to its end, by our clock."""
     stop_s: float = 0.0
-    gap_s: float = 0.0
-    """How long some robot was out of reach."""
 
 
 def run_trial(order: TrialOrder, robots: TrialRobots, tell: Tell) -> TrialEnd:
@@ -88,23 +89,29 @@ def run_trial(order: TrialOrder, robots: TrialRobots, tell: Tell) -> TrialEnd:
     tell("until")
     _refuse_restarted(robots, readings)
     watch.over.set()
-    first = [name for name in settings.stop_first if name in robots.by_service]
-    for some in (first, [name for name in robots.by_service if name not in first]):
-        if going := [name for name in some if not readings[name].ended]:
-            robots.stop(going, order.stop_limit_s)
+    _stop(order, robots, readings)
     tell("stopped")
     stopped = time.monotonic()
+    inspected = robots.inspect()
     return TrialEnd(
         end=end,
-        readings=robots.look(),
+        readings={service: read(answer) for service, answer in inspected.items()},
+        inspected=inspected,
         before=before,
         after=robots.clocks(),
         ready_s=ready - begun,
         began=began,
         duration_s=over - ready,
         stop_s=stopped - over,
-        gap_s=robots.gap_s,
     )
+
+
+def _stop(order: TrialOrder, robots: TrialRobots, readings: Mapping[str, Reading]) -> None:
+    """Stop what still runs: what shall end first, then the others."""
+    first = [name for name in order.settings.stop_first if name in robots.by_service]
+    for some in (first, [name for name in robots.by_service if name not in first]):
+        if going := [name for name in some if not readings[name].ended]:
+            robots.stop(going, order.stop_limit_s)
 
 
 def _refuse_restarted(robots: TrialRobots, readings: Mapping[str, Reading]) -> None:

@@ -59,7 +59,7 @@ def until_said(run: subprocess.Popen[str], words: str, seconds: float = 60) -> s
 
 
 def slow(path: Path, name: str, robots: Sequence[str], build_s: int) -> str:
-    """Write an experiment whose first robot builds for so long, or until `release`; return the EDF's path."""
+    """Write an experiment, one robot of which builds for so long, or until `release`; return the EDF's path."""
     waits = f'timeout {build_s} sh -c "until test -e /go; do sleep 0.1; done" || true'
     lines = f"cdf: 1\nname: {name}\nbase: busybox\nrun: ['echo {name} {path.name}; {waits}']\n"
     (path / f"{name}.cdf").write_text(lines, encoding="utf-8")
@@ -69,10 +69,20 @@ def slow(path: Path, name: str, robots: Sequence[str], build_s: int) -> str:
     return str(path / f"{name}.edf")
 
 
-def release(lab: Lab, robot: str) -> None:
-    """Let a `slow` build of a robot end: it runs in the robot's only running container."""
-    wait_until(lambda: bool(lab.containers(robot, running=True)), 20)
-    (build,) = lab.containers(robot, running=True).values()
+def until_it_builds(lab: Lab, robots: Sequence[str]) -> tuple[str, str]:
+    """Wait until a `slow` build runs on one of its robots; return that robot, and the build's container."""
+    building: list[tuple[str, str]] = []
+    until = time.monotonic() + 60
+    while not building:
+        assert time.monotonic() < until, f"nothing is built on {robots}"
+        building = [(robot, one) for robot in robots for one in lab.containers(robot, running=True).values()]
+    (only,) = building
+    return only
+
+
+def release(lab: Lab, robots: Sequence[str]) -> None:
+    """Let a `slow` build end."""
+    robot, build = until_it_builds(lab, robots)
     lab.shell(robot, "docker", "exec", build, "touch", "/go")
 
 
@@ -134,7 +144,7 @@ def test_locks_tells_who_and_waiting_finds_the_work_done(lab_of_module: Lab, tmp
     path = slow(tmp_path, "slowly", robots, 60)
     common = ("apply", path, "-i", inventory, "--yes", "--settle", "0.5")
     first = begin(lab, *common)
-    until_said(first, "Step 1/")
+    until_it_builds(lab, robots)
 
     seen = lab.srprov("locks", "-i", more, "--json")
     assert seen.code == 0, seen
@@ -162,7 +172,7 @@ def test_locks_tells_who_and_waiting_finds_the_work_done(lab_of_module: Lab, tmp
     assert impatient.returncode == 130 and "interrupted" in err, err
     assert time.monotonic() - begun < 5
 
-    release(lab, "robot4")
+    release(lab, robots)
     _, err = first.communicate(timeout=120)
     assert first.returncode == 0, err
     out, err = waits.communicate(timeout=120)
@@ -181,7 +191,7 @@ def test_a_killed_controller_leaves_no_lock(lab_of_module: Lab, tmp_path: Path) 
     path = slow(tmp_path, "killed", robots, 6)
     common = ("apply", path, "-i", inventory, "--yes", "--settle", "0.5")
     run = begin(lab, *common)
-    until_said(run, "Step 1/")
+    until_it_builds(lab, robots)
     assert not free(lab, "robot7")
     assert lab.shell("robot7", "sh", "-c", LOGINS).out != "", "the pattern sees what it shall see"
     run.send_signal(signal.SIGKILL)
@@ -189,7 +199,8 @@ def test_a_killed_controller_leaves_no_lock(lab_of_module: Lab, tmp_path: Path) 
     assert wait_until(lambda: all(free(lab, robot) for robot in robots), 15) < 6, "a second, and the time to look"
     assert [lab.shell(robot, "sh", "-c", OURS).out for robot in robots] == ["", ""]
     assert nobody(lab, inventory)
-    wait_until(lambda: not lab.containers("robot7"), 10)  # Docker ends a build whose client is gone
+    # Docker ends a build whose client is gone
+    wait_until(lambda: not any(lab.containers(robot) for robot in robots), 10)
 
     again = lab.srprov(*common, "--json")
     assert again.code == 0, again
@@ -206,7 +217,7 @@ def test_a_cut_network_leaves_no_lock(lab_of_module: Lab, tmp_path: Path, monkey
     path = slow(tmp_path, "cut", robots, 25)
     common = ("apply", path, "-i", inventory, "--yes", "--settle", "0.5")
     run = begin(lab, *common, "--json")
-    until_said(run, "Step 1/")
+    until_it_builds(lab, robots)
     assert "" not in [lab.shell(robot, "sh", "-c", LOGINS).out for robot in robots]
     try:
         for robot in robots:
@@ -218,7 +229,7 @@ def test_a_cut_network_leaves_no_lock(lab_of_module: Lab, tmp_path: Path, monkey
         assert time.monotonic() - begun < 20, err
         assert run.returncode == 4, err
         report = json.loads(out)
-        assert report["unreachable"] == sorted(robots)
+        assert report["unreachable"] == sorted(robots), err
         assert "lost contact" in err, err
         wait_until(lambda: all(free(lab, robot) for robot in robots), 20 - (time.monotonic() - begun))
         assert [lab.shell(robot, "sh", "-c", OURS).out for robot in robots] == ["", ""]
@@ -241,11 +252,11 @@ def test_ctrl_c_once_frees_all(lab_of_module: Lab, tmp_path: Path) -> None:
     path = slow(tmp_path, "softly", robots, 60)
     common = ("apply", path, "-i", inventory, "--yes", "--settle", "0.5", "--json")
     run = begin(lab, *common)
-    until_said(run, "Step 1/")
+    until_it_builds(lab, robots)
     run.send_signal(signal.SIGINT)
     with pytest.raises(subprocess.TimeoutExpired):  # it waits for the step
         run.wait(1)
-    release(lab, "robot11")
+    release(lab, robots)
     out, err = run.communicate(timeout=60)
     assert run.returncode == 130, err
     report = json.loads(out)

@@ -99,7 +99,11 @@ class PlayedEngine:
         while True:
             taken, _ = self._server.accept()
             self.connections += 1
-            threading.Thread(target=self._serve, args=(taken,), daemon=True).start()
+            threading.Thread(target=self._serve_one, args=(taken,), daemon=True).start()
+
+    def _serve_one(self, sock: socket.socket) -> None:
+        with contextlib.suppress(ConnectionResetError):  # a client that has enough hangs up
+            self._serve(sock)
 
     def _serve(self, sock: socket.socket) -> None:
         stream = sock.makefile("rb")
