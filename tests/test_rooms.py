@@ -56,6 +56,7 @@ ROOMS: Mapping[str, Room] = {
     "disk": room("regular_file images.plan"),
     "regular_file": room(),
     "owner": room(),
+    "pace": room(),
     "image_reference": room(),
     "git_address": room(),
     # Runs git on the controller: what it fetches are files of strangers.
@@ -68,7 +69,8 @@ ROOMS: Mapping[str, Room] = {
         "jsonschema jinja2",
     ),
     "transport": room(
-        "errors datasets spool layers private plain_tar regular_file wire session untrusted secret definitions.model",
+        "errors pace datasets spool layers private plain_tar regular_file wire session untrusted secret"
+        " definitions.model",
         "paramiko fabric invoke docker requests urllib3 psutil",
     ),
     "facts": room("errors names wire session untrusted resource modules definitions.model"),
@@ -88,8 +90,8 @@ ROOMS: Mapping[str, Room] = {
         " definitions.model definitions.secretmodel network.identity"
     ),
     "execution": room(
-        "errors spool plain_tar untrusted resource wire session image_reference linear_regex modules planning facts"
-        " owner trials definitions.dockerfile definitions.trialsmodel"
+        "errors pace spool plain_tar untrusted resource wire session image_reference linear_regex modules planning"
+        " facts owner trials definitions.dockerfile definitions.trialsmodel"
     ),
     "record": room(
         "errors private regular_file untrusted resource secret definitions.model facts planning execution trials"
@@ -136,7 +138,6 @@ FILES: Mapping[str, Room] = {
     "cli/apply.py": cli_file("planning execution"),
     "cli/assign.py": cli_file("assignment facts"),
     "cli/assign_plot.py": cli_file("assignment", "matplotlib numpy"),
-    "cli/build.py": cli_file("planning execution"),
     "cli/doctor.py": cli_file("facts"),
     "cli/execute.py": cli_file("planning execution"),
     "cli/destroy.py": cli_file("execution facts.model"),

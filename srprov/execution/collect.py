@@ -8,19 +8,16 @@ from __future__ import annotations
 
 import posixpath
 import re
-import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from srprov.errors import TransportError
+from srprov.pace import TOO_LITTLE, Pace
 from srprov.session import Session, Streams
 from srprov.untrusted import mapping, mappings, string
 from srprov.wire import Query, quote
 
-_SILENCE_S = 120.0
-_LEAST_RATE = 64 << 10
-"""Bytes a second, beyond the first silence: who trickles is not waited for."""
 _HASH_S = 3600.0
 _SAID = re.compile("(?P<size>[0-9]{1,15}) (?P<entries>[0-9]{1,9}) (?P<hash>[0-9a-f]{64})\\s*")
 _END = b"srprov-end"
@@ -136,24 +133,21 @@ def _inside(place: Place) -> str:
 
 def _pump(host: str, streams: Streams, sink: Callable[[bytes], object]) -> None:
     """Pass on what comes, to its end."""
-    complaint, begun, got = bytearray(), time.monotonic(), 0
-    last = begun
+    complaint, pace = bytearray(), Pace()
     while True:
         piece, error = streams.read()
         complaint += error[: _LONGEST_COMPLAINT - len(complaint)]
+        if not pace.goes_on(len(piece)):
+            said = " ".join(complaint.decode("utf-8", "replace").split())[-200:]
+            raise TransportError(host, f"of a result came {TOO_LITTLE} {said}".strip())
         if piece:
             sink(piece)
-        got += len(piece)
-        if time.monotonic() - begun > _SILENCE_S + got / _LEAST_RATE:
-            raise TransportError(host, "a result comes more slowly than 64 KiB a second")
-        if piece or error:
-            last = time.monotonic()
+            pace.resume()
+        elif error:
+            continue
         elif streams.ended:
             if _END not in complaint:
                 raise TransportError(host, f"a result ended too early: {streams.reason()}")
             return
-        elif time.monotonic() - last > _SILENCE_S:
-            said = " ".join(complaint.decode("utf-8", "replace").split())[-200:]
-            raise TransportError(host, f"no more of a result came for {_SILENCE_S:g} s {said}".strip())
         else:
             streams.wait(0.2, writing=False)

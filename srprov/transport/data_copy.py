@@ -8,16 +8,14 @@ from __future__ import annotations
 
 import os
 import threading
-import time
-import urllib.error
-import urllib.request
-from collections.abc import Iterator
 from http.client import HTTPException
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, BinaryIO
 
 from srprov import datasets, regular_file
+from srprov.pace import SILENCE_S, Pace
 from srprov.session import Progress, Streams
+from srprov.transport.download import download
 from srprov.transport.image_shell import answer, send
 from srprov.wire import DATA_STORE, Reply, SendData, quote
 
@@ -26,7 +24,8 @@ if TYPE_CHECKING:
 
 _PIECE = 1 << 20
 _STEP = 64 << 20
-_STALL_S = 60.0
+_HASHED = 1 << 20
+"""bytes/s that the slowest disk of a robot is read with."""
 _turns: dict[str, threading.Lock] = {}
 _turns_lock = threading.Lock()
 
@@ -48,16 +47,17 @@ def send_data(command: SendData, session: BaseSession, progress: Progress) -> Re
 def _send(command: SendData, file: BinaryIO, session: BaseSession, progress: Progress) -> Reply:
     size = os.fstat(file.fileno()).st_size
     streams = session.open_shell(take_script(command.sha256, size))
+    patience = min(command.timeout_s, SILENCE_S + size / _HASHED)
     try:
         # it may have to hash what is there
-        word, _, rest = answer(session.host, streams, b"\n", command.timeout_s).partition(" ")
+        word, _, rest = answer(session.host, streams, b"\n", patience).partition(" ")
         if word == "there":
             return Reply(status=0, out="it is there")
         if word != "have" or not rest.isdigit():
             return Reply(status=1, ok=False, err=rest[:500] or streams.reason())
         file.seek(min(int(rest[:18]), size))
         _feed(file, streams, size, session.host, progress)
-        word, _, rest = answer(session.host, streams, b"\n", command.timeout_s).partition(" ")
+        word, _, rest = answer(session.host, streams, b"\n", patience).partition(" ")
         if word == "wrong":
             datasets.forget(command.sha256)
             return Reply(status=1, ok=False, err=f"what arrived has the sha256 {rest[:64]}: did the file change?")
@@ -67,9 +67,9 @@ def _send(command: SendData, file: BinaryIO, session: BaseSession, progress: Pro
 
 
 def _feed(file: BinaryIO, streams: Streams, size: int, host: str, progress: Progress) -> None:
-    sent, told = file.tell(), file.tell()
+    sent, told, pace = file.tell(), file.tell(), Pace()
     while (piece := file.read(min(_PIECE, size - sent))) and sent < size:
-        send(host, streams, piece)
+        send(host, streams, piece, pace)
         sent += len(piece)
         if sent - told >= _STEP:
             told = sent
@@ -114,28 +114,4 @@ def _here(command: SendData, progress: Progress) -> Path:
             return found
         if not command.url:
             raise ValueError("no file here is known to have this hash; plan its EDF here again")
-        return datasets.keep(command.sha256, _download(command.url, command.timeout_s, progress))
-
-
-class _HttpsOnly(urllib.request.HTTPRedirectHandler):
-    def redirect_request(self, req: Any, fp: Any, code: Any, msg: Any, headers: Any, newurl: str) -> Any:  # noqa: ANN401 - as the base class has it
-        if not newurl.startswith("https://"):
-            raise urllib.error.URLError(f"it leads to {newurl[:200]}, which is not https")
-        return super().redirect_request(req, fp, code, msg, headers, newurl)
-
-
-def _download(url: str, seconds: float, progress: Progress) -> Iterator[bytes]:
-    end, got, told = time.monotonic() + seconds, 0, 0
-    opener = urllib.request.build_opener(_HttpsOnly())
-    request = urllib.request.Request(url, headers={"User-Agent": "srprov", "Accept-Encoding": "identity"})  # noqa: S310 - https, as the module has checked
-    if not url.startswith("https://"):
-        raise ValueError("it is not https")
-    with opener.open(request, timeout=_STALL_S) as response:
-        while piece := response.read(_PIECE):
-            got += len(piece)
-            if time.monotonic() > end:
-                raise OSError(f"it was not there within {seconds:g} s")
-            if got - told >= _STEP:
-                told = got
-                progress(f"downloaded {got >> 20} MiB")
-            yield piece
+        return datasets.keep(command.sha256, download(command.url, command.timeout_s, progress))

@@ -10,6 +10,7 @@ import hashlib
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+from srprov.pace import Pace
 from srprov.session import Progress
 from srprov.spool import load_script
 from srprov.transport.image_progress import Meter, mib
@@ -74,9 +75,9 @@ class _Spool:
             if have:
                 progress(f"{mib(have)} of {mib(self._archive.size)} MiB are there from an earlier try")
             meter.begin(have)
-            send(host, streams, b"go\n")
+            send(host, streams, b"go\n", pace := Pace())
             for piece in _from(self._archive.pieces(), have):
-                send(host, streams, piece)
+                send(host, streams, piece, pace)
                 meter.add(len(piece))
             progress(f"{meter.text()}, loading")
             word, _, rest = answer(host, streams, b"\n", self._timeout_s).partition(" ")

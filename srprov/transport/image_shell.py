@@ -6,9 +6,9 @@ import time
 from collections.abc import Iterator
 
 from srprov.errors import TransportError
+from srprov.pace import TOO_LITTLE, Pace
 from srprov.session import Streams
 
-_SILENCE_S = 120.0
 _END_S = 10.0
 _LONGEST_ANSWER = 1 << 20
 _LONGEST_WORDS = 2000
@@ -21,17 +21,19 @@ def answer(host: str, streams: Streams, end: bytes, seconds: float) -> str:
         TransportError: It says nothing of the kind within so many seconds, or too much.
     """
     said, complaint, until = bytearray(), bytearray(), time.monotonic() + seconds
-    while end not in said and not streams.ended:
+    at = -1
+    while at < 0 and not streams.ended:
         out, error = streams.read()
         said += out
+        at = said.find(end, max(0, len(said) - len(out) - len(end)))
         complaint += error[: _LONGEST_WORDS - len(complaint)]
         if len(said) > _LONGEST_ANSWER or time.monotonic() > until:
             why = f"within {seconds:g} s" if len(said) <= _LONGEST_ANSWER else "but noise"
             raise TransportError(host, f"it said nothing of what it gets {why}", hint="is its disk full or slow?")
         if not (out or error):
             streams.wait(0.2, writing=False)
-    if end in said:
-        return bytes(said).partition(end)[0].decode("utf-8", "replace")
+    if at >= 0:
+        return bytes(said[:at]).decode("utf-8", "replace")
     return f"no {' '.join(complaint.decode('utf-8', 'replace').split()) or streams.reason()}"
 
 
@@ -39,37 +41,38 @@ def output(host: str, streams: Streams) -> Iterator[bytes]:
     """Yield what a script prints, to its end; then the shell is closed.
 
     Raises:
-        TransportError: It stopped to print.
+        TransportError: It stopped to print, or trickles.
     """
-    last = time.monotonic()
+    pace = Pace()
     try:
         while not streams.ended:
             piece, _ = streams.read()
+            if not pace.goes_on(len(piece)):
+                raise TransportError(host, f"it gave {TOO_LITTLE}", hint="try again")
             if piece:
                 yield piece
-                last = time.monotonic()
-            elif time.monotonic() - last > _SILENCE_S:
-                raise TransportError(host, f"it gave nothing for {_SILENCE_S:g} s", hint="try again")
+                pace.resume()
             else:
                 streams.wait(0.2, writing=False)
     finally:
         streams.close()
 
 
-def send(host: str, streams: Streams, data: bytes) -> None:
-    """Send all of it to a script.
+def send(host: str, streams: Streams, data: bytes, pace: Pace) -> None:
+    """Send all of it to a script; `pace` is that of everything that it is sent.
 
     Raises:
-        TransportError: It takes no more.
+        TransportError: It takes no more, or next to nothing.
     """
-    last, piece = time.monotonic(), memoryview(data)
+    piece = memoryview(data)
+    pace.resume()
     while piece:
-        if sent := streams.write(piece):
-            piece, last = piece[sent:], time.monotonic()
-        elif streams.ended or time.monotonic() - last > _SILENCE_S:
-            why = streams.reason() if streams.ended else f"nothing went by for {_SILENCE_S:g} s"
+        sent = streams.write(piece)
+        piece = piece[sent:]
+        if not pace.goes_on(sent) or (not sent and streams.ended):
+            why = streams.reason() if streams.ended else f"it took {TOO_LITTLE}"
             raise TransportError(host, f"what is sent got no further: {why}", hint="apply again: it goes on from there")
-        else:
+        if not sent:
             streams.wait(0.2, writing=True)
 
 

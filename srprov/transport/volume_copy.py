@@ -7,11 +7,11 @@ both say the hash of one tar in a fixed order, which has all of that in it. A ta
 from __future__ import annotations
 
 import re
-import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from srprov.errors import TransportError
+from srprov.pace import Pace
 from srprov.session import Progress, Streams
 from srprov.untrusted import integer, lines_of
 from srprov.wire import CopyVolume, Reply, Run, quote
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from srprov.transport.session import BaseSession
 
 _STEP = 16 << 20
-_SILENCE_S = 120.0
 _DU_S = 600.0
 _SPARE = 64 << 20
 _ENTRY = 16 << 10
@@ -145,12 +144,13 @@ class _Pump:
         self._copy, self._source, self._target, self._progress = copy, source, target, progress
         self._said, self._complaint = bytearray(), bytearray()
         self._total = self._step = 0
-        self._last = time.monotonic()
+        self._taking = Pace()
 
     def run(self) -> str:
         """Do it; return why it failed, or nothing."""
         if not self._until(_READY):
             return self._why("it is not ready to take the data")
+        giving = Pace()
         while not self._source.ended:
             piece, error = self._source.read()
             self._complaint += error[: 4096 - len(self._complaint)]
@@ -158,10 +158,13 @@ class _Pump:
                 return "its connection was closed"
             if self._total + len(piece) > self._most:
                 return f"{self._copy.source_host} gives more than it said that it has, or than there is room for"
+            if not giving.goes_on(len(piece)):
+                return f"{self._copy.source_host} gave no more data{self._words()}"
             if piece and not self._send(memoryview(piece)):
                 return self._why("it took no more of the data")
-            if not piece and not self._patient(self._source):
-                return f"{self._copy.source_host} gave no more data{self._words()}"
+            giving.resume()
+            if not piece:
+                self._source.wait(0.2, writing=False)
         return "" if self._until(b"done\n") else self._why("it did not finish")
 
     def _send(self, piece: memoryview) -> bool:
@@ -170,20 +173,23 @@ class _Pump:
         if self._total >= self._step:
             self._progress(f"{self._copy.volume}: {self._total / (1 << 20):.0f} MiB copied")
             self._step = self._total + _STEP
+        self._taking.resume()
         while piece:
             sent = self._target.write(piece)
             piece = piece[sent:]
-            if sent:
-                self._last = time.monotonic()
-            elif not self._listen() or not self._patient(self._target, writing=True):
+            if not self._taking.goes_on(sent) or (not sent and not self._listen()):
                 return False
+            if not sent:
+                self._target.wait(0.2, writing=True)
         return True
 
     def _until(self, word: bytes) -> bool:
         """Wait until the target says a word."""
+        pace = Pace()
         while word not in self._said:
-            if not self._listen() or not self._patient(self._target):
+            if not self._listen() or not pace.goes_on(0):
                 return word in self._said
+            self._target.wait(0.2, writing=False)
         return True
 
     def _listen(self) -> bool:
@@ -192,11 +198,6 @@ class _Pump:
         self._said += out[: 4096 - len(self._said)]
         self._complaint += error[: 4096 - len(self._complaint)]
         return not self._target.ended
-
-    def _patient(self, streams: Streams, *, writing: bool = False) -> bool:
-        """Wait a moment; return whether there is still time."""
-        streams.wait(0.2, writing=writing)
-        return time.monotonic() - self._last < _SILENCE_S
 
     def _why(self, what: str) -> str:
         return f"{what}{self._words()}"

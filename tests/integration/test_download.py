@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import datetime
 import hashlib
 import http.server
 import ipaddress
 import ssl
 import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -116,3 +118,43 @@ def test_a_server_that_nobody_vouches_for_is_refused(
     with pytest.raises(OSError, match="certificate"):
         get(f"{address}/run.bag")
     assert Handler.asked == 0
+
+
+HEAD = b"HTTP/1.1 200 OK\r\nTransfer-Encoding: chunked\r\n\r\n"
+
+
+@pytest.mark.parametrize(
+    ("first", "then", "pause_s"),
+    [
+        (b"HTTP/1.1 200 OK\r\n", b"x", 0.05),
+        (b"", b"HTTP/1.1 100 Continue\r\n\r\n" * 100, 0.0),
+        (HEAD, b"1\r\nx\r\n", 0.05),
+        (HEAD + b"0\r\n", b"X: y\r\n" * 100, 0.0),
+        (HEAD, b"0000", 0.01),
+        (b"HTTP/1.1 302 Found\r\nLocation: /run.bag\r\nTransfer-Encoding: chunked\r\n\r\n", b"1\r\nx\r\n", 0.05),
+    ],
+    ids=["headers", "continue", "content", "trailers", "length of a chunk", "content of a redirection"],
+)
+def test_a_server_that_trickles_or_never_ends_is_left(
+    address: str, monkeypatch: pytest.MonkeyPatch, first: bytes, then: bytes, pause_s: float
+) -> None:
+    monkeypatch.setattr("srprov.transport.download._SILENCE_S", 0.5)
+
+    def forever(handler: Handler) -> None:
+        with contextlib.suppress(OSError):
+            handler.wfile.write(first)
+            for _ in range(10_000):
+                handler.wfile.write(then)
+                time.sleep(pause_s)
+        handler.close_connection = True
+
+    plain = Handler.do_GET
+    odd = "/odd"
+    monkeypatch.setattr(Handler, "do_GET", lambda one: forever(one) if one.path == odd else plain(one))
+    began = time.monotonic()
+    if b"302" in first:
+        assert get(f"{address}/odd").read_bytes() == CONTENT
+    else:
+        with pytest.raises(OSError, match=r"for 0\.5 s"):
+            get(f"{address}/odd")
+    assert time.monotonic() - began < 4

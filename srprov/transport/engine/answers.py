@@ -21,6 +21,10 @@ _LONGEST_LINE = 1 << 20
 _LONGEST_WORDS = 2000
 """Characters of a line of progress, or of a failure."""
 _LOG_PIECE = 64 * 1024
+_FRAME = 8
+"""Bytes of a frame's header in a log, before one byte of text at least."""
+_EMPTY = 1 << 20
+"""Bytes of frames with nothing in them that are let pass."""
 
 
 def quoted(path: str) -> str:
@@ -131,21 +135,28 @@ def demultiplexed(log: Log) -> Iterator[bytes]:
 
     The docker SDK's `logs` asks whether there is a terminal by another request, keeps a frame of any length that the
     engine claims in memory, and takes a lost connection for the end of the log.
+
+    Raises:
+        EngineGone: It sends frames with nothing in them.
     """
     data = bytearray()
     while len(data) < 8 and (piece := log.read1(_LOG_PIECE)):
         data += piece
     framed = len(data) >= 8 and data[0] <= 2 and data[1:4] == b"\0\0\0"
-    left = 0
+    left, came, given = 0, len(data), 0
     while data:
         text, left = _take(data, left) if framed else (bytes(data), 0)
         if not framed:
             data.clear()
         if text:
             yield text
+        given += len(text)
+        if came > (_FRAME + 1) * given + _EMPTY:
+            raise EngineGone("its log has more frames than text")
         if not (piece := log.read1(_LOG_PIECE)):
             return
         data += piece
+        came += len(piece)
 
 
 def _take(data: bytearray, left: int) -> tuple[bytes, int]:

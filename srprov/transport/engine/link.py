@@ -15,8 +15,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from srprov.errors import TransportError
+from srprov.pace import LEAST_RATE
 from srprov.session import Traffic
-from srprov.transport.deadline import SLOWEST, Deadline
+from srprov.transport.deadline import Deadline
 from srprov.wire import Reply
 
 if TYPE_CHECKING:
@@ -40,7 +41,7 @@ class EngineLate(EngineGone):
 
 
 class WaitInAll(float):
-    """A timeout of all waits together, which bytes give back at 64 KiB/s: the time that a reader takes is its own."""
+    """A timeout of all waits together, which bytes give back (`srprov/pace.py`); a reader's time is its own."""
 
 
 class EngineSocket:
@@ -104,7 +105,7 @@ class EngineSocket:
         if not data and (why := self._complaint()):
             raise EngineGone(why)
         if self._waits is not None:
-            self._left = min(self._waits, self._left + len(data) / SLOWEST)
+            self._left = min(self._waits, self._left + len(data) / LEAST_RATE)
         buffer[: len(data)] = data
         return len(data)
 

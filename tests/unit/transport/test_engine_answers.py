@@ -55,6 +55,23 @@ def test_a_terminal_s_log_has_no_frames() -> None:
     assert without_frames(b"") == b""
 
 
+@pytest.mark.parametrize("text", [b"", b"x"], ids=["empty", "nearly empty"])
+def test_a_log_of_empty_frames_ends(text: bytes) -> None:
+    """An engine sends none; so many that each piece has a byte of text at most are no log either."""
+
+    class Endless(io.RawIOBase):
+        def read1(self, size: int = -1) -> bytes:
+            return frame(1, text) + frame(1, b"") * 8000
+
+    with pytest.raises(EngineGone, match="more frames than text"):
+        for _ in zip(demultiplexed(Endless()), range(1000), strict=False):
+            pass
+
+
+def test_a_log_of_the_shortest_frames_is_a_log() -> None:
+    assert len(without_frames(frame(1, b"\n") * 400_000, 65_536)) == 400_000
+
+
 def test_a_frame_that_claims_more_than_there_is_holds_no_memory() -> None:
     header = b"\1\0\0\0\xff\xff\xff\xff"
     pieces = list(demultiplexed(io.BufferedReader(Pieces(header + b"x" * 200_000, 1000))))
