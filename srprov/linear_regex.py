@@ -7,6 +7,7 @@ no look-around. Pure.
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable, Sequence
 from typing import Any
 
 _MOST_BYTES = 8 << 20
@@ -39,3 +40,14 @@ def compiled(pattern: str) -> Any:  # noqa: ANN401 - google-re2 is not typed; it
     except re2.error as error:
         said = error.args[0].decode("utf-8", "replace") if isinstance(error.args[0], bytes) else str(error)
         raise ValueError(f"'{pattern[:60]}' is no regular expression of RE2: {said}") from None
+
+
+def any_of(patterns: Sequence[str]) -> Callable[[bytes], object] | None:
+    """Return a search that finds something where any of these patterns does; None where each must be tried itself."""
+    if any("\\Q" in one for one in patterns):  # it may quote the parenthesis that ends its pattern here
+        return None
+    try:
+        search: Callable[[bytes], object] = compiled("|".join(f"(?:{one})" for one in patterns)).search
+    except ValueError:  # all together are too large
+        return None
+    return search

@@ -19,17 +19,16 @@ from typing import Any
 
 from srprov import private, regular_file
 from srprov.controller.trial_plan import TrialPlan
-from srprov.definitions.trialsmodel import Metric, Result
+from srprov.definitions.trialsmodel import Conditions, Metric, Result
 from srprov.execution.collect import CollectFailed, Offer, Place, fetch, offers, place_of
 from srprov.execution.trial_robots import TrialRobots
-from srprov.linear_regex import compiled
-from srprov.record.results import Kept, is_safe_name, log_lines, unpack, write_log
+from srprov.record.results import Kept, LogTooLong, is_safe_name, log_lines, unpack, write_log
 from srprov.secret import redacted
 from srprov.session import Session
 from srprov.transport.tar_stream import TarError
 from srprov.trials.judge import Match
-from srprov.trials.metrics import LONGEST_LINE, from_json, from_log
 from srprov.trials.metrics import MOST_BYTES as MOST_JSON
+from srprov.trials.metrics import from_json, scan
 from srprov.trials.reading import engine_time
 
 _MARGIN = 64 << 20
@@ -80,7 +79,10 @@ def gather_files(plan: TrialPlan, inspected: Mapping[str, Any], robots: TrialRob
 
 
 def _bring_log(name: str, path: Path, session: Session) -> None:
-    write_log(session.container_log(name, tail=-1, follow=False, times=True), path)
+    try:
+        write_log(session.container_log(name, tail=-1, follow=False, times=True), path)
+    except LogTooLong as error:
+        raise CollectFailed(f"{session.host}: {name}: {error}; print less") from error
 
 
 def _results(
@@ -149,20 +151,21 @@ def _summed(
     """Take metrics and matches from what is here, and list it with its hashes."""
     every = [one for some in kept.values() for one in some]
     settings = plan.given.settings
-    metrics: dict[str, float] = {}
-    for metric in plan.given.metrics:
-        if (value := _metric(metric, logs, folder)) is not None:
-            metrics[metric.name] = value
+    ends, judges = (_patterns(conditions) for conditions in (settings.until, settings.success))
+    metrics = {
+        one.name: value for one in plan.given.metrics if one.file and (value := _from_file(one, folder)) is not None
+    }
     matched: set[Match] = set()
     moments: dict[str, float] = {}
-    for conditions, ends in ((settings.until, True), (settings.success, False)):
-        for one in conditions.items if conditions else ():
-            for service in one.services if one.pattern else ():
-                moment = _first(logs[service], one.pattern) if service in logs else 0.0
-                if moment:
-                    matched.add((service, one.pattern))
-                    if ends:
-                        moments[service] = min(moments.get(service, moment), moment)
+    for service, path in logs.items():
+        wanted = [pattern for name, pattern in (*ends, *judges) if name == service]
+        of_log = [one for one in plan.given.metrics if one.pattern and one.service == service]
+        found = scan(log_lines(path), of_log, wanted)
+        metrics |= found.values
+        matched |= {(service, pattern) for pattern in found.first}
+        times = [engine_time(when) for pattern, when in found.first.items() if (service, pattern) in ends]
+        if known := [one for one in times if one]:
+            moments[service] = min(known)
     listing = {name: [_listed(one) for one in some] for name, some in kept.items()}
     document = redacted({"results": listing, "missing": missing})
     private.replace_file(folder / "collected.json", json.dumps(document, indent=2) + "\n")
@@ -181,11 +184,13 @@ def _listed(one: Kept) -> dict[str, object]:
     return {key: value for key, value in about.items() if value not in ("", 0) or key == "path"}
 
 
-def _metric(metric: Metric, logs: Mapping[str, Path], folder: Path) -> float | None:
-    if metric.pattern:
-        return (
-            from_log((text for _, text in log_lines(logs[metric.service])), metric) if metric.service in logs else None
-        )
+def _patterns(conditions: Conditions | None) -> list[Match]:
+    """Return what these conditions look for in which services' logs."""
+    items = conditions.items if conditions else ()
+    return [(service, one.pattern) for one in items if one.pattern for service in one.services]
+
+
+def _from_file(metric: Metric, folder: Path) -> float | None:
     if not is_safe_name(metric.file):
         return None
     try:
@@ -195,9 +200,3 @@ def _metric(metric: Metric, logs: Mapping[str, Path], folder: Path) -> float | N
     except OSError:  # it is not there, or too large: there is no number
         return None
     return from_json(text, metric.pointer)
-
-
-def _first(log: Path, pattern: str) -> float:
-    """Return when a log first matched, by its robot's clock; 0: never."""
-    search = compiled(pattern).search
-    return next((engine_time(when) for when, text in log_lines(log) if search(text[:LONGEST_LINE])), 0.0)

@@ -6,6 +6,7 @@ one name twice, links to any place. A stranger's tree is held to what a plain fo
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
@@ -16,6 +17,11 @@ MOST_FILES = 20_000
 _MOST_LINKS = 40
 """That one path may lead over."""
 _LONGEST_PATH = 1000
+_CONTROL = re.compile(r"[\x00-\x1f\x7f]")
+_LONGEST_TARGET = 4095
+"""Bytes of where a link leads, as Linux has it."""
+_MOST_STEPS = 1_000_000
+"""That all links of a tree may lead over together."""
 _LISTED = re.compile(rb"([0-7]{6}) [a-z]+ ([0-9a-f]{40}|[0-9a-f]{64}) +([0-9]{1,15}|-)\t(.*)", re.DOTALL)
 """What `git ls-tree -l` prints for an entry: mode, object, size, name."""
 _FILE, _PROGRAM, _OLD_FILE, _LINK, _SUBMODULE = "100644", "100755", "100664", "120000", "160000"
@@ -92,24 +98,23 @@ def _checked(name: bytes) -> str:
         path = name.decode("utf-8")
     except UnicodeDecodeError:
         raise GitError(f"it holds {name[:100]!r}, a name that is not UTF-8") from None
-    parts = path.split("/")
-    strange = any(part in ("", ".", "..") or part.lower() == ".git" for part in parts)
-    if strange or len(path) > _LONGEST_PATH or any(ord(character) < 32 or character == "\x7f" for character in path):
+    low = f"/{path.lower()}/"
+    strange = any(part in low for part in ("//", "/./", "/../", "/.git/"))
+    if strange or len(path) > _LONGEST_PATH or _CONTROL.search(path):
         raise GitError(f"it holds {path[:100]!r}, which no folder can have")
     return path
 
 
 def _check_folders(paths: Collection[str]) -> None:
     """Refuse what stands twice, and what lies below a file or a link."""
-    known = set(paths)
-    if len(known) != len(paths):
+    if len(set(paths)) != len(paths):
         raise GitError("it holds a name twice")
-    for path in paths:
-        above = path.rpartition("/")[0]
-        while above:
-            if above in known:
-                raise GitError(f"it holds {path} below {above}, which is no folder")
-            above = above.rpartition("/")[0]
+    # NUL sorts before all that a name may hold, so what lies below a file comes right after it
+    sorted_paths = sorted(path.replace("/", "\0") for path in paths)
+    for above, path in itertools.pairwise(sorted_paths):
+        if path.startswith(f"{above}\0"):
+            shown, folder = (one.replace("\0", "/") for one in (path, above))
+            raise GitError(f"it holds {shown} below {folder}, which is no folder")
 
 
 def check_links(links: Mapping[str, bytes]) -> None:
@@ -121,30 +126,60 @@ def check_links(links: Mapping[str, bytes]) -> None:
     Raises:
         GitError: Names the first.
     """
-    targets = {path: content.decode("utf-8", "surrogateescape") for path, content in links.items()}
-    for path in sorted(targets):
-        if "\0" in targets[path] or not _stays(path, targets):
+    if path := next((path for path, content in sorted(links.items()) if not 0 < len(content) <= _LONGEST_TARGET), ""):
+        raise GitError(f"the link {path} leads out of the repository: no folder can have it")
+    root, steps = _Place(), _MOST_STEPS
+    for path, content in links.items():
+        root.below(path).target = content.decode("utf-8", "surrogateescape")
+    for path in sorted(links):
+        taken = _stays(path, root, steps)
+        if taken is None:
             raise GitError(f"the link {path} leads out of the repository")
+        steps -= taken
+        if steps <= 0:
+            raise GitError(f"its links lead over more than {_MOST_STEPS} folders")
 
 
-def _stays(path: str, targets: Mapping[str, str]) -> bool:
-    """Walk a path as the kernel does; return whether it stays within the tree all the way."""
-    ahead, behind, followed = path.split("/")[::-1], [], 0  # type: list[str], list[str], int
-    while ahead:
+class _Place:
+    """A name in a tree that a link has, or that is above one."""
+
+    __slots__ = ("places", "target")
+
+    def __init__(self) -> None:
+        self.places: dict[str, _Place] = {}
+        self.target = ""
+
+    def below(self, path: str) -> _Place:
+        """Return the place of a path, which is made."""
+        here = self
+        for part in path.split("/"):
+            here = here.places.setdefault(part, _Place())
+        return here
+
+
+def _stays(path: str, root: _Place, most: int) -> int | None:
+    """Walk a path as the kernel does, at most so many steps; return how many, or None where it leaves the tree."""
+    ahead, behind = path.split("/")[::-1], [root]  # type: list[str], list[_Place]
+    followed = steps = 0
+    while ahead and steps < most:
         part = ahead.pop()
+        steps += 1
         if part in ("", "."):
             continue
         if part == "..":
-            if not behind:
-                return False
+            if len(behind) == 1:
+                return None
             behind.pop()
             continue
-        behind.append(part)
-        target = targets.get("/".join(behind))
-        if target is not None:
+        here = behind[-1].places.get(part, _NOWHERE)
+        if here.target:
             followed += 1
-            if target.startswith("/") or not target or followed > _MOST_LINKS:
-                return False
-            behind.pop()
-            ahead += target.split("/")[::-1]
-    return True
+            if here.target.startswith("/") or "\0" in here.target or followed > _MOST_LINKS:
+                return None
+            ahead += here.target.split("/")[::-1]
+        else:
+            behind.append(here)
+    return steps
+
+
+_NOWHERE = _Place()

@@ -16,10 +16,14 @@ from srprov import private
 from srprov.secret import redact_lines
 from srprov.transport.tar_stream import TarStream
 
+MOST_LOG = 1 << 30
+"""Bytes of a container's log that come home, with the engine's times."""
 _PIECE = 1 << 20
 _MOST_FILES = 1_000_000
 _UNSAFE = frozenset('%\\:*?"<>|')
 """What some file system has no name with; `%` begins what stands for another character."""
+_DEEPEST = 100
+"""Folders above a file; what lies deeper is listed, and stays where it is."""
 _LONGEST_NAME = 200
 """Bytes; file systems take 255, and `.part` and a number may be added."""
 
@@ -38,17 +42,27 @@ class Kept:
     """Why it was not made, or what else is to be said of it."""
 
 
+class LogTooLong(Exception):
+    """A log has more than is brought home of one; what is here is its beginning."""
+
+
 def write_log(lines: Iterator[str], path: Path) -> None:
     """Write a log, anew if it was begun before; secrets are taken out of it.
 
     Raises:
+        LogTooLong: It has more than `MOST_LOG` bytes.
         OSError: It cannot be written.
     """
     private.make_folder(path.parent)
     path.unlink(missing_ok=True)
+    left = MOST_LOG
     with private.open_new(path) as stream:
         for line in redact_lines(lines):
-            stream.write(line.encode("utf-8", "replace") + b"\n")
+            data = line.encode("utf-8", "replace") + b"\n"
+            left -= len(data)
+            if left < 0:
+                raise LogTooLong(f"its log has more than {MOST_LOG >> 20} MiB")
+            stream.write(data)
 
 
 def log_lines(path: Path) -> Iterator[tuple[str, str]]:
@@ -66,13 +80,16 @@ def unpack(path: Path, folder: Path) -> Iterator[Kept]:
         TarError: It is no tar of plain files, folders and links.
         OSError: Something cannot be written.
     """
-    taken: dict[str, str] = {}
+    names = _Folder()
     with path.open("rb") as tar:
         archive = TarStream(iter(lambda: tar.read(_PIECE), b""), most_members=_MOST_FILES, any_kind=True)
         for member in archive:
             name = member.name.removeprefix("./").rstrip("/") or "."
-            if member.isreg():
-                place = _name(name, taken)
+            parts = [part for part in name.split("/") if part not in ("", ".")] or ["_"]
+            if member.isreg() and len(parts) > _DEEPEST:
+                yield Kept(path=name, size=member.size, note=f"it lies deeper than {_DEEPEST} folders")
+            elif member.isreg():
+                place = names.name(parts)
                 digest = _write(archive.content(), folder / place)
                 yield Kept(path=name, name=place, size=member.size, sha256=digest, note=_note(name, place))
             elif not member.isdir():
@@ -89,20 +106,37 @@ def _note(path: str, name: str) -> str:
     return "" if path == name else "its name was changed: here it would be another"
 
 
-def _name(path: str, taken: dict[str, str]) -> str:
-    """Return where a file is put: each part of its path made harmless, and no two the same even where case is not."""
-    parts = [_part(part) for part in path.split("/") if part not in ("", ".")]
-    name, number = "/".join(parts) or "_", 1
-    while taken.setdefault(name.casefold(), path) != path or _blocked(name, taken):
-        number += 1
-        name = "/".join([*parts[:-1], f"{parts[-1] if parts else '_'}%{number}"])
-    return name
+class _Folder:
+    """The names in a folder that is made here: each is harmless, and no two are the same even where case is not."""
 
+    __slots__ = ("_folders", "_last", "_names", "_used")
 
-def _blocked(name: str, taken: dict[str, str]) -> bool:
-    """Return whether a file is where a folder of this path would have to be."""
-    parts = name.casefold().split("/")
-    return any("/".join(parts[:count]) in taken for count in range(1, len(parts)))
+    def __init__(self) -> None:
+        self._folders: dict[str, _Folder] = {}
+        self._names: dict[str, str] = {}
+        self._used: set[str] = set()
+        self._last: dict[str, int] = {}
+        """Name without case -> the last number that was given for it."""
+
+    def name(self, parts: list[str]) -> str:
+        """Return where a file is put: each part of its path under a name of its own."""
+        folder, names = self, []
+        for part in parts:
+            names.append(folder._own(part))
+            folder = folder._folders.setdefault(part, _Folder())
+        return "/".join(names)
+
+    def _own(self, part: str) -> str:
+        if part not in self._names:
+            name = safe = _part(part)
+            number = self._last.get(safe.casefold(), 1)
+            while name.casefold() in self._used:
+                number += 1
+                name = f"{safe}%{number}"
+            self._last[safe.casefold()] = number
+            self._used.add(name.casefold())
+            self._names[part] = name
+        return self._names[part]
 
 
 def _part(part: str) -> str:

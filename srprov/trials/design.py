@@ -16,7 +16,7 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
 from srprov.definitions.trialsmodel import Parameter, TrialDefinitions, TrialSettings
@@ -96,9 +96,34 @@ def _count(given: TrialDefinitions) -> int:
 def _points(given: TrialDefinitions) -> tuple[Point, ...]:
     settings, parameters = given.settings, given.parameters
     combined = [dict(zip((one.name for one in parameters), some, strict=True)) for some in _combined(given)]
-    kept = [values for values in combined if not any(some.items() <= values.items() for some in settings.exclude)]
+    excluded = _excluded(given)
+    kept = [values for values in combined if not excluded(values)]
     every = {json.dumps(values, sort_keys=True): values for values in (*kept, *map(dict, settings.include))}
     return tuple(Point(id=point_id(values), values=values) for values in every.values())
+
+
+def _excluded(given: TrialDefinitions) -> Callable[[Mapping[str, str]], bool]:
+    """Return what tells whether a point has all values of some entry of `exclude`, in one step for each parameter.
+
+    An entry is a bit; a parameter's value has the bits of all entries that it does not speak against.
+    """
+    names = {one.name for one in given.parameters}
+    entries = [one for one in given.settings.exclude if one.keys() <= names]
+    every = (1 << len(entries)) - 1
+    others = dict.fromkeys(names, every)
+    agree: dict[tuple[str, str], int] = {}
+    for index, entry in enumerate(entries):
+        for name, value in entry.items():
+            others[name] &= ~(1 << index)
+            agree[name, value] = agree.get((name, value), 0) | 1 << index
+
+    def excluded(values: Mapping[str, str]) -> bool:
+        left = every
+        for name, value in values.items():
+            left &= others[name] | agree.get((name, value), 0)
+        return bool(left)
+
+    return excluded
 
 
 def _combined(given: TrialDefinitions) -> Iterable[tuple[str, ...]]:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
 
 from srprov.definitions.trialsmodel import Metric
-from srprov.linear_regex import compiled
+from srprov.linear_regex import any_of, compiled
 from srprov.untrusted import json_or_none
 
 MOST_BYTES = 8 << 20
@@ -36,29 +38,97 @@ def from_json(text: str, pointer: str) -> float | None:
         return None
 
 
-def matches(lines: Iterable[str], pattern: str) -> bool:
-    """Return whether some line matches."""
-    search = compiled(pattern).search
-    return any(search(line[:LONGEST_LINE]) for line in lines)
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Scanned:
+    """What one pass over a log gave."""
+
+    values: Mapping[str, float]
+    """Metric -> its number; one without any is left out."""
+    first: Mapping[str, str]
+    """Pattern -> the engine's time of the first line that matched, as it stands there."""
 
 
-def from_log(lines: Iterable[str], metric: Metric) -> float | None:
-    """Return the number that a log's matching lines give together; None without any, but for `count`."""
-    search = compiled(metric.pattern).search
-    found = [match for line in lines if (match := search(line[:LONGEST_LINE]))]
-    if metric.reduce == "count":
-        return float(len(found))
-    numbers = [value for match in found if (value := _number(match.group(1) or "")) is not None]
-    if not numbers:
-        return None
-    if metric.reduce == "first":
-        return numbers[0]
-    if metric.reduce == "last":
-        return numbers[-1]
-    total = math.fsum(numbers)
-    return _finite(
-        {"sum": total, "min": min(numbers), "max": max(numbers), "mean": total / len(numbers)}[metric.reduce]
-    )
+def scan(lines: Iterable[tuple[str, str]], metrics: Iterable[Metric], patterns: Iterable[str] = ()) -> Scanned:
+    """Read a log once, for all that is wanted of it; in memory is a line at a time.
+
+    Args:
+        lines: The engine's time and the text of each.
+        metrics: Those of this log.
+        patterns: Others that are looked for.
+    """
+    numbers = [(compiled(one.pattern).search, one, _Reduced(one.reduce)) for one in metrics]
+    wanted = [(compiled(pattern).search, pattern) for pattern in dict.fromkeys(patterns)]
+    if not numbers and not wanted:
+        return Scanned(values={}, first={})
+    some = any_of([*(one.pattern for _, one, _ in numbers), *(pattern for _, pattern in wanted)])
+    first: dict[str, str] = {}
+    for when, text in lines:
+        line = text[:LONGEST_LINE].encode("utf-8", "replace")
+        if some is not None and not some(line):  # most lines match nothing, which is one search
+            continue
+        for search, _, reduced in numbers:
+            if match := search(line):
+                reduced.add(match)
+        for search, pattern in wanted:
+            if pattern not in first and search(line):
+                first[pattern] = when
+    values = {one.name: value for _, one, reduced in numbers if (value := reduced.value()) is not None}
+    return Scanned(values=values, first=first)
+
+
+_KEPT: Mapping[str, Callable[[float, float], float]] = {
+    "first": lambda old, _new: old,
+    "last": lambda _old, new: new,
+    "min": min,
+    "max": max,
+}
+
+
+class _Reduced:
+    """One number of many, in memory that does not grow with them."""
+
+    def __init__(self, reduce: str) -> None:
+        self._reduce, self._count = reduce, 0
+        self._kept: float | None = None
+        self._parts: list[float] = []
+
+    def add(self, match: Any) -> None:  # noqa: ANN401 - google-re2 is not typed
+        """Take a match; one without a number counts only where matches are counted."""
+        if self._reduce == "count":
+            self._count += 1
+        elif (value := _number((match.group(1) or b"").decode("utf-8", "replace"))) is not None:
+            self._count += 1
+            if self._reduce in _KEPT:
+                self._kept = value if self._kept is None else _KEPT[self._reduce](self._kept, value)
+            else:
+                _add_exactly(self._parts, value)
+
+    def value(self) -> float | None:
+        """Return the number; None without any, but for `count`."""
+        if self._reduce == "count":
+            return float(self._count)
+        if self._reduce in _KEPT or not self._count:
+            return self._kept
+        try:
+            total = math.fsum(self._parts)
+        except (OverflowError, ValueError):
+            return None
+        return _finite(total / self._count if self._reduce == "mean" else total)
+
+
+def _add_exactly(parts: list[float], value: float) -> None:
+    """Add a number to a sum that is kept as parts whose bits do not overlap, of which there are few.
+
+    Source: J. R. Shewchuk, "Adaptive Precision Floating-Point Arithmetic", 1997; it is what `math.fsum` does.
+    """
+    kept = 0
+    for part in parts:
+        large, small = (value, part) if abs(value) >= abs(part) else (part, value)
+        value = large + small
+        if rest := small - (value - large):
+            parts[kept] = rest
+            kept += 1
+    parts[kept:] = [value]
 
 
 def _number(text: str) -> float | None:

@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from srprov.definitions.trialsmodel import Parameter, TrialDefinitions, TrialSettings
 from srprov.errors import UsageError
 from srprov.trials import Design, design
+from tests.bounded import bounded
 
 PLANNERS, SPEEDS = Parameter(name="PLANNER", values=("dwb", "mppi")), Parameter(name="SPEED", values=("0.5", "1.0"))
 RANDOM = TrialSettings(repetitions=3, order="random", seed=2026)
@@ -110,3 +111,25 @@ def test_too_many_trials_are_refused_before_they_are_made() -> None:
 def test_no_trial_at_all_is_refused() -> None:
     with pytest.raises(UsageError, match="takes all points away"):
         make(PLANNERS, settings=TrialSettings(exclude=({"PLANNER": "dwb"}, {"PLANNER": "mppi"})))
+
+
+CHOICES = st.dictionaries(st.sampled_from(["PLANNER", "SPEED"]), st.sampled_from(["dwb", "mppi", "0.5", "1.0", "x"]))
+
+
+@given(st.lists(CHOICES, max_size=6))
+def test_what_an_entry_of_exclude_is_part_of_is_left_out(exclude: list[dict[str, str]]) -> None:
+    every = [{"PLANNER": planner, "SPEED": speed} for planner in PLANNERS.values for speed in SPEEDS.values]
+    left = [tuple(one.values()) for one in every if not any(some.items() <= one.items() for some in exclude)]
+    settings = TrialSettings(exclude=tuple(exclude))
+    if left:
+        assert values(make(PLANNERS, SPEEDS, settings=settings)) == left
+    else:
+        with pytest.raises(UsageError, match="takes all points away"):
+            make(PLANNERS, SPEEDS, settings=settings)
+
+
+def test_many_entries_of_exclude_are_no_work() -> None:
+    parameters = [Parameter(name=f"P{n}", values=tuple(map(str, range(10)))) for n in range(4)]
+    exclude = tuple({"P0": str(n % 9), "P1": str(n % 7), f"P{2 + n % 2}": str(n % 8)} for n in range(1000))
+    made = bounded(lambda: make(*parameters, settings=TrialSettings(exclude=exclude)))
+    assert 0 < len(made.points) < 10_000

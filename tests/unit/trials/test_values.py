@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from srprov.definitions.trialsmodel import Metric, Parameter, TrialDefinitions
+from srprov.linear_regex import compiled
 from srprov.trials import Trial, design
 from srprov.trials.clock import Offset, Sample, offset, stepped
 from srprov.trials.judge import End
-from srprov.trials.metrics import from_json, from_log
+from srprov.trials.metrics import Scanned, from_json, scan
 from srprov.trials.reading import Reading, engine_time, read
 from srprov.trials.row import Seen, row
 from srprov.trials.table import columns, csv_text
+from tests.bounded import bounded
 
 INSPECTED = {
     "Image": "sha256:1",
@@ -99,6 +102,10 @@ def test_a_metric_of_a_json_file(text: str, pointer: str, expected: float | None
     assert from_json(text, pointer) == expected
 
 
+def from_log(lines: list[str], metric: Metric) -> float | None:
+    return scan([("", line) for line in lines], [metric]).values.get(metric.name)
+
+
 LINES = ["GOAL 3", "x", "GOAL 1.5", "GOAL nan", "GOAL 2e0 ok"]
 
 
@@ -113,6 +120,49 @@ def test_a_metric_of_a_log(reduce: str, expected: float) -> None:
 def test_a_log_without_a_match_gives_no_number_but_counts_as_none() -> None:
     assert from_log(["x"], Metric(name="m", service="a", pattern="(y)")) is None
     assert from_log(["x"], Metric(name="m", service="a", pattern="y", reduce="count")) == 0.0
+
+
+def test_numbers_that_are_too_large_together_are_none() -> None:
+    """An error of arithmetic is no reason to end a run."""
+    for reduce in ("sum", "mean"):
+        for lines in (["GOAL 1e308"] * 3, ["GOAL 1e308", "GOAL 1e308", "GOAL -1e308", "GOAL -1e308"]):
+            metric = Metric(name="m", service="a", pattern=r"^GOAL (\S+)", reduce=reduce)
+            assert from_log(lines, metric) in (None, 0.0)
+
+
+@given(st.lists(st.floats(-1e30, 1e30), min_size=1, max_size=40))
+def test_a_sum_is_exact_whatever_its_order(numbers: list[float]) -> None:
+    metric = Metric(name="m", service="a", pattern=r"^GOAL (\S+)", reduce="sum")
+    assert from_log([f"GOAL {one!r}" for one in numbers], metric) == math.fsum(numbers)
+
+
+PATTERNS = ["^GOAL (\\S+)", "(?i)goal ([0-9]+)", r"x$", r"\Qa(b", "(never)", "ä+"]
+
+
+@given(st.lists(st.sampled_from(["GOAL 3", "goal 4 x", "ax", "a(b", "", "GOAL nan", "ää", "x goal 7"]), max_size=12))
+def test_one_pass_finds_what_a_pass_for_each_finds(lines: list[str]) -> None:
+    log = [(str(number), line) for number, line in enumerate(lines)]
+    metrics = [
+        Metric(name=f"{reduce}{index}", service="a", pattern=pattern, reduce=reduce)
+        for index, pattern in enumerate(PATTERNS[:2])
+        for reduce in ("first", "last", "min", "max", "mean", "count")
+    ]
+    found = scan(log, metrics, PATTERNS)
+    values: dict[str, float] = {}
+    for one in metrics:
+        values |= scan(log, [one]).values
+    first = {
+        pattern: when
+        for pattern in PATTERNS
+        if (when := next((when for when, line in log if compiled(pattern).search(line)), None)) is not None
+    }
+    assert found == Scanned(values=values, first=first)
+
+
+def test_a_long_log_is_read_once_for_all_its_metrics() -> None:
+    metrics = [Metric(name=f"m{n}", service="a", pattern=f"^GOAL{n} ([0-9]+)", reduce="sum") for n in range(20)]
+    log = (("", "INFO nothing of interest here" if line % 1000 else f"GOAL7 {line}") for line in range(1, 100_001))
+    assert bounded(lambda: scan(log, metrics).values) == {"m7": sum(range(1000, 100_001, 1000))}
 
 
 GIVEN = TrialDefinitions(
