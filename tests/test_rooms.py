@@ -138,6 +138,7 @@ FILES: Mapping[str, Room] = {
     "cli/apply.py": cli_file("planning execution"),
     "cli/assign.py": cli_file("assignment facts"),
     "cli/assign_plot.py": cli_file("assignment", "matplotlib numpy"),
+    "cli/build.py": cli_file("planning execution"),
     "cli/doctor.py": cli_file("facts"),
     "cli/execute.py": cli_file("planning execution"),
     "cli/destroy.py": cli_file("execution facts.model"),

@@ -27,6 +27,7 @@ _VERBS = {
     "doctor": "Check that each robot has what srprov needs, and say how to get it.",
     "assign": "Show which robot would run which service, and why.",
     "lock": "Write down what tags and branches are now, for plan and apply.",
+    "build": "Bring images to the robots ahead of apply, or show their Dockerfiles.",
     "plan": "Show what would change; changes nothing.",
     "apply": "Change the robots so that the experiment runs on them.",
     "run": "Run the experiment's trials, and bring home what they give.",

@@ -57,17 +57,22 @@ def _pulse(_context: click.Context, _option: click.Parameter, text: str) -> Puls
         raise click.BadParameter(f"{text!r}: {error}; three numbers are wanted, e.g. 1,4,6") from None
 
 
-def locking(function: _F) -> _F:
-    """Add the options of every verb that changes robots."""
+def waiting(function: _F) -> _F:
+    """Add the options of every verb that locks robots."""
     wait = click.option("--lock-wait", type=Seconds(min=0), default=0.0, show_default=True, metavar="S",
                         help="Seconds to wait for robots that somebody else is changing.")  # fmt: skip
     heartbeat = click.option(
         "--heartbeat", "pulse", envvar="SRPROV_HEARTBEAT", default="", callback=_pulse, hidden=True
     )
+    return wait(heartbeat(function))
+
+
+def locking(function: _F) -> _F:
+    """Add the options of every verb that stops services."""
     stop = click.option("--stop-timeout", type=click.FloatRange(min=0, max=86_400), default=60.0, show_default=True,
                         metavar="S", help="Kill a service that has not stopped after so many seconds, "
                         "even if its own stop_grace_period is longer.")  # fmt: skip
-    return wait(stop(heartbeat(function)))
+    return waiting(stop(function))
 
 
 def _ask_become(context: click.Context, _option: click.Parameter, wanted: bool) -> None:

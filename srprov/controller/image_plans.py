@@ -5,13 +5,14 @@ Takes containers and the placement. Imports what builds, fetches and looks up on
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.model import Definitions, Experiment
 from srprov.facts.model import Snapshot
 from srprov.image_reference import parse_reference
+from srprov.resource import Observed, Resource
 
 if TYPE_CHECKING:
     from srprov.controller.digests import AskEach
@@ -56,6 +57,20 @@ def with_fresh(
     from srprov.controller import pull_policy
 
     return pull_policy.with_fresh(definitions, experiment, placed, reachable, ask)
+
+
+def images_alone(resources: Iterable[Resource]) -> tuple[Resource, ...]:
+    """Return the images among resources that need nothing but each other; what else a playbook wants is left out."""
+    images = {one.id: one for one in resources if one.module == "image"}
+    while short := [key for key, one in images.items() if any(need.id not in images for need in one.needs)]:
+        for key in short:
+            del images[key]
+    return tuple(images.values())
+
+
+def images_there(snapshot: Snapshot) -> dict[str, tuple[Observed, ...]]:
+    """Return the images of each robot."""
+    return {host: tuple(one for one in items if one.module == "image") for host, items in snapshot.observed.items()}
 
 
 def plan_images(containers: Mapping[str, ContainerDefinition]) -> tuple[dict[str, ImagePlan], dict[str, str]]:

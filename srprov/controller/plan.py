@@ -20,7 +20,7 @@ from srprov.controller.context import contexts
 from srprov.controller.copies import copies
 from srprov.controller.data_plan import plan_data
 from srprov.controller.image_layers import with_layers
-from srprov.controller.image_plans import moved_tags, plan_images, with_fresh
+from srprov.controller.image_plans import images_alone, images_there, moved_tags, plan_images, with_fresh
 from srprov.controller.labpolicy import enforce, with_limits
 from srprov.controller.owners import Owner
 from srprov.controller.ownership import check_source, owned, trusting
@@ -166,6 +166,7 @@ def _inputs(
         data=plan_data(experiment, placed.placed, choice.data, snapshot, request),
         copy_way=request.copy,
         known_images=known_images() if images else {},
+        images_only=request.images_only,
     )
     check_never(inputs)
     return inputs
@@ -175,7 +176,8 @@ def _desired(inputs: RenderInputs, theirs: Sequence[Playbook], vault: Vault) -> 
     """Return what should be true on all robots; only after rendering a secret gets its value."""
     per_robot, blobs = contexts(inputs)
     rendered = rendering.render_all(playbooks(), theirs, per_robot, modules=MODULES, blobs=blobs)
-    return tuple(with_value(resource, vault) for resource in rendered)
+    wanted = images_alone(rendered) if inputs.images_only else rendered
+    return tuple(with_value(resource, vault) for resource in wanted)
 
 
 def _compared(
@@ -183,6 +185,9 @@ def _compared(
 ) -> tuple[Snapshot, tuple[Resource, ...], tuple[Step, ...], int]:
     """Return the robots as seen last, what should be true there, the steps to it, and how much is right already."""
     desired = _desired(inputs, theirs, vault)
+    if inputs.images_only:
+        steps, unchanged = diff(desired, images_there(inputs.snapshot), inputs.instance)
+        return inputs.snapshot, desired, steps, unchanged
     snapshot = look.probe(inputs.snapshot, desired)
     steps, unchanged = diff(desired, owned(snapshot, inputs.instance), inputs.instance)
     told = with_log_drivers(steps, snapshot, look)

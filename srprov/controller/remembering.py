@@ -29,7 +29,7 @@ def begin(planned: Planned) -> str:
 def end(planned: Planned, result: RunResult, verb: str) -> str:
     """Remember what robots have after a run that did all that it should; after any other, `begin` still holds."""
     instance, given = planned.plan.instance, dict(_given(planned))
-    if result.exit_code:
+    if result.exit_code or verb == "build":  # it places nothing
         return ""
     before = recall(instance)
     away = before.robots & result.unreachable.keys()  # what was given to them, they still have

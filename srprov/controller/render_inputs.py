@@ -38,3 +38,5 @@ class RenderInputs:
     """(robot, image) -> `way` and `missing` of a copy, where that is known."""
     known_images: Mapping[str, Collection[str]] = field(default_factory=dict)
     """Content tag -> ids of images that this machine had built; a robot's own word for a tag is not enough."""
+    images_only: bool = False
+    """Nothing but images is wanted on robots."""

@@ -43,5 +43,7 @@ class PlanRequest:
     """Kinds of permission that the user gave."""
     policies: tuple[LabPolicy, ...] = ()
     """The machine's and the user's own: what is allowed at all."""
+    images_only: bool = False
+    """Plan the images, and nothing that runs them."""
     search_limit_s: float | None = SEARCH_LIMIT_S
     """Of each search for a placement; None: no limit."""

@@ -174,3 +174,19 @@ def test_a_served_layer_with_one_wrong_byte_is_refused_by_the_engine(job: Job, t
         assert names(lab, "robot4") == before
     finally:
         session.close()
+
+
+def test_images_that_are_built_ahead_are_all_that_comes_and_all_that_apply_needs(job: Job) -> None:
+    """One robot builds, another gets a copy; no container is made, and the next plan has no image."""
+    job.change(b"ahead")
+    words = (job.on("robot1", "robot3"), "-i", job.inventory, "--reassign")
+    before = {robot: set(job.lab.shell(robot, "docker", "ps", "-aq").out.split()) for robot in ("robot1", "robot3")}
+    built = job.lab.srprov("build", *words, "--yes", "--json", env=job.env)
+    assert built.code == 0 and built.json["changed"] == 2, built
+    (name,) = {one["id"].partition("image:")[2] for one in built.json["steps"]}
+    ids = {job.lab.shell(robot, "docker", "image", "inspect", "-f", "{{.Id}}", name).out for robot in before}
+    after = {robot: set(job.lab.shell(robot, "docker", "ps", "-aq").out.split()) for robot in before}
+    assert len(ids) == 1 and after == before
+    assert job.causes("robot1", "robot3") == {}
+    shown = job.lab.srprov("build", "--show", words[0], env=job.env)
+    assert f"# image: {name}\n" in shown.out and "FROM base:1\n" in shown.out, shown
