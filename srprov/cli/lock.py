@@ -1,4 +1,4 @@
-"""`srprov lock`: write down what tags and branches are now."""
+"""`srprov lock`: write down what tags and branches are now, and what builds ended with."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from srprov.errors import UsageError
 
 @click.command()
 @click.argument("file", metavar="FILE")
-@options.quietly_robots
+@options.robots_without_json
 @options.ALLOW
 @click.option(
     "--update", multiple=True, metavar="NAME",
@@ -27,9 +27,10 @@ def lock(
     """Write the lock of an EDF: the digest of every image, the commit of every branch, the hash of every file.
 
     What stands in the lock already stays, unless --update names it. `plan` and `apply` use the lock; --locked makes
-    them refuse one that is out of date. Registries are asked through robots' engines; nothing is changed there.
+    them refuse one that is out of date. Registries are asked through robots' engines. Of each image that was built
+    from here and is on a robot, the packages of apt, pip and npm are recorded: a container without network lists them.
     """
-    from srprov.controller import digests, locking
+    from srprov.controller import digests, locking, package_records
     from srprov.definitions.lockfile import Lock, dump, load, lock_path
 
     path = lock_path(file)
@@ -44,12 +45,12 @@ def lock(
             with_engine = [name for name, facts in look.first().facts.items() if facts.docker]
             return digests.look_up(look.ask_each, with_engine, names)
 
-        new = locking.finished(made, look_up)
+        new, records = package_records.with_records(locking.finished(made, look_up), made, look, fleet.connected())
     try:
         private.write_output(path, dump(new).encode())
     except OSError as error:
         raise UsageError(f"cannot write {path}: {error.strerror}") from error
-    for line in locking.changes(old, new):
+    for line in [*locking.changes(old, new), *records]:
         out(line)
     out(f"{path}: {len(new.digests)} images, {len(new.commits)} branches and tags, {len(new.files)} files")
     return 0

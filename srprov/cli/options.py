@@ -213,6 +213,13 @@ def quietly_robots(function: _F) -> _F:
     return function
 
 
+def robots_without_json(function: _F) -> _F:
+    """Add the options of a verb that talks to robots and whose answer is a file."""
+    for option in (ASK_BECOME, TIMEOUT, FORKS, INVENTORY):
+        function = option(function)
+    return function
+
+
 def chosen(function: _F) -> _F:
     """Add the options of a verb that looks at some of the robots."""
     only = "Only these robots (Ansible pattern; @FILE: a list)."

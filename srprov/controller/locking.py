@@ -112,12 +112,14 @@ def _without(old: Lock, update: Collection[str]) -> Lock:
         commits={one: commit for one, commit in old.commits.items() if stays(branch_text(one))},
         digests={name: digest for name, digest in old.digests.items() if stays(short(name))},
         platforms=old.platforms,
+        packages=tuple(one for one in old.packages if stays(one.image)),
     )
 
 
 def _check_update(update: Collection[str], old: Lock, names: Names) -> None:
     known = {short(name) for name in {*names.images, *old.digests}}
     known |= {branch_text(one) for one in {*names.repositories, *old.commits}}
+    known |= {one.image for one in old.packages}
     for word in update:
         if word != ALL and not any(_matches(word, name) for name in known):
             hint = did_you_mean(word, known) or f"known: {', '.join(sorted(known)) or 'nothing'}"

@@ -63,14 +63,14 @@ def read_definitions(file: str, allowed: Collection[str], *, locked: bool = Fals
     from srprov.controller.pins import differences, pinned
 
     if lock is None:
-        raise UsageError(f"there is no lock {path}", hint=f"srprov lock {file}")
+        raise UsageError(f"there is no lock {path}", hint=f"srprov lock {file} -i INVENTORY")
     try:
         told = differences(found, lock)
     except (OSError, ValueError) as error:
         raise UsageError(f"a file of the experiment cannot be read: {error}") from None
     if told and locked:
         lines = "\n".join(f"  {one}" for one in told)
-        raise UsageError(f"{path} is out of date:\n{lines}", hint=f"srprov lock {file}")
+        raise UsageError(f"{path} is out of date:\n{lines}", hint=f"srprov lock {file} -i INVENTORY")
     more = f", and {len(told) - 1} more" if told[1:] else ""
     notes = [f"{path} is out of date: {one}{more}" for one in told[:1]]
     return dataclasses.replace(pinned(found, lock), notes=tuple(notes))

@@ -26,6 +26,24 @@ _HEAD = """\
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class Packages:
+    """What the build of an image ended with, beyond what its base has; a record that nothing is made of."""
+
+    image: str
+    """Its content tag."""
+    platform: str
+    apt: tuple[str, ...] = ()
+    pip: tuple[str, ...] = ()
+    npm: tuple[str, ...] = ()
+    """Each as a CDF names a package with its version, sorted."""
+
+    @property
+    def count(self) -> int:
+        """How many they are."""
+        return len(self.apt) + len(self.pip) + len(self.npm)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Lock:
     """What the names in an experiment stand for."""
 
@@ -37,6 +55,8 @@ class Lock:
     """Full name with tag -> platforms that it was there for; a record."""
     files: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     """Path from the EDF's folder -> sha256"""
+    packages: tuple[Packages, ...] = ()
+    """Sorted by image and platform; a record."""
     version: str = ""
 
 
@@ -62,7 +82,8 @@ def load(path: str) -> Lock | None:
 def _load(path: str) -> Lock:
     root, findings = loader.read(path), Findings()
     if not isinstance(root, Map):
-        raise DefinitionError([Diagnostic(Location(path), "a lock is a map", hint="write it anew: srprov lock")])
+        hint = "remove it, and write it anew: srprov lock EDF -i INVENTORY"
+        raise DefinitionError([Diagnostic(Location(path), "a lock is a map", hint=hint)])
     files = root.entries.get("files")
     schema.check(_without_files(root, files), "lock", findings)
     for name, sha in files.entries.items() if isinstance(files, Map) else ():
@@ -77,6 +98,7 @@ def _load(path: str) -> Lock:
         digests={text(one["name"]): text(one["digest"]) for one in images},
         platforms={text(one["name"]): texts(one.get("platforms")) for one in images},
         files={path: text(one) for path, one in files.entries.items()} if isinstance(files, Map) else {},
+        packages=tuple(_packages(one.entries) for one in _maps(root.entries.get("packages"))),
         version=text(root.entries["srprov"]),
     )
 
@@ -87,7 +109,17 @@ def _without_files(root: Map, files: Node | None) -> Map:
     return replace(root, entries={**root.entries, "files": empty}) if isinstance(files, Map) else root
 
 
-def _maps(node: Node) -> list[Map]:
+def _packages(entries: Mapping[str, Node]) -> Packages:
+    return Packages(
+        image=text(entries["image"]),
+        platform=text(entries["platform"]),
+        apt=texts(entries.get("apt")),
+        pip=texts(entries.get("pip")),
+        npm=texts(entries.get("npm")),
+    )
+
+
+def _maps(node: Node | None) -> list[Map]:
     return [one for one in node.items if isinstance(one, Map)] if isinstance(node, Seq) else []
 
 
@@ -105,4 +137,14 @@ def dump(lock: Lock) -> str:
     files = [f"  {json.dumps(path, ensure_ascii=False)}: {sha}" for path, sha in sorted(lock.files.items())]
     parts = (("images", images, "[]"), ("repositories", repositories, "[]"), ("files", files, "{}"))
     body = "".join("\n".join([f"{key}:", *lines]) + "\n" if lines else f"{key}: {none}\n" for key, lines, none in parts)
-    return f"{_HEAD}lock: 1\nsrprov: {json.dumps(lock.version)}\n{body}"
+    packages = "".join(map(_packages_text, lock.packages))
+    return f"{_HEAD}lock: 1\nsrprov: {json.dumps(lock.version)}\n{body}" + (
+        f"packages:\n{packages}" if packages else ""
+    )
+
+
+def _packages_text(one: Packages) -> str:
+    lines = [f"- image: {json.dumps(one.image)}", f"  platform: {json.dumps(one.platform)}"]
+    for kind, names in (("apt", one.apt), ("pip", one.pip), ("npm", one.npm)):
+        lines += [f"  {kind}:"] * bool(names) + [f"  - {json.dumps(name)}" for name in names]
+    return "\n".join(lines) + "\n"

@@ -82,6 +82,8 @@ images:
 repositories:
 - {{git: https://h/x.git, ref: main, commit: {"2" * 40}}}
 files: {{a: {"3" * 64}}}
+packages:
+- {{image: "srprov/a:1", platform: linux/amd64, apt: [curl=1.0-1], pip: [a==1], npm: [b@1]}}
 """
 TREE = f"100644 blob {'1' * 40}      12\ta/b\n100755 blob {'2' * 40} 3\tc\n120000 blob {'3' * 40} 3\ta/link\n"
 DOCKERFILE = "ARG A=1\nFROM debian:bookworm AS one\nRUN echo \\\n  x\nFROM one\nHEALTHCHECK CMD true\n"

@@ -6,6 +6,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+import yaml
 
 from tests.lab.conftest import Lab, busybox, edf, part_of_lab
 from tests.lab.looks import log_of
@@ -54,10 +55,16 @@ SAY = """\
 cdf: 1
 base: busybox
 repositories: [{{git: "file://{code}", ref: main, path: /opt/code, run: ./say.sh > built}}]
-files: [{{src: words, dest: /opt/words}}]
+files: [{{src: words, dest: /opt/words}}, {{src: query, dest: /bin/dpkg-query}}]
 run: [sleep 0]
 command: [sh, -c, "cat /opt/code/built /opt/words; /opt/code/say.sh; ls -a /opt/code; sleep 86400"]
 stop_signal: SIGKILL
+"""
+QUERY = """\
+#!/bin/sh
+echo "apt ii  links $(ls /sys/class/net | wc -l)"
+echo "apt ii  writes $(touch /x && echo 1)"
+echo 'apt ii  x;reboot 1'
 """
 ARGS = "cdf: 1\ndockerfile: {context: ., dockerfile: docker/Dockerfile, args: {WHO: 'a \"$b\" \\c'}, target: run}\n"
 DOCKERFILE = 'FROM busybox AS run\nARG WHO=nobody\nENV WHO="$WHO"\nCOPY words /\nFROM run\nRUN false\n'
@@ -67,6 +74,8 @@ def _experiment(folder: Path, code: Code) -> Path:
     """Write one with a CDF that takes code, a CDF from a repository, and a Dockerfile with values."""
     (folder / "docker").mkdir(parents=True)
     (folder / "words").write_text("of the file\n", encoding="utf-8")
+    (folder / "query").write_text(QUERY, encoding="utf-8")
+    (folder / "query").chmod(0o755)
     (folder / "say.cdf").write_text(SAY.format(code=code.folder), encoding="utf-8")
     (folder / "args.cdf").write_text(ARGS, encoding="utf-8")
     (folder / "docker" / "Dockerfile").write_text(DOCKERFILE, encoding="utf-8")
@@ -82,7 +91,10 @@ def _experiment(folder: Path, code: Code) -> Path:
 
 
 def test_what_cdfs_take_is_in_their_containers_and_a_lock_holds_it(lab: Lab, tmp_path: Path) -> None:
-    """The robot has no git and no way to the repository. A last stage that would fail is not built."""
+    """The robot has no git and no way to the repository. A last stage that would fail is not built.
+
+    What a build ended with is recorded afterwards: by a container that sees no network and is not there any more.
+    """
     code = Code(tmp_path / "code")
     code.commit("1")
     inventory = part_of_lab(lab, [ROBOT], tmp_path / "lab.yml")
@@ -104,7 +116,14 @@ def test_what_cdfs_take_is_in_their_containers_and_a_lock_holds_it(lab: Lab, tmp
     assert log_of(lab, ROBOT, "srprov.say.b") == ["of 1"]
     assert log_of(lab, ROBOT, "srprov.say.c") == ["of the file", 'a "$b" \\c']
     assert lab.inspect(ROBOT, "srprov.say.c")["Config"]["Labels"]["srprov.instance"] == "say"
-    again = lab.srprov("plan", *words, "--detailed-exitcode", env=own)
+    before = lab.containers(ROBOT)
+    recorded = lab.srprov("lock", *words, env=own)
+    assert recorded.code == 0 and recorded.out.count(f" on {ROBOT}: ") == 3, recorded
+    assert lab.containers(ROBOT) == before
+    written = yaml.safe_load((tmp_path / "one" / "say.lock").read_text(encoding="utf-8"))["packages"]
+    told = {one["image"]: one.get("apt", []) for one in written}
+    assert told.pop(_image(lab, ROBOT, "srprov.say.a")) == ["links=1"] and list(told.values()) == [[], []], written
+    again = lab.srprov("plan", *words, "--detailed-exitcode", "--locked", env=own)
     assert again.code == 0, again
 
 
@@ -160,6 +179,14 @@ def test_packages_of_every_kind_a_repository_and_files_make_one_image(lab: Lab, 
     (tmp_path / "all.edf").write_text(edf("all", {"a": {"cdf": "all.cdf"}}), encoding="utf-8")
     allowed = ("--allow", "git", "--allow", "outside", "--yes", "--settle", "5")
     own = {"XDG_CACHE_HOME": str(tmp_path / "cache")}
+    lock = ("lock", str(tmp_path / "all.edf"), "-i", inventory, *allowed[:4])
+    nothing = lab.srprov(*lock, env=own)
+    assert nothing.code == 0 and "no versions are recorded: no robot has it" in nothing.out, nothing
     done = lab.srprov("apply", str(tmp_path / "all.edf"), "-i", inventory, *allowed, env=own)
     assert done.code == 0, done
     assert log_of(lab, ROBOT, "srprov.all.a") == ["tree", "words", "version 1", "3.7", "true"]
+    assert lab.srprov(*lock, env=own).code == 0
+    (one,) = yaml.safe_load((tmp_path / "all.lock").read_text(encoding="utf-8"))["packages"]
+    there = lab.shell(ROBOT, "docker", "exec", "srprov.all.a", "dpkg-query", "-W", "-f", "${Version}", "tree").out
+    assert f"tree={there}" in one["apt"] and not any(name.startswith("libc6=") for name in one["apt"])
+    assert one["pip"] == ["idna==3.7"] and "is-odd@3.0.1" in one["npm"], one

@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
+import functools
 import json
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
-from srprov.controller import digests, locking
-from srprov.controller.image_plans import moved_tags
+from srprov.controller import digests, locking, package_records
+from srprov.controller.image_plans import moved_tags, plan_images
 from srprov.controller.pins import differences, names_of, pinned
 from srprov.controller.source import read_definitions
 from srprov.definitions import check_files, load_experiment
-from srprov.definitions.lockfile import Lock, dump, load, lock_path
+from srprov.definitions.lockfile import Lock, Packages, dump, load, lock_path
 from srprov.errors import DefinitionError, UsageError
+from srprov.execution.packages import NoListing
 from srprov.facts.model import Snapshot
 from srprov.images.args import with_digests
 from srprov.resource import Observed
+from srprov.session import Pulse
 from srprov.wire import AnyQuery, EngineQuery, Reply
+from tests.fakes import World
 
 OLD, NEW = "sha256:" + "1" * 64, "sha256:" + "2" * 64
 BUSYBOX, DEBIAN = "docker.io/library/busybox:latest", "docker.io/library/debian:bookworm"
@@ -53,6 +60,7 @@ def _lock(here: Path) -> Lock:
         digests={BUSYBOX: OLD, DEBIAN: OLD},
         platforms={BUSYBOX: ("linux/amd64",)},
         files=file_hashes(found.experiment, found.containers.values()),
+        packages=(Packages(image="srprov/a:1", platform="linux/amd64", apt=("curl=1",), npm=("@a/b@1",)),),
         version="1",
     )
 
@@ -69,6 +77,7 @@ def test_a_lock_is_read_as_it_was_written(here: Path) -> None:
         digests=lock.digests,
         platforms={**lock.platforms, DEBIAN: ()},
         files=lock.files,
+        packages=lock.packages,
         version="1",
     )
     assert load("nothing.lock") is None
@@ -240,3 +249,94 @@ def test_a_tag_that_a_robot_has_for_another_digest_is_noted_as_moved() -> None:
     snapshot = Snapshot(facts={}, observed={robot: tuple(items) for robot, items in observed.items()})
     (note,) = moved_tags({BUSYBOX: OLD, DEBIAN: OLD}, snapshot)
     assert note == f"busybox:latest has moved: it is {NEW[:19]}… on r1, the lock has {OLD[:19]}…"
+
+
+class _Fleet:
+    """Two robots with engines, of which images are known by name; each tells the packages of an image by its id."""
+
+    def __init__(self, images: Mapping[str, Mapping[str, str]]) -> None:
+        self.images = images
+        self.robots = World().add(*images)
+        self.facts = dict.fromkeys(images, SimpleNamespace(docker=True))
+        self.read: list[str] = []
+        for name, robot in self.robots.robots.items():
+            robot.ask = functools.partial(self._ask, name)  # type: ignore[method-assign]
+
+    def first(self) -> Any:
+        return self
+
+    def ask_each(self, questions: Mapping[str, Sequence[AnyQuery]]) -> dict[str, list[Reply]]:
+        return {host: self._ask(host, queries) for host, queries in questions.items()}
+
+    def _ask(self, host: str, queries: Sequence[AnyQuery]) -> list[Reply]:
+        names = [one.path.removeprefix("/images/").removesuffix("/json") for one in queries if hasattr(one, "path")]
+        found = [self.images[host].get(name, "") for name in names]
+        bodies = [json.dumps({"Id": one, "Os": "linux", "Architecture": "amd64"}) for one in found]
+        return [Reply(status=200, ok=bool(one), out=body) for one, body in zip(found, bodies, strict=True)]
+
+    def packages_in(self, session: Any, image: str) -> dict[str, frozenset[str]]:
+        assert session.holder is not None, "its robot is locked"
+        self.read.append(f"{session.host} {image}")
+        if image == "broken":
+            raise NoListing("it has no shell")
+        more = {"built"} if image == "built" else set()
+        return {"apt": frozenset({"libc6=2", *more}), "pip": frozenset(more), "npm": frozenset()}
+
+
+def test_what_a_build_added_to_its_base_is_recorded_once(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where the image is the one that was built from here; it stays until it is named, or the image is another."""
+    (here / "e.edf").write_text("edf: 1\nname: demo\nservices: {c: {cdf: Dockerfile}}\n")
+    lock = Lock(digests={BUSYBOX: OLD, DEBIAN: OLD})
+    (tag,) = (one.tag for one in plan_images(pinned(load_experiment("e.edf", {}), lock).containers)[0].values())
+    base = f"debian@{OLD}"
+    known = {tag: frozenset({"built", "broken"})}
+    monkeypatch.setattr(package_records, "known_images", lambda: known)
+
+    def recorded(images: Mapping[str, Mapping[str, str]], old: Lock = lock, *update: str) -> Any:
+        fleet = _Fleet(images)
+        monkeypatch.setattr(package_records, "packages_in", fleet.packages_in)
+        made = locking.draft("e.edf", old, update, ())
+        look: Any = fleet
+        return (*package_records.with_records(lock, made, look, fleet.robots.sessions()), fleet)
+
+    new, told, fleet = recorded({"r1": {tag: "foreign", base: "base"}, "r2": {tag: "built", base: "base"}})
+    (one,) = new.packages
+    assert one == Packages(image=tag, platform="linux/amd64", apt=("built",), pip=("built",))
+    assert fleet.read == ["r2 base", "r2 built"] and told == [
+        f"{tag} on r2: 2 packages beyond those of its base are recorded"
+    ]
+    assert all(robot.holder is None for robot in fleet.robots.robots.values()), "no lock is left"
+
+    again, told, fleet = recorded({"r2": {tag: "built", base: "base"}}, new)
+    assert again.packages == new.packages and (told, fleet.read) == ([], [])
+    assert len(recorded({"r2": {tag: "built", base: "base"}}, new, tag.partition(":")[0])[2].read) == 2
+    stale = Lock(packages=(Packages(image="srprov/other:1", platform="linux/amd64"),))
+    assert recorded({"r2": {}}, stale)[0].packages == ()
+
+    for images, why in (
+        ({tag: "foreign", base: "base"}, "no robot has it as it was built from here"),
+        ({tag: "built"}, f"its base {base} is not there any more"),
+        ({tag: "broken", base: "base"}, "it has no shell"),
+    ):
+        none, (line,), _ = recorded({"r1": images})
+        assert none.packages == () and "no versions are recorded" in line and why in line
+
+
+def test_a_robot_that_is_held_is_not_read(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (here / "e.edf").write_text("edf: 1\nname: demo\nservices: {c: {cdf: Dockerfile}}\n")
+    lock = Lock(digests={BUSYBOX: OLD, DEBIAN: OLD})
+    (tag,) = (one.tag for one in plan_images(pinned(load_experiment("e.edf", {}), lock).containers)[0].values())
+    monkeypatch.setattr(package_records, "known_images", lambda: {tag: frozenset({"built"})})
+    fleet = _Fleet({"r1": {tag: "built"}})
+    monkeypatch.setattr(package_records, "packages_in", fleet.packages_in)
+    held = fleet.robots.robots["r1"].open_lock_channel("", ['{"owner": "anna@lab"}'], Pulse())
+    look: Any = fleet
+    draft = locking.draft("e.edf", lock, (), ())
+    none, (line,) = package_records.with_records(lock, draft, look, fleet.robots.sessions())
+    assert none.packages == () and "r1 is held by anna@lab" in line and fleet.read == []
+    assert fleet.robots.robots["r1"].holder is held
+
+
+def test_a_lock_is_never_out_of_date_for_its_records(here: Path) -> None:
+    found = load_experiment("e.edf", {})
+    assert differences(found, replace(_lock(here), packages=())) == differences(found, _lock(here)) == []
