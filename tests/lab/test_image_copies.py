@@ -26,6 +26,18 @@ MIB = 1 << 20
 CLEAN = "docker rm -f $(docker ps -aq); docker image prune -af; rm -f /tmp/base.tar"
 TOP, BASE = 4 * MIB, 24 * MIB
 RANDOM = "head -c {} /dev/urandom > /tmp/base/noise"
+REGISTRY = "127.0.0.1:5078"
+CONFIG = f'{{version: 0.1, storage: {{filesystem: {{rootdirectory: /run/reg}}}}, http: {{addr: "{REGISTRY}"}}}}'
+PULL = f"""\
+set -e; echo "$0" > /run/reg.yml
+OTEL_TRACES_EXPORTER=none docker-registry serve /run/reg.yml >/run/reg.log 2>&1 </dev/null & served=$!
+trap 'kill $served; rm -rf /run/reg /run/reg.yml' EXIT
+n=0; until busybox wget -qO- http://{REGISTRY}/v2/ >/dev/null 2>&1; do n=$((n + 1)); [ $n -lt 100 ]; sleep 0.1; done
+docker load -q -i /tmp/base.tar; docker tag base:1 {REGISTRY}/base:1; docker push -q {REGISTRY}/base:1
+docker image prune -af; [ -z "$(docker images -q)" ]
+docker pull -q {REGISTRY}/base:1; docker tag {REGISTRY}/base:1 base:1; docker rmi {REGISTRY}/base:1
+"""
+"""The robot gets its base by pull, and has nothing of it before."""
 
 
 def received(lab: Lab, robot: str) -> int:
@@ -42,6 +54,15 @@ def root(lab: Lab, robot: str) -> Path:
     return Path(f"/proc/{booted.init.pid}/root")
 
 
+def flip(path: Path) -> tuple[Path, bytes]:
+    """Change a byte in the middle of a file; give what was in it before."""
+    content = path.read_bytes()
+    wrong = bytearray(content)
+    wrong[len(wrong) // 2] ^= 1
+    path.write_bytes(wrong)
+    return path, content
+
+
 class Job:
     """An experiment whose one service runs an image on a base of the lab's own."""
 
@@ -51,6 +72,12 @@ class Job:
         self.inventory = part_of_lab(lab, robots, folder / "lab.yml")
         cdf = "cdf: 1\nname: top\nbase: base:1\nfiles: [{src: top, dest: /top}]\ncommand: [sleep, '86400']\n"
         (folder / "x.cdf").write_text(cdf, encoding="utf-8")
+
+    def cache(self, size: int) -> Path:
+        """Give the one file of the cache of layers that has about this size."""
+        near = [one for one in (self.folder / "cache/srprov/blobs").iterdir() if abs(one.stat().st_size - size) < 9999]
+        assert len(near) == 1, near
+        return near[0]
 
     def change(self, top: bytes) -> None:
         """Put something else into the image."""
@@ -79,15 +106,16 @@ class Job:
 
 @pytest.fixture(scope="module")
 def job(lab_of_module: Lab, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Job]:
-    """Give an experiment whose base robot2 has built, and robot1 (the builder) and robot3 have loaded."""
+    """Give an experiment whose base robot2 has built, robot1 (the builder) and robot3 loaded, and robot4 pulled."""
     lab = lab_of_module
     script = f"mkdir -p /tmp/base && cd /tmp/base && {RANDOM.format(BASE)} && "
     script += "printf 'FROM busybox\\nCOPY noise /noise\\n' > Dockerfile && docker build -q -t base:1 . && "
     script += "docker save base:1 -o /tmp/base.tar && rm -rf /tmp/base"
     lab.shell("robot2", "sh", "-c", script)
-    for robot in ("robot1", "robot3"):
+    for robot in ("robot1", "robot3", "robot4"):
         (root(lab, robot) / "tmp/base.tar").write_bytes((root(lab, "robot2") / "tmp/base.tar").read_bytes())
-        lab.shell(robot, "docker", "load", "-q", "-i", "/tmp/base.tar")
+        load = ("docker", "load", "-q", "-i", "/tmp/base.tar")
+        lab.shell(robot, *(load if robot != "robot4" else ("sh", "-c", PULL, CONFIG)))
     found = Job(lab, tmp_path_factory.mktemp("copies"), ["robot1", "robot2", "robot3", "robot4"])
     found.change(b"\0" * 100)
     yield found
@@ -97,27 +125,33 @@ def job(lab_of_module: Lab, tmp_path_factory: pytest.TempPathFactory) -> Iterato
 
 
 def test_what_is_there_is_not_sent_however_it_came(job: Job) -> None:
-    """By build on robot2, by load on robot3; only the layer above is sent, and what the plan says of it is true."""
-    lab, top = job.lab, os.urandom(TOP)
+    """By build on robot2, by load on robot3, by pull on robot4; only the layer above is sent, as the plan says."""
+    lab, top, robots = job.lab, os.urandom(TOP), ("robot1", "robot2", "robot3", "robot4")
     job.change(top)
     packed = len(gzip.compress(top, 1))
-    before = {robot: received(lab, robot) for robot in ("robot2", "robot3")}
-    made = job.apply("robot1", "robot2", "robot3")
+    before = {robot: received(lab, robot) for robot in robots[1:]}
+    made = job.apply(*robots)
     sent = {robot: received(lab, robot) - count for robot, count in before.items()}
     assert all(packed < count < 1.05 * packed for count in sent.values()), (packed, sent)
     name = next(one["id"].partition("image:")[2] for one in made["steps"] if "/image:" in one["id"])
     ids = {lab.shell(robot, "docker", "image", "inspect", "-f", "{{.Id}}{{.RootFS}}", name).out for robot in before}
     assert len(ids) == 1 and not root(lab, "robot1").joinpath("var/lib/srprov/.images").exists()
 
-    again = received(lab, "robot3")
-    assert job.apply("robot1", "robot2", "robot3")["changed"] == 0 and received(lab, "robot3") - again < 200_000
+    before = {robot: received(lab, robot) for robot in robots}
+    assert job.apply(*robots)["changed"] == 0
+    assert all(received(lab, robot) - count < 200_000 for robot, count in before.items())
     lab.shell("robot3", "sh", "-c", f"docker rm -f srprov.copies.on-robot3; docker rmi {name}")
-    cause = job.causes("robot1", "robot2", "robot3")["robot3"]
+    cause = job.causes(*robots)["robot3"]
     told = re.fullmatch(r"not on the robot; copied from robot1, 1 of 3 layers, ([0-9.]+) MiB", cause)
     assert told, cause
+    flipped, content = flip(job.cache(packed))
+    running = lab.containers("robot2", running=True)
     before_again = received(lab, "robot3")
-    job.apply("robot1", "robot2", "robot3")
+    job.apply(*robots)
     assert abs(float(told[1]) * MIB / (received(lab, "robot3") - before_again) - 1) < 0.05
+    assert flipped.read_bytes() == content, "the layer with a wrong byte was not sent, but read again"
+    ids |= {lab.shell("robot3", "docker", "image", "inspect", "-f", "{{.Id}}{{.RootFS}}", name).out}
+    assert len(ids) == 1 and lab.containers("robot2", running=True) == running
 
 
 def listening(lab: Lab, robot: str) -> set[str]:
@@ -160,10 +194,12 @@ def test_an_engine_pulls_from_a_registry_of_which_nothing_is_left_or_gets_the_im
 
 
 def test_a_served_layer_with_one_wrong_byte_is_refused_by_the_engine(job: Job, tmp_path: Path) -> None:
+    """What had the name before has it still, and what runs of it goes on."""
     lab, image = job.lab, an_image(tmp_path, (tar_of(b"base" * 1000, "base"), tar_of(os.urandom(1 << 20), "top")))
-    content = bytearray(image.layers[1].path.read_bytes())
-    content[len(content) // 2] ^= 1
-    image.layers[1].path.write_bytes(content)
+    flip(image.layers[1].path)
+    lab.shell(
+        "robot4", "sh", "-c", "docker tag base:1 srprov/wrong:1; docker run -d --name old srprov/wrong:1 sleep 600"
+    )
     session = connect(load_inventory([job.inventory]).hosts["robot4"])
     assert isinstance(session, SshSession)
     try:
@@ -171,7 +207,7 @@ def test_a_served_layer_with_one_wrong_byte_is_refused_by_the_engine(job: Job, t
         client, forwards = session.engine.client, session.connection.forwards
         reply = pull_image(image, "srprov/wrong:1", client, forwards, 60.0, lambda _size: None)
         assert not reply.ok and image.layers[1].compressed in reply.err, reply
-        assert names(lab, "robot4") == before
+        assert names(lab, "robot4") == before and "old" in lab.containers("robot4", running=True)
     finally:
         session.close()
 

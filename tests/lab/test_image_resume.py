@@ -24,6 +24,11 @@ SPOOL = "var/lib/srprov/.images"
 ROBOTS = ["robot1", "robot2"]
 
 
+def sent(lab: Lab, robot: str) -> int:
+    """Give the bytes that a robot sent, by the kernel's word."""
+    return int(lab.shell(robot, "cat", "/sys/class/net/eth0/statistics/tx_bytes").out)
+
+
 def inside(lab: Lab, robot: str, *words: str) -> None:
     """Run a command of this machine's root in a robot's view of the disk: robots may not mount."""
     pid = root(lab, robot).parts[2]
@@ -133,20 +138,45 @@ def test_what_has_arrived_is_not_sent_again(heavy: Heavy, share: float, how: str
 
 
 def test_a_flipped_byte_in_what_has_arrived_is_noticed_and_nothing_wrong_is_tagged(heavy: Heavy) -> None:
+    lab = heavy.lab
     heavy.on("robot1", "robot2")
     heavy.forget()
+    lab.shell("robot2", "docker", "run", "-d", "--name", "old", "busybox", "sleep", "86400")
     run = heavy.begin()
     heavy.until(0.3, run)
     os.killpg(run.pid, signal.SIGKILL)
     run.wait(10)
     time.sleep(8)
-    (part,) = root(heavy.lab, "robot2").joinpath(SPOOL, "load").iterdir()
+    (part,) = root(lab, "robot2").joinpath(SPOOL, "load").iterdir()
     with part.open("r+b") as file:
         file.seek(20 * MIB)
         byte = file.read(1)
         file.seek(20 * MIB)
         file.write(bytes([byte[0] ^ 1]))
     assert heavy.finish(0) > heavy.size, "all of it went over again"
+    assert lab.inspect("robot2", "old")["State"]["Running"]
+
+
+def test_a_builder_that_is_cut_off_while_it_is_read_is_read_anew(heavy: Heavy) -> None:
+    """The layer that was cut is read from its beginning, once; nothing of it is kept half."""
+    lab, cache = heavy.lab, Path(heavy.env["XDG_CACHE_HOME"], "srprov/blobs")
+    heavy.on("robot1", "robot2")
+    heavy.forget()
+    for one in cache.iterdir():
+        one.unlink()
+    run = heavy.begin()
+    end = time.monotonic() + 200
+    while not any(one.stat().st_size > heavy.size // 2 for one in cache.glob("*.part")):
+        assert run.poll() is None and time.monotonic() < end, run.communicate()
+        time.sleep(0.02)
+    assert lab.srprov("lab", "partition", "robot1").code == 0
+    assert run.wait(60) != 0
+    assert lab.srprov("lab", "heal", "robot1").code == 0
+    assert not list(cache.glob("*.part")) and sum(one.stat().st_size for one in cache.iterdir()) < 32 * MIB
+    time.sleep(8)  # the robot's end of the lock notices
+    before = sent(lab, "robot1")
+    heavy.finish(0)
+    assert heavy.size < sent(lab, "robot1") - before < 1.1 * heavy.size
 
 
 def test_a_disk_that_is_50_mib_short_is_refused_before_the_first_byte(heavy: Heavy) -> None:

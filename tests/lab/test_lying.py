@@ -13,6 +13,13 @@ from tests.lab.conftest import Lab, busybox, edf, part_of_lab
 
 pytestmark = pytest.mark.lab
 
+LIAR = """\
+real=$(command -v docker) && docker tag busybox:latest mine/busybox:1 && docker tag "$0" busybox:latest
+printf '#!/bin/sh\\n[ "$1" != save ] || exec %s save %s busybox:latest\\nexec %s "$@"\\n' "$real" "$0" "$real" \
+    > /usr/local/sbin/docker && chmod +x /usr/local/sbin/docker
+"""
+"""A robot whose archives carry one more tag than the image has that is asked for."""
+HONEST = "rm /usr/local/sbin/docker; docker tag mine/busybox:1 busybox:latest; docker rmi mine/busybox:1"
 RECORD = "/var/lib/srprov/lies/placement.json"
 
 
@@ -96,10 +103,18 @@ def test_an_image_is_copied_only_from_where_it_was_built_and_without_what_lies_b
     # its one layer is the base's, which a test before may have left there
     assert target == "robot2" and re.match("not on the robot; copied from robot1, [01] of 1 layers", cause), cause
     lab.shell("robot1", "docker", "tag", tag, "srprov/kept:1")
-    moved = lab.srprov("apply", on("robot2"), "-i", inventory, "--yes", "--settle", "0", "--reassign", env=home)
+    theirs = lab.shell("robot2", "docker", "images", "-q", "busybox:latest").out
+    lab.shell("robot1", "sh", "-c", LIAR, tag)
+    try:
+        saved = lab.shell("robot1", "sh", "-c", "docker save x | tar -xO manifest.json").out
+        assert "busybox:latest" in saved and tag in saved, saved
+        moved = lab.srprov("apply", on("robot2"), "-i", inventory, "--yes", "--settle", "0", "--reassign", env=home)
+    finally:
+        lab.shell("robot1", "sh", "-c", HONEST)
     assert moved.code == 0, moved
     ids = [lab.shell(robot, "docker", "image", "inspect", "-f", "{{.Id}}", tag).out for robot in ("robot1", "robot2")]
     assert ids[0] == ids[1] and "srprov/kept" not in lab.shell("robot2", "docker", "images").out
+    assert lab.shell("robot2", "docker", "images", "-q", "busybox:latest").out == theirs
 
     lab.shell("robot2", "docker", "rm", "-f", "srprov.lies.one")
     lab.shell("robot2", "docker", "rmi", tag)

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.lab.conftest import NOTHING, ROOT, Lab, part_of_lab
+from tests.lab.test_image_copies import received
 
 pytestmark = pytest.mark.lab
 
@@ -60,7 +61,10 @@ def test_apply_twice_and_destroy_work_through_sudo(lab: Lab, tmp_path: Path) -> 
 
 
 def test_a_user_who_may_not_become_root_is_told_what_to_do(lab: Lab, tmp_path: Path) -> None:
-    """Without the sudo rule the robot counts as unreachable, and the remedy in the message works as it stands."""
+    """Without the sudo rule the robot counts as unreachable, and the remedy in the message works as it stands.
+
+    That he may use Docker makes no difference: nothing is sent to such a robot.
+    """
     shutil.copytree(ROOT / "examples" / "hello", tmp_path / "hello")
     inventory = part_of_lab(lab, ROBOTS[:1], tmp_path / "lab.yml", robot1=USER)
     rule = "/etc/sudoers.d/srprov-lab"
@@ -69,6 +73,13 @@ def test_a_user_who_may_not_become_root_is_told_what_to_do(lab: Lab, tmp_path: P
         refused = lab.srprov("facts", "-i", inventory)
         assert refused.code == 4, refused
         assert "user 'robot' cannot become root" in refused.err and "ansible_user: root" in refused.err
+        for group in ("-a", "-d"):
+            lab.shell("robot1", "gpasswd", group, "robot", "docker")
+            before = received(lab, "robot1")
+            refused = lab.srprov("apply", str(tmp_path / "hello" / "experiment.edf"), "-i", inventory, "--yes")
+            assert refused.code == 8, refused
+            assert re.search("on robot1: .*user 'robot' cannot become root: .*sudoers.d/srprov", refused.err, re.DOTALL)
+            assert received(lab, "robot1") - before < 30_000 and lab.leftovers("robot1") == NOTHING
         remedy = re.search(
             r"without a password: (echo .+? \| sudo tee (/etc/sudoers\.d/srprov)) on the robot", refused.err
         )
@@ -78,4 +89,4 @@ def test_a_user_who_may_not_become_root_is_told_what_to_do(lab: Lab, tmp_path: P
         assert fine.code == 0, fine
         lab.shell("robot1", "rm", remedy[2])
     finally:
-        lab.shell("robot1", "mv", "/root/rule", rule)
+        lab.shell("robot1", "sh", "-c", f"mv /root/rule {rule}; gpasswd -a robot docker")

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from srprov.spool import tidy_script
-from srprov.transport import image_deliver
+from srprov.transport import image_deliver, image_source
 from srprov.transport.blobs import Blobs
 from srprov.transport.image_copy import copy_image
 from srprov.transport.image_source import ImageSources
@@ -162,6 +162,24 @@ def test_a_flipped_byte_in_the_builders_spool_is_refused_and_nothing_is_tagged(w
     reply = world.copy()
     assert not reply.ok and "layer 2 of 2 is not what its image names" in reply.err, reply
     assert TAG not in world.target.images and world.target.streamed == [] and world.is_clean()
+
+
+def test_a_layer_that_is_cut_off_on_its_way_here_is_read_anew_and_the_others_are_kept(
+    world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole = image_source.read_script
+
+    def cut(spool: str, name: str) -> str:
+        return f"{{ {whole(spool, name)}; }} | head -c 1000" if sha(TOP)[7:] in name else whole(spool, name)
+
+    monkeypatch.setattr(image_source, "read_script", cut)
+    reply = world.copy()
+    assert not reply.ok and "cut off" in reply.err and world.target.streamed == [] and world.is_clean()
+    assert [one.suffix for one in Path(world.folder, "cache").iterdir()] == [".gz", ".gz"]
+    monkeypatch.undo()
+    shells = len(world.builder.shells)
+    assert world.copy().ok and world.target.images[TAG].id == IMAGE.id
+    assert len(world.builder.shells) - shells == 2, "it is unpacked, and one layer is read"
 
 
 def test_another_image_under_the_tag_is_refused(world: World) -> None:
