@@ -10,7 +10,7 @@ WORKERS ?= 2
 FUZZ_SECONDS ?= 3600
 PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
-.PHONY: help setup demo test unit soak lint fmt type clean bench-assignment bench-provisioning
+.PHONY: help setup demo test unit soak lint fmt type clean bench-assignment bench-images bench-provisioning
 
 help: ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | column -t -s '|' 2>/dev/null \
@@ -42,6 +42,12 @@ bench-assignment: setup ## the assignment: the paper's experiment, and how fast 
 	@$(BIN)/python -m benchmarks.assignment.paper
 	@$(BIN)/python -m benchmarks.assignment.whole
 	@$(BIN)/python -m benchmarks.assignment.scaling
+
+bench-images: setup ## srprov beside other ways to bring images to robots (needs root; see benchmarks/images/README.md)
+	@$(BIN)/pip install -q -e '.[bench]'
+	@$(BIN)/python -m benchmarks.images.compare
+	@$(BIN)/python -m benchmarks.images.compare --links 50mbit --robots 4 --image-mib 120 --more
+	@$(BIN)/python -m benchmarks.images.quote
 
 bench-provisioning: setup ## srprov beside other tools on the lab (needs root; hours; see benchmarks/provisioning/README.md)
 	@$(BIN)/pip install -q -e '.[bench]'

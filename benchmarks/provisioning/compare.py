@@ -92,10 +92,10 @@ def write(
 
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--robots", type=_numbers, default=[1, 4, 12, 25], help="how many, e.g. 4,12")
-    parser.add_argument("--latency", type=_numbers, default=[0, 40], help="SSH round trips in ms, e.g. 0,40")
-    parser.add_argument("--tools", type=_among(TOOLS), default=list(TOOLS), help=",".join(TOOLS))
-    parser.add_argument("--scenarios", type=_among(stats.SCENARIOS), default=list(stats.SCENARIOS))
+    parser.add_argument("--robots", type=numbers, default=[1, 4, 12, 25], help="how many, e.g. 4,12")
+    parser.add_argument("--latency", type=numbers, default=[0, 40], help="SSH round trips in ms, e.g. 0,40")
+    parser.add_argument("--tools", type=among(TOOLS), default=list(TOOLS), help=",".join(TOOLS))
+    parser.add_argument("--scenarios", type=among(stats.SCENARIOS), default=list(stats.SCENARIOS))
     parser.add_argument("--repeat", type=int, default=3)
     parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the results")
     parser.add_argument("--more", action="store_true", help="keep the results of labs that are not measured now")
@@ -103,11 +103,14 @@ def _arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
-def _numbers(text: str) -> list[int]:
+def numbers(text: str) -> list[int]:
+    """Return the numbers of an option's value, `4,12`."""
     return [int(word) for word in text.split(",")]
 
 
-def _among(known: Collection[str]) -> Callable[[str], list[str]]:
+def among(known: Collection[str]) -> Callable[[str], list[str]]:
+    """Return what parses an option's value, words that are among the known ones."""
+
     def parse(text: str) -> list[str]:
         words = text.split(",")
         if unknown := [word for word in words if word not in known]:

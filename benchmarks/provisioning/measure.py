@@ -14,7 +14,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-BRIDGE = Path("/sys/class/net/srlab0/statistics")
+from srprov.lab.sites import find
+
 _PR_SET_CHILD_SUBREAPER = 36
 
 
@@ -51,10 +52,17 @@ def adopt_orphans() -> None:
 
 
 def wire() -> tuple[int, int]:
-    """Return bytes sent to and received from robots so far, by the controller's end of the bridge."""
-    if not BRIDGE.exists():
+    """Return bytes sent to and received from robots so far, by the controller's end of the lab's bridge."""
+    site = find(os.environ.get("SRPROV_LAB", ""))
+    if site.number is None or not Path("/sys/class/net", site.bridge).exists():
         return 0, 0
-    return tuple(int((BRIDGE / name).read_text()) for name in ("tx_bytes", "rx_bytes"))  # type: ignore[return-value]
+    return counted(site.bridge)
+
+
+def counted(link: str) -> tuple[int, int]:
+    """Return bytes sent and received over a link of this machine so far."""
+    counters = Path("/sys/class/net", link, "statistics")
+    return int((counters / "tx_bytes").read_text()), int((counters / "rx_bytes").read_text())
 
 
 def _ticks() -> tuple[int, int]:

@@ -34,15 +34,15 @@ def main() -> None:
     README.write_text(replaced(README.read_text(encoding="utf-8"), text(RESULTS)), encoding="utf-8")
 
 
-def replaced(readme: str, part: str) -> str:
+def replaced(readme: str, part: str, begin: str = BEGIN, end: str = END) -> str:
     """Return the README with another part between the marks.
 
     Raises:
         ValueError: A mark is missing.
     """
-    before, rest = readme.split(BEGIN)
-    _, after = rest.split(END)
-    return f"{before}{BEGIN}\n\n{part}\n{END}{after}"
+    before, rest = readme.split(begin)
+    _, after = rest.split(end)
+    return f"{before}{begin}\n\n{part}\n{end}{after}"
 
 
 def text(results: Path) -> str:

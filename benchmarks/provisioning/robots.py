@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import fcntl
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -21,11 +22,12 @@ from typing import Any
 
 from srprov.lab import lab as labs
 from srprov.lab.places import Site, robot_name
+from srprov.lab.sites import find
 
 ROOT = Path(__file__).parents[2]
-SITE = Site()
-"""The lab without a name."""
-LOCK = "/run/lock/srprov-lab-tests"
+SITE = Site(os.environ.get("SRPROV_LAB", ""), number=None)
+"""The lab, by its name; `Lab.site` also knows its number, which a lab with a name has only while it is up."""
+LOCK = "-".join(filter(None, ["/run/lock/srprov-lab-tests", SITE.name]))
 KEY, KNOWN_HOSTS = SITE.key, SITE.known_hosts
 RESET = (
     'c=$(docker ps -aq); test -z "$c" || docker rm -f $c >/dev/null; '
@@ -53,6 +55,7 @@ class Lab:
     robots: tuple[tuple[str, str], ...]
     """Name and address of each."""
     latency_ms: int
+    site: Site
 
     @property
     def inventory(self) -> Path:
@@ -155,8 +158,9 @@ def lab(count: int, latency_ms: int = 0, patience_s: float = 1800) -> Iterator[L
         _srprov("down", cwd=folder)
         try:
             _srprov("up", "--spec", "lab-spec.yml", cwd=folder)
-            robots = tuple((robot, str(SITE.address(robot))) for robot in _names(count))
-            made = Lab(folder, robots, latency_ms)
+            site = find(SITE.name)
+            robots = tuple((robot, str(site.address(robot))) for robot in _names(count))
+            made = Lab(folder, robots, latency_ms, site)
             made.everywhere("docker image inspect busybox >/dev/null 2>&1 || docker pull -q busybox >/dev/null")
             yield made
         finally:

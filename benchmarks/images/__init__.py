@@ -1,0 +1,1 @@
+"""How images get to robots: srprov beside other ways."""
