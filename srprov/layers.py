@@ -12,13 +12,14 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 
 from srprov.untrusted import integer, mapping, string
 
 MANIFEST = "manifest.json"
 _DIGEST = re.compile("sha256:[0-9a-f]{64}")
+_ARCHITECTURE = re.compile("[a-z0-9_-]{1,20}")
 _MOST_LAYERS = 512
 """An engine takes 127."""
 _CONTAINERD = "io.containerd.snapshotter.v1"
@@ -32,25 +33,41 @@ class Image:
     """sha256 of the configuration, in a classic store."""
     diff_ids: tuple[str, ...]
     """From the base up."""
+    architecture: str = ""
+    """Docker's name of the architecture that it is for; empty: it does not say."""
 
 
 def read_image(inspected: object) -> Image | None:
     """Return an image from an engine's `/images/NAME/json`; None for what is none."""
     said = mapping(inspected)
     layers = mapping(said.get("RootFS")).get("Layers")
-    return _image(string(said.get("Id")), layers)
+    return _image(string(said.get("Id")), layers, said.get("Architecture"))
 
 
 def read_config(image_id: str, config: object) -> Image | None:
     """Return an image from its configuration; None for what is none. Whoever calls has compared it with the id."""
-    return _image(image_id, mapping(mapping(config).get("rootfs")).get("diff_ids"))
+    said = mapping(config)
+    return _image(image_id, mapping(said.get("rootfs")).get("diff_ids"), said.get("architecture"))
 
 
-def _image(image_id: str, layers: object) -> Image | None:
+def _image(image_id: str, layers: object, architecture: object) -> Image | None:
     diff_ids = tuple(string(one) for one in layers[: _MOST_LAYERS + 1]) if isinstance(layers, list) else ()
     if not diff_ids or len(diff_ids) > _MOST_LAYERS or not all(map(_DIGEST.fullmatch, (image_id, *diff_ids))):
         return None
-    return Image(image_id, diff_ids)
+    return Image(image_id, diff_ids, architecture_of(architecture))
+
+
+def architecture_of(said: object) -> str:
+    """Return an image's architecture as it or its engine says it; empty for what is none."""
+    name = string(said)
+    return name if _ARCHITECTURE.fullmatch(name) else ""
+
+
+def foreign(architecture: str, runs: Collection[str]) -> str:
+    """Say why a robot that runs images of these architectures does not run one of another; nothing if it may."""
+    if not architecture or not runs or architecture in runs:
+        return ""
+    return f"it is an image for {architecture}, and the robot runs {' and '.join(runs)}"
 
 
 def has_classic_store(info: object) -> bool:

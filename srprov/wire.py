@@ -155,6 +155,8 @@ class CopyImage:
     """Its id on that robot; another one is not loaded. Empty: what that robot built just now."""
     way: str = ""
     """`thin`, `registry` or `whole`; empty: as the robot's store has it, and whole where that is not possible."""
+    runs: tuple[str, ...] = ()
+    """Architectures that the robot runs: an image for another one is not loaded. Empty: any."""
     timeout_s: float = 1800.0
 
     def text(self) -> str:

@@ -90,8 +90,8 @@ ROOMS: Mapping[str, Room] = {
         " definitions.model definitions.secretmodel network.identity"
     ),
     "execution": room(
-        "errors pace spool plain_tar untrusted resource wire session image_reference linear_regex modules planning"
-        " facts owner trials definitions.dockerfile definitions.trialsmodel"
+        "errors layers pace spool plain_tar untrusted resource wire session image_reference linear_regex modules"
+        " planning facts owner trials definitions.dockerfile definitions.trialsmodel"
     ),
     "record": room(
         "errors private regular_file untrusted resource secret definitions.model facts planning execution trials"

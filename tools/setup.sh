@@ -20,6 +20,7 @@ iptables:iptables
 ping:iputils-ping
 debootstrap:debootstrap
 busybox:busybox
+qemu-aarch64-static:qemu-user-static
 docker-registry:docker-registry
 sudo:sudo
 unshare:util-linux

@@ -54,7 +54,8 @@ def pinned(definitions: Definitions, lock: Lock) -> Definitions:
     """Return the definitions with digests and commits where the lock has them."""
     containers = {key: _pinned_container(one, lock) for key, one in definitions.containers.items()}
     experiment = pinned_services(definitions.experiment, lock.digests)
-    return replace(definitions, experiment=experiment, containers=containers, locked=lock.digests)
+    platforms = {with_digest(name, lock.digests): found for name, found in lock.platforms.items() if found}
+    return replace(definitions, experiment=experiment, containers=containers, locked=lock.digests, platforms=platforms)
 
 
 def pinned_services(experiment: Experiment, digests: Mapping[str, str]) -> Experiment:

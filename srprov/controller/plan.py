@@ -26,10 +26,11 @@ from srprov.controller.owners import Owner
 from srprov.controller.ownership import check_source, owned, trusting
 from srprov.controller.permissions import permit_planning
 from srprov.controller.phases import Phases
+from srprov.controller.platforms import check_platforms
 from srprov.controller.playbooks import playbooks
 from srprov.controller.render_inputs import RenderInputs
 from srprov.controller.request import PlanRequest
-from srprov.controller.robot_images import check_never
+from srprov.controller.robot_images import BUILDERS, check_never
 from srprov.controller.robot_room import check_room, with_log_drivers
 from srprov.controller.trial_values import at_first_point, design_notes
 from srprov.definitions.model import Definitions, Experiment, Inventory
@@ -167,8 +168,10 @@ def _inputs(
         copy_way=request.copy,
         known_images=known_images() if images else {},
         images_only=request.images_only,
+        builders=look.inventory.groups.get(BUILDERS, ()),
     )
     check_never(inputs)
+    check_platforms(inputs, definitions)
     return inputs
 
 

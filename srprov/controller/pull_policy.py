@@ -45,7 +45,10 @@ def with_fresh(
         experiment=replace(experiment, services=fresh, remote=()),
         containers={key: one for key, one in definitions.containers.items() if key in keys},
     )
-    digests = {name: digest for name, (digest, _) in look_up(ask, robots, names_of(mine).images).items()}
-    containers = {**definitions.containers, **pinned(mine, Lock(digests=digests)).containers}
+    found = look_up(ask, robots, names_of(mine).images)
+    digests = {name: digest for name, (digest, _) in found.items()}
+    fixed = pinned(mine, Lock(digests=digests, platforms={name: one for name, (_, one) in found.items()}))
+    containers = {**definitions.containers, **fixed.containers}
+    platforms = {**definitions.platforms, **fixed.platforms}
     services = {**experiment.services, **pinned_services(mine.experiment, digests).services}
-    return replace(definitions, containers=containers), replace(experiment, services=services)
+    return replace(definitions, containers=containers, platforms=platforms), replace(experiment, services=services)

@@ -40,3 +40,5 @@ class RenderInputs:
     """Content tag -> ids of images that this machine had built; a robot's own word for a tag is not enough."""
     images_only: bool = False
     """Nothing but images is wanted on robots."""
+    builders: Collection[str] = ()
+    """The hosts of the inventory's group `builders`: images are built there first."""

@@ -8,9 +8,12 @@ from typing import Any
 from srprov.controller.render_inputs import RenderInputs
 from srprov.definitions.model import Service
 from srprov.errors import UsageError
-from srprov.facts.model import HostFacts, Snapshot
+from srprov.facts.model import HostFacts
 from srprov.image_reference import Reference, parse_reference
 from srprov.resource import resource_id
+
+BUILDERS = "builders"
+"""The group of an inventory whose hosts build images."""
 
 
 def normalise(text: str) -> str:
@@ -30,8 +33,9 @@ def image_of(inputs: RenderInputs, service: Service) -> str:
 
 
 def robot_images(inputs: RenderInputs, blobs: dict[str, bytes]) -> dict[str, list[dict[str, Any]]]:
-    """Return robot -> its images; one to build comes from a robot that has it, else the first of its architecture.
+    """Return robot -> its images; one to build comes from a robot that has it, else from the builder.
 
+    That is one of the same architecture: a host of the group `builders`, or else the first robot.
     A robot has it for others when its image is one that this machine had built: the tag alone is the robot's own word.
     """
     wanted: dict[str, dict[str, dict[str, Any]]] = {}
@@ -46,10 +50,10 @@ def robot_images(inputs: RenderInputs, blobs: dict[str, bytes]) -> dict[str, lis
         if image not in plans:
             wanted.setdefault(host, {})[image] = {"name": image, "source": "pull", "needs": []}
             continue
+        alike = _alike(inputs, facts)
         if (host, image) in present:
             wanted.setdefault(host, {}).setdefault(image, _copied(inputs, image, host, host))
             continue
-        alike = _alike(inputs.snapshot, facts)
         holder = next((h for h in alike if (h, image) in trusted), None)
         builder = holder or next(h for h in alike if (h, image) not in present)
         if holder is None:
@@ -62,7 +66,8 @@ def robot_images(inputs: RenderInputs, blobs: dict[str, bytes]) -> dict[str, lis
             wanted.setdefault(host, {})[image] = _copied(
                 inputs, image, builder, host, trusted.get((builder, image), "")
             )
-    return {host: [images[name] for name in sorted(images)] for host, images in wanted.items()}
+    runs = {host: list(inputs.snapshot.facts[host].runs) for host in wanted}
+    return {host: [{**images[name], "runs": runs[host]} for name in sorted(images)] for host, images in wanted.items()}
 
 
 def _known(inputs: RenderInputs) -> dict[tuple[str, str], str]:
@@ -80,9 +85,10 @@ def _copied(inputs: RenderInputs, image: str, source: str, host: str, id_: str =
     return {**copy, "id": id_, "way": inputs.copy_way, "missing": None, **inputs.copied.get((host, image), {})}
 
 
-def _alike(snapshot: Snapshot, facts: HostFacts) -> list[str]:
-    """Return the reachable robots of the same architecture with an engine, in name order."""
-    return sorted(h for h, other in snapshot.facts.items() if other.arch == facts.arch and other.docker is not None)
+def _alike(inputs: RenderInputs, facts: HostFacts) -> list[str]:
+    """Return the reachable robots of the same architecture with an engine: builders first, then in name order."""
+    alike = (h for h, other in inputs.snapshot.facts.items() if other.arch == facts.arch and other.docker is not None)
+    return sorted(alike, key=lambda host: (host not in inputs.builders, host))
 
 
 def check_never(inputs: RenderInputs) -> None:

@@ -178,6 +178,8 @@ class Definitions:
     unsupported: tuple[Diagnostic, ...] = ()
     locked: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     """Full name of an image with its tag -> the digest that a lock has for it."""
+    platforms: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    """Image by its digest -> the platforms that it is there for, such as `linux/arm64/v8`, where that is known."""
     notes: tuple[str, ...] = ()
     """What the user should know of them, for the plan."""
     variables: Vault = field(default_factory=Vault)

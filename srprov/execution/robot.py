@@ -18,6 +18,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
 from srprov.errors import TransportError
+from srprov.execution.architecture import wrong_architecture
 from srprov.execution.options import STOP_TIMEOUT_S
 from srprov.execution.outcome import Event, Listener, Outcome, StepResult
 from srprov.execution.stopping import stop_together
@@ -131,7 +132,7 @@ class RobotExecutor:
         if refused := self._refused(step):
             return refused
         for command in step.commands:
-            reply = self._execute(command, lambda line: self._progress(step, line))
+            reply = self._execute(step, command, lambda line: self._progress(step, line))
             if not reply.ok:
                 took = time.monotonic() - started
                 return StepResult(step=step, outcome=Outcome.FAILED, message=_failure(command, reply), duration_s=took)
@@ -143,8 +144,8 @@ class RobotExecutor:
         self._done(step, time.monotonic() - started)
         return None
 
-    def _execute(self, command: Command, progress: Progress) -> Reply:
-        """Send one command; a build only where it runs nothing that nobody was asked about."""
+    def _execute(self, step: Step, command: Command, progress: Progress) -> Reply:
+        """Send one command of a step; a build only where it runs nothing that nobody was asked about."""
         if isinstance(command, EngineCall):
             command = command.stopping_within(self.stop_timeout_s)
             if (
@@ -153,7 +154,8 @@ class RobotExecutor:
                 and (no := refuse_triggers(command, self.session, progress))
             ):
                 return no
-        return self.session.execute(command, progress)
+        reply = self.session.execute(command, progress)
+        return (wrong_architecture(step, self.session) if reply.ok else None) or reply
 
     def _done(self, step: Step, took_s: float) -> None:
         """Remember that a step was done, and is to be verified."""

@@ -30,6 +30,10 @@ class Link:
     alias: str = ""
 
 
+_SMALLER = {"amd64": ("386",), "arm64": ("arm",)}
+"""What a 64-bit system also runs."""
+
+
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Docker:
     """The robot's engine."""
@@ -89,6 +93,11 @@ class HostFacts:
     """The user that reached it."""
     privileged: bool = True
     """False when commands do not run as root."""
+
+    @property
+    def runs(self) -> tuple[str, ...]:
+        """Architectures of which it runs images, its own first; empty where that is not known."""
+        return (self.arch, *_SMALLER.get(self.arch, ())) if self.arch else ()
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

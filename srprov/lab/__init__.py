@@ -18,6 +18,7 @@ srprov sees hosts that answer SSH.
     network.py    bridge, NAT, cables (cable.py: slow and lossy ones; partition.py: who cannot reach whom)
     disk.py       a robot's own files (users.py, config.py, figures.py)
     robot.py      boot, ready, kill, enter (engine.py: its Docker; latency.py: the proxy before its sshd)
+    arm64.py      a robot of another architecture (engine_proxy.py: a program of its own, before its engine)
     boot.sh       PID 1 of a robot
     delay.py      the delaying proxy, a program of its own
     images.py     what the mirror serves (trust.py: what this machine trusts, tarfiles.py: layers,

@@ -92,11 +92,29 @@ simulate_figures() {
             mount --bind "$LAB_DISK/figures/$figure" "$root/proc/$figure"
         fi
     done
-    if [ -e "$LAB_DISK/figures/date" ]; then # it calls the real one, which is then in /run/lab
-        program=$(command -v date)
-        : >"$root/run/lab/date"
-        mount --bind "$program" "$root/run/lab/date"
-        mount --bind "$LAB_DISK/figures/date" "$root$program"
+    if [ -e "$LAB_DISK/figures/machine" ] && [ -e "$root/proc/sys/kernel/arch" ]; then
+        mount --bind "$LAB_DISK/figures/machine" "$root/proc/sys/kernel/arch"
+    fi
+    for figure in date uname arch; do # they call the real ones, which are then in /run/lab
+        if [ -e "$LAB_DISK/figures/$figure" ]; then
+            program=$(command -v "$figure")
+            : >"$root/run/lab/$figure"
+            mount --bind "$program" "$root/run/lab/$figure"
+            mount --bind "$LAB_DISK/figures/$figure" "$root$program"
+        fi
+    done
+}
+
+# The kernel starts an emulator for another architecture's programs, of all robots, as long as anybody has this
+# filesystem mounted: the entry goes with the last robot that needs it.
+register_emulator() {
+    if [ -n "$LAB_BINFMT" ]; then
+        name=${LAB_BINFMT#:}
+        mkdir "$root/run/lab/binfmt"
+        mount -t binfmt_misc binfmt_misc "$root/run/lab/binfmt"
+        entry=$root/run/lab/binfmt/${name%%:*}
+        # Another robot may be quicker.
+        [ -e "$entry" ] || printf '%s' "$LAB_BINFMT" >"$root/run/lab/binfmt/register" || [ -e "$entry" ]
     fi
 }
 
@@ -134,7 +152,8 @@ run_docker() {
             sleep 0.2
         done
         rm -f /run/docker.pid
-        $clean dockerd >>/var/log/dockerd.log 2>&1 || :
+        # shellcheck disable=SC2086 # two words, or none
+        $clean dockerd $LAB_DOCKERD >>/var/log/dockerd.log 2>&1 || :
         [ -e /run/lab/docker-stopped ] || sleep 2
     done
 }
@@ -156,6 +175,7 @@ mount_root
 mount_cgroups
 make_devices
 simulate_figures
+register_emulator
 leave_old_root
 start_network
 start_services

@@ -16,7 +16,7 @@ import uuid
 from pathlib import Path
 
 from srprov.errors import LabError
-from srprov.lab import config, users
+from srprov.lab import arm64, config, users
 from srprov.lab.figures import loadavg, meminfo
 from srprov.lab.machine import SYSTEM_PATH, require, run
 from srprov.lab.places import NAMED, Site
@@ -154,7 +154,7 @@ def _write_options(site: Site, upper: Upper, robot: Robot) -> None:
 
 
 def _write_figures(folder: Path, robot: Robot) -> None:
-    """The files that boot.sh binds over /proc/loadavg, /proc/meminfo and `date` where wanted."""
+    """The files that boot.sh binds over /proc/loadavg, /proc/meminfo, `date` and others where wanted."""
     for path in folder.iterdir():
         path.unlink()
     if robot.load is not None:
@@ -165,6 +165,8 @@ def _write_figures(folder: Path, robot: Robot) -> None:
     if robot.clock_offset_s:
         (folder / "date").write_text(config.date(robot.clock_offset_s))
         (folder / "date").chmod(0o755)
+    if arm64.is_simulated(robot):
+        arm64.figures(folder)
 
 
 def _make_docker_disk(image: Path, mib: int) -> None:

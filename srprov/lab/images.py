@@ -1,7 +1,8 @@
 """The images that the lab's mirror serves, made once and cached.
 
 `debian:bookworm` is debootstrap's minimal variant below a layer with what this machine trusts;
-`busybox` is Debian's, with the libraries that it needs. Two caches: debootstrap's tar file (half a minute of work)
+`busybox` is Debian's, with the libraries that it needs, and where a lab has robots of arm64 also Debian's
+static one for those, under the same name. Two caches: debootstrap's tar file (half a minute of work)
 and the registry's storage, named by a hash of all that goes into it. Each is made beside its
 place and renamed into it, so a killed run leaves nothing half made in use.
 """
@@ -12,10 +13,10 @@ import hashlib
 import os
 import shutil
 import subprocess
-from collections.abc import Callable, Set
+from collections.abc import Callable, Sequence, Set
 from pathlib import Path
 
-from srprov.lab import machine, state, trust
+from srprov.lab import arm64, machine, state, trust
 from srprov.lab.oci import Image, Storage, architecture
 from srprov.lab.places import CACHE
 from srprov.lab.tarfiles import Layer
@@ -38,21 +39,24 @@ USERS = {
 }
 
 
-def ensure(used: Set[Path], say: Say) -> Path:
+def ensure(used: Set[Path], say: Say, *, foreign: bool = False) -> Path:
     """Return the storage that the mirror's registry serves, made if it is not cached.
 
     Args:
         used: Storages that mirrors serve now; older ones beside them are removed.
         say: Is told what takes long.
+        foreign: There are robots of arm64, on a machine that is none.
     """
     with state.locked(CACHE):  # two labs may come up at once
-        return _ensure(used, say)
+        return _ensure(used, say, foreign)
 
 
-def _ensure(used: Set[Path], say: Say) -> Path:
+def _ensure(used: Set[Path], say: Say, foreign: bool) -> Path:
     busybox = machine.find("busybox")
     trusted, variables = trust.files(), trust.environment()
-    storage = CACHE / f"registry-{_fingerprint(trusted, variables, busybox)}"
+    plain = CACHE / f"registry-{_fingerprint(trusted, variables, busybox)}"
+    both = plain.with_name(f"{plain.name}-{arm64.ARCH}")
+    storage = both if foreign else plain
     if storage.exists():
         return storage
     machine.require(machine.IMAGE_PACKAGES)
@@ -66,10 +70,17 @@ def _ensure(used: Set[Path], say: Say) -> Path:
     with Layer(top) as layer:
         layer.files(trusted)
         layer.file("usr/sbin/policy-rc.d", b"#!/bin/sh\nexit 101\n", 0o755)
-    _write_busybox(box, Path(busybox or "busybox"))
+    program = Path(busybox or "busybox")
+    _write_busybox(box, program, machine.run([str(program), "--list"]).split())
     Storage(draft).add(Image("library/debian", trust.SUITE, [base, top], ["bash"], variables))
-    Storage(draft).add(Image("library/busybox", "latest", [box], ["sh"]))
-    for old in set(CACHE.glob("registry-*")) - used:
+    boxes = [Image("library/busybox", "latest", [box], ["sh"])]
+    if foreign:
+        say(f"fetching busybox for {arm64.ARCH}")
+        other, program = draft / "other.tar", arm64.busybox()
+        _write_busybox(other, program, arm64.applets(program))
+        boxes.append(Image("library/busybox", "latest", [other], ["sh"], architecture=arm64.ARCH))
+    Storage(draft).add(*boxes)
+    for old in set(CACHE.glob("registry-*")) - used - {plain, both}:
         shutil.rmtree(old)
     draft.rename(storage)
     return storage
@@ -117,9 +128,8 @@ def _libraries(program: Path) -> list[Path]:
     return sorted({Path(word) for word in listed.split() if word.startswith("/")})
 
 
-def _write_busybox(path: Path, program: Path) -> None:
+def _write_busybox(path: Path, program: Path, applets: Sequence[str]) -> None:
     """Busybox with all its applets, and the few files that a shell expects."""
-    listed = subprocess.run([program, "--list"], capture_output=True, text=True, check=True).stdout
     with Layer(path) as layer:
         for folder in ("bin", "etc", "root"):
             layer.folder(folder)
@@ -132,6 +142,6 @@ def _write_busybox(path: Path, program: Path) -> None:
             for depth in range(1, folder.count("/") + 2):
                 layer.folder("/".join(folder.split("/")[:depth]))
             layer.file(library.as_posix().lstrip("/"), library.read_bytes(), 0o755)
-        for applet in sorted(set(listed.split()) - {"busybox"}):
+        for applet in sorted(set(applets) - {"busybox"}):
             layer.link(f"bin/{applet}", "busybox")
         layer.files(USERS)

@@ -20,6 +20,7 @@ from typing import Any
 from srprov import regular_file
 from srprov.errors import LabError, UsageError
 from srprov.lab import (
+    arm64,
     cgroups,
     disk,
     faults,
@@ -58,7 +59,10 @@ def up(name: str, wanted: Wanted, say: Say) -> list[str]:
     with state.locked(Site(name, None).run):
         before = state.read_lab(Site(name, None))
         lab, robots = _decide(Site(name, None), wanted, before, say)
-        storage = images.ensure(registry.storages(sites.every()), say)
+        foreign = any(arm64.is_simulated(each) for each in robots)
+        if foreign:
+            machine.require(arm64.PACKAGES)
+        storage = images.ensure(registry.storages(sites.every()), say, foreign=foreign)
         site = sites.claim(name)
         network.ensure(site)
         state.write_lab(site, lab)

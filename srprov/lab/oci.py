@@ -37,6 +37,8 @@ class Image:
     """Tar files, lowest first. They are moved into the storage."""
     command: Sequence[str]
     environment: Mapping[str, str] = field(default_factory=dict)
+    architecture: str = ""
+    """In the words of container images; empty: this machine's."""
 
 
 class Storage:
@@ -46,8 +48,26 @@ class Storage:
         """`root` is the registry's `rootdirectory`."""
         self.top = root / "docker/registry/v2"
 
-    def add(self, image: Image) -> str:
-        """Write the image; gives the digest of its manifest."""
+    def add(self, image: Image, *more: Image) -> str:
+        """Write an image, or one for each architecture under one name; gives the digest of its manifest."""
+        written = [self._write(each) for each in (image, *more)]
+        digest = written[0][0]
+        if more:
+            parts = [
+                _part("distribution.manifest.v2+json", each, size) | {"platform": {"architecture": arch, "os": "linux"}}
+                for each, size, arch in written
+            ]
+            kind = f"{KIND}distribution.manifest.list.v2+json"
+            digest = self._write_blob(_json({"schemaVersion": 2, "mediaType": kind, "manifests": parts}))
+        revisions = {digest, *(each for each, _, _ in written)}
+        for each in sorted(revisions):
+            self._link(image.name, [f"_manifests/revisions/sha256/{each}"], each)
+        tag = f"_manifests/tags/{image.tag}"
+        self._link(image.name, [f"{tag}/current", f"{tag}/index/sha256/{digest}"], digest)
+        return digest
+
+    def _write(self, image: Image) -> tuple[str, int, str]:
+        """Write one image's blobs; gives its manifest's digest and size, and its architecture."""
         sizes = [layer.stat().st_size for layer in image.layers]
         layers = [self._move_blob(layer) for layer in image.layers]
         config_text = json.dumps(_config(image, layers), sort_keys=True).encode()
@@ -58,12 +78,9 @@ class Storage:
             "config": _part("container.image.v1+json", config, len(config_text)),
             "layers": [_part("image.rootfs.diff.tar", layer, size) for layer, size in zip(layers, sizes, strict=True)],
         }
-        digest = self._write_blob(json.dumps(manifest, indent=3).encode())
+        text = _json(manifest)
         self._link(image.name, [f"_layers/sha256/{each}" for each in (config, *layers)])
-        tag = f"_manifests/tags/{image.tag}"
-        revision = f"_manifests/revisions/sha256/{digest}"
-        self._link(image.name, [revision, f"{tag}/current", f"{tag}/index/sha256/{digest}"], digest)
-        return digest
+        return self._write_blob(text), len(text), image.architecture or architecture()
 
     def _blob(self, digest: str) -> Path:
         path = self.top / "blobs/sha256" / digest[:2] / digest / "data"
@@ -95,6 +112,10 @@ def _part(kind: str, digest: str, size: int) -> dict[str, object]:
     return {"mediaType": KIND + kind, "size": size, "digest": f"sha256:{digest}"}
 
 
+def _json(document: object) -> bytes:
+    return json.dumps(document, indent=3).encode()
+
+
 def architecture() -> str:
     """This machine's architecture in the words of container images."""
     return ARCHITECTURES.get(platform.machine(), platform.machine())
@@ -104,7 +125,7 @@ def _config(image: Image, layers: Sequence[str]) -> dict[str, object]:
     path = "PATH=/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
     environment = [path, *(f"{name}={value}" for name, value in sorted(image.environment.items()))]
     return {
-        "architecture": architecture(),
+        "architecture": image.architecture or architecture(),
         "os": "linux",
         "created": EPOCH,
         "config": {"Cmd": list(image.command), "Env": environment},

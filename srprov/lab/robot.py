@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from srprov.errors import LabError
-from srprov.lab import cable, cgroups, disk, engine, latency, network, partition, state
+from srprov.lab import arm64, cable, cgroups, disk, engine, latency, network, partition, state
 from srprov.lab.config import SSHD_BEHIND_PROXY
 from srprov.lab.machine import SYSTEM_PATH, find
 from srprov.lab.places import Site
@@ -65,6 +65,8 @@ def _boot_settings(site: Site, robot: Robot, groups: Sequence[Path]) -> dict[str
         "LAB_GATEWAY": str(site.controller),
         "LAB_DEVICES": " ".join(robot.devices),
         "LAB_DOCKER": "yes" if robot.docker else "no",
+        "LAB_DOCKERD": "-H unix:///run/lab/docker.sock" if arm64.is_simulated(robot) else "",
+        "LAB_BINFMT": arm64.registration() if arm64.is_simulated(robot) else "",
         "LAB_CGROUPS": " ".join(str(group) for group in groups),
         "LAB_CGROUP_VERSION": str(cgroups.version()),
         "LAB_CGROUP_HIERARCHIES": " ".join(each.word for each in cgroups.hierarchies()),
@@ -96,6 +98,8 @@ def go(site: Site, waiting: Sequence[Waiting]) -> None:
         each.launcher.stdin.close()
         if each.robot.ssh_latency_ms:
             latency.start(site, each.robot.name, each.init.pid, each.robot.ssh_latency_ms)
+        if each.robot.docker and arm64.is_simulated(each.robot):
+            arm64.start_proxy(site, each.robot.name, each.init.pid)
 
 
 def await_ready(site: Site, robots: Sequence[Robot], patience_s: float = 60.0) -> None:

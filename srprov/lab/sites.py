@@ -12,7 +12,7 @@ import shutil
 from pathlib import Path
 
 from srprov.errors import LabError
-from srprov.lab import cgroups, network, state
+from srprov.lab import arm64, cgroups, network, state
 from srprov.lab.machine import write_setting
 from srprov.lab.places import MOST_NUMBER, NAMED_RUN, Site, subnet
 
@@ -78,6 +78,7 @@ def release(site: Site) -> None:
         if not every():
             for path, value in (state.read(BEFORE) or {}).items():
                 write_setting(Path(path), value)
+            arm64.forget()
             shutil.rmtree(MACHINE)
             _remove_empty(NAMED_RUN)
 

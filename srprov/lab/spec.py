@@ -20,6 +20,7 @@ from srprov.yamldoc.nodes import Map, Node, is_null
 
 DEFAULT_COUNT = 4
 USERS = ("root", "robot")
+ARCHITECTURES = ("arm64",)
 SSHD_LIMITS = ("max_startups", "max_sessions")
 
 
@@ -43,6 +44,7 @@ class Robot:
     memory: Amount | None = None
     swap: Amount | None = None
     docker: bool = True
+    arch: str | None = None
     user: str | None = None
     ssh_latency_ms: float | None = None
     rate_mbit: float | None = None
@@ -179,6 +181,7 @@ OPTIONS: Mapping[str, Callable[[FieldReader, Node], Any]] = {
     "memory": _amount,
     "swap": _amount,
     "docker": FieldReader.boolean,
+    "arch": lambda reader, node: reader.choice(node, ARCHITECTURES),
     "user": _user,
     "ssh_latency_ms": _number(0, 10_000),
     "rate_mbit": _number(0.1, 10_000),

@@ -57,6 +57,8 @@ class ImageParams:
     """How it is copied; empty: as it is possible."""
     missing: Missing | None = None
     """What is copied; None where that only shows when it is."""
+    runs: tuple[str, ...] = ()
+    """Architectures that the robot runs, its own first: the image must be for one of them. Empty: any."""
 
     def __post_init__(self) -> None:
         """Refuse a source without what it takes."""
@@ -118,7 +120,9 @@ def _how(want: ImageParams) -> str:
 def _getting(name: str, want: ImageParams) -> tuple[str, Command]:
     """Return how an image gets to the robot, in words and as a command."""
     if want.source == "copy":
-        copy = CopyImage(image=name, source_host=want.from_, id=want.id, way=want.way, timeout_s=_LONG_S)
+        copy = CopyImage(
+            image=name, source_host=want.from_, id=want.id, way=want.way, runs=want.runs, timeout_s=_LONG_S
+        )
         return _how(want), copy
     if want.source == "pull":
         what = pull_parameters(name)

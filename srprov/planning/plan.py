@@ -190,6 +190,7 @@ def command_json(command: Command) -> dict[str, Any]:
             "from": command.source_host,
             "id": command.id,
             "way": command.way,
+            "runs": list(command.runs),
         }
     if isinstance(command, CopyVolume):
         return {"copy_volume": command.volume, "into": command.into, "from": command.source_host}

@@ -53,6 +53,7 @@ class CommandKeys:
     copy_image: str = ""
     id: str = ""
     way: Literal["", "thin", "registry", "whole"] = ""
+    runs: tuple[str, ...] = ()
     copy_volume: str = ""
     send_data: str = ""
     url: str = ""

@@ -12,7 +12,7 @@ from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 from srprov.errors import TransportError
-from srprov.layers import Image
+from srprov.layers import Image, foreign
 from srprov.session import Progress, Session
 from srprov.transport.blob import Blob
 from srprov.transport.image_archive import ForeignImage, only
@@ -68,6 +68,12 @@ def copy_image(
         return _failed(f"{error.host}: {error.message}")
 
 
+def _check_architecture(image: Image, copy: CopyImage) -> None:
+    """Refuse an image that the robot would not run, whatever its tag."""
+    if why := foreign(image.architecture, copy.runs):
+        raise ForeignImage(f"{copy.image}: {why}")
+
+
 def _failed(why: str) -> Reply:
     return Reply(status=0, ok=False, err=why)
 
@@ -93,6 +99,7 @@ class _Thin:
             raise NotThin(f"the engine of {self._source.host} does not say what it has")
         if ids and image.id not in ids:
             raise ForeignImage(f"it gives another image under {self._copy.image} than the one that was built")
+        _check_architecture(image, self._copy)
         target = look_at(self._session)
         if self._copy.way == "registry" or (target.containerd and not self._copy.way):
             return self._pull(self._archive(image, store, tuple(dict.fromkeys(image.diff_ids))), target)
@@ -110,6 +117,7 @@ class _Thin:
                     return source.get(digest, f"{name}, configuration", self._progress)
 
                 image, config = configuration(image, small, classic=store == "classic")
+                _check_architecture(image, self._copy)
                 layers = [
                     source.get(one, f"{name}, layer {number} of {len(missing)}", self._progress)
                     for number, one in enumerate(missing, 1)
@@ -152,6 +160,8 @@ class _Thin:
 def _whole(copy: CopyImage, session: BaseSession, source: Session, ids: Collection[str], progress: Progress) -> Reply:
     """Load the image while the other robot saves it."""
     wanted = image_of(source, copy.image)
+    if wanted is not None:
+        _check_architecture(wanted, copy)
     chunks = source.save_image(copy.image, copy.timeout_s)
     pieces = Meter(copy.image, progress).count(only(chunks, copy.image, ids))
     reply = session.engine.client.load(pieces, copy.timeout_s, progress)

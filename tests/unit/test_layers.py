@@ -9,7 +9,9 @@ import pytest
 
 from srprov.layers import (
     Image,
+    architecture_of,
     chain_ids,
+    foreign,
     has_classic_store,
     history_sizes,
     manifest,
@@ -74,6 +76,9 @@ def test_an_image_is_read_from_what_the_engine_says_and_from_its_configuration()
     want = Image(digest("i"), tuple(layers))
     assert read_image({"Id": digest("i"), "RootFS": {"Type": "layers", "Layers": layers}}) == want
     assert read_config(digest("i"), {"rootfs": {"type": "layers", "diff_ids": layers}}) == want
+    said = {"Id": digest("i"), "Architecture": "arm64", "RootFS": {"Type": "layers", "Layers": layers}}
+    config = {"architecture": "arm64", "rootfs": {"type": "layers", "diff_ids": layers}}
+    assert read_image(said) == read_config(digest("i"), config) == Image(digest("i"), tuple(layers), "arm64")
 
 
 def test_the_store_is_told_by_the_driver() -> None:
@@ -87,3 +92,22 @@ def test_sizes_of_layers_are_known_only_where_each_has_one() -> None:
     history = [{"Size": 5}, {"Size": 0}, {"Size": 70}]
     assert history_sizes(history, 2) == [70, 5]
     assert history_sizes(history, 3) is None and history_sizes(None, 1) is None
+
+
+@pytest.mark.parametrize(
+    ("architecture", "runs", "why"),
+    [
+        ("arm64", ("arm64", "arm"), ""),
+        ("arm", ("arm64", "arm"), ""),
+        ("", ("arm64",), ""),
+        ("amd64", (), ""),
+        ("amd64", ("arm64", "arm"), "it is an image for amd64, and the robot runs arm64 and arm"),
+    ],
+)
+def test_a_robot_runs_images_of_its_architectures(architecture: str, runs: tuple[str, ...], why: str) -> None:
+    assert foreign(architecture, runs) == why
+
+
+@pytest.mark.parametrize("said", [None, 5, ["arm64"], "arm 64", "\x1b[31m", "x" * 21])
+def test_an_architecture_that_is_none_is_not_known(said: object) -> None:
+    assert architecture_of(said) == ""

@@ -18,11 +18,12 @@ from srprov.resource import Observed
 TAG = "srprov/x:0123456789abcdef"
 
 
-def sources(known: dict[str, set[str]], **ids: str) -> dict[str, tuple[str, str]]:
+def sources(known: dict[str, set[str]], builders: tuple[str, ...] = (), **ids: str) -> dict[str, tuple[str, str]]:
     """Return robot -> (source, from) of the image that `b` runs, where robots list an image of an id under its tag."""
     plan = ImagePlan(tag=TAG, dockerfile="FROM x", context=b"tar", base="x", pinned=True)
     docker = Docker(version="20.10", api_version="1.41")
-    facts = {name: HostFacts(name=name, arch="x86_64", docker=docker) for name in ("a", "b", "c")}
+    facts = {name: HostFacts(name=name, arch="amd64", docker=docker) for name in ("a", "b", "c")}
+    facts["arm"] = HostFacts(name="arm", arch="arm64", docker=docker)
     observed = {
         name: (Observed(module="image", name=TAG, instance="", state={"id": ids.get(name, ""), "labels": {}}),)
         * (name in ids)
@@ -37,8 +38,10 @@ def sources(known: dict[str, set[str]], **ids: str) -> dict[str, tuple[str, str]
         known_images=known,
         copy_way="",
         copied={},
+        builders=builders,
     )
     found = robot_images(inputs, {})
+    assert all(one["runs"] == ["amd64", "386"] for images in found.values() for one in images)
     assert all(one.get("id", "") in ("", ids.get(one.get("from", ""))) for images in found.values() for one in images)
     return {
         host: (one["source"], f"{one.get('from', '')} {one.get('id', '')}".strip())
@@ -59,6 +62,12 @@ def test_a_robot_that_lists_the_tag_of_another_image_is_no_source(known: dict[st
 
 def test_without_anybody_who_has_it_the_first_robot_builds() -> None:
     assert sources({}) == {"a": ("build", ""), "b": ("copy", "a")}
+
+
+def test_images_are_built_by_builders_of_the_robots_architecture() -> None:
+    assert sources({}, builders=("arm", "c")) == {"c": ("build", ""), "b": ("copy", "c")}
+    assert sources({}, builders=("arm",)) == {"a": ("build", ""), "b": ("copy", "a")}
+    assert sources({TAG: {"sha256:1"}}, builders=("c",), a="sha256:1") == {"b": ("copy", "a sha256:1")}
 
 
 def test_ids_of_what_a_run_had_built_are_remembered(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -36,7 +36,8 @@ def test_always_puts_in_what_the_tags_are_now_and_asks_robots_that_run_them(here
         for host, queries in questions.items():
             assert all(isinstance(one, EngineQuery) for one in queries)
             asked.extend((host, one.path) for one in queries if isinstance(one, EngineQuery))
-            body = json.dumps({"Descriptor": {"digest": DIGEST}})
+            platforms = [{"os": "linux", "architecture": "amd64"}]
+            body = json.dumps({"Descriptor": {"digest": DIGEST}, "Platforms": platforms})
             replies[host] = [Reply(status=200, ok=True, out=body)] * len(queries)
         return replies
 
@@ -48,6 +49,7 @@ def test_always_puts_in_what_the_tags_are_now_and_asks_robots_that_run_them(here
     assert next(iter(definitions.containers.values())).base == f"debian@{DIGEST}"
     assert (experiment.services["b"].image, experiment.services["c"].image) == (f"busybox@{DIGEST}", "busybox")
     assert {host for host, _ in asked} == {"r1", "r2"}
+    assert definitions.platforms == {f"{name}@{DIGEST}": ("linux/amd64",) for name in ("busybox", "debian")}
     asked.clear()
     same = with_fresh(read, read.experiment, placed, ["r3"], ask)
     assert same == (read, read.experiment) and not asked, "nobody who runs them answers"

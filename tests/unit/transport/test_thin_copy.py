@@ -36,11 +36,11 @@ class World:
         self.sources = ImageSources(Blobs(folder / "cache"))
         self.said: list[str] = []
 
-    def copy(self, *, way: str = "", id: str = "", target: Robot | None = None) -> Reply:
+    def copy(self, *, way: str = "", id: str = "", target: Robot | None = None, runs: tuple[str, ...] = ()) -> Reply:
         session: Any = target or self.target
         peers: Any = lambda _name: self.builder  # noqa: E731 - a mapping of one
         options = ConnectOptions(image_sources=self.sources)
-        copy = CopyImage(image=TAG, source_host="builder", id=id, way=way)
+        copy = CopyImage(image=TAG, source_host="builder", id=id, way=way, runs=runs)
         return copy_image(copy, session, peers, options, self.said.append)
 
     def again(self) -> None:
@@ -290,3 +290,23 @@ class TestSpooled:
         other.engine.client.load = lambda pieces, *more: load(iter([taken.append(b"".join(pieces)) or taken[0]]), *more)
         assert world.copy(target=other).ok
         return taken[0]
+
+
+@pytest.mark.parametrize("way", ["", "thin", "registry", "whole"])
+def test_an_image_for_another_architecture_is_not_sent_whatever_its_tag(world: World, way: str) -> None:
+    other = Made(BASE, TOP, architecture="arm64")
+    world.builder.images[TAG] = other
+    refused = world.copy(way=way, id=other.id, runs=("amd64", "386"))
+    assert not refused.ok and "it is an image for arm64, and the robot runs amd64 and 386" in refused.err
+    assert world.target.streamed == [] and TAG not in world.target.images and world.is_clean()
+    if way in ("", "thin"):
+        assert world.copy(way=way, id=other.id, runs=("arm64",)).ok and world.target.images[TAG].id == other.id
+
+
+def test_a_builder_that_lies_about_an_images_architecture_is_found_out(world: World) -> None:
+    """The configuration says it too, and its hash is the image's id."""
+    other = Made(BASE, TOP, architecture="arm64")
+    world.builder.images[TAG], world.builder.says = other, "amd64"
+    refused = world.copy(id=other.id, runs=("amd64",))
+    assert not refused.ok and "configuration" in refused.err
+    assert world.target.streamed == [] and TAG not in world.target.images

@@ -40,10 +40,11 @@ def sha(content: bytes) -> str:
 class Made:
     """An image of some layers."""
 
-    def __init__(self, *layers: bytes) -> None:
-        self.layers = layers
+    def __init__(self, *layers: bytes, architecture: str = "") -> None:
+        self.layers, self.architecture = layers, architecture
         self.diff_ids = [sha(one) for one in layers]
-        self.config = json.dumps({"rootfs": {"type": "layers", "diff_ids": self.diff_ids}}).encode()
+        known = {"architecture": architecture} if architecture else {}
+        self.config = json.dumps({**known, "rootfs": {"type": "layers", "diff_ids": self.diff_ids}}).encode()
         self.id = sha(self.config)
 
     def saved(self, tags: Sequence[str] = ()) -> bytes:
@@ -127,7 +128,11 @@ class Robot:
         found = self.images.get(name) or next((one for one in self.images.values() if one.id == name), None)
         if found is None:
             return Reply(status=404, ok=False, err="no such image")
-        return _json({"Id": found.id, "RootFS": {"Type": "layers", "Layers": found.diff_ids}})
+        said = self.says or found.architecture
+        return _json({"Id": found.id, "Architecture": said, "RootFS": {"Type": "layers", "Layers": found.diff_ids}})
+
+    says = ""
+    """The architecture that the engine says images are for, instead of what they are."""
 
     def save_image(self, name: str, _timeout_s: float) -> Iterator[bytes]:
         """Stream an image."""
@@ -171,7 +176,8 @@ class Robot:
                   for chain, layer in zip(chain_ids(one.diff_ids), one.layers, strict=True)
                   if chain not in self.lost}  # fmt: skip
         for entry in json.loads(files["manifest.json"]):
-            config = json.loads(files[entry["Config"]])["rootfs"]["diff_ids"]
+            document = json.loads(files[entry["Config"]])
+            config = document["rootfs"]["diff_ids"]
             found = []
             for chain, diff_id, name in zip(chain_ids(config), config, entry["Layers"], strict=True):
                 if chain not in layers and name not in files:
@@ -181,7 +187,7 @@ class Robot:
                 if sha(layer) != diff_id:
                     return f"invalid diffID for layer: expected {diff_id}, got {sha(layer)}"
                 found.append(layer)
-            made = Made(*found)
+            made = Made(*found, architecture=document.get("architecture", ""))
             assert made.config == files[entry["Config"]]
             self.images |= dict.fromkeys(entry["RepoTags"], made)
         return ""

@@ -1,0 +1,32 @@
+"""Whether there is an image for the architecture of each robot, as far as that is known before it is pulled. Pure."""
+
+from __future__ import annotations
+
+from srprov.controller.render_inputs import RenderInputs
+from srprov.definitions.model import Definitions
+from srprov.errors import UsageError
+
+_SHOWN = 8
+
+
+def check_platforms(inputs: RenderInputs, definitions: Definitions) -> None:
+    """Refuse a plan in which a robot needs an image that is for other architectures alone.
+
+    It is known of images that a lock names, or whose tags are looked up for each plan.
+
+    Raises:
+        UsageError: Names each.
+    """
+    wrong = []
+    for name, robot in sorted(inputs.placed.items() if definitions.platforms else ()):
+        service, facts = inputs.experiment.services[name], inputs.snapshot.facts.get(robot)
+        runs = facts.runs if facts else ()
+        for image in (service.image,) if service.image else definitions.containers[service.cdf].images:
+            there = definitions.platforms.get(image, ())
+            if runs and there and not any(one.split("/")[1] in runs for one in there):
+                wrong.append(f"{name}: {image} is for {', '.join(there[:_SHOWN])}; {robot} is {runs[0]}")
+    if wrong:
+        raise UsageError(
+            f"there is no such image for a robot's architecture: {'; '.join(wrong)}",
+            hint="name another image, or say `requires: {arch: …}` so that the service goes where there is one",
+        )

@@ -1,0 +1,124 @@
+"""Robots of two architectures: robot2 of this lab says that it is an arm64, and runs what arm64 runs.
+
+A lab of its own, so `make soak` has it.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from tests.lab.conftest import NAME, Done, Lab
+
+pytestmark = [pytest.mark.lab, pytest.mark.soak]
+
+ROBOTS = {"robot1": "x86_64", "robot2": "aarch64", "robot3": "x86_64"}
+IMAGES = {"x86_64": "amd64", "aarch64": "arm64"}
+CDF = "cdf: 1\nname: machine\nbase: busybox\nrun: [uname -m > /arch]\ncommand: [sleep, '86400']\nstop_signal: SIGKILL\n"
+
+
+class Mixed(Lab):
+    """The lab, with an experiment of one service on each robot."""
+
+    def __init__(self, folder: Path) -> None:
+        super().__init__(folder, f"{NAME}-arch")
+        self.env = {f"XDG_{kind}_HOME": str(folder / kind) for kind in ("STATE", "CACHE")}
+        (folder / "machine.cdf").write_text(CDF, encoding="utf-8")
+        services = {f"on-{robot}": {"cdf": "machine.cdf", "robot": robot} for robot in ROBOTS}
+        self.edf = self.experiment("both", services)
+
+    def experiment(self, name: str, services: dict[str, dict[str, Any]]) -> str:
+        path = self.folder / f"{name}.edf"
+        path.write_text(json.dumps({"edf": 1, "name": name, "services": services}), encoding="utf-8")
+        return str(path)
+
+    def run(self, verb: str, file: str, *more: str) -> Done:
+        return self.srprov(verb, file, "-i", str(self.inventory), *more, env=self.env)
+
+    def apply(self, file: str, code: int = 0) -> Any:
+        applied = self.run("apply", file, "--yes", "--json", "--settle", "0")
+        assert applied.code == code, applied
+        return applied.json
+
+    def image(self, robot: str, name: str) -> dict[str, Any]:
+        """Give what a robot's engine says of an image."""
+        (found,) = json.loads(self.shell(robot, "docker", "image", "inspect", name).out)
+        assert isinstance(found, dict)
+        return found
+
+
+@pytest.fixture(scope="module")
+def mixed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Mixed]:
+    lab = Mixed(tmp_path_factory.mktemp("architectures"))
+    (lab.folder / "lab-spec.yml").write_text("count: 3\nrobots: {robot2: {arch: arm64}}\n", encoding="utf-8")
+    try:
+        up = lab.srprov("lab", "up", "--spec", "lab-spec.yml")
+        assert up.code == 0, up
+        yield lab
+    finally:
+        lab.srprov("lab", "down")
+
+
+def test_a_robot_of_another_architecture_says_so_everywhere(mixed: Mixed) -> None:
+    for robot, machine in ROBOTS.items():
+        said = mixed.shell(robot, "sh", "-c", "uname -m; arch; docker info --format '{{.Architecture}}'").out.split()
+        assert said == [machine] * 3
+        assert mixed.shell(robot, "docker", "version", "--format", "{{.Server.Arch}}").out.strip() == IMAGES[machine]
+    facts = mixed.srprov("facts", "-i", str(mixed.inventory), "--json", env=mixed.env).json
+    assert {name: one["arch"] for name, one in facts["robots"].items()} == {r: IMAGES[m] for r, m in ROBOTS.items()}
+
+
+def test_one_experiment_comes_up_on_both_each_container_of_its_own_architecture(mixed: Mixed) -> None:
+    planned = mixed.run("plan", mixed.edf, "--json").json
+    images = {one["robot"]: one for one in planned["steps"] if one["module"] == "image"}
+    assert len({one["name"] for one in images.values()}) == 1, "one tag for all"
+    assert "built here" in images["robot1"]["cause"] and "built here" in images["robot2"]["cause"]
+    assert "copied from robot1" in images["robot3"]["cause"]
+    mixed.apply(mixed.edf)
+    tag = images["robot1"]["name"]
+    for robot, machine in ROBOTS.items():
+        container = f"srprov.both.on-{robot}"
+        assert mixed.shell(robot, "docker", "exec", container, "uname", "-m").out.strip() == machine
+        assert mixed.shell(robot, "docker", "exec", container, "cat", "/arch").out.strip() == machine
+        assert mixed.image(robot, tag)["Architecture"] == IMAGES[machine]
+        for other in ROBOTS:
+            mixed.shell(robot, "docker", "exec", container, "ping", "-c", "1", "-W", "5", f"on-{other}")
+    assert mixed.image("robot1", tag)["Id"] == mixed.image("robot3", tag)["Id"] != mixed.image("robot2", tag)["Id"]
+    second = mixed.run("plan", mixed.edf, "--json").json
+    assert second["steps"] == []
+
+
+def test_a_known_image_for_another_architecture_is_not_copied(mixed: Mixed) -> None:
+    """Its id is one that this machine had built under that tag, for the robots that run it."""
+    mixed.apply(mixed.edf)
+    tag = str(mixed.inspect("robot2", "srprov.both.on-robot2")["Config"]["Image"])
+    mixed.shell("robot2", "docker", "save", "-o", "/tmp/other.tar", tag)
+    content = mixed.shell("robot2", "base64", "/tmp/other.tar").out
+    (mixed.site.disk("robot1") / "upper/var/other.b64").write_text(content, encoding="ascii")
+    mixed.shell("robot1", "sh", "-c", "base64 -d /var/other.b64 | docker load")
+    mixed.shell("robot3", "sh", "-c", f"docker rm -f srprov.both.on-robot3; docker rmi {tag}")
+    for way in ("thin", "whole"):
+        applied = mixed.run("apply", mixed.edf, "--yes", "--json", "--settle", "0", "--copy", way)
+        failed = [one for one in applied.json["steps"] if one["outcome"] == "failed"]
+        assert len(failed) == 1 and "it is an image for arm64, and the robot runs amd64" in failed[0]["message"], (
+            applied
+        )
+        assert tag not in mixed.shell("robot3", "docker", "images", "--format", "{{.Repository}}:{{.Tag}}").out
+
+
+def test_an_image_that_is_not_there_for_a_robot_is_refused_when_it_is_pulled_or_before(mixed: Mixed) -> None:
+    """The mirror has Debian for this machine's architecture alone."""
+    service = {"image": "debian:bookworm", "command": ["sleep", "86400"], "robot": "robot2"}
+    file = mixed.experiment("debian", {"one": service})
+    failed = [one for one in mixed.apply(file, 3)["steps"] if one["outcome"] == "failed"]
+    assert len(failed) == 1 and "it is an image for amd64, and the robot runs arm64" in failed[0]["message"], failed
+    assert mixed.shell("robot2", "docker", "images", "-q", "debian:bookworm").out == ""
+    assert mixed.run("lock", file).code == 0
+    refused = mixed.run("plan", file)
+    assert refused.code == 5 and "is for linux/amd64; robot2 is arm64" in refused.err, refused
+    assert mixed.run("lock", mixed.edf).code == 0
+    assert '"platforms": ["linux/amd64", "linux/arm64"]' in Path(mixed.folder, "both.lock").read_text(encoding="utf-8")
