@@ -77,13 +77,14 @@ def run(
         output_options.note(f"asking {len(inventory.hosts)} robots for facts")
         planned = _planned(definitions, fleet, request, vault)
         from srprov.controller.permissions import may_trigger, permit_run
-        from srprov.controller.trial_plan import trial_plan
+        from srprov.controller.trial_plan import in_words, trial_plan
         from srprov.controller.trial_run import TrialsRequest
         from srprov.execution import RunOptions
 
         plan = trial_plan(planned, inventory, request.policies)
         if not as_json:
             show_plan(plan.base.plan, None, verbose=False)
+            out(f"\n{in_words(plan)}")
         permit_run(planned.plan, request.allowed, inventory, request.policies)
         confirm(plan.base.plan, yes, stop_timeout, " and run the trials")
         run_options = RunOptions(

@@ -13,7 +13,7 @@ from srprov.controller.plan import Planned
 from srprov.controller.trial_instances import with_instances
 from srprov.definitions.model import Inventory
 from srprov.definitions.trialsmodel import TrialDefinitions, folder_of
-from srprov.errors import UsageError
+from srprov.errors import UsageError, visible
 from srprov.execution.trial_robots import TrialContainer
 from srprov.modules import RUNNING
 from srprov.modules.container_commands import creation, hashes
@@ -122,6 +122,19 @@ def _result_folders(plan: TrialPlan, one: Resource) -> Iterator[str]:
         if not any(folder == target or folder.startswith(f"{target}/") for target in targets):
             yield folder
             targets.append(folder)
+
+
+def in_words(plan: TrialPlan) -> str:
+    """Return what each trial creates, a line for each container, below its robot."""
+    lines = ["Each trial makes these anew, and removes them:"]
+    for host in sorted({one.host for one in plan.services}):
+        lines += ["", host]
+        for one in sorted((one for one in plan.services if one.host == host), key=lambda one: one.name):
+            names = (one.service, plan.origin[one.service])
+            kinds = sorted({asked.kind for asked in plan.base.plan.permissions if asked.service in names})
+            asks = f", asks for {', '.join(kinds)}" if kinds else ""
+            lines.append(f"  + container {one.name}: image {one.params.image}{asks}")
+    return "\n".join(visible(line) for line in lines)
 
 
 def sameness(plan: TrialPlan, facts: Mapping[str, Mapping[str, str]]) -> dict[str, str]:

@@ -82,7 +82,7 @@ class _Earlier:
     name: str
     rows: tuple[Mapping[str, Any], ...] = ()
     begun: Mapping[str, int] = field(default_factory=dict)
-    lost: str = ""
+    lost: tuple[tuple[str, int], ...] = ()
     events: int = 0
 
 
@@ -153,8 +153,8 @@ def _all(
         journal.add("resume" if earlier.events else "run", **begun, trials=len(made.trials))
         about = TrialRun(
             plan=plan,
+            whole=whole,
             design=made,
-            orders={trial.id: order for order, trial in enumerate(whole.trials, start=1)},
             folder=folder,
             name=earlier.name,
             stop_limit_s=options.stop_timeout_s,
@@ -216,12 +216,13 @@ def _read(folder: Path) -> tuple[_Earlier, dict[str, str]]:
     if not all({"trial", "status"} <= row.keys() for row in rows):
         raise UsageError(f"{folder}: the journal has rows that are none", hint="somebody changed it; begin a new run")
     begun: dict[str, int] = {}
-    lost = ""
+    lost: dict[tuple[str, int], None] = {}
     for one in events:
+        attempt = str(one.get("trial")), integer(one.get("attempt"), high=1_000_000)
         if one["event"] == "begin":
-            lost = str(one.get("trial"))
-            begun[lost] = integer(one.get("attempt"), high=1_000_000)
+            begun[attempt[0]] = attempt[1]
+            lost[attempt] = None
         elif one["event"] == "end":
-            lost = ""
+            lost.pop(attempt, None)
     same = {str(key): str(value) for key, value in mapping(events[0].get("same")).items()}
-    return _Earlier(name=str(events[0].get("run")), rows=rows, begun=begun, lost=lost, events=len(events)), same
+    return _Earlier(name=str(events[0].get("run")), rows=rows, begun=begun, lost=tuple(lost), events=len(events)), same

@@ -54,10 +54,9 @@ class TrialRun:
     """What is run, and where it is kept."""
 
     plan: TrialPlan
+    whole: Design
     design: Design
     """What is run of it now."""
-    orders: Mapping[str, int]
-    """Trial -> its place in the whole design, counted from 1."""
     folder: Path
     name: str
     stop_limit_s: float = 60.0
@@ -65,8 +64,8 @@ class TrialRun:
     """Of attempts that ended in an earlier session of this run."""
     begun: Mapping[str, int] = field(default_factory=dict)
     """Trial -> attempts that were begun earlier, whether they ended or not."""
-    lost: str = ""
-    """The trial whose last attempt was begun earlier and has no end."""
+    lost: tuple[tuple[str, int], ...] = ()
+    """Trials and attempts of them that were begun earlier and have no end."""
 
 
 class Trials:
@@ -77,6 +76,7 @@ class Trials:
         self._run, self._connections, self._journal, self._say = run, connections, journal, say
         self.rows: list[Mapping[str, object]] = list(run.rows)
         self._attempts = dict(run.begun)
+        self._orders = {trial.id: order for order, trial in enumerate(run.whole.trials, start=1)}
         self._failures = 0
         self.ended_early = ""
         """Why the run ended before its last trial, or nothing."""
@@ -95,7 +95,7 @@ class Trials:
         done = {one["trial"] for one in self.rows if one["status"] in COUNTED}
         between = False
         for trial in self._run.design.trials:
-            order = self._run.orders[trial.id]
+            order = self._orders[trial.id]
             if trial.id in done:
                 continue
             if between and not stop.is_set():
@@ -116,11 +116,17 @@ class Trials:
                 return
 
     def note_lost(self) -> None:
-        """Write down that the attempt that was under way when an earlier session ended has come to nothing."""
-        for trial in self._run.design.trials:
-            if trial.id == self._run.lost:
-                seen = Seen(end=End("interrupted", "the run ended before it did"))
-                self._keep(row(trial, self._attempts[trial.id], self._run.orders[trial.id], seen))
+        """Write down that attempts that were under way when an earlier session ended have come to nothing.
+
+        Also those of trials that are not run now, and of trials that the design does not have any more.
+        """
+        trials = {trial.id: trial for trial in self._run.whole.trials}
+        end = End("interrupted", "the run ended before it did")
+        for name, attempt in self._run.lost:
+            if trial := trials.get(name):
+                self._keep(row(trial, attempt, self._orders[name], Seen(end=end)))
+            else:
+                self._keep({"trial": name, "attempt": attempt, "status": end.status, "reason": end.reason})
 
     def _keep(self, made: Row) -> Mapping[str, object]:
         """Write down how an attempt ended, without secrets, and return that."""
@@ -219,7 +225,7 @@ class Trials:
         )
 
     def _tell(self, trial: Trial, order: int, what: str, *, over: bool = False) -> None:
-        count = len(self._run.orders)
+        count = len(self._orders)
         values = trial.point.values
         self._say(TrialNews(trial=trial.id, order=order, trials=count, values=values, what=what, over=over))
 

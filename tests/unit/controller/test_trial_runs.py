@@ -1,0 +1,88 @@
+"""What the user agrees to before trials are run, and what a journal says of attempts that never ended."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from srprov.controller import trial_run
+from srprov.controller.trial_plan import in_words, trial_plan
+from srprov.controller.trial_run import chosen
+from srprov.controller.trials import TrialRun, Trials
+from srprov.definitions.model import Definitions
+from srprov.definitions.trialsmodel import Parameter, TrialDefinitions, TrialSettings
+from srprov.record.journal import Journal, read
+from srprov.trials import Design, design
+from tests.fakes import World
+from tests.worlds import experiment, inventory, made, service
+
+GIVEN = TrialDefinitions(
+    parameters=(Parameter(name="SPEED", values=("1", "2")),), settings=TrialSettings(keep=("cam",))
+)
+
+
+def test_the_shown_plan_names_what_each_trial_creates() -> None:
+    what = experiment(
+        service("racer", robot="r2", image="race:1", privileged=True),
+        service("referee", robot="r1", image="judge:2"),
+        service("cam", robot="r1"),
+        trials=GIVEN,
+    )
+    world = World().add("r1", "r2")
+    planned = made(world, Definitions(experiment=what, containers={}))
+    shown = in_words(trial_plan(planned, inventory(world), ()))
+    assert shown.splitlines() == [
+        "Each trial makes these anew, and removes them:",
+        "",
+        "r1",
+        "  + container srprov.hello.referee: image judge:2",
+        "",
+        "r2",
+        "  + container srprov.hello.racer: image race:1, asks for privileged",
+    ]
+
+
+def gone_on_with(folder: Path, whole: Design, only: Design) -> list[tuple[object, ...]]:
+    """Go on with a run whose journal is in a folder, as far as its lost attempts; return the rows."""
+    earlier, _ = trial_run._read(folder)
+    plan: Any = SimpleNamespace(given=GIVEN)
+    about = TrialRun(
+        plan=plan, whole=whole, design=only, folder=folder, name=earlier.name, rows=earlier.rows, begun=earlier.begun,
+        lost=earlier.lost,
+    )  # fmt: skip
+    with Journal(folder, earlier.events + 1) as journal:
+        trials = Trials(about, SimpleNamespace(), journal, lambda _news: None)  # type: ignore[arg-type]  # no robot is asked
+        trials.note_lost()
+        trials.write_table()
+    return [(one["trial"], one["attempt"], one["status"]) for one in trials.rows]
+
+
+def test_lost_attempts_are_noted_whatever_is_run_now(tmp_path: Path) -> None:
+    """Also one that another trial was run after, and one whose trial the design does not have any more."""
+    whole = design(GIVEN)
+    first, second = (trial.id for trial in whole.trials)
+    with Journal(tmp_path) as journal:
+        journal.add("run", run="r", same={})
+        journal.add("begin", trial=first, attempt=1)
+        journal.add("begin", trial="feedfeedfe-r001", attempt=2)
+        journal.add("begin", trial=second, attempt=1)
+        journal.add("end", trial=second, attempt=1, row={"trial": second, "attempt": 1, "status": "ok"})
+        journal.add("begin", trial=second, attempt=2)
+    rows = gone_on_with(tmp_path, whole, chosen(whole, (second,)))
+    lost = [(first, 1), ("feedfeedfe-r001", 2), (second, 2)]
+    assert rows == [(second, 1, "ok"), *((*one, "interrupted") for one in lost)]
+    assert [event["event"] for event in read(tmp_path)[0]][-3:] == ["end"] * 3
+    assert f"{first},{first[:10]},1,1,1,interrupted" in (tmp_path / "trials.csv").read_text()
+    assert gone_on_with(tmp_path, whole, whole) == rows, "they are noted once"
+
+
+@pytest.mark.parametrize("event", [{}, {"trial": 3}, {"trial": "x", "attempt": "9" * 5000}, {"attempt": [1]}])
+def test_an_odd_event_of_a_journal_ends_nothing(tmp_path: Path, event: dict[str, Any]) -> None:
+    lines = [{"seq": 1, "event": "run", "run": "r", "same": {}}, {"seq": 2, "event": "begin", **event}]
+    (tmp_path / "journal.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
+    whole = design(GIVEN)
+    assert [row[2] for row in gone_on_with(tmp_path, whole, whole)] == ["interrupted"]
