@@ -20,7 +20,7 @@ from srprov.facts.hardware import detect_tags
 from srprov.facts.lifelines import lifelines
 from srprov.facts.links import find_underlay
 from srprov.facts.model import HostFacts
-from srprov.facts.probes import ENGINE, PING, PROBES, counters
+from srprov.facts.probes import EMULATORS, ENGINE, PING, PROBES, counters
 from srprov.facts.speeds import traffic_mbit, with_speeds
 from srprov.session import Measures
 from srprov.untrusted import decimal, integer, text
@@ -97,6 +97,7 @@ def parse_host(
     facts = HostFacts(
         name=host.name,
         arch=arch,
+        emulates=_emulated(files, arch),
         **_words(files),
         tags=tuple(detect_tags(devices, files, links, tuple(said["wireless"]), arch)),
         devices=(*devices.known, *devices.aliases),
@@ -136,6 +137,13 @@ def _read(replies: Sequence[Reply]) -> dict[str, Any]:
     shell = replies[: len(PROBES)]
     outs = [shell[i].out if i < len(shell) else "" for i in range(len(PROBES))]
     return {probe.name: probe.parse(out) for probe, out in zip(PROBES, outs, strict=True)}
+
+
+def _emulated(files: Files, arch: str) -> tuple[str, ...]:
+    """Return what emulators run; only one that the kernel keeps open (F) is there in a container too."""
+    on = {path for path in EMULATORS if "enabled" in files.get(path, ())}
+    kept = (path for path in on if any(re.fullmatch("flags: ?[A-Z]*F[A-Z]*", line) for line in files[path]))
+    return tuple(sorted({EMULATORS[path] for path in kept} - {arch}))
 
 
 def _words(files: Files) -> dict[str, Any]:

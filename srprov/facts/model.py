@@ -55,6 +55,8 @@ class HostFacts:
     hostname: str = ""
     arch: str = ""
     """Docker's name of it: amd64, arm64, arm…"""
+    emulates: tuple[str, ...] = ()
+    """Other architectures whose programs its kernel hands to an emulator, in containers too; sorted."""
     cpus: int = 1
     load1: float = 0.0
     memory_total: int = 0
@@ -97,6 +99,11 @@ class HostFacts:
     @property
     def runs(self) -> tuple[str, ...]:
         """Architectures of which it runs images, its own first; empty where that is not known."""
+        return tuple(dict.fromkeys((*self.native, *self.emulates))) if self.arch else ()
+
+    @property
+    def native(self) -> tuple[str, ...]:
+        """Architectures that its processor runs, its own first; empty where that is not known."""
         return (self.arch, *_SMALLER.get(self.arch, ())) if self.arch else ()
 
 

@@ -32,11 +32,19 @@ DEVICE_GLOBS = (
 )
 """Below /dev: what a service may ask for."""
 
+EMULATORS = {
+    f"/proc/sys/fs/binfmt_misc/qemu-{machine}": arch
+    for machine, arch in (("aarch64", "arm64"), ("arm", "arm"), ("x86_64", "amd64"), ("i386", "386"),
+                          ("riscv64", "riscv64"))
+}  # fmt: skip
+"""What tells of an emulator, by the names that everybody gives them -> the architecture that it runs."""
+
 _FILES = (
     "/proc/loadavg /proc/meminfo /proc/sys/kernel/hostname /proc/sys/kernel/osrelease /proc/sys/kernel/version "
     "/sys/kernel/realtime /sys/devices/system/cpu/online /etc/os-release /usr/lib/os-release "
     "/sys/firmware/devicetree/base/model /proc/device-tree/model /sys/class/net/*/speed /sys/class/video4linux/*/name "
-    f"/proc/uptime /proc/net/dev {' '.join(NAME_FILES + TIME_FILES)}"
+    f"/proc/uptime /proc/net/dev {' '.join(NAME_FILES + TIME_FILES)} "
+    f"{' '.join(EMULATORS)}"
 )
 # The clock comes first: every later command would only add to its error. Linux 6.1 and later names its machine in
 # /proc, and root's name is known without a program that looks it up. sudo takes SSH_CONNECTION away, but itself still

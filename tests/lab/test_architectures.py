@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from srprov.lab import arm64
 from tests.lab.conftest import NAME, Done, Lab
 
 pytestmark = [pytest.mark.lab, pytest.mark.soak]
@@ -90,6 +91,24 @@ def test_one_experiment_comes_up_on_both_each_container_of_its_own_architecture(
     assert mixed.image("robot1", tag)["Id"] == mixed.image("robot3", tag)["Id"] != mixed.image("robot2", tag)["Id"]
     second = mixed.run("plan", mixed.edf, "--json").json
     assert second["steps"] == []
+
+
+def test_a_robot_with_an_emulator_says_so(mixed: Mixed) -> None:
+    """As Debian's qemu-user-static has registered it, on a robot where somebody has installed that."""
+    entry = f":qemu-aarch64:M::{arm64.MAGIC}:{arm64.MASK}:{arm64.INTERPRETER}:OPF"
+    mounted = "/proc/sys/fs/binfmt_misc"
+    mixed.shell("robot1", "mount", "-t", "binfmt_misc", "binfmt_misc", mounted)
+    try:
+        if not Path("/proc/sys/fs/binfmt_misc/qemu-aarch64").exists():
+            mixed.shell("robot1", "sh", "-c", f"printf '%s' '{entry}' > {mounted}/register")
+        robots = mixed.srprov("facts", "-i", str(mixed.inventory), "--json", env=mixed.env).json["robots"]
+        assert {name: one["emulates"] for name, one in robots.items()} == {
+            "robot1": ["arm64"],
+            "robot2": [],
+            "robot3": [],
+        }
+    finally:
+        mixed.shell("robot1", "sh", "-c", f"echo -1 > {mounted}/qemu-aarch64; umount {mounted}")
 
 
 def test_a_known_image_for_another_architecture_is_not_copied(mixed: Mixed) -> None:

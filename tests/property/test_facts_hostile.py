@@ -54,6 +54,7 @@ route = shaped(("dst", "dev", "metric"))
 paths = st.sampled_from(
     [
         "/proc/loadavg",
+        "/proc/sys/fs/binfmt_misc/qemu-aarch64",
         "/proc/meminfo",
         "/proc/sys/kernel/hostname",
         "/sys/devices/system/cpu/online",

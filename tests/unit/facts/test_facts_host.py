@@ -135,6 +135,35 @@ def test_a_32_bit_system_on_a_64_bit_kernel_runs_32_bit_containers(machine: str,
     assert parse_host(HOST, replies({**PI, "identity": identity}), None).arch == arch
 
 
+BINFMT = "/proc/sys/fs/binfmt_misc/qemu-"
+
+
+@pytest.mark.parametrize(
+    ("lines", "arch", "emulates", "runs"),
+    [
+        (
+            "aarch64:enabled aarch64:flags:_POF arm:enabled arm:flags:_OCF",
+            "amd64",
+            ("arm", "arm64"),
+            "amd64 386 arm arm64",
+        ),
+        ("aarch64:flags:_POCF aarch64:enabled", "amd64", ("arm64",), "amd64 386 arm64"),
+        ("aarch64:enabled aarch64:flags:_PO", "amd64", (), "amd64 386"),  # no emulator inside of a container
+        ("aarch64:disabled aarch64:flags:_F", "amd64", (), "amd64 386"),
+        ("x86_64:enabled x86_64:flags:_F aarch64:enabled aarch64:flags:_F", "arm64", ("amd64",), "arm64 arm amd64"),
+        ("alpha:enabled alpha:flags:_F aarch64:enabled aarch64:flags:_f", "amd64", (), "amd64 386"),
+    ],
+)
+def test_an_emulator_counts_where_containers_have_it_too(
+    lines: str, arch: str, emulates: tuple[str, ...], runs: str
+) -> None:
+    files = "".join(f"{BINFMT}{word.replace('flags:_', 'flags: ')}\n" for word in lines.split())
+    machine = {"amd64": "x86_64", "arm64": "aarch64"}[arch]
+    identity = f"clock 1.0\nmachine {machine}\nbits 64\nid uid=0(root) gid=0(root)\n"
+    facts = parse_host(HOST, replies({**PI, "identity": identity, "files": files}), None)
+    assert (facts.arch, facts.emulates, " ".join(facts.runs)) == (arch, emulates, runs)
+
+
 def test_busybox_knows_no_fractions_of_a_second() -> None:
     facts = parse_host(HOST, replies(BUSYBOX, None), None, now=1795223387.0)
     assert facts.clock_offset_s == 0.5
