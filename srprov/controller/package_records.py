@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
+from srprov import disk
 from srprov.controller.digests import AskEach
 from srprov.controller.image_plans import plan_images
 from srprov.controller.pins import pinned
@@ -30,7 +31,7 @@ if TYPE_CHECKING:
     from srprov.session import Session
 
 MOST = 900
-MOST_IN_ALL = 10_000
+MOST_IN_ALL = 5_000
 """Packages of a kind in one record, and of all records: a lock is read again with each plan."""
 _NO_BASE = ("", "scratch")
 
@@ -60,7 +61,9 @@ def with_records(lock: Lock, made: Draft, look: Gathering, sessions: Mapping[str
     Raises:
         DefinitionError: A CDF cannot become an image.
     """
-    bases = {plan.tag: plan.base for plan in plan_images(pinned(made.definitions, lock).containers)[0].values()}
+    with disk.together():
+        images = plan_images(pinned(made.definitions, lock).containers)[0]
+    bases = {plan.tag: plan.base for plan in images.values()}
     if not bases:
         return lock, []
     records = {(one.image, one.platform): one for one in made.kept.packages if one.image in bases}

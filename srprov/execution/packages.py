@@ -16,7 +16,7 @@ from srprov.errors import TransportError
 from srprov.modules.container_commands import remove
 from srprov.modules.container_leftover import BUILD
 from srprov.session import Session
-from srprov.untrusted import json_or_none, mapping, mappings, string
+from srprov.untrusted import json_or_none, mapping, mappings, string, text
 from srprov.wire import EngineCall, Reply
 
 KINDS = ("apt", "pip", "npm")
@@ -93,7 +93,7 @@ def _done(
     call = EngineCall(method=method, path=path, params=params, body=body, timeout_s=timeout_s)
     reply = session.execute(call)
     if not reply.ok:
-        raise NoListing(reply.err)
+        raise NoListing(text(reply.err, length=300))
     return reply
 
 

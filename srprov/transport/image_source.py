@@ -21,6 +21,7 @@ from srprov.transport.image_progress import Meter
 from srprov.transport.image_shell import answer, dismiss, output
 from srprov.transport.tar_stream import TarError, TarStream
 from srprov.untrusted import json_or_none, mappings, string
+from srprov.wire import Query
 
 _SAVE_S = 1800.0
 _LAYOUT = "blobs/sha256/"
@@ -101,6 +102,7 @@ class _Source:
         try:
             return self._blobs.add(digest, meter.count(output(self._session.host, shell)))
         except WrongBlob as error:
+            self._session.ask([Query(command=":")])  # raises where the connection was cut: that is no other image
             raise ForeignImage(f"what it gives of {what} is not what its image names: {error}") from error
 
     def _read_all(self, digest: str, meter: Meter) -> Blob:

@@ -7,18 +7,20 @@ import os
 import shutil
 import subprocess
 import threading
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from srprov.errors import TransportError
 from srprov.spool import tidy_script
 from srprov.transport import image_deliver, image_source
 from srprov.transport.blobs import Blobs
 from srprov.transport.image_copy import copy_image
 from srprov.transport.image_source import ImageSources
 from srprov.transport.options import ConnectOptions
-from srprov.wire import CopyImage, Reply
+from srprov.wire import CopyImage, Query, Reply
 from tests.unit.transport.thin_world import CONTAINERD, InContainerd, Made, Robot, sha
 
 TAG = "srprov/x:1"
@@ -176,6 +178,16 @@ def test_a_layer_that_is_cut_off_on_its_way_here_is_read_anew_and_the_others_are
     reply = world.copy()
     assert not reply.ok and "cut off" in reply.err and world.target.streamed == [] and world.is_clean()
     assert [one.suffix for one in Path(world.folder, "cache").iterdir()] == [".gz", ".gz"]
+    asked = world.builder.ask
+
+    def lost(queries: Sequence[Any]) -> list[Reply]:
+        if queries == [Query(command=":")]:
+            raise TransportError("builder", "lost contact")
+        return asked(queries)
+
+    monkeypatch.setattr(world.builder, "ask", lost)
+    reply = world.copy()
+    assert not reply.ok and reply.err == "builder: lost contact", "nobody is said to have another image"
     monkeypatch.undo()
     shells = len(world.builder.shells)
     assert world.copy().ok and world.target.images[TAG].id == IMAGE.id
