@@ -11,6 +11,8 @@ from srprov.wire import quote
 
 SOCKET = "/var/run/docker.sock"
 FOLDER = "/var/lib/srprov/.images"
+LARGE = 32 << 20
+"""Bytes from which on a layer need not be compressed for a fast link, and an archive is spooled where it goes."""
 
 
 def _tidy(folder: str) -> str:
@@ -25,7 +27,10 @@ def _leave(folder: str) -> str:
 
 
 def save_script(image_id: str, folder: str = FOLDER) -> str:
-    """Return what unpacks an image, says `ready PLACE`, the archive's list and an empty line, and waits for its end."""
+    """Return what unpacks an image, says where and what it is, and waits for its end.
+
+    It says `ready PLACE [FILE …]` with the files that are larger than 32 MiB, the archive's list, and an empty line.
+    """
     name = quote(image_id)
     return f"""{{
 umask 077
@@ -43,21 +48,23 @@ fi
 if command -v docker >/dev/null; then docker save {name}
 else curl -sf --unix-socket {SOCKET} http://engine/images/{name}/get; fi | tar -xf - >&2
 [ -f manifest.json ] || {{ echo "no image came from docker save"; echo; exit 1; }}
-printf 'ready %s\\n' "$spool"
+set -- $(find . -type f -size +{LARGE // 1024}k)
+echo "ready $spool $*"
 head -c 500000 manifest.json
 printf '\\n\\n'
 read -r _
 }}"""
 
 
-def read_script(spool: str, name: str) -> str:
-    """Return what prints a file of a spool, compressed; equal contents give equal bytes.
+def read_script(spool: str, name: str, *, raw: bool = False) -> str:
+    """Return what prints a file of a spool, compressed unless it shall be `raw`; equal contents give equal bytes.
 
     A containerd store keeps layers as they came, most by gzip: those are printed as they are.
     """
     file = quote(name)
     packed = f"""[ "$(head -c 2 < {file} | od -An -tx1 | tr -d ' ')" = 1f8b ]"""
-    return f"cd {quote(spool)} && if {packed}; then exec cat < {file}; else exec gzip -1 -n < {file}; fi"
+    pack = f"if {packed}; then exec cat < {file}; else exec gzip -1 -n < {file}; fi"
+    return f"cd {quote(spool)} && " + (f"exec cat < {file}" if raw else pack)
 
 
 def load_script(sha256: str, size: int, folder: str = FOLDER) -> str:

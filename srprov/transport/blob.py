@@ -53,6 +53,15 @@ class Blob:
             while piece := file.read(_PIECE):
                 yield piece
 
+    def content(self) -> Iterator[bytes]:
+        """Yield the content's bytes, in pieces of at most 1 MiB; raises as `pieces` does."""
+        unpacker = zlib.decompressobj(wbits=31)
+        try:
+            for piece in self.pieces():
+                yield from _unpacked(unpacker, piece)
+        except zlib.error as error:
+            raise OSError(errno.EIO, "it was changed meanwhile", os.fspath(self.path)) from error
+
 
 class Hash:
     """The sha256 of bytes that go by, and how many there are."""
@@ -107,8 +116,8 @@ def compared(digest: str, path: Path, pieces: Iterable[bytes]) -> Blob:
             piece = outside.update(arrived)
             if unpacker.eof:
                 raise WrongBlob(f"{digest}: something follows the compressed content")
-            while inside.update(unpacker.decompress(piece, _PIECE)):
-                piece = unpacker.unconsumed_tail
+            for content in _unpacked(unpacker, piece):
+                inside.update(content)
                 if inside.size > _MOST_CONTENT:
                     raise WrongBlob(f"{digest}: it holds more than {_MOST_CONTENT >> 30} GiB")
     except zlib.error as error:
@@ -116,3 +125,10 @@ def compared(digest: str, path: Path, pieces: Iterable[bytes]) -> Blob:
     if not unpacker.eof or unpacker.unused_data or inside.digest != digest:
         raise WrongBlob(f"{digest}: what came is {inside.digest if unpacker.eof else 'cut off'}")
     return Blob(digest, path, outside.size, inside.size, outside.digest)
+
+
+def _unpacked(unpacker: zlib._Decompress, piece: bytes) -> Iterator[bytes]:
+    """Yield what a piece becomes, however much that is, in pieces of at most 1 MiB."""
+    while content := unpacker.decompress(piece, _PIECE):
+        yield content
+        piece = unpacker.unconsumed_tail

@@ -1,7 +1,8 @@
 """The cache of layers and configurations of images on this machine, by the hash of their content.
 
 Takes and gives gzip files: `FOLDER/<64 hex digits>.gz`, where the digits are the sha256 of the content *before*
-compression: a layer's diff id, or a configuration's image id. What a file holds is compared with its name before it is
+compression: a layer's diff id, or a configuration's image id; `<digits>.raw.gz` is not compressed, only in gzip's
+frame, for fast links. What a file holds is compared with its name before it is
 used for the first time in a process; one that does not fit is removed. The least recently used go when the cache is
 full. Folder and files are their owner's alone. Safe for several threads, and for several processes.
 """
@@ -15,7 +16,7 @@ import secrets
 import threading
 import time
 import zlib
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from pathlib import Path
 from typing import BinaryIO
 
@@ -39,23 +40,37 @@ class Blobs:
         self._folder, self._most = folder or default_folder(), most_bytes
         self._lock = threading.Lock()
         self._turns: dict[str, threading.Lock] = {}
-        self._known: dict[str, tuple[tuple[int, ...], Blob]] = {}
-        """Digest -> the file's identity when it was compared, and what it was."""
+        self._known: dict[Path, tuple[tuple[int, ...], Blob]] = {}
+        """File -> its identity when it was compared, and what it was."""
 
     def size(self, digest: str) -> int | None:
-        """Return the bytes of a file that is there, unchecked; None where there is none."""
+        """Return the bytes of a compressed file that is there, unchecked; None where there is none."""
         try:
             return self._path(digest).stat().st_size
         except (OSError, ValueError):
             return None
 
-    def get(self, digest: str) -> Blob | None:
-        """Return a content that is there and is what its digest says; None where there is none."""
-        path = self._path(digest)
+    def get(self, digest: str, raw: Callable[[], bool] = lambda: False) -> Blob | None:
+        """Return a content that is there and is what its digest says; None where there is none.
+
+        Args:
+            digest: Its own.
+            raw: Asked when only one is there that is not compressed: it need not be.
+
+        Raises:
+            OSError: One that is not compressed and has to be cannot be written.
+        """
+        if (blob := self._checked(digest, self._path(digest))) is not None:
+            return blob
+        blob = self._checked(digest, self._path(digest, raw=True))
+        return blob if blob is None or raw() else self.add_wanted({digest}, blob.content())
+
+    def _checked(self, digest: str, path: Path) -> Blob | None:
+        """Return a file if it is what it is called; remove it if not."""
         try:
             with open_regular(path) as file:
                 identity = identity_of(file.fileno())
-                known = self._known.get(digest)
+                known = self._known.get(path)
                 if known is None or known[0] != identity:
                     pieces = iter(lambda: file.read(_PIECE), b"")
                     known = identity, compared(digest, path, pieces)
@@ -66,7 +81,7 @@ class Blobs:
             return None
         except OSError:
             return None
-        self._known[digest] = known
+        self._known[path] = known
         return known[1]
 
     def add(self, digest: str, pieces: Iterable[bytes]) -> Blob:
@@ -81,20 +96,20 @@ class Blobs:
             file.flush()
             return self._keep(partial, blob)
 
-    def add_content(self, digest: str, content: bytes) -> Blob:
-        """Keep a content that comes as it is; raises as `add` does."""
-        blob = self.add_wanted({digest}, [content])
+    def add_content(self, digest: str, pieces: Iterable[bytes], *, raw: bool = False) -> Blob:
+        """Keep a content that comes as it is, compressed or not; raises as `add` does."""
+        blob = self.add_wanted({digest}, pieces, raw=raw)
         if blob is None:
             raise WrongBlob(f"{digest}: what came is another content")
         return blob
 
-    def add_wanted(self, digests: Collection[str], pieces: Iterable[bytes]) -> Blob | None:
+    def add_wanted(self, digests: Collection[str], pieces: Iterable[bytes], *, raw: bool = False) -> Blob | None:
         """Keep a content that comes as it is, if it is one of these; None if it is another.
 
         Raises:
             OSError: It cannot be written.
         """
-        inside, outside, packer = Hash(), Hash(), zlib.compressobj(1, wbits=31)
+        inside, outside, packer = Hash(), Hash(), zlib.compressobj(0 if raw else 1, wbits=31)
         with self._partial() as (partial, file):
             for piece in pieces:
                 inside.update(piece)
@@ -103,7 +118,7 @@ class Blobs:
             file.flush()
             if inside.digest not in digests:
                 return None
-            path = self._path(inside.digest)
+            path = self._path(inside.digest, raw=raw)
             return self._keep(partial, Blob(inside.digest, path, outside.size, inside.size, outside.digest))
 
     @contextlib.contextmanager
@@ -121,7 +136,7 @@ class Blobs:
         """Put a file that was compared in its place."""
         os.replace(partial, blob.path)
         with open_regular(blob.path) as file:
-            self._known[blob.digest] = identity_of(file.fileno()), blob
+            self._known[blob.path] = identity_of(file.fileno()), blob
         self._make_room()
         return blob
 
@@ -133,11 +148,11 @@ class Blobs:
         with turn:
             yield
 
-    def _path(self, digest: str) -> Path:
+    def _path(self, digest: str, *, raw: bool = False) -> Path:
         match = _DIGEST.fullmatch(digest)
         if match is None:
             raise ValueError(f"{digest[:80]!r} is no sha256 digest")
-        return self._folder / f"{match[1]}.gz"
+        return self._folder / f"{match[1]}{'.raw' if raw else ''}.gz"
 
     def _make_room(self) -> None:
         """Remove the least recently used, but none that this process has used: it may be about to be sent."""

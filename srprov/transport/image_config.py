@@ -15,7 +15,7 @@ from typing import Any
 from srprov.layers import Image, read_config
 from srprov.transport.blobs import Blob
 from srprov.transport.image_archive import ForeignImage
-from srprov.transport.thin_archive import check_config, content
+from srprov.transport.thin_archive import check_config
 from srprov.untrusted import json_or_none, mapping, mappings, string
 
 Get = Callable[[str], Blob]
@@ -66,4 +66,4 @@ def _manifests(digest: str, get: Get) -> Iterator[Mapping[str, Any]]:
 def _document(blob: Blob) -> Mapping[str, Any]:
     if blob.content_size > _LONGEST:
         raise ForeignImage("its manifest or configuration is longer than any sensible one")
-    return mapping(json_or_none(content(blob).decode("utf-8", "replace")))
+    return mapping(json_or_none(b"".join(blob.content()).decode("utf-8", "replace")))

@@ -109,7 +109,11 @@ class _Thin:
 
     def _archive(self, image: Image, store: str, missing: Collection[str]) -> ThinArchive:
         """Get what is to be sent into the cache."""
-        name = self._copy.image
+        name, links = self._copy.image, self._sources.links
+
+        def fast() -> bool:
+            return links.gives_fast(self._source) and links.takes_fast(self._session)
+
         try:
             with self._sources.source(self._source, image) as source:
 
@@ -119,7 +123,7 @@ class _Thin:
                 image, config = configuration(image, small, classic=store == "classic")
                 _check_architecture(image, self._copy)
                 layers = [
-                    source.get(one, f"{name}, layer {number} of {len(missing)}", self._progress)
+                    source.get(one, f"{name}, layer {number} of {len(missing)}", self._progress, fast)
                     for number, one in enumerate(missing, 1)
                 ]
         except ForeignImage as error:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from srprov.pace import Pace
 from srprov.session import Progress
-from srprov.spool import load_script
+from srprov.spool import LARGE, load_script
 from srprov.transport.image_progress import Meter, mib
 from srprov.transport.image_shell import answer, dismiss, send
 from srprov.transport.image_there import Room
@@ -22,7 +22,6 @@ from srprov.wire import Reply
 if TYPE_CHECKING:
     from srprov.transport.session import BaseSession
 
-SPOOLED = 32 << 20
 _TRIES = 2
 
 
@@ -35,7 +34,7 @@ def deliver(
         TransportError: The robot cannot be talked to any more.
         OSError: The cache's files are gone.
     """
-    if archive.size > SPOOLED:
+    if archive.size > LARGE:
         digest = hashlib.sha256()
         for piece in archive.pieces():
             digest.update(piece)

@@ -10,7 +10,8 @@ from __future__ import annotations
 import contextlib
 import posixpath
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from itertools import chain
 
 from srprov.layers import Image, config_name
 from srprov.session import Progress, Session, Streams
@@ -19,11 +20,13 @@ from srprov.transport.blobs import Blob, Blobs, WrongBlob
 from srprov.transport.image_archive import ForeignImage
 from srprov.transport.image_progress import Meter
 from srprov.transport.image_shell import answer, dismiss, output
+from srprov.transport.link_rate import Links
 from srprov.transport.tar_stream import TarError, TarStream
 from srprov.untrusted import json_or_none, mappings, string
 from srprov.wire import Query
 
 _SAVE_S = 1800.0
+_GZIP = b"\x1f\x8b"
 _LAYOUT = "blobs/sha256/"
 """Where everything is in an OCI layout, by its hash."""
 
@@ -41,6 +44,8 @@ class ImageSources:
         self._lock = threading.Lock()
         self._open: dict[tuple[str, str], _Source] = {}
         self._users: dict[tuple[str, str], int] = {}
+        self.links = Links()
+        """How fast the robots' are."""
 
     @contextlib.contextmanager
     def source(self, session: Session, image: Image) -> Iterator[_Source]:
@@ -71,9 +76,17 @@ class _Source:
         self._spool = ""
         self._files: dict[str, str] = {}
         """Digest -> path in the spool."""
+        self._large: frozenset[str] = frozenset()
+        """Paths of what is worth to be read as it is from a fast link."""
 
-    def get(self, digest: str, what: str, progress: Progress) -> Blob:
+    def get(self, digest: str, what: str, progress: Progress, fast: Callable[[], bool] = lambda: False) -> Blob:
         """Return the configuration or a layer of the image, from the cache or else from the robot.
+
+        Args:
+            digest: Its own.
+            what: It, in words.
+            progress: Told how far it is.
+            fast: Asked of a large one: the links are so fast that it need not be compressed.
 
         Raises:
             ForeignImage: The robot gives something else.
@@ -81,13 +94,13 @@ class _Source:
             OSError: The cache cannot be written.
         """
         with self._blobs.turn(digest):
-            if (blob := self._blobs.get(digest)) is not None:
+            if (blob := self._blobs.get(digest, fast)) is not None:
                 return blob
             with self._busy:
                 # whoever was busy may have read all of the image
-                return self._blobs.get(digest) or self._read(digest, what, progress)
+                return self._blobs.get(digest, fast) or self._read(digest, what, progress, fast)
 
-    def _read(self, digest: str, what: str, progress: Progress) -> Blob:
+    def _read(self, digest: str, what: str, progress: Progress, fast: Callable[[], bool]) -> Blob:
         """Read it from the robot: from its spool, or where it can have none, with all the rest of the image."""
         meter = Meter(f"{what} from {self._session.host}", progress)
         try:
@@ -98,9 +111,15 @@ class _Source:
             progress(f"{what}: all of the image is read, as {error}")
             return self._read_all(digest, meter)
         name = self._files.get(digest) or _LAYOUT + digest.removeprefix("sha256:")
-        shell = self._session.open_shell(read_script(self._spool, name))
+        raw = name in self._large and fast()
+        pieces = meter.count(
+            output(self._session.host, self._session.open_shell(read_script(self._spool, name, raw=raw)))
+        )
+        first = next(pieces, b"")
         try:
-            return self._blobs.add(digest, meter.count(output(self._session.host, shell)))
+            if raw and not first.startswith(_GZIP):
+                return self._blobs.add_content(digest, chain((first,), pieces), raw=True)
+            return self._blobs.add(digest, chain((first,), pieces))
         except WrongBlob as error:
             self._session.ask([Query(command=":")])  # raises where the connection was cut: that is no other image
             raise ForeignImage(f"what it gives of {what} is not what its image names: {error}") from error
@@ -129,10 +148,11 @@ class _Source:
         holder = self._session.open_shell(save_script(self._image.id))
         try:
             first, _, listed = answer(self._session.host, holder, b"\n\n", _SAVE_S).partition("\n")
-            word, _, spool = first.partition(" ")
-            if word != "ready":
-                raise NoSpool(f"{self._session.host} cannot unpack it ({spool[:400] or 'no reason given'})")
-            self._spool, self._files = spool, _files(listed, self._image)
+            word, *said = first.split()
+            if word != "ready" or not said:
+                raise NoSpool(f"{self._session.host} cannot unpack it ({' '.join(said)[:400] or 'no reason given'})")
+            self._spool, self._files = said[0], _files(listed, self._image)
+            self._large = frozenset(name.removeprefix("./") for name in said[1:])
         except BaseException:
             holder.close()
             raise

@@ -20,7 +20,7 @@ from srprov.transport.openssh.reverse import ForwardRefused
 from srprov.transport.registry import Sent, answer
 from srprov.transport.registry_image import served
 from srprov.transport.ssh_session import SshSession
-from srprov.transport.thin_archive import ThinArchive, content
+from srprov.transport.thin_archive import ThinArchive
 from srprov.wire import EngineCall, Reply
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ def copy_by_registry(
     if lack := target.room.lack(size, unpacked, spooled=False):
         return Reply(status=0, ok=False, err=lack)
     blobs = {one.digest: one for one in archive.layers}
-    image = served(archive.image, content(archive.config), [blobs[one] for one in archive.image.diff_ids])
+    image = served(archive.image, b"".join(archive.config.content()), [blobs[one] for one in archive.image.diff_ids])
     meter = Meter(f"{archive.tag}, through a registry", progress, size)
     client, forwards = session.engine.client, session.connection.forwards
     reply = pull_image(image, archive.tag, client, forwards, timeout_s, meter.add)

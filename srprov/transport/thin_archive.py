@@ -7,7 +7,6 @@ function of what is in it, so that one that was cut off can be continued.
 from __future__ import annotations
 
 import tarfile
-import zlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
@@ -47,7 +46,7 @@ class ThinArchive:
         Raises:
             OSError: The cache's files are gone.
         """
-        config = content(self.config)
+        config = b"".join(self.config.content())
         yield from _file(MANIFEST, manifest(self.image, self.tag))
         yield from _file(config_name(self.image), config)
         for blob in self.layers:
@@ -61,13 +60,8 @@ def check_config(image: Image, config: Blob) -> None:
     """Refuse (ForeignImage) a configuration that names other layers than the robot said that the image has."""
     if config.content_size > _LONGEST_CONFIG:
         raise ForeignImage("its configuration is longer than any sensible one")
-    if read_config(image.id, json_or_none(content(config).decode("utf-8", "replace"))) != image:
+    if read_config(image.id, json_or_none(b"".join(config.content()).decode("utf-8", "replace"))) != image:
         raise ForeignImage("its configuration names other layers than the engine says")
-
-
-def content(config: Blob) -> bytes:
-    """Return a configuration as it is; raises OSError when the cache has lost it."""
-    return zlib.decompress(b"".join(config.pieces()), wbits=31)
 
 
 def _header(name: str, size: int) -> bytes:

@@ -161,7 +161,8 @@ def listening(lab: Lab, robot: str) -> set[str]:
 
 def names(lab: Lab, robot: str) -> str:
     """Give all names of a robot's images, also those by digest."""
-    return lab.shell(robot, "docker", "images", "-a", "--digests", "--format", "{{.Repository}}@{{.Digest}}").out
+    listed = lab.shell(robot, "docker", "images", "-a", "--digests", "--format", "{{.Repository}}@{{.Digest}}").out
+    return "\n".join(sorted(listed.splitlines()))  # Docker has no order for those of the same second
 
 
 @pytest.fixture

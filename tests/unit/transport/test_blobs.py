@@ -37,7 +37,7 @@ def test_what_was_kept_is_found_again_by_another_process_and_is_its_users_alone(
 
 def test_a_flipped_byte_makes_a_file_unusable_and_it_is_removed(tmp_path: Path) -> None:
     content = os.urandom(100_000)
-    kept = Blobs(tmp_path).add_content(digest_of(content), content)
+    kept = Blobs(tmp_path).add_content(digest_of(content), [content])
     changed = bytearray(kept.path.read_bytes())
     changed[50_000] ^= 1
     kept.path.write_bytes(changed)
@@ -46,7 +46,7 @@ def test_a_flipped_byte_makes_a_file_unusable_and_it_is_removed(tmp_path: Path) 
 
 def test_a_file_that_changes_after_it_was_compared_is_compared_again(tmp_path: Path) -> None:
     blobs, content = Blobs(tmp_path), b"layer" * 1000
-    kept = blobs.add_content(digest_of(content), content)
+    kept = blobs.add_content(digest_of(content), [content])
     assert blobs.get(kept.digest) == kept
     kept.path.write_bytes(gzip.compress(b"another"))
     assert blobs.get(kept.digest) is None
@@ -87,14 +87,14 @@ def test_the_least_recently_used_goes_first_but_none_that_is_in_use(tmp_path: Pa
     contents = [os.urandom(1000) for _ in range(4)]
     digests = [digest_of(one) for one in contents]
     for number in range(3):
-        os.utime(Blobs(tmp_path).add_content(digests[number], contents[number]).path, (number, number))
+        os.utime(Blobs(tmp_path).add_content(digests[number], [contents[number]]).path, (number, number))
     assert Blobs(tmp_path).get(digests[0]) is not None, "used: now the second is the oldest"
     later = Blobs(tmp_path, most_bytes=3100)
-    later.add_content(digests[3], contents[3])
+    later.add_content(digests[3], [contents[3]])
     assert [later.size(one) is not None for one in digests] == [True, False, True, True]
     tight = Blobs(tmp_path, most_bytes=0)
     for number in (0, 1):
-        tight.add_content(digests[number], contents[number])
+        tight.add_content(digests[number], [contents[number]])
     assert [tight.size(one) is not None for one in digests] == [True, True, False, False]
 
 
@@ -103,7 +103,7 @@ def test_files_that_a_killed_process_left_go_after_a_day(tmp_path: Path) -> None
         (tmp_path / name).write_bytes(b"x")
         then = (tmp_path / name).stat().st_mtime - age
         os.utime(tmp_path / name, (then, then))
-    Blobs(tmp_path).add_content(digest_of(b"a"), b"a")
+    Blobs(tmp_path).add_content(digest_of(b"a"), [b"a"])
     assert sorted(one.name for one in tmp_path.iterdir() if one.suffix == ".part") == ["new.part"]
 
 
@@ -127,7 +127,7 @@ def test_a_content_is_got_by_one_while_the_others_wait(tmp_path: Path) -> None:
         with blobs.turn(digest_of(content)):
             if blobs.get(digest_of(content)) is None:
                 got.append(threading.current_thread().name)
-                blobs.add_content(digest_of(content), content)
+                blobs.add_content(digest_of(content), [content])
 
     threads = [threading.Thread(target=want) for _ in range(8)]
     for one in threads:

@@ -13,12 +13,14 @@ from typing import Any
 
 import pytest
 
+from srprov import spool
 from srprov.errors import TransportError
 from srprov.spool import tidy_script
-from srprov.transport import image_deliver, image_source
+from srprov.transport import image_deliver, image_source, link_rate
 from srprov.transport.blobs import Blobs
 from srprov.transport.image_copy import copy_image
 from srprov.transport.image_source import ImageSources
+from srprov.transport.link_rate import Links
 from srprov.transport.options import ConnectOptions
 from srprov.wire import CopyImage, Query, Reply
 from tests.unit.transport.thin_world import CONTAINERD, InContainerd, Made, Robot, sha
@@ -171,8 +173,9 @@ def test_a_layer_that_is_cut_off_on_its_way_here_is_read_anew_and_the_others_are
 ) -> None:
     whole = image_source.read_script
 
-    def cut(spool: str, name: str) -> str:
-        return f"{{ {whole(spool, name)}; }} | head -c 1000" if sha(TOP)[7:] in name else whole(spool, name)
+    def cut(place: str, name: str, *, raw: bool) -> str:
+        script = whole(place, name, raw=raw)
+        return f"{{ {script}; }} | head -c 1000" if sha(TOP)[7:] in name else script
 
     monkeypatch.setattr(image_source, "read_script", cut)
     reply = world.copy()
@@ -256,7 +259,7 @@ class TestSpooled:
 
     @pytest.fixture(autouse=True)
     def _low(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr(image_deliver, "SPOOLED", 100_000)
+        monkeypatch.setattr(image_deliver, "LARGE", 100_000)
 
     def test_it_is_loaded_from_there_and_the_file_goes(self, world: World) -> None:
         assert world.copy().ok and world.target.images[TAG].id == IMAGE.id
@@ -322,3 +325,59 @@ def test_a_builder_that_lies_about_an_images_architecture_is_found_out(world: Wo
     refused = world.copy(id=other.id, runs=("amd64",))
     assert not refused.ok and "configuration" in refused.err
     assert world.target.streamed == [] and TAG not in world.target.images
+
+
+class TestFastLinks:
+    """Between fast links a large layer goes as it is: compressing it would take longer."""
+
+    @pytest.fixture
+    def packable(self, world: World, monkeypatch: pytest.MonkeyPatch) -> World:
+        monkeypatch.setattr(spool, "LARGE", 100_000)
+        world.builder.images[TAG] = Made(b"much of the same " * 30_000, TOP)
+        return world
+
+    def test_a_large_layer_is_sent_as_it_is_and_a_small_one_compressed(self, packable: World) -> None:
+        fast(packable, "builder", "target")
+        assert packable.copy().ok and 510_000 + 90_000 < packable.target.streamed[0] < 606_000
+        assert sum("exec cat <" in one and "gzip" not in one for one in packable.builder.shells) == 1
+
+    @pytest.mark.parametrize("only", ["builder", "target"])
+    def test_when_one_link_is_slow_it_is_compressed(self, packable: World, only: str) -> None:
+        fast(packable, only)
+        assert packable.copy().ok and packable.target.streamed[0] < 110_000
+
+    def test_a_slow_robot_gets_it_compressed_also_when_it_was_read_for_a_fast_one(self, packable: World) -> None:
+        slow = Robot("slow", packable.folder)
+        fast(packable, "builder", "target")
+        assert packable.copy().ok and packable.copy(target=slow).ok
+        assert slow.streamed[0] < 110_000 < packable.target.streamed[0]
+        assert slow.images[TAG].id == packable.target.images[TAG].id
+
+    def test_another_content_is_refused(self, packable: World) -> None:
+        fast(packable, "builder", "target")
+        others = Made(b"something else   " * 30_000, TOP).saved()
+        names = [
+            sha(one.layers[0])[7:].encode()
+            for one in (Made(b"something else   " * 30_000), packable.builder.images[TAG])
+        ]
+        packable.builder.saved = others.replace(*names)
+        reply = packable.copy()
+        assert not reply.ok and "not what its image names" in reply.err and not packable.target.images, reply
+
+
+def fast(world: World, *robots: str) -> None:
+    """Take the links of these robots for fast."""
+    known = {(way, robot): robot in robots for way in ("gives", "takes") for robot in ("builder", "target", "slow")}
+    world.sources.links = Links(known)
+
+
+def test_a_link_is_fast_when_it_takes_and_gives_a_mebibyte_in_time(
+    world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    builder: Any = world.builder
+    for seconds, wanted in ((5.0, True), (1e-6, False)):
+        monkeypatch.setattr(link_rate, "_MOST_S", seconds)
+        links = Links()
+        assert (links.gives_fast(builder), links.takes_fast(builder)) == (wanted, wanted)
+    world.builder.spools = False  # its shell says something else
+    assert not Links().takes_fast(builder)
