@@ -98,7 +98,7 @@ ROOMS: Mapping[str, Room] = {
         " transport.tar_stream"
     ),
     "lab": room("errors regular_file yamldoc", "yaml"),
-    "trials": room("errors linear_regex untrusted definitions.trialsmodel"),
+    "trials": room("errors linear_regex untrusted definitions.trialsmodel definitions.trialpoints"),
     "linear_regex": room(foreign="re2"),
     "data": room("errors"),
     "errors": room(),

@@ -7,12 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from srprov.definitions import trialkept
 from srprov.definitions.model import Service
-from srprov.definitions.trialsmodel import Conditions, TrialDefinitions, TrialSettings, folder_of
+from srprov.definitions.trialconditions import all_conditions, place_of, services_of
+from srprov.definitions.trialpoints import MOST_TRIALS, combinations, most_points
+from srprov.definitions.trialsmodel import TrialDefinitions, TrialSettings, folder_of
+from srprov.definitions.values import scalars
 from srprov.errors import did_you_mean
 from srprov.linear_regex import check_pattern
 from srprov.yamldoc import nodes
-from srprov.yamldoc.nodes import Findings, Map, Path
+from srprov.yamldoc.nodes import Findings, Map, Node, Path, Seq
 
 OWN = "SRPROV_"
 """What srprov's own variables begin with."""
@@ -26,20 +30,39 @@ def check(root: Map, found: TrialDefinitions, services: Mapping[str, Service], f
     _results(root, found, findings)
     _metrics(root, found, findings)
     _conditions(root, found, services, findings)
+    _settings(root, found, findings)
+    trialkept.check(root, found, services, findings)
 
 
 def _parameters(root: Map, found: TrialDefinitions, services: Mapping[str, Service], findings: Findings) -> None:
-    """Add parameters that are srprov's own, and those that a service sets itself: one of the two would be lost."""
+    """Add names that are srprov's own, and those that a service sets itself: one of the two would be lost."""
     node = root.entries.get("parameters")
     for one in found.parameters:
         assert isinstance(node, Map)
         place, path = node.keys[one.name], ("parameters", one.name)
         if one.name.startswith(OWN):
             findings.add(place, f"'{one.name}' is one of srprov's own variables", path, "choose another name")
+        if one.name == "PATH":
+            findings.add(
+                place, "'PATH' says where programs are found: no service would start", path, "choose another name"
+            )
         for name in sorted(services) if one.services is None else one.services:
             if name in services and name not in found.settings.keep and one.name in services[name].runtime.environment:
                 message = f"'{name}' sets {one.name} itself"
                 findings.add(place, message, path, "take it out of the service, or name others in 'apply_to'")
+    for name in sorted(services.keys() - set(found.settings.keep)):
+        for variable in sorted(services[name].runtime.environment):
+            if variable.startswith(OWN):
+                where: Path = ("services", name, "environment", variable)
+                message = f"'{name}' sets {variable[:60]}, which is one of srprov's own variables in a trial"
+                findings.add(_variable(root, where), message, where, "choose another name")
+
+
+def _variable(root: Map, path: Path) -> Node:
+    """Return where a service's variable stands: in a map, in a list, or at the service that gets it from elsewhere."""
+    there = nodes.find(root, path[:-1])
+    lines = [one for one in scalars(there) if one.text.partition("=")[0] == path[-1]] if isinstance(there, Seq) else []
+    return lines[0] if lines else nodes.find(root, path)
 
 
 def _points(root: Map, found: TrialDefinitions, findings: Findings) -> None:
@@ -62,6 +85,24 @@ def _points(root: Map, found: TrialDefinitions, findings: Findings) -> None:
         findings.add(node or root, f"'zip' wants parameters of one length, not {sorted(lengths)}", ("trials",))
     if found.settings.design == "list" and not found.settings.include:
         findings.add(node or root, "'list' runs the points of 'include', and there are none", ("trials",))
+    if findings.broken(("trials",)) or findings.broken(("parameters",)):
+        return
+    count = most_points(found) * found.settings.repetitions
+    if count > MOST_TRIALS:
+        place = root.keys["parameters" if found.parameters else "trials"]
+        findings.add(
+            place, f"{count} trials are more than {MOST_TRIALS}", ("trials",), "give fewer values or repetitions"
+        )
+    elif found.settings.exclude and not found.settings.include and not combinations(found):
+        where: Path = ("trials", "exclude")
+        findings.add(nodes.find(root, where), "no trial is left: 'exclude' takes all points away", where)
+
+
+def _settings(root: Map, found: TrialDefinitions, findings: Findings) -> None:
+    """Add a time in which nothing can happen."""
+    path: Path = ("trials", "timeout")
+    if found.settings.timeout_s == 0 and not findings.broken(path):
+        findings.add(nodes.find(root, path), "a trial of no time is over before it begins", path)
 
 
 def _names(root: Map, found: TrialDefinitions, services: Mapping[str, Service], findings: Findings) -> None:
@@ -74,7 +115,7 @@ def _names(root: Map, found: TrialDefinitions, services: Mapping[str, Service], 
         *((("metrics", one.name, "service"), (one.service,)) for one in found.metrics),
         *_in_conditions(settings),
     ]
-    places = [(nodes.find(root, path), path, name) for path, some in named for name in some]
+    places = [(nodes.find(root, (*path, at)), path, name) for path, some in named for at, name in enumerate(some)]
     results = root.entries.get("results")
     if isinstance(results, Map):
         places += [(results.keys[name], ("results",), name) for name in found.results]
@@ -85,30 +126,22 @@ def _names(root: Map, found: TrialDefinitions, services: Mapping[str, Service], 
 
 
 def _in_conditions(settings: TrialSettings) -> Iterator[tuple[Path, tuple[str, ...]]]:
-    for key, conditions in _all_conditions(settings):
+    for key, conditions in all_conditions(settings):
         for index, one in enumerate(conditions.items):
-            yield _place(key, conditions, index), one.services
-
-
-def _all_conditions(settings: TrialSettings) -> Iterator[tuple[str, Conditions]]:
-    for key, conditions in (("until", settings.until), ("success", settings.success)):
-        if conditions is not None:
-            yield key, conditions
-
-
-def _place(key: str, conditions: Conditions, index: int) -> Path:
-    return ("trials", key, "all" if conditions.every else "any", index)
+            yield services_of(key, conditions, index), one.services
 
 
 def _results(root: Map, found: TrialDefinitions, findings: Findings) -> None:
     """Add paths whose folder cannot become a volume of its own."""
     for service, some in found.results.items():
         for index, one in enumerate(some):
+            path: Path = ("results", service, index)
             if folder_of(one.path) == "/" or ".." in one.path.split("/"):
-                path: Path = ("results", service, index)
-                findings.add(
-                    nodes.find(root, path), f"'{one.path[:60]}' is in no folder that can be brought home", path
-                )
+                message = f"'{one.path[:60]}' is in no folder that can be brought home"
+                findings.add(nodes.find(root, path), message, path)
+            elif any(sign in one.path for sign in "*?["):
+                message, hint = f"'{one.path[:60]}' is a pattern, and results are files or folders", "name their folder"
+                findings.add(nodes.find(root, (*path, "path")), message, path, hint)
 
 
 def _metrics(root: Map, found: TrialDefinitions, findings: Findings) -> None:
@@ -128,20 +161,20 @@ def _metrics(root: Map, found: TrialDefinitions, findings: Findings) -> None:
 def _conditions(root: Map, found: TrialDefinitions, services: Mapping[str, Service], findings: Findings) -> None:
     """Add conditions that cannot be: of metrics that nobody extracts, and of services that never end."""
     metrics = {one.name for one in found.metrics}
-    for key, conditions in _all_conditions(found.settings):
+    for key, conditions in all_conditions(found.settings):
         for index, one in enumerate(conditions.items):
-            path = _place(key, conditions, index)
-            place = nodes.find(root, path)
+            path = place_of(key, conditions, index)
             if one.pattern:
                 _pattern(root, (*path, "log", "matches"), one.pattern, 0, findings)
             if one.metric and one.metric not in metrics:
                 hint = did_you_mean(one.metric, metrics)
+                named = nodes.find(root, (*path, "metric"))
+                place = named.keys.get(one.metric, named) if isinstance(named, Map) else named
                 findings.add(place, f"there is no metric '{one.metric[:60]}'", path, hint)
-            for name in one.services if one.kind in ("completed", "exit") else ():
-                if name in found.settings.keep:
-                    findings.add(place, f"'{name}' is kept over all trials, so it never ends", path)
-                elif name in services and services[name].runtime.restart not in ("", "no"):
-                    restart = services[name].runtime.restart
+            for at, name in enumerate(one.services if one.kind in ("completed", "exit") else ()):
+                restart = services[name].runtime.restart if name in services else ""
+                if restart not in ("", "no") and name not in found.settings.keep:
+                    place = nodes.find(root, (*services_of(key, conditions, index), at))
                     findings.add(place, f"'{name}' never ends for good, with its 'restart: {restart}'", path)
 
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import TypeVar
 
-from srprov.definitions.trialsmodel import Condition, Conditions
+from srprov.definitions.trialsmodel import Condition, Conditions, TrialSettings
 from srprov.definitions.values import duration, scalars, text
 from srprov.yamldoc import nodes
 from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq
@@ -53,3 +53,22 @@ def attempt(node: Node | None, path: Path, read_text: Callable[[str], _T], findi
     except ValueError as error:
         findings.add(node, str(error), path)
         return None
+
+
+def services_of(key: str, conditions: Conditions, index: int) -> Path:
+    """Return where a condition names its services."""
+    kind = conditions.items[index].kind
+    path = place_of(key, conditions, index)
+    return (*path, kind) if kind in ("completed", "healthy") else (*path, kind, "service")
+
+
+def all_conditions(settings: TrialSettings) -> Iterator[tuple[str, Conditions]]:
+    """Return `until` and `success`, those that there are."""
+    for key, conditions in (("until", settings.until), ("success", settings.success)):
+        if conditions is not None:
+            yield key, conditions
+
+
+def place_of(key: str, conditions: Conditions, index: int) -> Path:
+    """Return where a condition stands."""
+    return ("trials", key, "all" if conditions.every else "any", index)

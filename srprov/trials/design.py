@@ -14,15 +14,14 @@ repetition changes no trial that is there already:
 from __future__ import annotations
 
 import hashlib
-import itertools
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from srprov.definitions.trialsmodel import Parameter, TrialDefinitions, TrialSettings
+from srprov.definitions.trialpoints import MOST_TRIALS, combinations, most_points
+from srprov.definitions.trialsmodel import TrialDefinitions, TrialSettings
 from srprov.errors import UsageError
 
-MOST_TRIALS = 10_000
 _POINT_DIGITS = 10
 
 
@@ -64,7 +63,7 @@ def design(given: TrialDefinitions) -> Design:
         UsageError: There are too many, or none; or two points have one id.
     """
     settings = given.settings
-    count = _count(given) * settings.repetitions
+    count = most_points(given) * settings.repetitions
     if count > MOST_TRIALS:
         raise UsageError(f"{count} trials are more than {MOST_TRIALS}", hint="give fewer values or repetitions")
     points = _points(given)
@@ -82,69 +81,9 @@ def design(given: TrialDefinitions) -> Design:
     return Design(points=points, trials=tuple(trials))
 
 
-def _count(given: TrialDefinitions) -> int:
-    """Return how many points there may be at most, without making them."""
-    count = len(given.settings.include)
-    if given.settings.design == "product":
-        product = 1
-        for one in given.parameters:
-            product *= len(one.values)
-        return count + product
-    return count + sum(len(one.values) for one in given.parameters)
-
-
 def _points(given: TrialDefinitions) -> tuple[Point, ...]:
-    settings, parameters = given.settings, given.parameters
-    combined = [dict(zip((one.name for one in parameters), some, strict=True)) for some in _combined(given)]
-    excluded = _excluded(given)
-    kept = [values for values in combined if not excluded(values)]
-    every = {json.dumps(values, sort_keys=True): values for values in (*kept, *map(dict, settings.include))}
+    every = {json.dumps(one, sort_keys=True): one for one in (*combinations(given), *map(dict, given.settings.include))}
     return tuple(Point(id=point_id(values), values=values) for values in every.values())
-
-
-def _excluded(given: TrialDefinitions) -> Callable[[Mapping[str, str]], bool]:
-    """Return what tells whether a point has all values of some entry of `exclude`, in one step for each parameter.
-
-    An entry is a bit; a parameter's value has the bits of all entries that it does not speak against.
-    """
-    names = {one.name for one in given.parameters}
-    entries = [one for one in given.settings.exclude if one.keys() <= names]
-    every = (1 << len(entries)) - 1
-    others = dict.fromkeys(names, every)
-    agree: dict[tuple[str, str], int] = {}
-    for index, entry in enumerate(entries):
-        for name, value in entry.items():
-            others[name] &= ~(1 << index)
-            agree[name, value] = agree.get((name, value), 0) | 1 << index
-
-    def excluded(values: Mapping[str, str]) -> bool:
-        left = every
-        for name, value in values.items():
-            left &= others[name] | agree.get((name, value), 0)
-        return bool(left)
-
-    return excluded
-
-
-def _combined(given: TrialDefinitions) -> Iterable[tuple[str, ...]]:
-    """Return the values of each point, in the order of the parameters."""
-    parameters = given.parameters
-    values = [one.values for one in parameters]
-    kind = given.settings.design
-    if kind == "list":
-        return ()
-    if kind == "zip":
-        return zip(*values, strict=True) if values else [()]
-    return itertools.product(*values) if kind == "product" else _one_at_a_time(parameters)
-
-
-def _one_at_a_time(parameters: tuple[Parameter, ...]) -> list[tuple[str, ...]]:
-    """Return the first value of each, and then the others one at a time."""
-    base = tuple(one.values[0] for one in parameters)
-    return [
-        base,
-        *((*base[:at], value, *base[at + 1 :]) for at, one in enumerate(parameters) for value in one.values[1:]),
-    ]
 
 
 def point_id(values: Mapping[str, str]) -> str:

@@ -173,6 +173,67 @@ def test_what_is_wrong_about_trials_is_told_at_its_line(tmp_path: Path, text: st
     ]
 
 
+ONE = "parameters: {A: [1, 2]}\ntrials:\n  timeout: 5s\n  seed: 1\n"
+KEPT = "trials: {timeout: 5s, keep: camera"
+
+
+@pytest.mark.parametrize(
+    ("text", "at", "message"),
+    [
+        ("parameters: {PATH: [1, 2]}", "7:14", "'PATH' says where programs are found"),
+        ("trials: {timeout: 0s}", "7:19", "a trial of no time"),
+        ("trials: {timeout: 5s, stop: {signal: SIGFOO}}", "7:38", "not a signal that Linux has"),
+        ("trials: {timeout: 5s, stop: {signal: RTMIN+16}}", "7:38", "not a signal that Linux has"),
+        ("results: {referee: ['/out/*.bag']}", "7:21", "'/out/*.bag' is a pattern"),
+        ("results: {referee: [{required: true, path: '/out/[ab]'}]}", "7:44", "'/out/[ab]' is a pattern"),
+        ("trials:\n  timeout: 5s\n  keep: [navigator, referee, camera]", "9:9", "all services are kept"),
+        ("parameters: {A: {values: [1], apply_to: [referee, camera]}}\ntrials: {timeout: 5s, seed: 1, keep: camera}",
+         "7:51", "'camera' is kept over all trials, so it gets no parameter"),
+        (KEPT + "}\nresults: {camera: [/x]}", "8:11", "no trial brings its results home"),
+        (KEPT + "}\nmetrics: {a: {log: '(x)', service: camera}}", "8:36", "a trial has no log or file of it"),
+        (KEPT + ", stop: {first: [referee, camera]}}", "7:61", "no trial stops it"),
+        (KEPT + ", until: {any: [{healthy: [referee, camera]}]}}", "7:71", "no condition of a trial sees it"),
+        (KEPT + ", until: {any: [{log: {matches: x, service: camera}}]}}", "7:79", "no condition of a trial sees it"),
+        ("trials: {timeout: 5s, until: {any: [{completed: [referee, nobody]}]}}", "7:59", "no service 'nobody'"),
+        ("trials: {timeout: 5s, until: {any: [{exit: {code: 0, service: nobody}}]}}", "7:63", "no service 'nobody'"),
+        ("trials: {timeout: 5s, until: {all: [{completed: [referee, camera]}]}}", "7:59", "never ends for good"),
+        ("trials: {timeout: 5s, success: {any: [{metric: {a: {below: 1}}}]}}", "7:49", "there is no metric 'a'"),
+        (ONE + "  exclude: [{A: 1}, {A: 2}]", "11:12", "no trial is left"),
+        (ONE.replace("[1, 2]", str(list(range(1000)))) + "  repetitions: 11", "7:1", "11000 trials are more than"),
+    ],
+)  # fmt: skip
+def test_what_cannot_work_is_told_where_it_stands(tmp_path: Path, text: str, at: str, message: str) -> None:
+    with pytest.raises(DefinitionError) as error:
+        load(tmp_path, text + "\n")
+    found = [(f"{one.location.line}:{one.location.column}", one.message) for one in error.value.problems]
+    assert len(found) == 1 and found[0][0] == at and message in found[0][1], found
+
+
+@pytest.mark.parametrize(
+    ("environment", "at"), [("{OTHER: 1, SRPROV_SEED: 2}", "5:53"), ("[OTHER=1, SRPROV_SEED=2]", "5:39")]
+)
+def test_a_service_that_sets_a_variable_of_srprovs_own_is_told(tmp_path: Path, environment: str, at: str) -> None:
+    path = tmp_path / "race.edf"
+    text = f"edf: 1\nname: race\nservices:\n  a:\n    {{image: x, environment: {environment}}}\n"
+    path.write_text(text)
+    load_experiment(path, {})  # only trials give such variables
+    path.write_text(text + "trials: {timeout: 5s}\n")
+    with pytest.raises(DefinitionError) as error:
+        load_experiment(path, {})
+    (one,) = error.value.problems
+    assert "sets SRPROV_SEED, which is one of srprov's own" in one.message
+    assert f"{one.location.line}:{one.location.column}" == at
+    path.write_text(text + "  b: {image: x}\ntrials: {timeout: 5s, keep: a}\n")
+    load_experiment(path, {})
+
+
+@pytest.mark.parametrize("signal", ["SIGINT", "INT", "SIGRTMIN+3", "RTMAX-14", "9"])
+def test_signals_of_linux_are_taken(tmp_path: Path, signal: str) -> None:
+    path = tmp_path / "race.edf"
+    path.write_text(f"edf: 1\nname: race\nservices: {{a: {{image: x, stop_signal: {signal}}}}}\n")
+    assert load_experiment(path, {}).experiment.services["a"].runtime.stop_signal == signal
+
+
 def test_a_metric_may_come_from_a_file_below_a_folder_that_is_brought_home(tmp_path: Path) -> None:
     text = "results: {referee: [/out]}\nmetrics: {a: {service: referee, json: '/out/deep/x.json#/a'}}\n"
     assert load(tmp_path, text).metrics[0].file == "/out/deep/x.json"
