@@ -22,6 +22,8 @@ _DIGEST = re.compile("sha256:[0-9a-f]{64}")
 _ARCHITECTURE = re.compile("[a-z0-9_-]{1,20}")
 _MOST_LAYERS = 512
 """An engine takes 127."""
+_EMPTY = "sha256:5f70bf18a086007016e948b04aed3b82103a36bea41755b6cddfaf10ace3c6ef"
+"""The diff id of a layer without a file: two blocks of zeros."""
 _CONTAINERD = "io.containerd.snapshotter.v1"
 
 
@@ -122,3 +124,10 @@ def history_sizes(history: object, layers: int) -> list[int] | None:
     sizes = [integer(mapping(one).get("Size")) for one in history[:1000]] if isinstance(history, list) else []
     made = [size for size in reversed(sizes) if size]
     return made if len(made) == layers else None
+
+
+def chain_sizes(image: Image, history: object) -> dict[str, int]:
+    """Return chain id -> bytes of each layer, uncompressed; nothing where the engine's history does not tell."""
+    sizes = iter(history_sizes(history, sum(one != _EMPTY for one in image.diff_ids)) or ())
+    chains = zip(chain_ids(image.diff_ids), image.diff_ids, strict=True)
+    return {chain: size for chain, one in chains if (size := 0 if one == _EMPTY else next(sizes, -1)) >= 0}

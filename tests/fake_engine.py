@@ -105,6 +105,8 @@ class Engine:
             return _answer({"Volumes": listed or None, "Warnings": None})
         if path == "/images/json":
             return _answer([_image(name, labels) for name, labels in self.images.items()])
+        if path.startswith("/images/") and path.endswith("/history"):
+            return _answer([])
         if path.startswith("/images/") and path.endswith("/json"):
             return _answer({"Config": {"OnBuild": None}})  # a build's base
         if path.startswith("/containers/") and path.endswith("/json"):

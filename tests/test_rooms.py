@@ -145,6 +145,8 @@ FILES: Mapping[str, Room] = {
     "cli/facts.py": cli_file("facts"),
     "cli/facts_ranges.py": cli_file("facts data definitions.schema", "jsonschema"),
     "cli/facts_table.py": cli_file("facts"),
+    "cli/images.py": cli_file("execution sizes"),
+    "cli/images_prune.py": cli_file("execution sizes"),
     "cli/lab.py": cli_file("lab"),
     "cli/lock.py": cli_file("definitions.lockfile"),
     "cli/locks.py": cli_file("execution"),

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from srprov.controller.fleet import Fleet
     from srprov.controller.phases import Phases
     from srprov.controller.plan import Planned
+    from srprov.controller.run import RunReport
     from srprov.execution import RunOptions
     from srprov.planning.plan import Plan
 
@@ -54,6 +55,16 @@ def carry_out(
     color: bool, runs: Path | None,
 ) -> int:  # fmt: skip
     """Run the plan, show what happens, report, and return the exit code."""
+    return carried_out(
+        planned, fleet, run_options, phases, as_json=as_json, events=events, color=color, runs=runs
+    ).result.exit_code
+
+
+def carried_out(
+    planned: Planned, fleet: Fleet, run_options: RunOptions, phases: Phases, *, as_json: bool, events: TextIO | None,
+    color: bool, runs: Path | None,
+) -> RunReport:  # fmt: skip
+    """Run the plan, show what happens, report, and return what came of it."""
     from srprov.controller.report import summary
     from srprov.controller.run import run
 
@@ -74,4 +85,4 @@ def carry_out(
     err(summary(report.document, report.result))
     if wants_timings():
         err(timings_text(report.document["phases"], report.document["robots"]))
-    return report.result.exit_code
+    return report

@@ -32,6 +32,7 @@ _VERBS = {
     "apply": "Change the robots so that the experiment runs on them.",
     "run": "Run the experiment's trials, and bring home what they give.",
     "status": "Show the running experiment.",
+    "images": "Show the images that srprov built on robots; prune: remove what nobody uses.",
     "logs": "Show the output of services.",
     "locks": "Show who is changing which robot.",
     "destroy": "Remove everything that an instance owns.",

@@ -75,7 +75,7 @@ def plan_image(
         written, entries, moving = _from_base(cdf, listing, read, checkout)
     dockerfile = marked(written)
     return ImagePlan(
-        tag=f"srprov/{_slug(cdf.name)}:{content_hash(dockerfile, entries)[:_TAG_LENGTH]}",
+        tag=f"{repository_of(cdf)}:{content_hash(dockerfile, entries)[:_TAG_LENGTH]}",
         dockerfile=dockerfile.text,
         context=context_tar(dockerfile.text, entries),
         base=dockerfile.base,
@@ -129,9 +129,9 @@ def locate_failure(plan: ImagePlan, output: str) -> Location | None:
     return None
 
 
-def _slug(name: str) -> str:
-    """Return the name as Docker allows it in a repository: lower case, single separators, never empty."""
-    return re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-")[:100] or "cdf"
+def repository_of(cdf: ContainerDefinition) -> str:
+    """Return `srprov/<name>`, the name as Docker allows it: lower case, single separators, never empty."""
+    return f"srprov/{re.sub(r'[^a-z0-9]+', '-', cdf.name.lower()).strip('-')[:100] or 'cdf'}"
 
 
 def _from_base(

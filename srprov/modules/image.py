@@ -1,24 +1,30 @@
 """Images: present on a robot under a tag or digest.
 
 Whether it is right is a question of its name alone: a built image's tag is a hash of all that
-went in, and a digest is one by nature. Images are nobody's: they are never removed as orphans.
+went in, and a digest is one by nature. Images are nobody's: they are never removed as orphans. One of ours that has
+lost its name, or that a build left, is named by its id.
 
 Source: Docker Engine API 1.41, "Build an image", "Create an image".
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
 from srprov.image_reference import pull_parameters
-from srprov.modules.module import Module, Names
+from srprov.modules.container_leftover import BUILD
+from srprov.modules.module import INSTANCE, Module, Names
 from srprov.modules.params import ParameterError
 from srprov.resource import Action, Change, Observed, State
 from srprov.untrusted import mappings, string, string_map
 from srprov.wire import AnyQuery, Command, CopyImage, EngineCall, EngineQuery, Reply
 
+IMAGE_ID = re.compile("sha256:[0-9a-f]{64}")
+DEFINITION = "srprov.cdf"
+"""The label with the name of the definition that an image was built from."""
 _LONG_S = 1800.0
 
 
@@ -80,16 +86,15 @@ class ImageModule(Module[ImageParams]):
         return (EngineQuery(path="/images/json"),)
 
     def parse(self, replies: Sequence[Reply]) -> tuple[Observed, ...]:
-        """Return one entry for every tag and every digest."""
+        """Return one entry for every tag and every digest, and for every image of ours without a name."""
         if not replies[0].ok:
             return ()
         found = []
         for item in mappings(replies[0].json()):
-            state = {"id": string(item.get("Id")), "labels": string_map(item.get("Labels"))}
-            for names in (item.get("RepoTags"), item.get("RepoDigests")):
-                for name in names if isinstance(names, list) else ():
-                    if "<none>" not in str(name):
-                        found.append(Observed(module="image", name=str(name), instance="", state=state))
+            key, labels = string(item.get("Id")), string_map(item.get("Labels"))
+            state = {"id": key, "labels": labels}
+            names = names_of(item) or [key] * bool(has_label(labels) and IMAGE_ID.fullmatch(key))
+            found += [Observed(module="image", name=name, instance="", state=state) for name in names]
         return tuple(found)
 
     def check(self, name: str, want: ImageParams, found: State | None) -> Change | None:
@@ -105,8 +110,28 @@ class ImageModule(Module[ImageParams]):
         return want.source == "pull"
 
     def removal(self, found: Observed) -> tuple[Command, ...]:
-        """Untag; layers go when nothing else needs them."""
-        return (EngineCall(method="DELETE", path=f"/images/{found.name}", accept=(200, 404)),)
+        """Untag; layers go when nothing else needs them.
+
+        The engine would also remove what the image was built on, where that has no name: somebody else's, perhaps. So
+        only the steps of its build go with it, `steps` in the state, newest first, and of those what nothing else is
+        built on.
+        """
+        calls = [(found.name, (200, 404)), *((step, (200, 404, 409)) for step in found.state.get("steps", ()))]
+        keep = (("noprune", "true"),)
+        return tuple(
+            EngineCall(method="DELETE", path=f"/images/{name}", params=keep, accept=codes) for name, codes in calls
+        )
+
+
+def names_of(item: Mapping[str, Any]) -> list[str]:
+    """Return the tags and digests of an image in an engine's list, each as the engine has it."""
+    both = (item.get("RepoTags"), item.get("RepoDigests"))
+    return [str(name) for names in both if isinstance(names, list) for name in names if "<none>" not in str(name)]
+
+
+def has_label(labels: Mapping[str, str]) -> bool:
+    """Return whether labels say that srprov built an image, or a part of one; who builds on it inherits them."""
+    return DEFINITION in labels or labels.get(INSTANCE) == BUILD
 
 
 def _how(want: ImageParams) -> str:

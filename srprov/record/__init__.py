@@ -2,10 +2,10 @@
 
 Takes values from the other rooms; writes files below one folder, each through `redact`, in a thread of its own: a run
 never waits for its record, and a record that cannot be written is told, and stops nothing. Reads the versions of
-installed libraries, and for `@failed` the newest record.
+installed libraries, and the newest records: for `@failed`, and for the images that are wanted.
 
     folder       the folder and its writer        documents    the files' contents, from values
-    last         the newest record, read again
+    last         the newest record, read again    wanted       images that the newest records name
 """
 
 from __future__ import annotations
@@ -13,5 +13,16 @@ from __future__ import annotations
 from srprov.record.documents import RunInputs, event_json, run_id, write_inputs
 from srprov.record.folder import RunFolder, default_root
 from srprov.record.last import LastRun, last_run
+from srprov.record.wanted import named_images
 
-__all__ = ["LastRun", "RunFolder", "RunInputs", "default_root", "event_json", "last_run", "run_id", "write_inputs"]
+__all__ = [
+    "LastRun",
+    "RunFolder",
+    "RunInputs",
+    "default_root",
+    "event_json",
+    "last_run",
+    "named_images",
+    "run_id",
+    "write_inputs",
+]

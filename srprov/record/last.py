@@ -38,9 +38,10 @@ def last_run(root: Path, instance: str) -> LastRun | None:
     Raises:
         UsageError: It cannot be read, or is no record.
     """
-    path = _newest(root, instance)
-    if path is None:
+    found = records(root, instance)
+    if not found:
         return None
+    path = found[instance][-1]
     try:
         return LastRun(path=path, failed=frozenset(_failed(path)))
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
@@ -48,15 +49,23 @@ def last_run(root: Path, instance: str) -> LastRun | None:
         raise UsageError(f"{path} is no record that can be read: {error!r}", hint=hint) from error
 
 
-def _newest(root: Path, instance: str) -> Path | None:
+def records(root: Path, only: str = "") -> dict[str, list[Path]]:
+    """Return instance -> its records below `root`, the newest last; of one instance, if it is named.
+
+    Raises:
+        UsageError: The folder cannot be read.
+    """
+    found: dict[str, list[Path]] = {}
     try:
-        names = [path for path in root.iterdir() if (found := _NAME.fullmatch(path.name))
-                 and found["instance"] == instance and path.is_dir()]  # fmt: skip
+        for path in root.iterdir():
+            named = _NAME.fullmatch(path.name)
+            if named and only in ("", named["instance"]) and path.is_dir():
+                found.setdefault(named["instance"], []).append(path)
     except FileNotFoundError:
-        return None
+        return {}
     except OSError as error:
         raise UsageError(f"{root}: {error.strerror}", hint="name another folder with --runs") from error
-    return max(names, key=_begun, default=None)
+    return {instance: sorted(paths, key=_begun) for instance, paths in found.items()}
 
 
 def _begun(path: Path) -> tuple[str, int, str]:
@@ -71,11 +80,11 @@ def _begun(path: Path) -> tuple[str, int, str]:
 def _failed(path: Path) -> Iterator[str]:
     result = path / "result.json"
     if result.exists():
-        read = _json(result)
+        read = record_json(result)
         yield from read["unreachable"]
         yield from (str(step["id"]).partition("/")[0] for step in read["steps"] if step["outcome"] not in _DONE)
         return
-    plan = _json(path / "plan.json")
+    plan = record_json(path / "plan.json")
     done = {event["step"] for event in _events(path) if event["event"] == "end" and event["outcome"] in _DONE}
     yield from plan["unreachable"]
     yield from (step["robot"] for step in plan["steps"] if step["number"] not in done)
@@ -90,5 +99,6 @@ def _events(path: Path) -> Iterator[Mapping[str, Any]]:
             continue
 
 
-def _json(path: Path) -> Any:  # noqa: ANN401 - JSON is any
+def record_json(path: Path) -> Any:  # noqa: ANN401 - JSON is any
+    """Return a file of a record; OSError or ValueError where that is not possible."""
     return parse_json(regular_file.read_text(path, _LARGEST), max_characters=_LARGEST)

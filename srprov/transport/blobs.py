@@ -37,7 +37,7 @@ class Blobs:
 
     def __init__(self, folder: Path | None = None, most_bytes: int = MOST_BYTES) -> None:
         """Take where it is (default: `$XDG_CACHE_HOME/srprov/blobs`) and how large it may become."""
-        self._folder, self._most = folder or default_folder(), most_bytes
+        self.folder, self._most = folder or default_folder(), most_bytes
         self._lock = threading.Lock()
         self._turns: dict[str, threading.Lock] = {}
         self._known: dict[Path, tuple[tuple[int, ...], Blob]] = {}
@@ -49,6 +49,22 @@ class Blobs:
             return self._path(digest).stat().st_size
         except (OSError, ValueError):
             return None
+
+    def total(self) -> int:
+        """Return the bytes of all that is kept."""
+        return sum(size for _, size, _ in self._kept())
+
+    def clear(self) -> int:
+        """Remove all that is kept, and return how many bytes that were.
+
+        Raises:
+            OSError: A file cannot be removed.
+        """
+        removed = 0
+        for _, size, path in self._kept():
+            path.unlink(missing_ok=True)
+            removed += size
+        return removed
 
     def get(self, digest: str, raw: Callable[[], bool] = lambda: False) -> Blob | None:
         """Return a content that is there and is what its digest says; None where there is none.
@@ -124,8 +140,8 @@ class Blobs:
     @contextlib.contextmanager
     def _partial(self) -> Iterator[tuple[Path, BinaryIO]]:
         """Give a new file in the folder, which is gone afterwards unless it was put somewhere."""
-        private.make_folder(self._folder)
-        partial = self._folder / f"{secrets.token_hex(8)}.part"
+        private.make_folder(self.folder)
+        partial = self.folder / f"{secrets.token_hex(8)}.part"
         try:
             with open(os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
                 yield partial, file
@@ -152,20 +168,17 @@ class Blobs:
         match = _DIGEST.fullmatch(digest)
         if match is None:
             raise ValueError(f"{digest[:80]!r} is no sha256 digest")
-        return self._folder / f"{match[1]}{'.raw' if raw else ''}.gz"
+        return self.folder / f"{match[1]}{'.raw' if raw else ''}.gz"
 
     def _make_room(self) -> None:
         """Remove the least recently used, but none that this process has used: it may be about to be sent."""
         with self._lock:
-            found, total = list[tuple[int, int, Path]](), 0
-            for path in self._folder.iterdir():
+            for path in self.folder.glob("*.part"):
                 with contextlib.suppress(OSError):  # another process may have removed it
-                    about = path.stat()
-                    if path.suffix == ".part" and time.time() - about.st_mtime > _ABANDONED_S:
+                    if time.time() - path.stat().st_mtime > _ABANDONED_S:
                         path.unlink()
-                    elif path.suffix == ".gz":
-                        total += about.st_size
-                        found.append((about.st_atime_ns, about.st_size, path))
+            found = self._kept()
+            total = sum(size for _, size, _ in found)
             used = {blob.path for _, blob in list(self._known.values())}
             for _, size, path in sorted(found):
                 if total <= self._most:
@@ -173,6 +186,15 @@ class Blobs:
                 if path not in used:
                     path.unlink(missing_ok=True)
                     total -= size
+
+    def _kept(self) -> list[tuple[int, int, Path]]:
+        """Return when each file was last used, its bytes, and its path."""
+        found = []
+        for path in self.folder.glob("*.gz"):
+            with contextlib.suppress(OSError):  # another process may have removed it
+                about = path.lstat()
+                found.append((about.st_atime_ns, about.st_size, path))
+        return found
 
 
 def default_folder() -> Path:

@@ -11,9 +11,12 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from jsonschema import Draft202012Validator
 
+from srprov import data
 from srprov.definitions import load_inventory
 from srprov.lab import state
+from srprov.sizes import size_text
 from srprov.transport import connect
 from srprov.transport.registry_copy import pull_image
 from srprov.transport.ssh_session import SshSession
@@ -213,17 +216,69 @@ def test_a_served_layer_with_one_wrong_byte_is_refused_by_the_engine(job: Job, t
         session.close()
 
 
-def test_images_that_are_built_ahead_are_all_that_comes_and_all_that_apply_needs(job: Job) -> None:
-    """One robot builds, another gets a copy; no container is made, and the next plan has no image."""
-    job.change(b"ahead")
-    words = (job.on("robot1", "robot3"), "-i", job.inventory, "--reassign")
-    before = {robot: set(job.lab.shell(robot, "docker", "ps", "-aq").out.split()) for robot in ("robot1", "robot3")}
-    built = job.lab.srprov("build", *words, "--yes", "--json", env=job.env)
-    assert built.code == 0 and built.json["changed"] == 2, built
-    (name,) = {one["id"].partition("image:")[2] for one in built.json["steps"]}
-    ids = {job.lab.shell(robot, "docker", "image", "inspect", "-f", "{{.Id}}", name).out for robot in before}
-    after = {robot: set(job.lab.shell(robot, "docker", "ps", "-aq").out.split()) for robot in before}
-    assert len(ids) == 1 and after == before
-    assert job.causes("robot1", "robot3") == {}
-    shown = job.lab.srprov("build", "--show", words[0], env=job.env)
-    assert f"# image: {name}\n" in shown.out and "FROM base:1\n" in shown.out, shown
+OLD = "srprov/top:0123456789abcdef"
+BUILD_OLD = f"""\
+printf 'FROM base:1\\nLABEL srprov.instance=.build\\nRUN head -c {2 * MIB} /dev/urandom > /old\\nLABEL srprov.cdf=top
+LABEL srprov.instance=""\\n' | docker build -q -t {OLD} -
+"""
+MINE = """\
+docker tag base:1 mine:base && printf 'FROM %s\\nRUN touch /x\\n' "$0" | docker build -q -t mine:1 - &&
+printf 'FROM mine:1\\nLABEL srprov.instance=.build\\nRUN false\\n' | docker build -q --force-rm -
+docker create --name own "$1"
+"""
+
+
+def layers_bytes(lab: Lab, robot: str) -> int:
+    """Give the bytes of all layers of a robot's images, as its engine counts them."""
+    asked = "curl -s --unix-socket /run/docker.sock http://x/system/df"
+    return int(json.loads(lab.shell(robot, "sh", "-c", asked).out)["LayersSize"])
+
+
+def labelled(lab: Lab, robot: str) -> dict[str, str]:
+    """Give id -> labels of all images of a robot, steps of builds too."""
+    script = "docker image inspect -f '{{.Id}} {{json .Config.Labels}}' $(docker images -aq)"
+    lines = lab.shell(robot, "sh", "-c", script).out.splitlines()
+    return {key: labels for key, _, labels in (line.partition(" ") for line in lines)}
+
+
+def test_images_come_ahead_of_an_apply_and_those_that_nobody_uses_go(job: Job) -> None:
+    """A container that runs, one of somebody else that is stopped, the last run, and another name keep an image."""
+    lab, robots = job.lab, ("robot1", "robot3")
+    words = (job.on(*robots), "-i", job.inventory, "--reassign", "--yes", "--json")
+    tags = []
+    for verb in (("apply", "--settle", "0"), ("build",)):
+        job.change(os.urandom(MIB))
+        before = {robot: lab.shell(robot, "docker", "ps", "-aq").out for robot in robots}
+        done = lab.srprov(verb[0], *words, *verb[1:], env=job.env)
+        assert done.code == 0, done
+        tags += sorted({one["id"].partition("image:")[2] for one in done.json["steps"] if "/image:" in one["id"]})
+    used, ahead = tags
+    ids = {lab.shell(robot, "docker", "image", "inspect", "-f", "{{.Id}}", ahead).out for robot in robots}
+    assert len(ids) == 1 and before == {robot: lab.shell(robot, "docker", "ps", "-aq").out for robot in robots}
+    assert job.causes(*robots) == {}, "an apply has no image to bring"
+
+    for robot in robots:
+        lab.shell(robot, "sh", "-c", BUILD_OLD)
+    lab.shell("robot1", "sh", "-c", MINE, used, OLD)
+    every = {robot: labelled(lab, robot) for robot in robots}
+    inventory = ("-i", job.inventory, "--limit", ",".join(robots))
+    listed = lab.srprov("images", *inventory, "--json", env=job.env)
+    assert listed.code == 0 and not [*Draft202012Validator(data.schema("images")).iter_errors(listed.json)], listed
+    told = {one["tags"][0]: one for one in listed.json["robots"]["robot1"]["images"] if one["tags"]}
+    assert told[used]["instances"] == ["copies"] and told[OLD]["containers"] == ["own"]
+    assert told[ahead]["named_by"] == ["copies"] and told[ahead]["arch"] == "amd64"
+
+    size = layers_bytes(lab, "robot3")
+    pruned = lab.srprov("images", "prune", *inventory, "--yes", env=job.env)
+    assert pruned.code == 0, pruned
+    freed = size - layers_bytes(lab, "robot3")
+    assert re.search(f"robot3: [0-9]+ images?, {size_text(freed)} become free", pruned.out) and freed >= 2 * MIB, pruned
+    kept = {robot: lab.shell(robot, "docker", "images", "--format", "{{.Repository}}:{{.Tag}}").out for robot in robots}
+    assert {one: OLD in kept[one] for one in robots} == {"robot1": True, "robot3": False}
+    assert all(one in kept[robot] for one in (used, ahead, "base:1") for robot in robots)
+    assert "mine:1" in kept["robot1"] and "<none>" not in kept["robot1"] + kept["robot3"]
+    for robot, images in every.items():
+        gone = images.keys() - labelled(lab, robot).keys()
+        assert gone and all("srprov.instance" in images[one] for one in gone), gone
+    assert "verb=prune" in lab.shell("robot3", "tail", "-n", "1", "/var/log/srprov.log").out
+    lab.shell("robot1", "sh", "-c", "docker rm own; docker rmi mine:1 mine:base")

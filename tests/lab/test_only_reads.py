@@ -151,6 +151,7 @@ def test_what_plans_only_reads_and_what_applies_does_not(listening: Listening, t
         ("lock", str(path.with_name("other.edf")), "-i", inventory, "--update", "busybox"),
         ("status", str(path), "-i", inventory),
         ("status", str(path), "-i", inventory, "--volumes"),
+        ("images", "-i", inventory),
         ("locks", "-i", inventory),
     ]
 
@@ -165,12 +166,11 @@ def test_what_plans_only_reads_and_what_applies_does_not(listening: Listening, t
             if verb[0] == "validate":
                 assert not heard.command_lines
                 continue
-            assert heard.shell, f"nothing was heard of {verb}"
             words = {words[0].text for text in heard.shell for words in commands(text.decode())}
-            assert "eval" in words and "printf" in words, verb
+            assert {"eval", "printf"} <= words or verb[0] == "images", verb  # which asks the engine alone
             if verb[0] != "locks":
                 requests = [path for sent in heard.engine for _, path in engine_requests(sent)]
-                assert any(path.endswith("/_ping") for path in requests), (verb, requests)
+                assert any(path.endswith("/_ping") for path in requests) or verb[0] == "images", (verb, requests)
                 assert any("/containers/json" in path for path in requests) or verb[0] == "logs", (verb, requests)
         until = lab.shell(ROBOT, "date", "+%s.%N").out.strip()
         assert lab.shell(ROBOT, "docker", "events", "--since", since, "--until", until).out == ""
