@@ -111,6 +111,8 @@ class Proxy:
     def __init__(self, run: int, machine: str, platform: str) -> None:
         """`run` is the robot's /run, open; `machine` as `uname -m` says it, `platform` as Docker does."""
         self.run, self.machine, self.platform = f"/proc/self/fd/{run}", machine, platform
+        self.busy: set[object] = set()
+        """The tasks of connections: the event loop alone does not keep them from being collected."""
 
     async def serve(self, group: int) -> None:
         """Answer until killed."""
@@ -123,6 +125,7 @@ class Proxy:
     async def handle(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Carry one connection to its end."""
         client: Streams = reader, writer
+        self.busy.add(task := asyncio.current_task())
         engine: Streams | None = None
         try:
             engine = await asyncio.open_unix_connection(f"{self.run}/{ENGINE}", limit=1 << 20)
@@ -131,6 +134,7 @@ class Proxy:
         except (OSError, EOFError, ValueError, asyncio.LimitOverrunError):  # either side has gone
             writer.transport.abort()
         finally:
+            self.busy.discard(task)
             for each in (client, engine) if engine else (client,):
                 each[1].close()
 
@@ -141,7 +145,7 @@ class Proxy:
         request.first = f"{method} {self.placed(method, target)} {version}"
         engine[1].write(request.data())
         sending = asyncio.ensure_future(carry_body(request, client[0], engine[1]))
-        watching = asyncio.ensure_future(self.watch(client[0], engine[1]))
+        watching = asyncio.ensure_future(self.watch(request, client[0], engine[1]))
         try:
             answer = await self.answer(method, target, client, engine)
             if answer.first.split(" ")[1] == "101" or not is_framed(method, answer):
@@ -155,9 +159,12 @@ class Proxy:
             watching.cancel()
             sending.cancel()
 
-    async def watch(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        """Hang up on the engine when the client has: it ends what it does for a client that is gone."""
-        while not reader.at_eof():
+    async def watch(self, request: Head, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        """Hang up on the engine when the client has: it ends what it does for a client that is gone.
+
+        One that attaches to a container may have nothing to say, and ends its side as soon as it has asked.
+        """
+        while not reader.at_eof() or request.get("upgrade"):
             await asyncio.sleep(0.1)
         writer.transport.abort()
 

@@ -1,6 +1,6 @@
 """Robots of two architectures: robot2 of this lab says that it is an arm64, and runs what arm64 runs.
 
-A lab of its own, so `make soak` has it.
+It is a lab of its own, which a test or two can wait for; `make soak` has the others.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import pytest
 from srprov.lab import arm64
 from tests.lab.conftest import NAME, Done, Lab
 
-pytestmark = [pytest.mark.lab, pytest.mark.soak]
+pytestmark = pytest.mark.lab
 
 ROBOTS = {"robot1": "x86_64", "robot2": "aarch64", "robot3": "x86_64"}
 IMAGES = {"x86_64": "amd64", "aarch64": "arm64"}
@@ -64,6 +64,7 @@ def mixed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Mixed]:
         lab.srprov("lab", "down")
 
 
+@pytest.mark.soak
 def test_a_robot_of_another_architecture_says_so_everywhere(mixed: Mixed) -> None:
     for robot, machine in ROBOTS.items():
         said = mixed.shell(robot, "sh", "-c", "uname -m; arch; docker info --format '{{.Architecture}}'").out.split()
@@ -71,6 +72,15 @@ def test_a_robot_of_another_architecture_says_so_everywhere(mixed: Mixed) -> Non
         assert mixed.shell(robot, "docker", "version", "--format", "{{.Server.Arch}}").out.strip() == IMAGES[machine]
     facts = mixed.srprov("facts", "-i", str(mixed.inventory), "--json", env=mixed.env).json
     assert {name: one["arch"] for name, one in facts["robots"].items()} == {r: IMAGES[m] for r, m in ROBOTS.items()}
+    steps = (
+        (("kill", "--docker"), ("restart", "--docker")),
+        (("stop-docker",), ("restart", "--docker")),
+        (("restart",),),
+    )
+    for words in steps:  # the proxy is there whatever becomes of the engine
+        for verb, *more in words:
+            assert mixed.srprov("lab", verb, "robot2", *more).code == 0
+        assert mixed.shell("robot2", "docker", "run", "--rm", "busybox", "uname", "-m").out.strip() == "aarch64"
 
 
 def test_one_experiment_comes_up_on_both_each_container_of_its_own_architecture(mixed: Mixed) -> None:
@@ -93,6 +103,7 @@ def test_one_experiment_comes_up_on_both_each_container_of_its_own_architecture(
     assert second["steps"] == []
 
 
+@pytest.mark.soak
 def test_a_robot_with_an_emulator_says_so(mixed: Mixed) -> None:
     """As Debian's qemu-user-static has registered it, on a robot where somebody has installed that."""
     entry = f":qemu-aarch64:M::{arm64.MAGIC}:{arm64.MASK}:{arm64.INTERPRETER}:OPF"
@@ -111,6 +122,7 @@ def test_a_robot_with_an_emulator_says_so(mixed: Mixed) -> None:
         mixed.shell("robot1", "sh", "-c", f"echo -1 > {mounted}/qemu-aarch64; umount {mounted}")
 
 
+@pytest.mark.soak
 def test_a_known_image_for_another_architecture_is_not_copied(mixed: Mixed) -> None:
     """Its id is one that this machine had built under that tag, for the robots that run it."""
     mixed.apply(mixed.edf)
@@ -129,6 +141,7 @@ def test_a_known_image_for_another_architecture_is_not_copied(mixed: Mixed) -> N
         assert tag not in mixed.shell("robot3", "docker", "images", "--format", "{{.Repository}}:{{.Tag}}").out
 
 
+@pytest.mark.soak
 def test_an_image_that_is_not_there_for_a_robot_is_refused_when_it_is_pulled_or_before(mixed: Mixed) -> None:
     """The mirror has Debian for this machine's architecture alone."""
     service = {"image": "debian:bookworm", "command": ["sleep", "86400"], "robot": "robot2"}

@@ -48,8 +48,8 @@ def test_what_an_engine_says_of_its_architecture_is_altered_and_nothing_else() -
     assert json.loads(PROXY.told(b'{"Architecture": "x86_64", "NCPU": 2}')) == {"Architecture": "aarch64", "NCPU": 2}
 
 
-async def _talk(folder: Path, engine: Engine, said: bytes) -> bytes:
-    """Say something to an engine through the proxy; give all that comes back."""
+async def _talk(folder: Path, engine: Engine, said: bytes, *, silent: bool = False) -> bytes:
+    """Say something to an engine through the proxy, and then that this is all; give all that comes back."""
     (folder / "lab").mkdir()
     run = os.open(folder, os.O_PATH)
     before = await asyncio.start_unix_server(engine, str(folder / ENGINE))
@@ -60,6 +60,8 @@ async def _talk(folder: Path, engine: Engine, said: bytes) -> bytes:
             await asyncio.sleep(0.01)
         reader, writer = await asyncio.open_unix_connection(str(folder / SOCKET))
         writer.write(said)
+        if silent:
+            writer.write_eof()
         answer = await asyncio.wait_for(reader.read(), 10)
         writer.close()
         return answer
@@ -102,3 +104,17 @@ def test_an_engine_that_is_down_ends_the_connection(tmp_path: Path) -> None:
         writer.transport.abort()
 
     assert asyncio.run(_talk(tmp_path, engine, b"GET /_ping HTTP/1.1\r\n\r\n")) == b""
+
+
+@pytest.mark.parametrize(("header", "comes"), [(b"Upgrade: tcp\r\n", b"UPGRADED\r\n\r\nout"), (b"", b"")])
+def test_who_attaches_may_end_its_side_and_who_waits_for_an_answer_not(
+    tmp_path: Path, header: bytes, comes: bytes
+) -> None:
+    async def engine(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        await reader.readuntil(b"\r\n\r\n")
+        await asyncio.sleep(0.5)
+        writer.write(b"HTTP/1.1 101 UPGRADED\r\n\r\nout")
+        writer.close()
+
+    request = b"POST /v1.41/containers/x/attach HTTP/1.1\r\n" + header + b"\r\n"
+    assert asyncio.run(_talk(tmp_path, engine, request, silent=True)).partition(b"101 ")[2] == comes

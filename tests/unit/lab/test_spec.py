@@ -95,6 +95,7 @@ def test_a_spec_nested_without_end_is_one_problem() -> None:
         ("memory: {used: 1G}", "total is missing"),
         ("memory: {total: 1G, used: 2G}", "used is more than total"),
         ("user: admin", "expected one of root, robot, not 'admin'"),
+        ("arch: riscv64", "expected one of arm64, not 'riscv64'"),
     ],
 )
 def test_a_wrong_option_is_refused(options: str, message: str) -> None:
