@@ -80,7 +80,7 @@ def with_records(lock: Lock, made: Draft, look: Gathering, sessions: Mapping[str
             words = f"no versions are recorded: a lock has at most {MOST_IN_ALL} of all images"
         else:
             records[(one.tag, one.platform)] = found
-            words = f"{found.count} packages beyond those of its base are recorded"
+            words = f"{found.count} package{'s' * (found.count != 1)} beyond those of its base recorded"
         told.append(f"{one.tag} on {one.robot}: {words}")
     return replace(lock, packages=tuple(records[key] for key in sorted(records))), told
 

@@ -10,6 +10,7 @@ import contextlib
 import json
 import re
 import secrets
+import time
 from collections.abc import Iterator, Mapping
 
 from srprov.errors import TransportError
@@ -59,7 +60,13 @@ def packages_in(session: Session, image_id: str) -> Mapping[str, frozenset[str]]
     """
     with _container(session, image_id) as name:
         _done(session, "POST", f"/containers/{name}/start")
-        _done(session, "POST", f"/containers/{name}/wait", timeout_s=_LISTING_S)
+        began = time.monotonic()
+        try:
+            _done(session, "POST", f"/containers/{name}/wait", timeout_s=_LISTING_S)
+        except NoListing:
+            if time.monotonic() - began < _LISTING_S:
+                raise
+            raise NoListing(f"it takes longer than {_LISTING_S:g} s to list them") from None
         try:
             return parsed(session.container_log(name, tail=_MOST_LINES, follow=False))
         except TransportError as error:

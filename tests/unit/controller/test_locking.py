@@ -303,7 +303,7 @@ def test_what_a_build_added_to_its_base_is_recorded_once(here: Path, monkeypatch
     (one,) = new.packages
     assert one == Packages(image=tag, platform="linux/amd64", apt=("built",), pip=("built",))
     assert fleet.read == ["r2 base", "r2 built"] and told == [
-        f"{tag} on r2: 2 packages beyond those of its base are recorded"
+        f"{tag} on r2: 2 packages beyond those of its base recorded"
     ]
     assert all(robot.holder is None for robot in fleet.robots.robots.values()), "no lock is left"
 

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 
 from srprov.errors import TransportError
+from srprov.execution import packages
 from srprov.execution.packages import NoListing, packages_in, parsed
 from srprov.wire import EngineCall, Reply
 
@@ -69,6 +70,12 @@ def test_it_is_removed_whatever_happens(fails: str) -> None:
     with pytest.raises(NoListing, match="the log broke" if fails == "log" else "no such thing"):
         listed(robot)
     assert robot.calls[-1].method == "DELETE" and ("force", "true") in robot.calls[-1].params
+
+
+def test_an_image_that_takes_too_long_is_said_to(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(packages, "_LISTING_S", 0.0)
+    with pytest.raises(NoListing, match="it takes longer than 0 s"):
+        listed(Robot("wait"))
 
 
 @pytest.mark.parametrize(
