@@ -44,7 +44,8 @@ def destroy(
 ) -> int:  # fmt: skip
     """Remove everything that an instance owns.
 
-    The instance is the EDF's name, or --instance. Data volumes stay unless --volumes is given; images stay as a cache.
+    The instance is the EDF's name, or --instance. Data volumes stay unless --volumes is given; images stay as a
+    cache until `srprov images prune`.
     """
     refuse_without_terminal(yes)
     phases = Phases()

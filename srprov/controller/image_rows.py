@@ -11,6 +11,7 @@ from srprov.controller.stored_images import RobotStore, StoredImage
 from srprov.definitions import load_experiment
 from srprov.errors import UsageError
 from srprov.images.tag import repository_of
+from srprov.modules.container_leftover import BUILD
 from srprov.sizes import size_text
 from srprov.transport.blobs import Blobs
 
@@ -90,7 +91,7 @@ def rows(robot: str, images: Collection[StoredImage], named: Named, now: dt.date
 
 def _users(one: StoredImage, named: Named) -> Iterator[str]:
     strange = sum(not instance for _, instance in one.containers)
-    yield from one.instances
+    yield from ("a container that a build left" if name == BUILD else name for name in one.instances)
     if strange:
         yield f"{strange} containers of others" if strange > 1 else "a container of others"
     if last := [name for name in _named_by(one, named) if name not in one.instances]:

@@ -11,6 +11,7 @@ from jsonschema import Draft202012Validator
 
 from srprov import data
 from srprov.cli.main import run
+from srprov.definitions.lockfile import Lock, dump
 from srprov.record.memory import recall
 from tests.fakes import World
 from tests.unit.cli.conftest import CDF
@@ -144,3 +145,18 @@ def test_show_reads_files_of_others_only_with_permission(
     assert run(["build", str(inner / "e.edf"), "--show"]) == 9
     assert "--allow outside" in capsys.readouterr().err
     assert run(["build", str(inner / "e.edf"), "--show", "--allow", "outside"]) == 0
+
+
+def test_show_has_the_digests_of_a_lock_and_says_what_is_asked_for_each_plan(
+    world: World, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A base that nothing pins is told; one that a registry is asked for has no tag before."""
+    assert "# its base is not pinned" in show(capsys)
+    text = Path("e.edf").read_text()
+    Path("e.edf").write_text(text.replace("robot: r1, volumes", "pull_policy: always, robot: r1, volumes"))
+    asked = show(capsys, "a")
+    assert "# image: known when it is planned, with the digest" in asked and "srprov/a:" not in asked
+    digest = f"sha256:{'0' * 64}"
+    Path("e.lock").write_text(dump(Lock(digests={"docker.io/library/busybox:latest": digest})))
+    locked = show(capsys, "a")
+    assert f"FROM busybox@{digest}\n" in locked and "# image: srprov/a:" in locked and "not pinned" not in locked

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import datetime as dt
 import json
 from collections.abc import Sequence
 from pathlib import Path
@@ -171,11 +172,12 @@ def test_a_list_takes_two_round_trips_and_one_where_nothing_is_ours() -> None:
     assert engine.round_trips == 3
     (one,) = seen.images
     assert (one.arch, one.instances, one.definition, one.bytes_) == ("arm64", ["i"], "x", 5 * MIB)
-    import datetime as dt
-
     now = dt.datetime.fromtimestamp(1000 + 7200, dt.timezone.utc)
     (row,) = rows("r1", seen.images, {A: ["i", "k"]}, now)
     assert row["used by"] == "i; a container of others; the last run of k" and row["built"] == "2 h ago"
+    left = store(Engine().add(2, labels=PART).contain(2, "pensive_curie", ".build"))
+    (row,) = rows("r1", left.images, {}, now)
+    assert row["used by"] == "a container that a build left" and row["image"].endswith("(no name)")
 
 
 def test_a_robot_that_fails_is_a_reason_and_the_others_are_told() -> None:
