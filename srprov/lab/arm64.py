@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from srprov.lab import cgroups, trust
-from srprov.lab.machine import SYSTEM_PATH, find, run
+from srprov.lab.machine import find, run
 from srprov.lab.oci import architecture
 from srprov.lab.places import CACHE, Site
 from srprov.lab.spec import Robot
@@ -69,16 +69,7 @@ def figures(folder: Path) -> None:
 def start_proxy(site: Site, name: str, init: int) -> None:
     """Start the proxy before the engine of the robot with this PID 1; it waits for the engine."""
     proxy = [sys.executable, "-I", str(PROGRAM), str(init), MACHINE, f"linux/{ARCH}"]
-    with open(site.disk(name) / "engine_proxy.log", "wb") as log:
-        subprocess.Popen(
-            ["/bin/sh", "-c", cgroups.LAUNCH, *proxy],
-            stdin=subprocess.DEVNULL,
-            stdout=log,
-            stderr=log,
-            cwd="/",
-            env={"PATH": SYSTEM_PATH, "LAB_CGROUPS": " ".join(map(str, cgroups.beside(site, name)))},
-            start_new_session=True,
-        )
+    cgroups.start_beside(site, name, proxy, "engine_proxy.log")
 
 
 def busybox() -> Path:

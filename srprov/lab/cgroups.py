@@ -11,11 +11,14 @@ from __future__ import annotations
 
 import contextlib
 import os
+import subprocess
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from srprov.errors import LabError
+from srprov.lab.machine import SYSTEM_PATH
 from srprov.lab.places import Site
 
 ROOT = Path("/sys/fs/cgroup")
@@ -121,6 +124,20 @@ def beside(site: Site, robot: str) -> list[Path]:
         groups = [group / "launcher" for group in groups]
         groups[0].mkdir(exist_ok=True)
     return groups
+
+
+def start_beside(site: Site, robot: str, program: Sequence[str], log: str) -> None:
+    """Start a program that belongs to the robot, is not seen by it and ends with it; `log` is a file of its disk."""
+    with open(site.disk(robot) / log, "wb") as output:
+        subprocess.Popen(
+            ["/bin/sh", "-c", LAUNCH, *program],
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=output,
+            cwd="/",
+            env={"PATH": SYSTEM_PATH, "LAB_CGROUPS": " ".join(map(str, beside(site, robot)))},
+            start_new_session=True,
+        )
 
 
 def robots(site: Site) -> set[str]:

@@ -23,9 +23,14 @@ MOST_CHUNKS = 64
 
 async def serve(address: str, port: int, target: int, rtt_s: float) -> None:
     """Answer until killed; waits for the address to be there."""
+    busy = set[object]()  # the event loop alone does not keep tasks from being collected
 
     async def handle(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        await delayed(address, target, rtt_s, reader, writer)
+        busy.add(task := asyncio.current_task())
+        try:
+            await delayed(address, target, rtt_s, reader, writer)
+        finally:
+            busy.discard(task)
 
     while True:
         with contextlib.suppress(OSError):

@@ -6,13 +6,12 @@ not see it, and it ends with the robot.
 
 from __future__ import annotations
 
-import subprocess
 import sys
 from pathlib import Path
 
 from srprov.lab import cgroups
 from srprov.lab.config import SSHD_BEHIND_PROXY
-from srprov.lab.machine import SYSTEM_PATH, find
+from srprov.lab.machine import find
 from srprov.lab.places import Site
 
 PROGRAM = Path(__file__).with_name("delay.py")
@@ -22,13 +21,4 @@ def start(site: Site, name: str, init: int, rtt_ms: float) -> None:
     """Start the proxy in front of the sshd of the robot with this PID 1; it waits for the robot's address."""
     proxy = [sys.executable, "-I", str(PROGRAM), str(site.address(name)), "22", str(SSHD_BEHIND_PROXY), str(rtt_ms)]
     program = [find("nsenter") or "nsenter", f"--net=/proc/{init}/ns/net", "--", *proxy]
-    with open(site.disk(name) / "latency.log", "wb") as log:
-        subprocess.Popen(
-            ["/bin/sh", "-c", cgroups.LAUNCH, *program],
-            stdin=subprocess.DEVNULL,
-            stdout=log,
-            stderr=log,
-            cwd="/",
-            env={"PATH": SYSTEM_PATH, "LAB_CGROUPS": " ".join(map(str, cgroups.beside(site, name)))},
-            start_new_session=True,
-        )
+    cgroups.start_beside(site, name, program, "latency.log")
