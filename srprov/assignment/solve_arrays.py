@@ -9,11 +9,12 @@ same input each time. It imports numpy and OR-Tools, so `solve` imports it only 
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from srprov.assignment import few_slots
 from srprov.assignment.arrays import Arrays, arrays
 from srprov.assignment.model import Decision, Problem
-from srprov.assignment.solve_flow import flow
+from srprov.assignment.solve_flow import flow, room
 from srprov.assignment.solve_pools import solve_table
 from srprov.assignment.table import Array, ProblemTable, Selection
 
@@ -21,11 +22,22 @@ from srprov.assignment.table import Array, ProblemTable, Selection
 def decide(problem: Problem, seconds: float | None = None) -> Decision | None:
     """Return the best placement, or the best found in `seconds` for all searches together; None may mean none found."""
     until = None if seconds is None else time.monotonic() + seconds
-    laid = arrays(problem)
-    best = _best(problem, laid, until)
-    if best is None:
-        return None
-    least = _least(problem, laid, best, until)
+    slots = few_slots.first(problem)
+    while True:
+        few = replace(problem, slots=slots)
+        laid = arrays(few)
+        best = _best(few, laid, until)
+        if best is None:
+            if slots == problem.slots or (needed := room(problem)) is None:
+                return None
+            slots = {robot: max(slots[robot], needed[robot]) for robot in slots}
+            continue
+        least = _least(few, laid, best, until)
+        taken = ([laid.places[place][0] for place in one.outcome.places] for one in (best, least))
+        wider = few_slots.more(problem, slots, taken)
+        if wider is None:
+            break
+        slots = wider
     pairs = zip(best.outcome.items, best.outcome.places, strict=True)
     return Decision(
         chosen=tuple((laid.names[item], *laid.places[place]) for item, place in pairs),

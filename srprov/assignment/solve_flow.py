@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from srprov.assignment.model import Problem
 from srprov.assignment.table import NEVER, Array, ProblemTable, Selection, outcome
 from srprov.errors import SrprovError
 
@@ -21,8 +22,11 @@ def flow(table: ProblemTable) -> Selection | None:
     return None if found is None else outcome(table, range(nodes), found)
 
 
-def assign(cost: Array, allowed: Array) -> Array | None:
-    """Return int64 [N], the place of every row at least cost, or None; `cost` int64 and `allowed` bool are [N, P]."""
+def assign(cost: Array, allowed: Array, room: Array | None = None) -> Array | None:
+    """Return int64 [N], the place of every row at least cost, or None; `cost` int64 and `allowed` bool are [N, P].
+
+    `room`, int64 [P], says how many rows a place takes; None: one each.
+    """
     from ortools.graph.python import min_cost_flow  # heavy: only when something is decided
 
     nodes, places = cost.shape
@@ -32,7 +36,7 @@ def assign(cost: Array, allowed: Array) -> Array | None:
     ends = np.arange(places)
     sink = nodes + places
     solver.add_arcs_with_capacity_and_unit_cost(
-        ends + nodes, np.full(places, sink), np.ones_like(ends), np.zeros_like(ends)
+        ends + nodes, np.full(places, sink), np.ones_like(ends) if room is None else room, np.zeros_like(ends)
     )
     solver.set_nodes_supplies(np.arange(nodes), np.ones(nodes, dtype=np.int64))
     solver.set_node_supply(sink, -nodes)
@@ -45,6 +49,18 @@ def assign(cost: Array, allowed: Array) -> Array | None:
     found = np.empty(nodes, dtype=np.int64)
     found[row[used]] = column[used]
     return found
+
+
+def room(problem: Problem) -> dict[str, int] | None:
+    """Return how many slots of each robot are enough for all nodes, with one to spare where there is one; or None."""
+    robots = list(problem.loads)
+    allowed = np.array([[robot in problem.eligible(node) for robot in robots] for node in problem.nodes])
+    most = np.array([problem.slots[robot] for robot in robots])
+    found = assign(np.zeros(allowed.shape, dtype=np.int64), allowed, most)
+    if found is None:
+        return None
+    used = np.bincount(found, minlength=len(robots))
+    return {robot: min(problem.slots[robot], int(count) + 1) for robot, count in zip(robots, used, strict=True)}
 
 
 def potentials(priced: Array, found: Array, rounds: int | None = None) -> tuple[Array, Array]:

@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from random import Random
+from unittest import mock
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from srprov.assignment import conflict as conflicts
-from srprov.assignment import explain, problem, solve
+from srprov.assignment import explain, few_slots, problem, solve, solve_arrays
+from srprov.assignment.arrays import Arrays, arrays
 from srprov.assignment.cost import at_slot, load, terms
 from srprov.assignment.model import Assignment, Problem
 from srprov.definitions.model import Experiment, Placement, Weights
@@ -258,3 +260,44 @@ def fits(
     return any(
         slots[where] and fits(nodes[1:], eligible, {**slots, where: slots[where] - 1}) for where in eligible[nodes[0]]
     )
+
+
+@given(worlds(), st.lists(st.integers(0, 6), min_size=6, max_size=6))
+@settings(max_examples=examples(150))
+def test_few_slots_at_first_give_the_answer_of_all(world: World, slots: list[int]) -> None:
+    """As large problems are solved: from one slot of each robot on, with more where they are used."""
+    given_slots = replace(world, slots=dict(zip(world.slots, slots, strict=False))).problem()
+
+    def answer() -> tuple[int, float, int, int]:
+        decision = solve_arrays.decide(given_slots)
+        if decision is None:
+            return -1, 0.0, 0, 0
+        each = [(name, robot, slot) for names, robot, slot in decision.chosen for name in names]
+        moves = sum(given_slots.moved(names, robot) for names, robot, _ in decision.chosen)
+        return moves, sum(given_slots.cost(*one).total for one in each), decision.spared, decision.gap
+
+    moves, cost, *proved = answer()
+    one = {robot: min(1, count) for robot, count in given_slots.slots.items()}
+    with mock.patch.object(few_slots, "first", lambda _problem: one):
+        found_moves, found_cost, *found_proved = answer()
+    assert (found_moves, found_proved) == (moves, proved)
+    assert abs(found_cost - cost) < 1e-5, "costs are compared to a millionth for each service"
+
+
+def test_a_large_problem_is_not_laid_out_with_slots_that_cannot_matter() -> None:
+    """300 services on 12 robots of 300 slots: where all are pinned to three of them too."""
+    names = [f"s{number}" for number in range(300)]
+    seen: list[int] = []
+
+    def counted(problem: Problem) -> Arrays:
+        seen.append(len(problem.nodes) * sum(problem.slots.values()))
+        return arrays(problem)
+
+    for pin, most in ((None, 200_000), ("r", 500_000)):
+        services = [service(name, robot=pin and f"r{number % 3}") for number, name in enumerate(names)]
+        where = found(*(robot(f"r{number}") for number in range(12)))
+        what = experiment(*services, placement=Placement(slots_per_robot=300))
+        with mock.patch.object(solve_arrays, "arrays", counted):
+            made = solve.solve(problem.build(what, {}, where, {}))
+        assert len(made.placed) == 300 and made.optimal
+        assert max(seen) < most, seen
