@@ -29,6 +29,7 @@ from srprov.lab.lab import down
 from srprov.lab.places import Site
 from srprov.lab.robot import enter
 from srprov.lab.sites import every, find
+from tests.lab.warm import Warm
 
 ROOT = Path(__file__).parents[2]
 ROBOTS = int(os.environ.get("SRPROV_LAB_ROBOTS", "13"))
@@ -40,6 +41,7 @@ GUARDS = "/run/lock/srprov-lab-tests-"
 GUARD = Path(os.environ.get("SRPROV_LAB_GUARD", GUARDS + NAME))
 """Who has the lab holds a lock on it. `tools/soak` has the lab already when it starts tests, and names another file."""
 COMMAND_LIMIT_S = 280
+WARM = Warm()
 
 
 @dataclass(frozen=True)
@@ -60,11 +62,14 @@ class Done:
 
 def run_srprov(*arguments: str, cwd: Path, stdin: str | None = None, env: dict[str, str] | None = None) -> Done:
     """Run `srprov` as a user does: a process of its own, no terminal."""
-    done = subprocess.run(
+    whole = {**os.environ, "PYTHONPATH": str(ROOT), **(env or {})}
+    if "PYTHONPATH" not in (env or {}):
+        return Done(*WARM.run(arguments, cwd, whole, stdin or "", COMMAND_LIMIT_S))
+    done = subprocess.run(  # what it imports is another thing than what is warm
         [sys.executable, "-m", "srprov", *arguments],
         cwd=cwd,
-        env={**os.environ, "PYTHONPATH": str(ROOT), **(env or {})},
-        input=stdin if stdin is not None else "",
+        env=whole,
+        input=stdin or "",
         capture_output=True,
         text=True,
         timeout=COMMAND_LIMIT_S,
