@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
 import pytest
 
-from tests.lab.conftest import NOTHING, ROOT, Lab
+from tests.lab.conftest import NOTHING, ROOT, Done, Lab, part_of_lab
 from tests.lab.looks import address_of, log_of, wait_until
 
 pytestmark = pytest.mark.lab
@@ -17,11 +18,12 @@ pytestmark = pytest.mark.lab
 
 @dataclass(frozen=True)
 class Running:
-    """An example that was applied on all robots of the lab."""
+    """An example that was applied on robots of its own."""
 
     lab: Lab
     name: str
     path: str
+    inventory: str
     report: dict[str, Any]
     """What `apply --json` said of it."""
 
@@ -42,16 +44,37 @@ class Running:
 
 
 @pytest.fixture(scope="module")
-def example(request: pytest.FixtureRequest, lab_of_module: Lab) -> Iterator[Running]:
-    """Bring one example up, and check in the end that it goes away without a trace."""
+def coming_up(
+    lab_of_module: Lab, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[dict[str, tuple[str, Future[Done]]]]:
+    """Bring all examples up at once, as two of them wait for packages most of the time; each has three robots."""
+    lab, folder = lab_of_module, tmp_path_factory.mktemp("inventories")
+    with ThreadPoolExecutor(len(ALL)) as pool:
+        begun = dict[str, tuple[str, Future[Done]]]()
+        for number, name in enumerate(ALL):
+            robots = [f"robot{3 * number + one}" for one in (1, 2, 3)]
+            inventory = part_of_lab(lab, robots, folder / f"{name}.yml")
+            words = ("apply", path_of(name), "-i", inventory, "--yes", "--json")
+            begun[name] = inventory, pool.submit(lab.srprov, *words)
+        yield begun
+
+
+@pytest.fixture(scope="module")
+def example(request: pytest.FixtureRequest, lab_of_module: Lab, coming_up: Any) -> Iterator[Running]:
+    """Wait until one example is up, and check in the end that it goes away without a trace."""
     lab, name = lab_of_module, str(request.param)
-    path = str(ROOT / "examples" / name / "experiment.edf")
-    up = lab.srprov("apply", path, "-i", str(lab.inventory), "--yes", "--json")
+    inventory, begun = coming_up[name]
+    up = begun.result()
     assert up.code == 0, up
-    yield Running(lab, name, path, up.json)
-    gone = lab.srprov("destroy", path, "-i", str(lab.inventory), "--yes", "--json")
+    yield Running(lab, name, path_of(name), inventory, up.json)
+    gone = lab.srprov("destroy", path_of(name), "-i", inventory, "--yes", "--json")
     assert gone.code == 0, gone
     assert [lab.leftovers(robot) for robot in set(up.json["assignment"].values())] == [NOTHING] * 3
+
+
+def path_of(name: str) -> str:
+    """Give where an example's EDF is."""
+    return str(ROOT / "examples" / name / "experiment.edf")
 
 
 ALL = ["hello", "chatter-dds", "chatter-ros"]
@@ -110,7 +133,7 @@ def test_status_and_logs_show_the_example_as_docker_does(example: Running) -> No
     """`status` names each service's robot, state, address and container; `logs` has each service's lines by name."""
     lab, name, home = example.lab, example.name, example.home
     assert sorted(home) == SERVICES[name]
-    seen = lab.srprov("status", example.path, "-i", str(lab.inventory), "--json")
+    seen = lab.srprov("status", example.path, "-i", example.inventory, "--json")
     assert seen.code == 0, seen
     rows = {row["service"]: row for row in seen.json["services"]}
     assert sorted(rows) == SERVICES[name]
@@ -123,13 +146,13 @@ def test_status_and_logs_show_the_example_as_docker_does(example: Running) -> No
         assert row["health"] == real["State"].get("Health", {}).get("Status", "")
         assert row["image"].removesuffix(":latest") == real["Config"]["Image"].removesuffix(":latest")
 
-    text = lab.srprov("status", example.path, "-i", str(lab.inventory))
+    text = lab.srprov("status", example.path, "-i", example.inventory)
     assert text.code == 0, text
     heading, *lines = text.out.splitlines()
     assert heading.split()[:4] == ["INSTANCE", "SERVICE", "ROBOT", "STATE"]
     assert [line.split()[:3] for line in lines] == [[name, s, home[s]] for s in SERVICES[name]]
 
-    shown = lab.srprov("logs", example.path, "-i", str(lab.inventory), "--tail", "1000")
+    shown = lab.srprov("logs", example.path, "-i", example.inventory, "--tail", "1000")
     assert shown.code == 0, shown
     by_service: dict[str, list[str]] = {}
     for line in shown.out.splitlines():
@@ -143,7 +166,7 @@ def test_status_and_logs_show_the_example_as_docker_does(example: Running) -> No
         assert mine == whole[: len(mine)]
         assert bool(mine) == bool(whole)
     some = SERVICES[name][0]
-    tail = lab.srprov("logs", example.path, "-i", str(lab.inventory), "--tail", "2", some)
+    tail = lab.srprov("logs", example.path, "-i", example.inventory, "--tail", "2", some)
     assert tail.code == 0, tail
     assert [line.split(" | ")[0].strip() for line in tail.out.splitlines()] == [some] * 2
-    assert lab.srprov("logs", example.path, "-i", str(lab.inventory), "nobody").code == 5
+    assert lab.srprov("logs", example.path, "-i", example.inventory, "nobody").code == 5

@@ -13,6 +13,7 @@ import importlib
 import json
 import os
 import pkgutil
+import shutil
 import signal
 import socket
 import subprocess
@@ -102,6 +103,7 @@ def _serve(place: str) -> list[str]:
             signal.signal(signal.SIGCHLD, signal.SIG_DFL)
             return _act(line)
         line.close()
+    shutil.rmtree(Path(place).parent)
     os._exit(0)
 
 
