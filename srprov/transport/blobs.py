@@ -10,9 +10,11 @@ full. Folder and files are their owner's alone. Safe for several threads, and fo
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import re
 import secrets
+import shutil
 import threading
 import time
 import zlib
@@ -26,6 +28,10 @@ from srprov.transport.blob import Blob, Hash, WrongBlob, compared, identity_of, 
 __all__ = ["Blob", "Blobs", "WrongBlob"]
 
 MOST_BYTES = 8 << 30
+_LEFT_FREE = 512 << 20
+"""Bytes of the disk that no content takes while it comes."""
+_LOOK = 32 << 20
+"""Bytes between two looks at the disk."""
 _PIECE = 1 << 20
 _DIGEST = re.compile("sha256:([0-9a-f]{64})")
 _ABANDONED_S = 86_400.0
@@ -108,7 +114,7 @@ class Blobs:
             OSError: It cannot be written.
         """
         with self._partial() as (partial, file):
-            blob = compared(digest, self._path(digest), written(file, pieces))
+            blob = compared(digest, self._path(digest), written(file, self._with_room(pieces)))
             file.flush()
             return self._keep(partial, blob)
 
@@ -127,7 +133,7 @@ class Blobs:
         """
         inside, outside, packer = Hash(), Hash(), zlib.compressobj(0 if raw else 1, wbits=31)
         with self._partial() as (partial, file):
-            for piece in pieces:
+            for piece in self._with_room(pieces):
                 inside.update(piece)
                 file.write(outside.update(packer.compress(piece)))
             file.write(outside.update(packer.flush()))
@@ -136,6 +142,17 @@ class Blobs:
                 return None
             path = self._path(inside.digest, raw=raw)
             return self._keep(partial, Blob(inside.digest, path, outside.size, inside.size, outside.digest))
+
+    def _with_room(self, pieces: Iterable[bytes]) -> Iterator[bytes]:
+        """Pass on a content of a robot's, which says no size before, as long as it leaves room for others."""
+        come = _LOOK
+        for piece in pieces:
+            come += len(piece)
+            if come >= _LOOK:
+                come = 0
+                if shutil.disk_usage(self.folder).free < _LEFT_FREE:
+                    raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), str(self.folder))
+            yield piece
 
     @contextlib.contextmanager
     def _partial(self) -> Iterator[tuple[Path, BinaryIO]]:

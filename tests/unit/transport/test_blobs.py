@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import gzip
 import hashlib
+import itertools
 import os
 import stat
 import threading
@@ -11,6 +12,7 @@ import tracemalloc
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -33,6 +35,19 @@ def test_what_was_kept_is_found_again_by_another_process_and_is_its_users_alone(
     found = Blobs(folder).get(digest_of(content))
     assert found == kept and gzip.decompress(b"".join(found.pieces())) == content
     assert Blobs(folder).size(digest_of(content)) == len(packed) and Blobs(folder).size(digest_of(b"")) is None
+
+
+def test_a_content_without_end_does_not_fill_the_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A robot says no size of a layer before it comes."""
+    free = iter([600 << 20, 560 << 20, 500 << 20])
+    monkeypatch.setattr("srprov.transport.blobs.shutil.disk_usage", lambda _path: SimpleNamespace(free=next(free)))
+    packer = zlib.compressobj(0, wbits=31)
+    endless = itertools.repeat(bytes(1 << 20))
+    for keep, pieces in ((Blobs(tmp_path).add_content, endless), (Blobs(tmp_path).add, map(packer.compress, endless))):
+        free = iter([600 << 20, 560 << 20, 500 << 20])
+        with pytest.raises(OSError, match="No space left"):
+            keep(digest_of(b""), pieces)
+        assert list(tmp_path.iterdir()) == []
 
 
 def test_a_flipped_byte_makes_a_file_unusable_and_it_is_removed(tmp_path: Path) -> None:
