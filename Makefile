@@ -43,10 +43,12 @@ bench-assignment: setup ## the assignment: the paper's experiment, and how fast 
 	@$(BIN)/python -m benchmarks.assignment.whole
 	@$(BIN)/python -m benchmarks.assignment.scaling
 
-bench-images: setup ## srprov beside other ways to bring images to robots (needs root; see benchmarks/images/README.md)
+bench-images: setup ## srprov beside other ways to bring images to robots (needs root; 25 minutes, more of it in benchmarks/images)
 	@$(BIN)/pip install -q -e '.[bench]'
-	@$(BIN)/python -m benchmarks.images.compare
-	@$(BIN)/python -m benchmarks.images.compare --links 50mbit --robots 4 --image-mib 120 --more
+	@$(BIN)/python -m benchmarks.images.compare --robots 12 --tools thin,parallel,pull --cases fresh,nothing,two --repeat 1
+	@$(BIN)/python -m benchmarks.images.compare --robots 4 --image-mib 120 --more
+	@$(BIN)/python -m benchmarks.images.compare --robots 4 --image-mib 120 --links 50mbit --tools thin,parallel,pull \
+	  --cases fresh,two --repeat 1 --more
 	@$(BIN)/python -m benchmarks.images.quote
 
 bench-provisioning: setup ## srprov beside other tools on the lab (needs root; hours; see benchmarks/provisioning/README.md)

@@ -100,7 +100,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--links", type=_links, default=[link.FULL], help="full, or a rate that all share: full,50mbit")
     parser.add_argument("--tools", type=among(TOOLS), default=list(TOOLS), help=",".join(TOOLS))
     parser.add_argument("--cases", type=among(table.CASES), default=list(table.CASES), help=",".join(table.CASES))
-    parser.add_argument("--repeat", type=int, default=3, help="at most; not once a case took 30 s in all")
+    parser.add_argument("--repeat", type=int, default=3, help="at most; a case that took 10 s in all is not repeated")
     parser.add_argument("--out", type=Path, default=RESULTS, help="folder of the results")
     parser.add_argument("--more", action="store_true", help="keep the results of what is not measured now")
     parser.add_argument("--scratch", dest="out", action="store_const", const=None, help="write no results")

@@ -138,7 +138,11 @@ def run(
         watch = threading.Timer(limit_s, lambda: os.killpg(process.pid, signal.SIGKILL))
         watch.daemon = True
         watch.start()
-        _, status, used = os.wait4(process.pid, 0)
+        try:
+            _, status, used = os.wait4(process.pid, 0)
+        except BaseException:
+            os.killpg(process.pid, signal.SIGKILL)  # whoever ends the benchmark ends what it measures
+            raise
         seconds, after = time.perf_counter() - begun, wire()
         watch.cancel()
     process.returncode = os.waitstatus_to_exitcode(status)

@@ -147,10 +147,16 @@ def _neighbours(count: int) -> Iterator[None]:
             setting.write_text(value)
 
 
+def _end(*_: object) -> None:
+    """End, and let what ends labs and links come to its end: `timeout` gives its signal twice."""
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    sys.exit(143)
+
+
 @contextlib.contextmanager
 def lab(count: int, latency_ms: int = 0, patience_s: float = 1800) -> Iterator[Lab]:
     """Bring up a fresh lab of `count` robots that have the image, and take it down in the end."""
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))  # so that `timeout` and `kill` leave no lab behind
+    signal.signal(signal.SIGTERM, _end)  # so that `timeout` and `kill` leave no lab behind
     with guarded(patience_s), _neighbours(count), tempfile.TemporaryDirectory(prefix="srprov-bench-") as name:
         folder = Path(name)
         late = {"defaults": {"ssh_latency_ms": latency_ms}} if latency_ms else {}
