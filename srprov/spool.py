@@ -85,9 +85,8 @@ have=$(stat -c %s "$file" 2>/dev/null || echo 0)
 [ "$have" -le {size:d} ] || {{ rm -f "$file"; have=0; }}
 echo "have $have"
 read -r go && [ "$go" = go ] || exit 1
-[ "$have" = {size:d} ] || head -c $(({size:d} - have)) >>"$file"
+found=$({{ [ "$have" = 0 ] || cat "$file"; head -c $(({size:d} - have)) | tee -a "$file"; }} | sha256sum)
 [ "$(stat -c %s "$file")" = {size:d} ] || exit 1
-found=$(sha256sum <"$file")
 [ "${{found%% *}}" = {sha256} ] || {{ tidy; echo "wrong ${{found%% *}}"; exit 1; }}
 if command -v docker >/dev/null; then said=$(docker load -q -i "$file" 2>&1)
 else said=$(curl -sS --fail --unix-socket {SOCKET} -X POST -H 'Content-Type: application/x-tar' -T "$file" \
