@@ -64,7 +64,7 @@ def _show(made: Pruning, now: dt.datetime) -> None:
     out(table(lines, [one for one in COLUMNS if one != "used by"]) if lines else "nothing to remove")
     for robot, images in made.gone.items():
         out(f"{robot}: {_count(len(images))}, {size_text(made.freed[robot])} become free")
-    out(f"{_count(made.stay)} of srprov's stay; `srprov images` says who uses them")
+    out(f"{_count(made.stay)} of srprov's {'stays' if made.stay == 1 else 'stay'}; `srprov images` says who uses them")
 
 
 def _count(images: int) -> str:

@@ -75,4 +75,5 @@ def summary(document: Mapping[str, Any], result: RunResult) -> str:
     counts = ", ".join(f"{document[key]} {key}" for key in ("changed", "unchanged", "failed", "skipped"))
     gone = f", {len(result.unreachable)} unreachable" if result.unreachable else ""
     state = "interrupted" if result.interrupted else "done"
-    return f"{document['instance']}: {state} in {document['duration_s']:.1f} s: {counts}{gone}"
+    name = document["instance"].removeprefix(".")  # the dot of `.images` only keeps it apart from users' names
+    return f"{name}: {state} in {document['duration_s']:.1f} s: {counts}{gone}"

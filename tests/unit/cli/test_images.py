@@ -62,8 +62,9 @@ def test_what_nobody_uses_goes_and_what_was_built_ahead_stays(
     for robot in stocked.robots.values():
         robot.engine.images[OLD] = OURS
     assert run(["images", "prune", "-i", "inv.yml", "--limit", "r2", "--yes"]) == 0
-    text = capsys.readouterr().out
-    assert f"{OLD}" in text and "r2: 2 images, " in text and "1 image of srprov's stay" in text
+    told = capsys.readouterr()
+    assert OLD in told.out and "r2: 2 images, " in told.out and "1 image of srprov's stays" in told.out
+    assert "\nimages: done in " in told.err and ".images" not in told.err
     assert {name: len(one) for name, one in left(stocked).items()} == {"r1": 3, "r2": 1}
     assert run(["images", "prune", "-i", "inv.yml", "--limit", "r2", "--yes", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["steps"] == []
