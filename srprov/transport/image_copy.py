@@ -149,7 +149,9 @@ class _Thin:
         image, words = archive.image, f"{len(archive.layers)} of {len(archive.image.diff_ids)} layers"
         what = f"{archive.tag}, {words}"
         try:
-            reply = deliver(archive, self._session, room, self._copy.timeout_s, what, self._progress)
+            reply = deliver(
+                archive, self._session, room, self._sources.links, self._copy.timeout_s, what, self._progress
+            )
         except OSError as error:
             raise NotThin(f"the cache of layers cannot be read: {error.strerror or error}") from error
         if not reply.ok and (not reply.status or _FULL in reply.err.lower()):

@@ -1,7 +1,8 @@
 """An archive gets to a robot and into its engine: as a stream, or, when it is large, through a file there.
 
-What is larger than 32 MiB arrives in a file below `/var/lib/srprov`, to which another try adds only the rest; when all
-of it is there and its hash is right, the robot loads it by itself. Where there is no place for that, it is streamed.
+What is larger than 32 MiB, or than 256 MiB on a fast link, would take long to be sent again: it arrives in a file below
+`/var/lib/srprov`, to which another try adds only the rest; when all of it is there and its hash is right, the robot
+loads it by itself. All else, and where there is no place for that, is streamed into the engine.
 """
 
 from __future__ import annotations
@@ -16,25 +17,29 @@ from srprov.spool import LARGE, load_script
 from srprov.transport.image_progress import Meter, mib
 from srprov.transport.image_shell import answer, dismiss, send
 from srprov.transport.image_there import Room
+from srprov.transport.link_rate import Links
 from srprov.transport.thin_archive import ThinArchive
 from srprov.wire import Reply
 
 if TYPE_CHECKING:
     from srprov.transport.session import BaseSession
 
+_LARGE_IF_FAST = 256 << 20
+"""Bytes that a fast link sends again within ten seconds."""
 _TRIES = 2
 
 
 def deliver(
-    archive: ThinArchive, session: BaseSession, room: Room, timeout_s: float, what: str, progress: Progress
-) -> Reply:
+    archive: ThinArchive, session: BaseSession, room: Room, links: Links, timeout_s: float, what: str,
+    progress: Progress,
+) -> Reply:  # fmt: skip
     """Send an archive and load it; what came of it in the engine, whoever calls looks up.
 
     Raises:
         TransportError: The robot cannot be talked to any more.
         OSError: The cache's files are gone.
     """
-    if archive.size > LARGE:
+    if archive.size > _LARGE_IF_FAST or (archive.size > LARGE and not links.takes_fast(session)):
         digest = hashlib.sha256()
         for piece in archive.pieces():
             digest.update(piece)

@@ -37,7 +37,7 @@ class World:
         self.folder = folder
         self.builder, self.target = Robot("builder", folder), Robot("target", folder)
         self.builder.images[TAG] = IMAGE
-        self.sources = ImageSources(Blobs(folder / "cache"))
+        self.again()
         self.said: list[str] = []
 
     def copy(self, *, way: str = "", id: str = "", target: Robot | None = None, runs: tuple[str, ...] = ()) -> Reply:
@@ -50,6 +50,7 @@ class World:
     def again(self) -> None:
         """Forget what only this process knows."""
         self.sources = ImageSources(Blobs(self.folder / "cache"))
+        self.sources.links = links()
 
     def is_clean(self) -> bool:
         """Tell whether no robot keeps anything of a copy."""
@@ -261,6 +262,15 @@ class TestSpooled:
     def _low(self, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr(image_deliver, "LARGE", 100_000)
 
+    @pytest.mark.parametrize(("most", "streams"), [(256 << 20, 1), (300_000, 0)])
+    def test_a_fast_link_is_streamed_to_up_to_what_it_sends_again_soon(
+        self, world: World, monkeypatch: pytest.MonkeyPatch, most: int, streams: int
+    ) -> None:
+        monkeypatch.setattr(image_deliver, "_LARGE_IF_FAST", most)
+        fast(world, "target")
+        assert world.copy().ok and world.target.images[TAG].id == IMAGE.id
+        assert len(world.target.streamed) == streams and world.is_clean()
+
     def test_it_is_loaded_from_there_and_the_file_goes(self, world: World) -> None:
         assert world.copy().ok and world.target.images[TAG].id == IMAGE.id
         assert world.target.streamed == [] and world.is_clean()
@@ -367,8 +377,13 @@ class TestFastLinks:
 
 def fast(world: World, *robots: str) -> None:
     """Take the links of these robots for fast."""
-    known = {(way, robot): robot in robots for way in ("gives", "takes") for robot in ("builder", "target", "slow")}
-    world.sources.links = Links(known)
+    world.sources.links = links(*robots)
+
+
+def links(*robots: str) -> Links:
+    """Give links of which these are fast."""
+    every = ("builder", "target", "slow", "other")
+    return Links({(way, robot): robot in robots for way in ("gives", "takes") for robot in every})
 
 
 def test_a_link_is_fast_when_it_takes_and_gives_a_mebibyte_in_time(
