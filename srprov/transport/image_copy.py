@@ -50,15 +50,13 @@ def copy_image(
     ids = (copy.id,) if copy.id else ()
     try:
         source = peers(copy.source_host)
-        said = ""
         if copy.way != "whole":
             try:
                 return _Thin(copy, session, source, options, progress).run(ids)
             except NotThin as error:
                 if copy.way == "thin":
                     return _failed(f"it cannot be sent without the layers that are there: {error}")
-                said = f"{copy.image} is sent whole: {error}"
-                progress(said)
+                progress(f"{copy.image} is sent whole: {error}")
         return _whole(copy, session, source, ids, progress)
     except ForeignImage as error:
         return _failed(f"{copy.source_host}: {error}")
