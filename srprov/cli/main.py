@@ -30,6 +30,7 @@ _VERBS = {
     "build": "Bring images to the robots ahead of apply, or show their Dockerfiles.",
     "plan": "Show what would change; changes nothing.",
     "apply": "Change the robots so that the experiment runs on them.",
+    "trials": "List the experiment's trials; no robot is asked.",
     "run": "Run the experiment's trials, and bring home what they give.",
     "status": "Show the running experiment.",
     "images": "Show the images that srprov built on robots; prune: remove what nobody uses.",

@@ -27,7 +27,8 @@ if TYPE_CHECKING:
     from srprov.controller.fleet import Fleet
     from srprov.controller.plan import Planned
     from srprov.controller.trial_plan import TrialPlan
-    from srprov.controller.trial_run import TrialsReport, TrialsRequest
+    from srprov.controller.trial_report import TrialsReport
+    from srprov.controller.trial_run import TrialsRequest
     from srprov.controller.trials import TrialNews
     from srprov.definitions.model import Definitions
     from srprov.execution import RunOptions
@@ -45,7 +46,12 @@ _SAID = b"\ninterrupted: the present trial goes on to its end, no new one begins
 @click.option("-o", "--out", "target", type=click.Path(file_okay=False, path_type=Path), default=None, metavar="DIR",
               help="Where the run is kept (default: a new folder below ~/.local/state/srprov/trials).")  # fmt: skip
 @click.option("--resume", is_flag=True, help="Go on with the run in DIR: only what has not ended is run.")
-@click.option("--only", multiple=True, metavar="TRIAL|POINT", help="Only this trial, or trials of this point.")
+@click.option(
+    "--only",
+    multiple=True,
+    metavar="TRIAL|POINT",
+    help="Only this trial, or trials of this point; `srprov trials FILE` lists them.",
+)
 @options.LOCKED
 @click.option("-y", "--yes", is_flag=True, help="Do not ask.")
 @click.option("--wait-timeout", type=Seconds(min=0), default=300.0, show_default=True, metavar="S",
@@ -70,6 +76,7 @@ def run(
     if unreachable != "fail":
         raise UsageError("trials need all their robots", hint="leave --unreachable out")
     definitions = read_definitions(file, request.allowed, locked=locked)
+    wanted = _checked(definitions, target, resume, only)
     vault = read_secrets(definitions, request.allowed)
     inventory = inputs.load_inventory(inventories)
     request = inputs.with_own_files(request, definitions)
@@ -78,11 +85,10 @@ def run(
         planned = _planned(definitions, fleet, request, vault)
         from srprov.controller.permissions import may_trigger, permit_run
         from srprov.controller.trial_plan import in_words, trial_plan
-        from srprov.controller.trial_run import TrialsRequest
         from srprov.execution import RunOptions
 
         plan = trial_plan(planned, inventory, request.policies)
-        if not as_json:
+        if not as_json and not (yes and output_options.is_quiet()):
             show_plan(plan.base.plan, None, verbose=False)
             out(f"\n{in_words(plan)}")
         permit_run(planned.plan, request.allowed, inventory, request.policies)
@@ -91,10 +97,21 @@ def run(
             forks=forks, wait_timeout_s=wait_timeout, stop_timeout_s=stop_timeout, lock_wait_s=lock_wait, pulse=pulse,
             triggers=may_trigger(request.allowed), verb="run",
         )  # fmt: skip
-        wanted = TrialsRequest(folder=target, resume=resume, only=only)
         report = _run(plan, fleet, wanted, run_options, events, color=not no_color)
     _show(report, as_json)
     return report.exit_code
+
+
+def _checked(definitions: Definitions, target: Path | None, resume: bool, only: tuple[str, ...]) -> TrialsRequest:
+    """Return what the user asks for, which can be done as far as is known without asking a robot."""
+    from srprov.controller.trial_run import TrialsRequest, check_request
+
+    wanted = TrialsRequest(folder=target, resume=resume, only=only)
+    check_request(definitions.experiment, wanted)
+    given = definitions.experiment.trials
+    if given is not None and given.settings.prompt and not sys.stdin.isatty():
+        raise RefusedError("a person is asked between two trials, and there is no terminal", hint="see `between`")
+    return wanted
 
 
 def _planned(definitions: Definitions, fleet: Fleet, request: PlanRequest, vault: Vault) -> Planned:
@@ -112,8 +129,6 @@ def _run(
 
     expect(Answer.ASIDE)
     stop, quiet = threading.Event(), output_options.is_quiet()
-    if plan.given.settings.prompt and not sys.stdin.isatty():
-        raise RefusedError("a person is asked between two trials, and there is no terminal", hint="see `between`")
     shown = _Shown()
     alone = quiet or bool(plan.given.settings.prompt) or not is_terminal(sys.stderr)
     live = nullcontext() if alone else status_line(lambda: shown.status, color=color)
@@ -152,16 +167,12 @@ def _pause(seconds: float, prompt: str) -> None:
 def _show(report: TrialsReport, as_json: bool) -> None:
     """Say what came of the run, and how to read it."""
     if as_json:
-        out_json({"run": str(report.folder), "trials": report.trials, "done": report.done, "rows": list(report.rows)})
+        out_json(report.document)
     if report.base is not None:
         for line in report.base.failures:
             err(line)
-    counts: dict[str, int] = {}
-    for one in report.rows:
-        word = str(one["status"]) + (f", {one['verdict']}" if one.get("verdict") not in (None, "unknown") else "")
-        counts[word] = counts.get(word, 0) + 1
-    told = "; ".join(f"{count} {word}" for word, count in sorted(counts.items())) or "nothing"
-    err(f"{report.done} of {report.trials} trials: {told}")
+    for line in report.in_words():
+        err(line)
     if report.ended_early:
         err(f"the run ended early: {report.ended_early}; go on with --resume -o {report.folder}")
     if not as_json:

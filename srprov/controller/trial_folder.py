@@ -10,19 +10,24 @@ from srprov import private
 from srprov.errors import RefusedError, UsageError
 
 
-def check_empty(folder: Path) -> None:
-    """Refuse a folder for a new run that has something in it.
+def check_new(folder: Path) -> None:
+    """Refuse a folder for a new run that has something in it, or that cannot be made.
 
     Raises:
-        UsageError: It has, or cannot be read.
+        UsageError: So it is.
     """
     try:
         used = folder.exists() and any(folder.iterdir())
+        near = next(one for one in (folder, *folder.absolute().parents) if os.path.lexists(one))
+        usable = near.is_dir() and os.access(near, os.W_OK | os.X_OK)
     except OSError as error:
         raise UsageError(f"{folder}: {error.strerror}", hint="name another folder with -o") from None
     if used:
         hint = "go on with the run in it by --resume, or name another folder"
         raise UsageError(f"{folder} is not empty", hint=hint)
+    if not usable:
+        why = "you may not write there" if near.is_dir() else "it is no folder"
+        raise UsageError(f"nothing can be kept in {near}: {why}", hint="name another folder with -o")
 
 
 def make_folder(folder: Path) -> None:

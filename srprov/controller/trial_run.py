@@ -18,12 +18,15 @@ from typing import Any
 from srprov import __version__
 from srprov.controller.fleet import Fleet
 from srprov.controller.phases import Phases
-from srprov.controller.run import RunReport, run
+from srprov.controller.run import run
 from srprov.controller.trial_connections import LockedRobots
-from srprov.controller.trial_folder import check_empty, check_own, make_folder
+from srprov.controller.trial_folder import check_new, check_own, make_folder
 from srprov.controller.trial_plan import TrialPlan, differences, sameness
+from srprov.controller.trial_report import TrialsReport
 from srprov.controller.trials import Say, TrialRun, Trials
-from srprov.errors import RefusedError, UsageError
+from srprov.definitions.model import Experiment
+from srprov.definitions.trialsmodel import TrialDefinitions
+from srprov.errors import RefusedError, UsageError, did_you_mean
 from srprov.execution import Listener, RunOptions
 from srprov.execution.lock_set import LockSet, lock_options
 from srprov.execution.locks import claim
@@ -32,7 +35,6 @@ from srprov.facts.model import Snapshot
 from srprov.record import default_root
 from srprov.record.journal import Journal, read
 from srprov.trials import Design, design
-from srprov.trials.judge import COUNTED
 from srprov.untrusted import integer, mapping
 
 
@@ -46,33 +48,6 @@ class TrialsRequest:
     """Go on with the run that is in the folder."""
     only: tuple[str, ...] = ()
     """Ids of trials or points; empty: all."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class TrialsReport:
-    """What came of a run."""
-
-    folder: Path
-    rows: tuple[Mapping[str, object], ...]
-    trials: int
-    """Of the design, or of those that were asked for."""
-    ended_early: str
-    base: RunReport | None = None
-    """What came of what is there over all trials, when something was to be done."""
-
-    @property
-    def done(self) -> int:
-        """How many trials ended in a way that counts."""
-        return len({one["trial"] for one in self.rows if one["status"] in COUNTED})
-
-    @property
-    def exit_code(self) -> int:
-        """0 when every trial ended in a way that counts, whatever its verdict."""
-        if self.base is not None and self.base.result.exit_code:
-            return self.base.result.exit_code
-        if self.ended_early == "interrupted":
-            return 130
-        return 0 if self.done >= self.trials else 3
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -97,11 +72,24 @@ def chosen(made: Design, only: Collection[str]) -> Design:
     known = {one.id for one in made.points} | {one.id for one in made.trials}
     for name in only:
         if name not in known:
-            raise UsageError(
-                f"there is no trial or point '{name[:60]}'", hint="trials.csv of a run, and its lines, have the ids"
-            )
+            hint = f"{did_you_mean(name, known)} `srprov trials FILE` lists them".strip()
+            raise UsageError(f"there is no trial or point '{name[:60]}'", hint=hint)
     trials = tuple(one for one in made.trials if one.id in only or one.point.id in only)
     return replace(made, trials=trials)
+
+
+def check_request(experiment: Experiment, request: TrialsRequest) -> None:
+    """Refuse what cannot be run or kept, before any robot is asked.
+
+    Raises:
+        UsageError: No trial is left or there are too many, an unknown one is asked for, or the folder cannot be used.
+        RefusedError: The folder of the run to go on with may be others'.
+    """
+    chosen(design(experiment.trials or TrialDefinitions()), request.only)
+    if request.resume:
+        _resumed(request)
+    else:
+        check_new(request.folder or _root() / "new")
 
 
 def run_trials(
@@ -132,14 +120,12 @@ def run_trials(
         if plan.base.plan.steps and not stop.is_set():
             base = run(plan.base, fleet, replace(options, verb="run"), Phases(), listener, stop, held=locks)
         if base is not None and base.result.exit_code:
-            return TrialsReport(folder=folder, rows=earlier.rows, trials=len(made.trials), ended_early="", base=base)
+            return TrialsReport(folder=folder, rows=earlier.rows, design=made, ended_early="", base=base)
         if not earlier.events:
             make_folder(folder)
         with LockedRobots(fleet, sessions, mine, waiting) as connections:
             trials = _all(plan, whole, made, same, folder, earlier, connections, options, say, stop, pause)
-    wanted = {trial.id for trial in made.trials}
-    rows = tuple(one for one in trials.rows if one["trial"] in wanted)
-    return TrialsReport(folder=folder, rows=rows, trials=len(made.trials), ended_early=trials.ended_early, base=base)
+    return TrialsReport(folder=folder, rows=trials.rows, design=made, ended_early=trials.ended_early, base=base)
 
 
 def _all(
@@ -189,18 +175,27 @@ def _folder(plan: TrialPlan, same: Mapping[str, str], request: TrialsRequest) ->
         now = dt.datetime.now(dt.timezone.utc).strftime("%Y%m%dT%H%M%SZ")
         digest = hashlib.sha256(json.dumps(dict(same), sort_keys=True).encode()).hexdigest()[:8]
         name = f"{now}-{plan.base.plan.instance}-{digest}"
-        folder = request.folder or default_root().parent / "trials" / name
-        check_empty(folder)
+        folder = request.folder or _root() / name
+        check_new(folder)
         return folder, _Earlier(name=name)
-    if request.folder is None:
-        raise UsageError("--resume goes on with the run in a folder", hint="name it with -o DIR")
-    check_own(request.folder)
-    earlier, before = _read(request.folder)
+    folder, earlier, before = _resumed(request)
     if changed := differences(before, same):
         lines = "\n".join(f"  {one}" for one in changed)
         hint = "run it as it was, or begin a new run in another folder"
-        raise RefusedError(f"this is not the experiment of {request.folder} any more:\n{lines}", hint=hint)
-    return request.folder, earlier
+        raise RefusedError(f"this is not the experiment of {folder} any more:\n{lines}", hint=hint)
+    return folder, earlier
+
+
+def _root() -> Path:
+    return default_root().parent / "trials"
+
+
+def _resumed(request: TrialsRequest) -> tuple[Path, _Earlier, dict[str, str]]:
+    """Return the folder of the run that is gone on with, what happened in it, and what must be the same."""
+    if request.folder is None:
+        raise UsageError("--resume goes on with the run in a folder", hint="name it with -o DIR")
+    check_own(request.folder)
+    return request.folder, *_read(request.folder)
 
 
 def _read(folder: Path) -> tuple[_Earlier, dict[str, str]]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 from types import MappingProxyType
+from typing import Any
 
 from srprov.definitions.model import Definitions, Experiment, Service
 from srprov.definitions.trialsmodel import TrialDefinitions
@@ -47,6 +48,28 @@ def design_notes(given: TrialDefinitions | None) -> tuple[str, ...]:
     first = ", ".join(f"{name}={value}" for name, value in made.points[0].values.items())
     here = f"; here with {first}" if first else ""
     return (f"{in_words(given, made)}; `srprov run` runs them{here}",)
+
+
+def listed(experiment: Experiment) -> tuple[list[dict[str, Any]], str]:
+    """Return a row per trial, in order, as `schemas/trials.schema.json` has it, and the design's size in words.
+
+    Raises:
+        UsageError: The design has too many trials, or none.
+    """
+    given = experiment.trials or TrialDefinitions()
+    made = design(given)
+    rows = [
+        {
+            "order": order,
+            "trial": trial.id,
+            "point": trial.point.id,
+            "repetition": trial.repetition,
+            "seed": trial.seed,
+            "parameters": dict(trial.point.values),
+        }
+        for order, trial in enumerate(made.trials, start=1)
+    ]
+    return rows, in_words(given, made)
 
 
 def in_words(given: TrialDefinitions, made: Design) -> str:

@@ -1,0 +1,83 @@
+"""What came of a run of trials: for the exit code, for people, and as JSON. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from srprov.controller.run import RunReport
+from srprov.trials import Design
+from srprov.trials.judge import COUNTED
+
+_MOST_NAMED = 5
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TrialsReport:
+    """What came of a run."""
+
+    folder: Path
+    rows: Sequence[Mapping[str, object]]
+    """Of all attempts, in the order in which they ended; also of trials that are not in `design`."""
+    design: Design
+    """What was asked for."""
+    ended_early: str
+    """Why the run ended before its last trial, or nothing."""
+    base: RunReport | None = None
+    """What came of what is there over all trials, when something was to be done."""
+
+    @property
+    def attempts(self) -> Mapping[str, Sequence[Mapping[str, object]]]:
+        """Trial -> its attempts, for those that were asked for and begun; in the design's order."""
+        found: dict[str, list[Mapping[str, object]]] = {trial.id: [] for trial in self.design.trials}
+        for one in self.rows:
+            if (some := found.get(str(one["trial"]))) is not None:
+                some.append(one)
+        return {trial: some for trial, some in found.items() if some}
+
+    @property
+    def done(self) -> int:
+        """How many trials ended in a way that counts."""
+        return sum(any(one["status"] in COUNTED for one in some) for some in self.attempts.values())
+
+    @property
+    def exit_code(self) -> int:
+        """0 when every trial ended in a way that counts, whatever its verdict."""
+        if self.base is not None and self.base.result.exit_code:
+            return self.base.result.exit_code
+        if self.ended_early == "interrupted":
+            return 130
+        return 0 if self.done >= len(self.design.trials) else 3
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """What `run --json` prints; see `schemas/trials-run.schema.json`."""
+        return {
+            "run": str(self.folder),
+            "trials": len(self.design.trials),
+            "done": self.done,
+            "ended_early": self.ended_early,
+            "rows": [one for some in self.attempts.values() for one in some],
+        }
+
+    def in_words(self) -> list[str]:
+        """Return how the trials ended, each counted once, and which of them took more than one attempt."""
+        attempts, total = self.attempts, len(self.design.trials)
+        counts: dict[str, int] = {}
+        for some in attempts.values():
+            word = _word(next((one for one in some if one["status"] in COUNTED), some[-1]))
+            counts[word] = counts.get(word, 0) + 1
+        told = [f"{count} {word}" for word, count in sorted(counts.items())]
+        if left := total - len(attempts):
+            told.append(f"{left} not begun")
+        again = [f"{trial} ({len(some)} attempts)" for trial, some in attempts.items() if len(some) > 1]
+        more = f" and {len(again) - _MOST_NAMED} more" if again[_MOST_NAMED:] else ""
+        repeated = [f"tried again: {', '.join(again[:_MOST_NAMED])}{more}"] if again else []
+        return [f"{self.done} of {total} trials count: {'; '.join(told)}", *repeated]
+
+
+def _word(one: Mapping[str, object]) -> str:
+    judged = one.get("verdict")
+    return f"{one['status']}, {judged}" if judged not in (None, "unknown") else str(one["status"])
