@@ -151,7 +151,7 @@ class _Shown:
         """Show one moment of a trial."""
         values = "".join(f" {name}={value}" for name, value in news.values.items())
         line = f"[{news.order}/{news.trials}] {news.trial}{values}: {news.what}"
-        if news.over:
+        if news.aloud:
             output_options.note(line)
         self.status = line
 

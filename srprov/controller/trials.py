@@ -20,7 +20,8 @@ from srprov.controller.trial_plan import TrialPlan, containers
 from srprov.errors import TransportError
 from srprov.execution.collect import CollectFailed
 from srprov.execution.trial import TrialEnd, TrialOrder, run_trial
-from srprov.execution.trial_robots import Connections, EquipmentFailed, RobotRestarted, TrialRobots
+from srprov.execution.trial_patience import EquipmentFailed, RobotRestarted
+from srprov.execution.trial_robots import Connections, TrialRobots
 from srprov.record.journal import Journal
 from srprov.secret import redacted
 from srprov.trials import Design, Trial
@@ -34,7 +35,7 @@ Row = dict[str, object]
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class TrialNews:
-    """A moment of a trial, or how an attempt of it ended."""
+    """A moment of a trial, who is awaited in it, or how an attempt of it ended."""
 
     trial: str
     order: int
@@ -43,7 +44,8 @@ class TrialNews:
     values: Mapping[str, str]
     """Of its parameters."""
     what: str
-    over: bool
+    aloud: bool
+    """It is worth a line of its own: more than the present state."""
 
 
 Say = Callable[[TrialNews], None]
@@ -140,7 +142,7 @@ class Trials:
         for left in range(self._run.plan.given.settings.retries, -1, -1):
             one = self._attempt(order, trial)
             again = one["status"] == "infrastructure" and left > 0 and not stop.is_set() and not self.ended_early
-            self._tell(trial, order, _said(one) + (", trying again" if again else ""), over=True)
+            self._tell(trial, order, _said(one) + (", trying again" if again else ""), aloud=True)
             if not again:
                 return one
         raise AssertionError("a trial is tried at least once")
@@ -149,7 +151,8 @@ class Trials:
         attempt = self._attempts[trial.id] = self._attempts.get(trial.id, 0) + 1
         about = {"trial": trial.id, "attempt": attempt}
         self._journal.add("begin", **about, order=order)
-        robots = TrialRobots(self._connections, containers(self._run.plan, trial, attempt, self._run.name))
+        made_anew = containers(self._run.plan, trial, attempt, self._run.name)
+        robots = TrialRobots(self._connections, made_anew, lambda text: self._tell(trial, order, text, aloud=True))
         folder = self._run.folder / "trials" / (trial.id if attempt == 1 else f"{trial.id}.{attempt}")
         folder.mkdir(mode=0o700)  # never one that somebody else made
 
@@ -205,7 +208,7 @@ class Trials:
             "verdict": judged if end.status in COUNTED else "unknown",
             **{f"m_{name}": value for name, value in gathered.metrics.items()},
             "collect_s": collect_s,
-            "controller_gap_s": robots.gap_s,
+            "controller_gap_s": robots.patience.gap_s,
             "files": gathered.files,
             "bytes": gathered.bytes,
         }
@@ -224,10 +227,10 @@ class Trials:
             matched=gathered.moments,
         )
 
-    def _tell(self, trial: Trial, order: int, what: str, *, over: bool = False) -> None:
+    def _tell(self, trial: Trial, order: int, what: str, *, aloud: bool = False) -> None:
         count = len(self._orders)
         values = trial.point.values
-        self._say(TrialNews(trial=trial.id, order=order, trials=count, values=values, what=what, over=over))
+        self._say(TrialNews(trial=trial.id, order=order, trials=count, values=values, what=what, aloud=aloud))
 
     def write_table(self) -> None:
         """Write trials.csv anew.

@@ -14,7 +14,8 @@ from typing import Any
 
 from srprov.definitions.trialsmodel import TrialSettings
 from srprov.errors import TransportError
-from srprov.execution.trial_robots import EquipmentFailed, RobotRestarted, TrialRobots
+from srprov.execution.trial_patience import EquipmentFailed
+from srprov.execution.trial_robots import TrialRobots
 from srprov.linear_regex import compiled
 from srprov.trials.clock import Offset
 from srprov.trials.judge import End, Match, ended
@@ -23,6 +24,7 @@ from srprov.trials.reading import Reading, read
 
 _LOOK_S = 0.2
 """Between two looks at the containers."""
+_SETTLE_LOOK_S = 1.0
 _FOUND_DEAD = 255
 _AGAIN_S = 1.0
 """Until a log that ended is asked for again."""
@@ -81,7 +83,7 @@ def run_trial(order: TrialOrder, robots: TrialRobots, tell: Tell) -> TrialEnd:
     _start_all(settings, robots, watch)
     tell("started")
     _get_ready(settings, robots, begun)
-    time.sleep(settings.settle_s)
+    _settle(settings.settle_s, robots)
     ready, began = time.monotonic(), time.time()
     tell("ready")
     end, readings = _wait(order, robots, watch, ready)
@@ -116,10 +118,7 @@ def _stop(order: TrialOrder, robots: TrialRobots, readings: Mapping[str, Reading
 
 def _refuse_restarted(robots: TrialRobots, readings: Mapping[str, Reading]) -> None:
     """End the trial when a container died with its robot: an engine says 255 of what it finds dead when it begins."""
-    dead = sorted(name for name, one in readings.items() if one.ended and one.exit_code == _FOUND_DEAD)
-    if robots.gap_s and dead:
-        host = robots.by_service[dead[0]].host
-        raise RobotRestarted(f"{host} was out of reach and {dead[0]} did not survive it: it was restarted")
+    robots.refuse_dead([name for name, one in readings.items() if one.ended and one.exit_code == _FOUND_DEAD])
 
 
 def _start_all(settings: TrialSettings, robots: TrialRobots, watch: _Logs) -> None:
@@ -164,6 +163,14 @@ def _get_ready(settings: TrialSettings, robots: TrialRobots, begun: float) -> No
         if time.monotonic() - begun > settings.ready_s:
             raise EquipmentFailed(f"{late[0]} was not healthy within {settings.ready_s:g} s")
         time.sleep(_LOOK_S)
+
+
+def _settle(seconds: float, robots: TrialRobots) -> None:
+    """Wait, and look now and then: an engine that is away meanwhile would be missed."""
+    until = time.monotonic() + seconds
+    while (left := until - time.monotonic()) > 0:
+        time.sleep(min(left, _SETTLE_LOOK_S))
+        robots.look()
 
 
 def _is_unwell(one: Reading) -> bool:

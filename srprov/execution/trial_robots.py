@@ -1,42 +1,31 @@
 """The containers of one trial on all their robots: made, started, looked at, stopped and removed, robots in parallel.
 
 Takes connections and what is told to the engines; gives readings. Containers run on while a connection is lost, so it
-is made anew, and what was being done is done again: all of it may be. A robot that stays away, or an engine that
-refuses, ends it with `EquipmentFailed`: that says nothing of the experiment, and the trial may be tried again.
+is made anew, and what was being done is done again: all of it may be. An engine that does not answer is waited for in
+the same way. A robot that stays away, an engine that refuses, or one that took containers with it, ends it with
+`EquipmentFailed`: that says nothing of the experiment, and the trial may be tried again.
 """
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any, Protocol, TypeVar
+from typing import Any, NoReturn, Protocol, TypeVar
 
-from srprov.errors import TransportError
 from srprov.execution.stopping import stop_all
+from srprov.execution.trial_patience import EngineAway, EquipmentFailed, Patience, RobotRestarted, Say
 from srprov.modules.container_commands import remove, start, stop
 from srprov.session import Session
 from srprov.trials.clock import Offset, Sample, offset
 from srprov.trials.reading import Reading, read
 from srprov.untrusted import decimal
-from srprov.wire import Command, EngineQuery, Query
+from srprov.wire import Command, EngineCall, EngineQuery, Query, Reply
 
 CLOCK_ROUNDS = 16
-_PATIENCE_S = 120.0
-"""For a robot that is out of reach to come back."""
-_PAUSE_S = 1.0
 _T = TypeVar("_T")
-
-
-class EquipmentFailed(Exception):
-    """A robot or its engine did not do what it was asked; the text names it."""
-
-
-class RobotRestarted(EquipmentFailed):
-    """A robot went down and came back: its containers are dead, and what was there over all trials may be gone."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -69,14 +58,16 @@ class Connections(Protocol):
 class TrialRobots:
     """The containers of one trial."""
 
-    def __init__(self, connections: Connections, containers: Collection[TrialContainer]) -> None:
-        """Take what is to be run, and connections with all robots that it is run on."""
+    def __init__(
+        self, connections: Connections, containers: Collection[TrialContainer], say: Say = lambda _text: None
+    ) -> None:
+        """Take what is to be run, connections with all robots that it is run on, and whom to tell who is awaited."""
         self.by_service = {one.service: one for one in containers}
-        self.gap_s = 0.0
-        """How long some robot was out of reach, all in all."""
+        self.patience = Patience(connections.renew, say)
         self._connections = connections
-        self._over = threading.Event()
         self._hosts = sorted({one.host for one in containers})
+        self._going: dict[str, float] = {}
+        """Services that were started and had not ended when last looked at -> when they were, 0 where not known."""
 
     def clear(self) -> None:
         """Remove the containers of this trial, or of one before that was not cleared, with their results."""
@@ -91,7 +82,16 @@ class TrialRobots:
 
     def start(self, services: Collection[str]) -> None:
         """Start some of them at once."""
-        self._on_each(lambda one: [start(one.name)] if one.service in services else [])
+
+        def act(host: str) -> None:
+            if host in self.patience.restarted:  # or what died with the engine would be started a second time
+                self._inspected(host)
+            for one in self._of(host):
+                if one.service in services:
+                    self._going[one.service] = 0.0
+                    self._do(one, start(one.name))
+
+        self.each(act)
 
     def stop(self, services: Collection[str], limit_s: float) -> None:
         """Ask some of them to end at the same time, each with its own grace but none with more than the limit."""
@@ -101,6 +101,8 @@ class TrialRobots:
             if len(calls) > 1:
                 self._connections.get(host).execute(stop_all(calls, limit_s))
 
+        for service in services:
+            self._going.pop(service, None)
         self.each(act)
         self._on_each(
             lambda one: [stop(one.name, one.grace_s).stopping_within(limit_s)] if one.service in services else []
@@ -111,19 +113,54 @@ class TrialRobots:
         return {service: read(answer) for service, answer in self.inspect().items()}
 
     def inspect(self) -> dict[str, Any]:
-        """Return what the engines say of all of them, as JSON values; None for one that is not there."""
+        """Return what the engines say of all of them, as JSON values; None for one that is not there.
 
-        def ask(host: str) -> dict[str, Any]:
-            some = self._of(host)
-            replies = self._connections.get(host).ask(
-                [EngineQuery(path=f"/containers/{one.name}/json") for one in some]
-            )
-            for reply in replies:
-                if not reply.ok and reply.status != _NOT_FOUND:
-                    raise EquipmentFailed(f"{host}: its containers cannot be read: {_why(reply.err or reply.out)}")
-            return {one.service: reply.json() for one, reply in zip(some, replies, strict=True)}
+        Raises:
+            EquipmentFailed: An engine was away and containers died with it, among others.
+        """
+        return {service: answer for found in self.each(self._inspected).values() for service, answer in found.items()}
 
-        return {service: answer for found in self.each(ask).values() for service, answer in found.items()}
+    def _inspected(self, host: str) -> dict[str, Any]:
+        some = self._of(host)
+        replies = self._connections.get(host).ask([EngineQuery(path=f"/containers/{one.name}/json") for one in some])
+        for reply in replies:
+            if not reply.ok and reply.status != _NOT_FOUND:
+                _check_engine(reply)
+                raise EquipmentFailed(f"{host}: its containers cannot be read: {_why(reply.err or reply.out)}")
+        found = {one.service: reply.json() for one, reply in zip(some, replies, strict=True)}
+        self._note_ends(host, {service: read(answer) for service, answer in found.items()})
+        return found
+
+    def _note_ends(self, host: str, readings: Mapping[str, Reading]) -> None:
+        """Remember what goes on; refuse what ended, or was started again, while its engine was away."""
+        returned = host in self.patience.restarted
+        for service, reading in readings.items():
+            since = self._going.get(service)
+            if since is None:
+                continue
+            lost = reading.ended or not reading.state
+            if returned and (lost or (since and reading.started != since)):
+                self._fail_dead(host, f"{service} did not survive it")
+            if lost:
+                del self._going[service]
+            else:
+                self._going[service] = reading.started
+        self.patience.restarted.discard(host)
+
+    def _fail_dead(self, host: str, what: str) -> NoReturn:
+        if host in self.patience.cut:
+            raise RobotRestarted(f"{host} was out of reach and {what}: it was restarted")
+        raise EquipmentFailed(f"the Docker Engine of {host} was away and {what}")
+
+    def refuse_dead(self, services: Collection[str]) -> None:
+        """Refuse what its engine found dead when it began, when its robot was out of reach: that was restarted.
+
+        Raises:
+            RobotRestarted: Some of these services died so.
+        """
+        for service in sorted(services):
+            if (host := self.by_service[service].host) in self.patience.cut:
+                self._fail_dead(host, f"{service} did not survive it")
 
     def clocks(self) -> dict[str, Offset | None]:
         """Measure all robots' clocks against ours."""
@@ -140,7 +177,7 @@ class TrialRobots:
         Raises:
             EquipmentFailed: The robot stays away.
         """
-        return self._guarded(lambda host: work(self._connections.get(host)), self.by_service[service].host)
+        return self.patience.do(lambda host: work(self._connections.get(host)), self.by_service[service].host)
 
     def _on_each(self, commands: Callable[[TrialContainer], list[Command]]) -> None:
         """Do it for all containers, one after the other on each robot."""
@@ -148,11 +185,16 @@ class TrialRobots:
         def act(host: str) -> None:
             for one in self._of(host):
                 for command in commands(one):
-                    reply = self._connections.get(host).execute(command)
-                    if not reply.ok:
-                        raise EquipmentFailed(f"{one.service} on {host}: {_why(reply.err or reply.out)}")
+                    self._do(one, command)
 
         self.each(act)
+
+    def _do(self, one: TrialContainer, command: Command) -> None:
+        reply = self._connections.get(one.host).execute(command)
+        if not reply.ok:
+            if isinstance(command, EngineCall):
+                _check_engine(reply)
+            raise EquipmentFailed(f"{one.service} on {one.host}: {_why(reply.err or reply.out)}")
 
     def each(self, work: Callable[[str], _T]) -> dict[str, _T]:
         """Do it for all robots at once and return what each gave.
@@ -161,38 +203,27 @@ class TrialRobots:
             EquipmentFailed: On the first robot by name that failed.
         """
         if len(self._hosts) == 1:
-            return {self._hosts[0]: self._guarded(work, self._hosts[0])}
+            return {self._hosts[0]: self.patience.do(work, self._hosts[0])}
         with ThreadPoolExecutor(max(1, len(self._hosts))) as pool:
-            running = {host: pool.submit(self._guarded, work, host) for host in self._hosts}
+            running = {host: pool.submit(self.patience.do, work, host) for host in self._hosts}
             try:
                 return {host: one.result() for host, one in running.items()}
             except BaseException:
-                self._over.set()  # whoever waits for a robot to come back need not any more
+                self.patience.over.set()  # whoever waits for a robot to come back need not any more
                 raise
-
-    def _guarded(self, work: Callable[[str], _T], host: str) -> _T:
-        try:
-            return work(host)
-        except TransportError as error:
-            why = error
-        begun = time.monotonic()
-        while time.monotonic() - begun < _PATIENCE_S and not self._over.is_set():
-            try:
-                self._connections.renew(host)
-                done = work(host)
-            except TransportError as error:
-                why = error
-                self._over.wait(_PAUSE_S)
-            else:
-                self.gap_s += time.monotonic() - begun
-                return done
-        raise EquipmentFailed(f"{why.host}: {why.message}") from why
 
     def _of(self, host: str) -> list[TrialContainer]:
         return [one for one in self.by_service.values() if one.host == host]
 
 
 _NOT_FOUND = 404
+_AWAY = (0, 503)
+
+
+def _check_engine(reply: Reply) -> None:
+    """Raise EngineAway for the answer of an engine that is not there, or not yet."""
+    if reply.status in _AWAY:
+        raise EngineAway(_why(reply.err or reply.out))
 
 
 def _samples(session: Session) -> Iterator[Sample]:

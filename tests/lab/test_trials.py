@@ -13,7 +13,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from jsonschema import Draft202012Validator
 
+from srprov import data
 from tests.lab.conftest import NOTHING, Done, Lab, busybox, edf, part_of_lab
 from tests.lab.looks import begin, wait_until
 
@@ -137,8 +139,11 @@ def test_every_trial_is_run_in_its_order_and_its_data_come_home(lab: Lab, folder
         assert digests["result.json"] == hashlib.sha256(result.read_bytes()).hexdigest()
     assert one.left() == set(), "containers of trials, and their results, are removed"
     assert one.run().code == 5, "a folder that holds a run is not begun again"
-    again = one.run("--resume")
+    again = one.run("--resume", "--json", "-q")
     assert again.code == 0 and one.rows() == rows, again
+    assert list(Draft202012Validator(data.schema("trials-run")).iter_errors(again.json)) == []
+    assert len(again.json["rows"]) == again.json["done"] == 4
+    assert again.err.splitlines()[0] == "4 of 4 trials count: 2 ok, failure; 2 ok, success", again
     gone = lab.srprov("destroy", str(one.file), "-i", one.inventory, "--yes")
     assert gone.code == 0, gone
     assert [lab.leftovers(robot) for robot in ROBOTS] == [NOTHING, NOTHING]
@@ -276,3 +281,29 @@ def test_a_robot_that_restarts_in_a_trial_spoils_it_and_ends_the_run(lab: Lab, f
     again = one.run("--resume")
     assert again.code == 0, again
     assert [row["status"] for row in one.rows()] == ["infrastructure", "ok", "ok"]
+
+
+@pytest.mark.soak
+def test_an_engine_that_blinks_is_waited_for_and_what_died_with_it_is_run_again(lab: Lab, folder: Path) -> None:
+    """It dies in the first trial, and is away when the second is made: neither ends the run."""
+    few = {
+        "exclude": [{"CODE": 3}],
+        "repetitions": 1,
+        "timeout": "90s",
+        "order": "listed",
+        "between": {"sleep": "0.5s"},
+    }
+    one = Race(lab, folder, race(**few).replace("0.2", "8").replace("0.4", "1"))
+    running = begin(lab, *one.words)
+    wait_until(lambda: any(event["event"] == "ready" for event in one.events()), 120, "the first trial")
+    assert lab.srprov("lab", "kill", "robot1", "--docker").code == 0
+    wait_until(lambda: [event["event"] for event in one.events()].count("end") == 2, 120, "its second attempt")
+    assert lab.srprov("lab", "kill", "robot2", "--docker").code == 0
+    out, said = running.communicate(timeout=200)
+    assert running.returncode == 0, said
+    assert [(row["status"], row["attempt"]) for row in one.rows()] == [
+        ("infrastructure", "1"), ("ok", "2"), ("ok", "1"),
+    ], said  # fmt: skip
+    assert one.rows()[0]["reason"] == "the Docker Engine of robot1 was away and racer did not survive it"
+    assert "waiting for robot1, up to 120 s: " in said and "robot1 is back after " in said
+    assert one.left() == set(), out
