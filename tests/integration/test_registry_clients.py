@@ -28,7 +28,6 @@ from srprov.transport.image_source import ImageSources
 from srprov.transport.registry import answer
 from srprov.transport.registry_image import ServedImage
 from srprov.transport.ssh_session import SshSession
-from srprov.transport.thin_archive import content
 from tests.unit.transport.test_registry import an_image, tar_of
 from tests.unit.transport.thin_world import Made, Robot
 
@@ -174,6 +173,6 @@ def test_what_containerd_saves_is_read_from_a_builder(
     known = Image(image.digest, image.image.diff_ids)
     with ImageSources(Blobs(tmp_path / "cache")).source(builder, known) as source:
         found, config = configuration(known, get, classic=False)
-        assert (found, content(config)) == (image.image, image.config)
+        assert (found, b"".join(config.content())) == (image.image, image.config)
         layers = [get(one) for one in found.diff_ids]
     assert [one.compressed for one in layers] == [one.compressed for one in image.layers], "they are compressed anew"
