@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from srprov.cli.execute import carried_out, confirm
-from srprov.cli.output import err, out
+from srprov.cli.output import counted, err, out
 from srprov.cli.status import table
 from srprov.controller.image_rows import COLUMNS, cache_size, clear_cache, rows
 from srprov.controller.phases import Phases
@@ -63,9 +63,7 @@ def _show(made: Pruning, now: dt.datetime) -> None:
     lines = [row for robot, images in made.gone.items() for row in rows(robot, images, {}, now)]
     out(table(lines, [one for one in COLUMNS if one != "used by"]) if lines else "nothing to remove")
     for robot, images in made.gone.items():
-        out(f"{robot}: {_count(len(images))}, {size_text(made.freed[robot])} become free")
-    out(f"{_count(made.stay)} of srprov's {'stays' if made.stay == 1 else 'stay'}; `srprov images` says who uses them")
-
-
-def _count(images: int) -> str:
-    return f"{images} image" if images == 1 else f"{images} images"
+        out(f"{robot}: {counted(len(images), 'image')}, {size_text(made.freed[robot])} will be freed")
+    out(
+        f"{counted(made.stay, 'image')} of srprov's {'stays' if made.stay == 1 else 'stay'}; `srprov images` says who uses them"
+    )

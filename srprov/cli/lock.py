@@ -8,7 +8,7 @@ import click
 
 from srprov import private
 from srprov.cli import inputs, options
-from srprov.cli.output import out
+from srprov.cli.output import counted, out
 from srprov.cli.permitted import permitted
 from srprov.errors import UsageError
 
@@ -52,5 +52,6 @@ def lock(
         raise UsageError(f"cannot write {path}: {error.strerror}") from error
     for line in [*locking.changes(old, new), *records]:
         out(line)
-    out(f"{path}: {len(new.digests)} images, {len(new.commits)} branches and tags, {len(new.files)} files")
+    parts = counted(len(new.digests), "image"), counted(len(new.commits), "commit"), counted(len(new.files), "file")
+    out(f"{path}: {', '.join(parts)}")
     return 0

@@ -144,3 +144,8 @@ def print_uncaught() -> None:
     threading.excepthook, sys.unraisablehook = thread, stray
     warnings.showwarning = warn
     sys.excepthook = lambda kind, value, trace: err("".join(traceback.format_exception(kind, value, trace)))
+
+
+def counted(number: int, noun: str) -> str:
+    """Return a number of things, such as `1 image` or `2 images`."""
+    return f"{number} {noun}{'s' * (number != 1)}"

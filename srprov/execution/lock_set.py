@@ -39,12 +39,17 @@ class LockOptions:
     pulse: Pulse = field(default_factory=Pulse)
     forks: int = 64
     copied_to: frozenset[str] = frozenset()
-    """Robots that get images in this run: what has arrived of one is not removed."""
+    """Robots that may go on with what has arrived of an image: that is not removed."""
 
 
 def lock_options(plan: Plan, options: RunOptions) -> LockOptions:
     """Return how the robots of a plan are locked."""
-    copied_to = frozenset(step.host for step in plan.steps for one in step.commands if isinstance(one, CopyImage))
+    copied_to = frozenset(
+        step.host
+        for step in plan.steps
+        for one in step.commands
+        if isinstance(one, CopyImage) and one.way in ("", "thin")
+    )
     return LockOptions(wait_s=options.lock_wait_s, pulse=options.pulse, forks=options.forks, copied_to=copied_to)
 
 

@@ -9,6 +9,8 @@ from srprov.session import Progress
 
 _STEP = 8 << 20
 _EVERY_S = 1.0
+_TELLING_S = 2.0
+"""Before that the rate tells more of buffers than of the link."""
 
 
 class Meter:
@@ -46,7 +48,7 @@ class Meter:
         rate = (self._done - self._before) / seconds
         words = f"{self._what}: {mib(self._done)}" + (f" of {mib(self._total)}" if self._total else "")
         words += f" MiB copied, {mib(rate)} MiB/s"
-        if self._total > self._done and rate:
+        if self._total > self._done and rate and seconds >= _TELLING_S:
             words += f", {(self._total - self._done) / rate:.0f} s left"
         return words
 

@@ -105,7 +105,7 @@ class _Source:
         meter = Meter(f"{what} from {self._session.host}", progress)
         try:
             if self._holder is None:
-                progress(f"{what}: {self._session.host} saves it")
+                progress(f"{what.partition(',')[0]}: {self._session.host} unpacks it to be copied")
                 self._unpack()
         except NoSpool as error:
             progress(f"{what}: all of the image is read, as {error}")

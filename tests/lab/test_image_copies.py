@@ -272,7 +272,9 @@ def test_images_come_ahead_of_an_apply_and_those_that_nobody_uses_go(job: Job) -
     pruned = lab.srprov("images", "prune", *inventory, "--yes", env=job.env)
     assert pruned.code == 0, pruned
     freed = size - layers_bytes(lab, "robot3")
-    assert re.search(f"robot3: [0-9]+ images?, {size_text(freed)} become free", pruned.out) and freed >= 2 * MIB, pruned
+    assert re.search(f"robot3: [0-9]+ images?, {size_text(freed)} will be freed", pruned.out) and freed >= 2 * MIB, (
+        pruned
+    )
     kept = {robot: lab.shell(robot, "docker", "images", "--format", "{{.Repository}}:{{.Tag}}").out for robot in robots}
     assert {one: OLD in kept[one] for one in robots} == {"robot1": True, "robot3": False}
     assert all(one in kept[robot] for one in (used, ahead, "base:1") for robot in robots)
