@@ -64,6 +64,5 @@ def _show(made: Pruning, now: dt.datetime) -> None:
     out(table(lines, [one for one in COLUMNS if one != "used by"]) if lines else "nothing to remove")
     for robot, images in made.gone.items():
         out(f"{robot}: {counted(len(images), 'image')}, {size_text(made.freed[robot])} will be freed")
-    out(
-        f"{counted(made.stay, 'image')} of srprov's {'stays' if made.stay == 1 else 'stay'}; `srprov images` says who uses them"
-    )
+    stays = "stays" if made.stay == 1 else "stay"
+    out(f"{counted(made.stay, 'image')} of srprov's {stays}; `srprov images` says who uses them")
