@@ -35,6 +35,7 @@ def status(
     """Show the running experiment; without FILE and --instance, every instance on the robots.
 
     PROBLEM names what is missing or wrong, with FILE also services that were never placed; `srprov apply` mends it.
+    Services that only trials have are not missing while none of them has a container.
 
     Exits with 0; with 4 when a robot cannot be reached; else with 2 when --exit-code is given and something is missing
     or wrong.
@@ -52,7 +53,7 @@ def status(
         if volumes:
             kept = with_sizes(kept, fleet, snapshot)
     seen = status_of(snapshot, name, experiment)
-    for line in (*seen.disputes, *seen.notes):
+    for line in (*seen.disputes, *seen.notes, *filter(None, [seen.trials])):
         err(f"note: {visible(line)}")
     if as_json:
         listed = {"volumes": kept} if volumes else {}
@@ -60,7 +61,7 @@ def status(
     else:
         out(_text(seen) or f"nothing of {visible(name) or 'srprov'} runs on these robots")
         _show_data(kept, whole=volumes)
-    nothing = bool(name) and not seen.services
+    nothing = bool(name) and not seen.services and not seen.trials
     wrong = DIFFERENCES if exit_code and (nothing or not seen.as_it_should_be) else 0
     return tell_unreachable(snapshot.unreachable) or wrong
 

@@ -36,6 +36,8 @@ class Status:
     """What robots say that contradicts others, or that nobody can confirm."""
     notes: tuple[str, ...] = ()
     """What else there is to say of the robots' records."""
+    trials: str = ""
+    """Why nothing is missing although no service of the trials has a container; empty where that is not so."""
 
     @property
     def as_it_should_be(self) -> bool:
@@ -62,11 +64,13 @@ def status_of(snapshot: Snapshot, instance: str = "", experiment: Experiment | N
     }
     looks = [_Look(snapshot, states, name, found.get(name, ()), experiment) for name in names]
     rows = [row for look in looks for row in look.rows()]
+    rows, trials = looks[0].without_trials(rows) if experiment else (rows, "")
     return Status(
         services=sorted(rows, key=lambda row: (row["instance"], row["service"], row["robot"])),
         links=[link for look in looks for link in look.links()],
         disputes=disputes,
         notes=notes,
+        trials=trials,
     )
 
 
@@ -96,6 +100,7 @@ class _Look:
         tags = {robot: facts.tags for robot, facts in snapshot.facts.items()}
         away = {name: robot for name, robot in self.record.robots.items() if robot in snapshot.unreachable}
         self.wanted = expand(experiment, tags, away).services if experiment else None
+        self.trials = experiment.trials if experiment else None
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """Return a row per container, and per service without one."""
@@ -110,6 +115,22 @@ class _Look:
                 yield self._row(service, robot, {"status": "missing"}, "missing")
         for service in sorted(set(self.wanted or ()) - {service for service, _ in there} - set(self.record.robots)):
             yield self._row(service, "", {"status": "missing"}, "missing")
+
+    def without_trials(self, rows: list[dict[str, Any]]) -> tuple[list[dict[str, Any]], str]:
+        """Return the rows without those that only trials have, when none is under way, and a line that says so.
+
+        Where one of these services has a container, it was applied, or a trial is under way: then all of them count.
+        """
+        if self.trials is None or not self.wanted:
+            return rows, ""
+        kept = self.trials.settings.keep
+        mine = {name for name, one in self.wanted.items() if (one.instance_of or name) not in kept}
+        if any(row["service"] in mine and row["problem"] != "missing" for row in rows):
+            return rows, ""
+        line = (
+            f"{self.instance} has trials, and none is under way: `srprov run` makes their containers and removes them"
+        )
+        return [row for row in rows if row["service"] not in mine], line
 
     def _problem(self, host: str, item: Observed, there: set[tuple[str, str]]) -> str:
         """Return what is wrong with a container in one of the words of the schema, or nothing."""

@@ -67,6 +67,13 @@ def test_what_cannot_be_run_is_told_before_any_robot_is_asked(
     assert race.log == [] and race.robots == {}
 
 
+def test_the_status_of_trials_that_are_over_says_so(race: World, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["status", "race.edf", "-i", "inv.yml", "--exit-code"]) == 0
+    told = capsys.readouterr()
+    assert "note: race has trials, and none is under way: `srprov run` makes" in told.err
+    assert "missing" not in told.out
+
+
 @pytest.mark.parametrize("quiet", [True, False])
 def test_a_quiet_run_that_asks_nothing_shows_no_plan(
     race: World, capsys: pytest.CaptureFixture[str], quiet: bool

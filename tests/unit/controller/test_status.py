@@ -11,6 +11,7 @@ from unittest import mock
 from srprov.controller import ownership
 from srprov.controller.status import Status, containers_of, status_of
 from srprov.definitions.model import Experiment
+from srprov.definitions.trialsmodel import TrialDefinitions, TrialSettings
 from srprov.facts.gather import Detail
 from srprov.record.memory import Memory
 from srprov.resource import Observed
@@ -64,6 +65,26 @@ def test_a_service_that_was_never_placed_is_missing_by_the_edf() -> None:
     status = seen(w, what=experiment(service("a", robot="r1"), service("c")))
     assert problems(status) == {("b", "r2"): "unwanted", ("c", ""): "missing"}
     assert problems(seen(w)) == {}
+
+
+def test_what_only_trials_have_is_not_missing_while_none_is_under_way() -> None:
+    """`run` makes these containers and removes them; what it keeps, what `apply` brought up, is looked at as ever."""
+    w = World().add("r1", "r2")
+    given = TrialDefinitions(settings=TrialSettings(keep=("camera",)))
+    services = (service("a", robot="r1"), service("b", robot="r2"), service("camera", robot="r1"))
+    what = experiment(*services, trials=given)
+    before = seen(w, what=what)
+    assert problems(before) == {("camera", ""): "missing"}
+    assert before.trials.startswith("hello has trials, and none is under way: `srprov run`")
+    apply(w, what)
+    assert seen(w, what=what).as_it_should_be and seen(w, what=what).trials == ""
+    w.robots["r2"].engine.containers.clear()
+    assert problems(seen(w, what=what)) == {("b", "r2"): "missing"}, "it was applied"
+    for name in [name for name in w.robots["r1"].engine.containers if not name.endswith("camera")]:
+        del w.robots["r1"].engine.containers[name]
+    over = seen(w, what=what)
+    assert [row["service"] for row in over.services] == ["camera"], "so a run leaves it"
+    assert over.as_it_should_be and over.trials
 
 
 def test_a_rebooted_robot_lacks_its_link() -> None:
