@@ -60,7 +60,7 @@ def gather_files(plan: TrialPlan, inspected: Mapping[str, Any], robots: TrialRob
         folder: The attempt's.
 
     Raises:
-        EquipmentFailed, CollectFailed, TransportError: A robot or its engine failed.
+        EquipmentFailed, CollectFailed, TransportError: A robot or its engine failed, or the latter ended a container.
         OSError: Something cannot be written here.
     """
     private.replace_file(folder / "containers.json", json.dumps(redacted(inspected), indent=2) + "\n")
@@ -75,6 +75,7 @@ def gather_files(plan: TrialPlan, inspected: Mapping[str, Any], robots: TrialRob
             found = _results(robots, inspected.get(service), wanted, folder, service)
             kept |= {f"{service}{result.path}": some for result, some in found.items()}
             missing += [f"{result.path} of {service}" for result in wanted if result.required and result not in found]
+    robots.refuse_doomed()
     return _summed(plan, logs, kept, missing, folder)
 
 

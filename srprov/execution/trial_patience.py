@@ -47,6 +47,8 @@ class Patience:
         """Robots whose connections were lost."""
         self.restarted: set[str] = set()
         """Robots whose engines were away and came back, for who looks at their containers next."""
+        self.away: dict[str, float] = {}
+        """Robot -> when its engine was last found to be away, by `time.monotonic`."""
 
     def do(self, work: Callable[[str], _T], host: str) -> _T:
         """Do something with a robot, again when it or its engine was away meanwhile.
@@ -61,7 +63,10 @@ class Patience:
 
     def _again(self, work: Callable[[str], _T], host: str, why: TransportError | EngineAway) -> _T:
         begun = said = time.monotonic()
-        self._say(f"waiting for {host}, up to {PATIENCE_S:g} s: {_words(why)}")
+        if isinstance(why, EngineAway):
+            self.away[host] = begun
+        if not self.over.is_set():
+            self._say(f"waiting for {host}, up to {PATIENCE_S:g} s: {_words(why)}")
         while (waited := time.monotonic() - begun) < PATIENCE_S and not self.over.is_set():
             if time.monotonic() - said >= _REMIND_S:
                 said = time.monotonic()
@@ -81,6 +86,7 @@ class Patience:
                 self.gap_s += gap
                 self._say(f"{host} is back after {gap:.0f} s")
                 return done
+        self.over.set()  # nor is it waited for once more to be cleared
         raise EquipmentFailed(f"{host}: {_words(why)}") from why
 
 

@@ -13,10 +13,12 @@ from collections.abc import Callable, Collection, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import Any, NoReturn, Protocol, TypeVar
+from typing import Any, Protocol, TypeVar
 
+from srprov.errors import TransportError
 from srprov.execution.stopping import stop_all
-from srprov.execution.trial_patience import EngineAway, EquipmentFailed, Patience, RobotRestarted, Say
+from srprov.execution.trial_patience import EngineAway, EquipmentFailed, Patience, Say
+from srprov.execution.trial_survival import Survival
 from srprov.modules.container_commands import remove, start, stop
 from srprov.session import Session
 from srprov.trials.clock import Offset, Sample, offset
@@ -66,8 +68,7 @@ class TrialRobots:
         self.patience = Patience(connections.renew, say)
         self._connections = connections
         self._hosts = sorted({one.host for one in containers})
-        self._going: dict[str, float] = {}
-        """Services that were started and had not ended when last looked at -> when they were, 0 where not known."""
+        self._survival = Survival(self.patience, max((one.grace_s for one in containers), default=0.0))
 
     def clear(self) -> None:
         """Remove the containers of this trial, or of one before that was not cleared, with their results."""
@@ -88,7 +89,7 @@ class TrialRobots:
                 self._inspected(host)
             for one in self._of(host):
                 if one.service in services:
-                    self._going[one.service] = 0.0
+                    self._survival.start(one.service)
                     self._do(one, start(one.name))
 
         self.each(act)
@@ -101,8 +102,7 @@ class TrialRobots:
             if len(calls) > 1:
                 self._connections.get(host).execute(stop_all(calls, limit_s))
 
-        for service in services:
-            self._going.pop(service, None)
+        self._survival.stop(services)
         self.each(act)
         self._on_each(
             lambda one: [stop(one.name, one.grace_s).stopping_within(limit_s)] if one.service in services else []
@@ -128,29 +128,8 @@ class TrialRobots:
                 _check_engine(reply)
                 raise EquipmentFailed(f"{host}: its containers cannot be read: {_why(reply.err or reply.out)}")
         found = {one.service: reply.json() for one, reply in zip(some, replies, strict=True)}
-        self._note_ends(host, {service: read(answer) for service, answer in found.items()})
+        self._survival.look(host, {service: read(answer) for service, answer in found.items()})
         return found
-
-    def _note_ends(self, host: str, readings: Mapping[str, Reading]) -> None:
-        """Remember what goes on; refuse what ended, or was started again, while its engine was away."""
-        returned = host in self.patience.restarted
-        for service, reading in readings.items():
-            since = self._going.get(service)
-            if since is None:
-                continue
-            lost = reading.ended or not reading.state
-            if returned and (lost or (since and reading.started != since)):
-                self._fail_dead(host, f"{service} did not survive it")
-            if lost:
-                del self._going[service]
-            else:
-                self._going[service] = reading.started
-        self.patience.restarted.discard(host)
-
-    def _fail_dead(self, host: str, what: str) -> NoReturn:
-        if host in self.patience.cut:
-            raise RobotRestarted(f"{host} was out of reach and {what}: it was restarted")
-        raise EquipmentFailed(f"the Docker Engine of {host} was away and {what}")
 
     def refuse_dead(self, services: Collection[str]) -> None:
         """Refuse what its engine found dead when it began, when its robot was out of reach: that was restarted.
@@ -159,8 +138,16 @@ class TrialRobots:
             RobotRestarted: Some of these services died so.
         """
         for service in sorted(services):
-            if (host := self.by_service[service].host) in self.patience.cut:
-                self._fail_dead(host, f"{service} did not survive it")
+            self._survival.refuse_cut(self.by_service[service].host, service)
+
+    def refuse_doomed(self) -> None:
+        """Refuse what failed shortly before its engine went away, when all is fetched: the engine ended it.
+
+        Raises:
+            EquipmentFailed: Some service did.
+        """
+        for host in self._hosts:
+            self._survival.refuse_ended(host, [one.service for one in self._of(host)], failed=True)
 
     def clocks(self) -> dict[str, Offset | None]:
         """Measure all robots' clocks against ours."""
@@ -177,7 +164,18 @@ class TrialRobots:
         Raises:
             EquipmentFailed: The robot stays away.
         """
-        return self.patience.do(lambda host: work(self._connections.get(host)), self.by_service[service].host)
+
+        def act(host: str) -> _T:
+            session = self._connections.get(host)
+            try:
+                return work(session)
+            except TransportError:
+                (reply,) = session.ask([EngineQuery(path="/_ping")])  # an engine that is away is no lost connection
+                if not reply.ok:
+                    _check_engine(reply)
+                raise
+
+        return self.patience.do(act, self.by_service[service].host)
 
     def _on_each(self, commands: Callable[[TrialContainer], list[Command]]) -> None:
         """Do it for all containers, one after the other on each robot."""

@@ -144,6 +144,8 @@ def test_every_trial_is_run_in_its_order_and_its_data_come_home(lab: Lab, folder
     assert list(Draft202012Validator(data.schema("trials-run")).iter_errors(again.json)) == []
     assert len(again.json["rows"]) == again.json["done"] == 4
     assert again.err.splitlines()[0] == "4 of 4 trials count: 2 ok, failure; 2 ok, success", again
+    over = lab.srprov("status", str(one.file), "-i", one.inventory, "--exit-code")
+    assert over.code == 0 and "race has trials, and none is under way" in over.err, over
     gone = lab.srprov("destroy", str(one.file), "-i", one.inventory, "--yes")
     assert gone.code == 0, gone
     assert [lab.leftovers(robot) for robot in ROBOTS] == [NOTHING, NOTHING]
@@ -285,25 +287,29 @@ def test_a_robot_that_restarts_in_a_trial_spoils_it_and_ends_the_run(lab: Lab, f
 
 @pytest.mark.soak
 def test_an_engine_that_blinks_is_waited_for_and_what_died_with_it_is_run_again(lab: Lab, folder: Path) -> None:
-    """It dies in the first trial, and is away when the second is made: neither ends the run."""
-    few = {
-        "exclude": [{"CODE": 3}],
-        "repetitions": 1,
-        "timeout": "90s",
-        "order": "listed",
-        "between": {"sleep": "0.5s"},
-    }
-    one = Race(lab, folder, race(**few).replace("0.2", "8").replace("0.4", "1"))
+    """It dies in the first trial, is restarted in good order in the second, and is away when that is made anew."""
+    few = {"exclude": [{"CODE": 3}], "repetitions": 1, "timeout": "90s", "order": "listed"}
+    one = Race(lab, folder, race(**few).replace("0.2", "8").replace("0.4", "9"))
     running = begin(lab, *one.words)
-    wait_until(lambda: any(event["event"] == "ready" for event in one.events()), 120, "the first trial")
+
+    def await_event(name: str, count: int) -> None:
+        wait_until(lambda: [event["event"] for event in one.events()].count(name) == count, 120, f"{name} {count}")
+
+    await_event("ready", 1)
     assert lab.srprov("lab", "kill", "robot1", "--docker").code == 0
-    wait_until(lambda: [event["event"] for event in one.events()].count("end") == 2, 120, "its second attempt")
-    assert lab.srprov("lab", "kill", "robot2", "--docker").code == 0
-    out, said = running.communicate(timeout=200)
+    await_event("ready", 3)
+    assert lab.srprov("lab", "stop-docker", "robot2").code == 0
+    assert lab.srprov("lab", "restart", "robot2", "--docker").code == 0
+    await_event("end", 3)
+    assert lab.srprov("lab", "kill", "robot1", "--docker").code == 0
+    _, said = running.communicate(timeout=200)
     assert running.returncode == 0, said
-    assert [(row["status"], row["attempt"]) for row in one.rows()] == [
-        ("infrastructure", "1"), ("ok", "2"), ("ok", "1"),
+    ends = [(row["status"], row["attempt"], row["reason"]) for row in one.rows()]
+    died = "the Docker Engine of {} was away and {} did not survive it"
+    assert ends == [
+        ("infrastructure", "1", died.format("robot1", "racer")), ("ok", "2", "racer completed"),
+        ("infrastructure", "1", died.format("robot2", "referee")), ("ok", "2", "racer completed"),
     ], said  # fmt: skip
-    assert one.rows()[0]["reason"] == "the Docker Engine of robot1 was away and racer did not survive it"
     assert "waiting for robot1, up to 120 s: " in said and "robot1 is back after " in said
-    assert one.left() == set(), out
+    assert "2 of 2 trials count: 2 ok, success\ntried again: " in said
+    assert one.left() == set()

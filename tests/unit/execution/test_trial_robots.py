@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
+from contextlib import nullcontext
 from typing import Any
 
 import pytest
 
 from srprov.errors import TransportError
 from srprov.execution import trial_patience
-from srprov.execution.trial_patience import EquipmentFailed, RobotRestarted
+from srprov.execution.trial_patience import EngineAway, EquipmentFailed, RobotRestarted
 from srprov.execution.trial_robots import TrialContainer, TrialRobots
-from srprov.wire import Command, EngineCall, Reply
+from srprov.wire import Command, EngineCall, EngineQuery, Reply
 
 AWAY = Reply(status=0, ok=False, err="the Docker Engine closed the connection")
 EARLIER, LATER = "2026-11-22T10:00:00Z", "2026-11-22T10:00:09Z"
@@ -115,6 +116,30 @@ def test_what_dies_with_its_engine_is_no_data(fate: Callable[[Robot], None]) -> 
     assert not isinstance(caught.value, RobotRestarted), "its network is there: the run goes on"
 
 
+@pytest.mark.parametrize(("code", "refused"), [(0, False), (143, True)])
+def test_an_engine_that_ends_its_containers_before_it_goes_spoils_the_trial(code: int, refused: bool) -> None:
+    """It still answers then. What is asked again tells; once all is at home, only a failure is held against it."""
+    robot = Robot()
+    robots, _, _ = made(robot)
+    robots.start({"a"})
+    robots.look()
+    robot.dies()
+    robot.state["ExitCode"] = code
+    assert robots.look()["a"].ended, "it answers"
+    robot.engine_away = 1
+    robots.on("a", lambda session: broken_off(session.ask([EngineQuery(path="/_ping")])[0]))
+    with pytest.raises(EquipmentFailed, match="did not survive") if refused else nullcontext():
+        robots.refuse_doomed()
+    with pytest.raises(EquipmentFailed, match="did not survive"):
+        robots.look()
+
+
+def broken_off(reply: Reply) -> None:
+    """Fail as a log does whose engine goes away."""
+    if not reply.ok:
+        raise EngineAway(reply.err)
+
+
 def test_what_lives_through_its_engines_restart_goes_on() -> None:
     robot = Robot()
     robots, _, _ = made(robot)
@@ -169,6 +194,26 @@ def test_one_who_stays_away_is_named_again_and_given_up(monkeypatch: pytest.Monk
         robots.create()
     assert said[0].startswith("waiting for r1, up to 0.2 s")
     assert any(line.startswith("still waiting for r1, ") for line in said[1:])
+    count = len(said)
+    with pytest.raises(EquipmentFailed, match="r1: lost contact"):
+        robots.clear()
+    assert len(said) == count, "it is not waited for once more"
+
+
+def test_a_log_that_breaks_off_with_its_engine_is_fetched_again() -> None:
+    robot = Robot()
+    robots, said, connections = made(robot)
+    robot.engine_away = 2
+    tries: list[int] = []
+
+    def fetch(_session: object) -> str:
+        tries.append(1)
+        if robot.engine_away:
+            raise TransportError("r1", "the log of a ended")
+        return "whole"
+
+    assert robots.on("a", fetch) == "whole"
+    assert (len(tries), len(said), connections.renewed) == (3, 2, 0), "its connection was not lost"
 
 
 def test_an_engine_that_refuses_is_not_waited_for() -> None:
