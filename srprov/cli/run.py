@@ -177,4 +177,4 @@ def _show(report: TrialsReport, as_json: bool) -> None:
         err(f"the run ended early: {report.ended_early}; go on with --resume -o {report.folder}")
     if not as_json:
         out(f"{report.folder}/trials.csv")
-    err("pandas.read_csv('trials.csv').query(\"status in ['ok', 'timeout', 'crashed']\") has the trials that count")
+    err(report.loading)

@@ -62,6 +62,12 @@ class TrialsReport:
             "rows": [one for some in self.attempts.values() for one in some],
         }
 
+    @property
+    def loading(self) -> str:
+        """Python that loads the attempts that count; an id of digits alone is no number."""
+        table = str(self.folder / "trials.csv")
+        return f"pandas.read_csv({table!r}, dtype={{'point': str}}).query(\"status in {list(COUNTED)}\")"
+
     def in_words(self) -> list[str]:
         """Return how the trials ended, each counted once, and which of them took more than one attempt."""
         attempts, total = self.attempts, len(self.design.trials)

@@ -17,6 +17,7 @@ from pathlib import Path
 from srprov import private
 from srprov.controller.trial_files import Gathered, gather_files
 from srprov.controller.trial_plan import TrialPlan, containers
+from srprov.controller.trial_tables import write_tables
 from srprov.errors import TransportError
 from srprov.execution.collect import CollectFailed
 from srprov.execution.trial import TrialEnd, TrialOrder, run_trial
@@ -26,8 +27,7 @@ from srprov.record.journal import Journal
 from srprov.secret import redacted
 from srprov.trials import Design, Trial
 from srprov.trials.judge import COUNTED, End, verdict
-from srprov.trials.row import Seen, row
-from srprov.trials.table import columns, csv_text
+from srprov.trials.row import Seen, clocks, row
 from srprov.untrusted import mapping
 
 Row = dict[str, object]
@@ -166,13 +166,14 @@ class Trials:
             with contextlib.suppress(EquipmentFailed):
                 robots.clear()
             raise
+        made["clocks"] = clocks(robots.measured)
         try:
             robots.clear()
         except EquipmentFailed as error:
             made["reason"] = f"{made['reason']}; not cleared: {error}"
         kept = self._keep(made)
         private.replace_file(folder / "trial.json", json.dumps(kept, indent=2) + "\n")
-        self.write_table()
+        self.write_tables()
         return kept
 
     def _done(
@@ -232,14 +233,13 @@ class Trials:
         values = trial.point.values
         self._say(TrialNews(trial=trial.id, order=order, trials=count, values=values, what=what, aloud=aloud))
 
-    def write_table(self) -> None:
-        """Write trials.csv anew.
+    def write_tables(self) -> None:
+        """Write all tables anew.
 
         Raises:
-            OSError: It cannot be written.
+            OSError: They cannot be written.
         """
-        text = csv_text(columns(self._run.plan.given), self.rows)
-        private.replace_file(self._run.folder / "trials.csv", text)
+        write_tables(self._run.folder, self._run.plan, self.rows)
 
 
 def _said(one: Mapping[str, object]) -> str:

@@ -66,6 +66,8 @@ class TrialRobots:
         """Take what is to be run, connections with all robots that it is run on, and whom to tell who is awaited."""
         self.by_service = {one.service: one for one in containers}
         self.patience = Patience(connections.renew, say)
+        self.measured: list[Mapping[str, Offset | None]] = []
+        """Robot -> its clock; for each time that all were measured."""
         self._connections = connections
         self._hosts = sorted({one.host for one in containers})
         self._survival = Survival(self.patience, max((one.grace_s for one in containers), default=0.0))
@@ -151,7 +153,9 @@ class TrialRobots:
 
     def clocks(self) -> dict[str, Offset | None]:
         """Measure all robots' clocks against ours."""
-        return self.each(lambda host: offset(_samples(self._connections.get(host))))
+        found = self.each(lambda host: offset(_samples(self._connections.get(host))))
+        self.measured.append(found)
+        return found
 
     def log(self, service: str) -> Iterator[str]:
         """Return the lines of a service's log as they come, each with the engine's time before it, to its end."""

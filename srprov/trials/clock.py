@@ -34,6 +34,8 @@ class Offset:
     error_s: float
     rtt_s: float
     samples: int
+    measured: float = 0.0
+    """When, by the controller's clock, in seconds since the epoch."""
 
 
 def offset(samples: Iterable[Sample]) -> Offset | None:
@@ -49,6 +51,7 @@ def offset(samples: Iterable[Sample]) -> Offset | None:
         error_s=_error(best),
         rtt_s=best.answered - best.asked,
         samples=len(every),
+        measured=middle,
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import datetime as dt
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from srprov.trials.clock import Offset, stepped
@@ -62,6 +62,26 @@ def row(trial: Trial, attempt: int, order: int, seen: Seen) -> dict[str, object]
         "clock_error_ms": 1000 * max(one.error_s for one in offsets) if offsets else None,
         "clock_step": any(steps) if steps else None,
         "restarts": sum(one.restarts for one in seen.readings.values()) if seen.readings else None,
+    }
+
+
+def clocks(measured: Sequence[Mapping[str, Offset | None]]) -> list[dict[str, object]]:
+    """Return what an attempt's row says of clocks: each robot's before it, and after it where it came so far."""
+    return [
+        {"robot": robot, "when": when, **_clock(one)}
+        for when, found in zip(("before", "after"), measured, strict=False)
+        for robot, one in sorted(found.items())
+    ]
+
+
+def _clock(one: Offset | None) -> dict[str, object]:
+    """Return the columns of one measurement; nothing is known of a clock that did not answer."""
+    return {
+        "measured_utc": _utc(one.measured) if one else None,
+        "offset_ms": 1000 * one.offset_s if one else None,
+        "error_ms": 1000 * one.error_s if one else None,
+        "rtt_ms": 1000 * one.rtt_s if one else None,
+        "samples": one.samples if one else 0,
     }
 
 

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-from srprov.definitions.trialsmodel import TrialDefinitions
+from srprov.definitions.trialsmodel import Metric, TrialDefinitions
+from srprov.untrusted import mappings
 
 Row = Mapping[str, object]
+CLOCKS = ("trial", "attempt", "robot", "when", "measured_utc", "offset_ms", "error_ms", "rtt_ms", "samples")
+METRICS = ("trial", "attempt", "metric", "value", "unit", "service", "robot", "source")
 _COLUMNS = (
     *("trial", "point", "repetition", "attempt", "order", "status", "verdict", "reason", "started_utc", "ready_s"),
     *("duration_s", "stop_s", "collect_s", "start_skew_ms", "start_skew_error_ms", "seed"),
@@ -22,21 +25,47 @@ def columns(given: TrialDefinitions) -> tuple[str, ...]:
     return (*_COLUMNS, *parameters, *(f"m_{one.name}" for one in given.metrics), *_LAST)
 
 
+def clock_rows(rows: Iterable[Row]) -> Iterator[Row]:
+    """Return the rows of clocks.csv: one for each robot and measurement of an attempt."""
+    for row in rows:
+        for one in mappings(row.get("clocks")):
+            yield {"trial": row["trial"], "attempt": row["attempt"], **one}
+
+
+def metric_rows(rows: Iterable[Row], metrics: Sequence[Metric], robots: Mapping[str, str]) -> Iterator[Row]:
+    """Return the rows of metrics.csv: one for each number that an attempt gave; `robots` is of each service."""
+    for row in rows:
+        for one in metrics:
+            if (value := row.get(f"m_{one.name}")) is not None:
+                robot = robots.get(one.service, "")
+                yield {
+                    **{"trial": row["trial"], "attempt": row["attempt"], "metric": one.name, "value": value},
+                    **{"unit": one.unit or None, "service": one.service, "robot": robot, "source": _source(one, robot)},
+                }
+
+
+def _source(metric: Metric, robot: str) -> str:
+    """Return which file of the attempt's folder a number was taken from."""
+    if metric.file:
+        return f"results/{metric.service}/{metric.file.strip('/')}#{metric.pointer}"
+    return f"logs/{robot}.{metric.service}.log"
+
+
 def csv_text(names: Sequence[str], rows: Iterable[Row]) -> str:
     """Return a table as RFC 4180 has it, but with lines that end in LF."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
     writer.writerow(names)
     for row in rows:
-        writer.writerow([_cell(row.get(name)) for name in names])
+        writer.writerow([_cell(name, row.get(name)) for name in names])
     return out.getvalue()
 
 
-def _cell(value: object) -> str:
+def _cell(name: str, value: object) -> str:
     if value is None:
         return ""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, float):
-        return repr(round(value, 6))
+        return repr(float(f"{value:.15g}") if name == "value" or name.startswith("m_") else round(value, 6))
     return str(value)

@@ -113,6 +113,24 @@ def final(rows: list[dict[str, str]]) -> list[tuple[str, ...]]:
     return sorted(tuple(row[name] for name in FINAL) for row in rows if row["status"] != "interrupted")
 
 
+def check_tables(home: Path, rows: list[dict[str, str]]) -> None:
+    """Compare the long tables with the wide one, and clocks, which are all this machine's, with the truth."""
+    with (home / "metrics.csv").open(newline="") as stream:
+        metrics = {(one["trial"], one["metric"]): one for one in csv.DictReader(stream)}
+    for row in rows:
+        for name in ("time", "goal", "ticks"):
+            one = metrics.pop((row["trial"], name))
+            assert one["value"] == row[f"m_{name}"] and one["service"] == ("referee" if name == "ticks" else "racer")
+            assert (home / "trials" / row["trial"] / one["source"].partition("#")[0]).is_file()
+    assert metrics == {}
+    with (home / "clocks.csv").open(newline="") as stream:
+        clocks = list(csv.DictReader(stream))
+    wanted = [(row["trial"], when, robot) for row in rows for when in ("before", "after") for robot in ROBOTS]
+    assert [(one["trial"], one["when"], one["robot"]) for one in clocks] == wanted
+    for one in clocks:
+        assert abs(float(one["offset_ms"])) <= float(one["error_ms"]) <= float(one["rtt_ms"]) / 2 + 1e-5
+
+
 def test_every_trial_is_run_in_its_order_and_its_data_come_home(lab: Lab, folder: Path) -> None:
     one = Race(lab, folder, race(repetitions=1))
     done = one.run()
@@ -138,6 +156,8 @@ def test_every_trial_is_run_in_its_order_and_its_data_come_home(lab: Lab, folder
         digests = {item["path"]: item["sha256"] for item in listed}
         assert digests["result.json"] == hashlib.sha256(result.read_bytes()).hexdigest()
     assert one.left() == set(), "containers of trials, and their results, are removed"
+    assert done.err.splitlines()[-1].startswith(f"pandas.read_csv('{one.home}/trials.csv'")
+    check_tables(one.home, rows)
     assert one.run().code == 5, "a folder that holds a run is not begun again"
     again = one.run("--resume", "--json", "-q")
     assert again.code == 0 and one.rows() == rows, again

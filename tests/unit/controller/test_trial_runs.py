@@ -49,7 +49,7 @@ def test_the_shown_plan_names_what_each_trial_creates() -> None:
 def gone_on_with(folder: Path, whole: Design, only: Design) -> list[tuple[object, ...]]:
     """Go on with a run whose journal is in a folder, as far as its lost attempts; return the rows."""
     earlier, _ = trial_run._read(folder)
-    plan: Any = SimpleNamespace(given=GIVEN)
+    plan: Any = SimpleNamespace(given=GIVEN, services=())
     about = TrialRun(
         plan=plan, whole=whole, design=only, folder=folder, name=earlier.name, rows=earlier.rows, begun=earlier.begun,
         lost=earlier.lost,
@@ -57,7 +57,7 @@ def gone_on_with(folder: Path, whole: Design, only: Design) -> list[tuple[object
     with Journal(folder, earlier.events + 1) as journal:
         trials = Trials(about, SimpleNamespace(), journal, lambda _news: None)  # type: ignore[arg-type]  # no robot is asked
         trials.note_lost()
-        trials.write_table()
+        trials.write_tables()
     return [(one["trial"], one["attempt"], one["status"]) for one in trials.rows]
 
 
