@@ -154,6 +154,7 @@ FILES: Mapping[str, Room] = {
     "cli/plan.py": cli_file("planning"),
     "cli/progress.py": cli_file("planning execution"),
     "cli/run.py": cli_file("execution"),
+    "cli/runs.py": cli_file("record trials.judge"),
     "cli/schema.py": cli_file("data"),
     "cli/status.py": cli_file("facts"),
 }

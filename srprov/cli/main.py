@@ -32,6 +32,7 @@ _VERBS = {
     "apply": "Change the robots so that the experiment runs on them.",
     "trials": "List the experiment's trials; no robot is asked.",
     "run": "Run the experiment's trials, and bring home what they give.",
+    "runs": "List the runs that were recorded, or show the trials of one; no robot is asked.",
     "status": "Show the running experiment.",
     "images": "Show the images that srprov built on robots; prune: remove what nobody uses.",
     "logs": "Show the output of services.",

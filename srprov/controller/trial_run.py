@@ -150,7 +150,7 @@ def _all(
         )
         trials = Trials(about, connections, journal, say)
         trials.note_lost()
-        trials.write_tables()
+        trials.tables.write()
         trials.all(stop, pause)
         journal.add("ended", reason=trials.ended_early)
     return trials

@@ -9,7 +9,7 @@ Source: W3C, "Metadata Vocabulary for Tabular Data", 2015.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -33,17 +33,34 @@ _METRIC_TEXTS = {
 }
 
 
-def write_tables(folder: Path, plan: TrialPlan, rows: Sequence[Row]) -> None:
-    """Write all tables of a run anew, and their description.
+class Tables:
+    """All tables of a run, to which attempts are added: a run of thousands makes no row twice."""
 
-    Raises:
-        OSError: They cannot be written.
-    """
-    robots = {one.service: one.host for one in plan.services}
-    private.replace_file(folder / NAME, json.dumps(description(plan.given), indent=2) + "\n")
-    private.replace_file(folder / "metrics.csv", csv_text(METRICS, metric_rows(rows, plan.given.metrics, robots)))
-    private.replace_file(folder / "clocks.csv", csv_text(CLOCKS, clock_rows(rows)))
-    private.replace_file(folder / "trials.csv", csv_text(columns(plan.given), rows))
+    def __init__(self, folder: Path, plan: TrialPlan, rows: Iterable[Row]) -> None:
+        """Take where they are written, what is run, and the attempts that ended earlier."""
+        self._folder, self._given = folder, plan.given
+        self._robots = {one.service: one.host for one in plan.services}
+        self._names = {"trials.csv": columns(plan.given), "metrics.csv": METRICS, "clocks.csv": CLOCKS}
+        self._texts = {file: csv_text(names, ()) for file, names in self._names.items()}
+        for row in rows:
+            self.add(row)
+
+    def add(self, row: Row) -> None:
+        """Add an attempt."""
+        metrics = metric_rows([row], self._given.metrics, self._robots)
+        found = {"trials.csv": [row], "metrics.csv": metrics, "clocks.csv": clock_rows([row])}
+        for file, rows in found.items():
+            self._texts[file] += csv_text(self._names[file], rows, header=False)
+
+    def write(self) -> None:
+        """Write all of them, and what describes them.
+
+        Raises:
+            OSError: They cannot be written.
+        """
+        private.replace_file(self._folder / NAME, json.dumps(description(self._given), indent=2) + "\n")
+        for file, text in self._texts.items():
+            private.replace_file(self._folder / file, text)
 
 
 def description(given: TrialDefinitions) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from pathlib import Path
 from srprov import private
 from srprov.controller.trial_files import Gathered, gather_files
 from srprov.controller.trial_plan import TrialPlan, containers
-from srprov.controller.trial_tables import write_tables
+from srprov.controller.trial_tables import Tables
 from srprov.errors import TransportError
 from srprov.execution.collect import CollectFailed
 from srprov.execution.trial import TrialEnd, TrialOrder, run_trial
@@ -77,6 +77,7 @@ class Trials:
         """Take what is run, on locked robots, and whom to tell."""
         self._run, self._connections, self._journal, self._say = run, connections, journal, say
         self.rows: list[Mapping[str, object]] = list(run.rows)
+        self.tables = Tables(run.folder, run.plan, run.rows)
         self._attempts = dict(run.begun)
         self._orders = {trial.id: order for order, trial in enumerate(run.whole.trials, start=1)}
         self._failures = 0
@@ -135,6 +136,7 @@ class Trials:
         kept = mapping(redacted(made))
         self._journal.add("end", trial=made["trial"], attempt=made["attempt"], row=kept)
         self.rows.append(kept)
+        self.tables.add(kept)
         return kept
 
     def _tried(self, order: int, trial: Trial, stop: threading.Event) -> Mapping[str, object]:
@@ -173,7 +175,7 @@ class Trials:
             made["reason"] = f"{made['reason']}; not cleared: {error}"
         kept = self._keep(made)
         private.replace_file(folder / "trial.json", json.dumps(kept, indent=2) + "\n")
-        self.write_tables()
+        self.tables.write()
         return kept
 
     def _done(
@@ -232,14 +234,6 @@ class Trials:
         count = len(self._orders)
         values = trial.point.values
         self._say(TrialNews(trial=trial.id, order=order, trials=count, values=values, what=what, aloud=aloud))
-
-    def write_tables(self) -> None:
-        """Write all tables anew.
-
-        Raises:
-            OSError: They cannot be written.
-        """
-        write_tables(self._run.folder, self._run.plan, self.rows)
 
 
 def _said(one: Mapping[str, object]) -> str:

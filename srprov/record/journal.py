@@ -63,8 +63,10 @@ class Journal:
         self.close()
 
 
-def read(folder: Path) -> tuple[list[Mapping[str, Any]], bool]:
-    """Return the events of a journal, and whether its last line was torn, which is then cut off.
+def read(folder: Path, most: int = _MOST_BYTES, *, mend: bool = True) -> tuple[list[Mapping[str, Any]], bool]:
+    """Return the events of a journal of at most `most` bytes, and whether its last line is torn.
+
+    Such a line is then cut off, unless `mend` is false: the run may be under way.
 
     Raises:
         UsageError: There is none, or it is broken elsewhere than at its end.
@@ -73,7 +75,7 @@ def read(folder: Path) -> tuple[list[Mapping[str, Any]], bool]:
     if path.is_symlink():
         raise UsageError(f"{path} is a link", hint="it is not what a run wrote; begin a new one")
     try:
-        data = regular_file.read(path, _MOST_BYTES)
+        data = regular_file.read(path, most)
     except OSError as error:
         raise UsageError(
             f"{path} cannot be read: {error.strerror}", hint="name the folder of a run of trials"
@@ -81,7 +83,7 @@ def read(folder: Path) -> tuple[list[Mapping[str, Any]], bool]:
     whole, _, torn = data.rpartition(_NEWLINE)
     lines = whole.split(_NEWLINE) if whole else []
     events = [_event(path, number, line) for number, line in enumerate(lines, start=1)]
-    if torn:
+    if torn and mend:
         descriptor = os.open(path, os.O_WRONLY | os.O_NOFOLLOW)
         os.ftruncate(descriptor, len(data) - len(torn))
         os.close(descriptor)

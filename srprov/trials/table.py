@@ -51,11 +51,12 @@ def _source(metric: Metric, robot: str) -> str:
     return f"logs/{robot}.{metric.service}.log"
 
 
-def csv_text(names: Sequence[str], rows: Iterable[Row]) -> str:
-    """Return a table as RFC 4180 has it, but with lines that end in LF."""
+def csv_text(names: Sequence[str], rows: Iterable[Row], *, header: bool = True) -> str:
+    """Return a table, or without `header` further rows of it, as RFC 4180 has it, but with lines that end in LF."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\n")
-    writer.writerow(names)
+    if header:
+        writer.writerow(names)
     for row in rows:
         writer.writerow([_cell(name, row.get(name)) for name in names])
     return out.getvalue()

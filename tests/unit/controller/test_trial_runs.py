@@ -57,7 +57,7 @@ def gone_on_with(folder: Path, whole: Design, only: Design) -> list[tuple[object
     with Journal(folder, earlier.events + 1) as journal:
         trials = Trials(about, SimpleNamespace(), journal, lambda _news: None)  # type: ignore[arg-type]  # no robot is asked
         trials.note_lost()
-        trials.write_tables()
+        trials.tables.write()
     return [(one["trial"], one["attempt"], one["status"]) for one in trials.rows]
 
 

@@ -15,7 +15,7 @@ import pandas
 import pytest
 
 from srprov.controller.trial_report import TrialsReport
-from srprov.controller.trial_tables import write_tables
+from srprov.controller.trial_tables import Tables
 from srprov.definitions.trialsmodel import Metric, Parameter, TrialDefinitions
 from srprov.trials import design
 from srprov.trials.clock import Offset
@@ -47,7 +47,10 @@ def written(folder: Path) -> Path:
     }  # fmt: skip
     failed = {**row(second, 1, 2, Seen(end=End("infrastructure", "r1: away"))), "clocks": clocks([{"r1": RIGHT}])}
     lost = {"trial": "feedfeedfe-r001", "attempt": 2, "status": "interrupted", "reason": "the run ended before it did"}
-    write_tables(folder, PLAN, [whole, failed, lost])
+    tables = Tables(folder, PLAN, [whole])
+    for one in (failed, lost):
+        tables.add(one)
+    tables.write()
     return folder
 
 

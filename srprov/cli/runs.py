@@ -1,0 +1,133 @@
+"""`srprov runs`: which runs were recorded on this machine; `runs show`: the trials of one."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from srprov.cli import options
+from srprov.cli.output import err, out, out_json
+from srprov.cli.status import table
+from srprov.errors import UsageError, visible
+
+if TYPE_CHECKING:
+    from srprov.record.runs import KeptRun, TrialsRun
+
+_SHOWN = ("begun", "verb", "instance", "result", "run")
+
+
+@click.command()
+@click.argument("words", metavar="[DIR | show RUN]", nargs=-1)
+@options.RUNS
+@options.JSON
+def runs(words: tuple[str, ...], runs: Path | None, as_json: bool) -> int:
+    """List the runs that were recorded here, or those in DIR; no robot is asked.
+
+    That is what `apply`, `build`, `images prune` and `destroy` left, and runs of trials, also those that are under way.
+
+    `srprov runs show RUN` shows how the trials of one ended, with their parameters and metrics. RUN is a name of the
+    list, or a folder.
+    """
+    homes = _homes(runs)
+    if words[:1] == ("show",) and len(words) == 2:
+        return _show(_folder(words[1], homes), as_json)
+    if words[1:] or words[:1] == ("show",):
+        raise UsageError("one folder is listed, or one run shown", hint="srprov runs [DIR], or srprov runs show RUN")
+    found = sorted(_found([Path(words[0])] if words else homes), key=lambda one: one.begun)
+    if as_json:
+        out_json({"runs": [dataclasses.asdict(one) for one in found]})
+    elif found:
+        out(table([_line(one, within=not words) for one in found], _SHOWN))
+    else:
+        out("no runs in " + " and ".join(visible(str(one)) for one in ([words[0]] if words else homes)))
+    return 0
+
+
+def _homes(runs: Path | None) -> list[Path]:
+    """Return the folders where runs are kept unless their user says otherwise."""
+    from srprov.record import default_root
+
+    return [runs or default_root(), default_root().parent / "trials"]
+
+
+def _folder(name: str, homes: Sequence[Path]) -> Path:
+    """Return the folder of the run that a user names."""
+    if "/" not in name:
+        for home in homes:
+            if (home / name).is_dir() and name not in ("", ".", ".."):
+                return home / name
+    return Path(name)
+
+
+def _found(folders: Sequence[Path]) -> Iterator[KeptRun]:
+    """Return runs; say which cannot be read, and go on."""
+    from srprov.record.runs import kept_runs
+
+    for folder in folders:
+        if len(folders) > 1 and not folder.exists():
+            continue
+        for one in kept_runs(folder):
+            if isinstance(one, UsageError):
+                err(f"warning: {one.message}")
+            else:
+                yield one
+
+
+def _line(one: KeptRun, *, within: bool) -> dict[str, Any]:
+    begun = one.begun[:19] + "Z" * bool(one.begun)
+    return {**dataclasses.asdict(one), "begun": begun, "result": _result(one), "run": one.run if within else one.path}
+
+
+def _result(one: KeptRun) -> str:
+    """Return how a run ended, in words."""
+    if one.trials is not None:
+        return f"{one.done} of {one.trials} trials count" + ("" if one.ended else "; not ended")
+    if not one.ended:
+        return "not ended"
+    return f"{one.changed} changed" + (f", {one.failed} failed or not done" if one.failed else "")
+
+
+def _show(folder: Path, as_json: bool) -> int:
+    from srprov.record.runs import is_trials, kept_run, trials_run
+
+    if not is_trials(folder):
+        one = kept_run(folder)
+        if as_json:
+            out_json(dataclasses.asdict(one))
+        else:
+            out(table([_line(one, within=False)], _SHOWN))
+        return 0
+    found = trials_run(folder)
+    if as_json:
+        out_json(found.document)
+        return 0
+    out(_trials(found))
+    err(f"{found.done} of {found.trials} trials count")
+    if found.ended_early:
+        err(f"it is not complete: {visible(found.ended_early)}")
+    return 0
+
+
+def _trials(found: TrialsRun) -> str:
+    """Return a row for each attempt: parameters and metrics by their own names, and why where it does not count."""
+    names = list(dict.fromkeys(name for row in found.rows for name in row if name.startswith(("p_", "m_"))))
+    names.sort(key=lambda name: not name.startswith("p_"))
+    first = ("order", "trial", "attempt", "status", "verdict", "duration_s")
+    rows = [{**dict.fromkeys((*first, *names, "why"), ""), **_cells(row)} for row in found.rows]
+    return table(rows, (*first, *names, "why"))
+
+
+def _cells(row: Mapping[str, Any]) -> dict[str, Any]:
+    from srprov.trials.judge import COUNTED
+
+    def cell(value: object) -> object:
+        return f"{value:.6g}" if isinstance(value, float) else "" if value is None else value
+
+    return {
+        **{key: cell(value) for key, value in row.items()},
+        "why": "" if row["status"] in COUNTED else row["reason"],
+    }

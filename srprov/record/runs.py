@@ -1,0 +1,175 @@
+"""Runs that this machine recorded, read again for a person: what `apply` and its like left, and runs of trials.
+
+Takes folders; gives a KeptRun for each, and a TrialsRun. Writes nothing: a run may be under way. A folder may be
+somebody else's, so what it says is bounded and compared with what a run writes.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from srprov.errors import UsageError
+from srprov.record import journal
+from srprov.record.last import record_json
+from srprov.trials.judge import COUNTED
+from srprov.untrusted import integer, mapping, mappings, string
+
+_MOST_JOURNAL = 64 << 20
+"""Bytes of a journal: more than 5000 trials of a dozen robots leave."""
+_MOST_COLUMNS = 1000
+_INSTANCE = re.compile(r"\d{8}T\d{6}Z-(.+)-[0-9a-f]{8}", re.ASCII)
+_ROW = ("trial", "status", "reason")
+_NOT_ENDED = "it has not ended, or was killed"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class TrialsRun:
+    """A run of trials, as its journal has it."""
+
+    path: Path
+    instance: str
+    begun: str
+    """ISO 8601, UTC."""
+    trials: int
+    """The most that were asked for at once, when it was begun or gone on with."""
+    rows: tuple[Mapping[str, Any], ...]
+    """Of all attempts, in the order in which they ended."""
+    ended_early: str
+    """Why it ended before its last trial, or has no end; or nothing."""
+
+    @property
+    def done(self) -> int:
+        """How many trials ended in a way that counts."""
+        return len({one["trial"] for one in self.rows if one["status"] in COUNTED})
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """What `runs show --json` prints, as `run --json` does; see `schemas/trials-run.schema.json`."""
+        return {
+            "run": str(self.path),
+            "trials": self.trials,
+            "done": self.done,
+            "ended_early": self.ended_early,
+            "rows": [one for one in self.rows if "point" in one],  # an earlier design's, lost by a kill, has none
+        }
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class KeptRun:
+    """One run in a list, as `schemas/runs.schema.json` describes it."""
+
+    run: str
+    """The folder's name."""
+    path: str
+    verb: str
+    instance: str
+    begun: str
+    ended: bool
+    """It came to its end."""
+    trials: int | None = None
+    done: int | None = None
+    changed: int | None = None
+    failed: int | None = None
+    """Steps that failed, were skipped, or were not begun."""
+
+
+def trials_run(folder: Path) -> TrialsRun:
+    """Read a run of trials.
+
+    Raises:
+        UsageError: The folder holds none, or not what a run writes.
+    """
+    events, _ = journal.read(folder, _MOST_JOURNAL, mend=False)
+    if not events or events[0]["event"] != "run":
+        raise UsageError(f"{folder} holds no run of trials", hint="`srprov runs` lists runs")
+    named = _INSTANCE.fullmatch(string(events[0].get("run")))
+    sessions = [one for one in events if one["event"] in ("run", "resume")]
+    last = events[-1]
+    return TrialsRun(
+        path=folder,
+        instance=named[1] if named else "",
+        begun=string(events[0].get("utc")),
+        trials=max(integer(one.get("trials"), high=1_000_000) for one in sessions),
+        rows=tuple(_row(folder, mapping(one.get("row"))) for one in events if one["event"] == "end"),
+        ended_early=string(last.get("reason")) if last["event"] == "ended" else _NOT_ENDED,
+    )
+
+
+def _row(folder: Path, found: Mapping[str, Any]) -> dict[str, Any]:
+    """Return an attempt's row: texts, numbers, and its clocks.
+
+    Raises:
+        UsageError: It is none.
+    """
+    whole = all(isinstance(found.get(name), str) for name in _ROW) and isinstance(found.get("attempt"), int)
+    if not whole or len(found) > _MOST_COLUMNS:
+        raise UsageError(f"{folder}: the journal has rows that are none", hint="somebody changed it")
+    row = {key: value for key, value in found.items() if _is_cell(value)}
+    return {**row, **({"clocks": mappings(found["clocks"])} if "clocks" in found else {})}
+
+
+def _is_cell(value: object) -> bool:
+    return value is None or isinstance(value, str | int) or (isinstance(value, float) and math.isfinite(value))
+
+
+def is_trials(folder: Path) -> bool:
+    """Return whether a folder holds a run of trials, or something that has the name of one's journal."""
+    return (folder / journal.NAME).is_file()
+
+
+def kept_runs(folder: Path) -> Iterator[KeptRun | UsageError]:
+    """Return the runs of either kind in a folder, or the one that it is; an error for each that cannot be read.
+
+    Raises:
+        UsageError: The folder cannot be read.
+    """
+    try:
+        inside = [] if _is_run(folder) else sorted(one for one in folder.iterdir() if _is_run(one))
+    except OSError as error:
+        raise UsageError(f"{folder}: {error.strerror}", hint="name a folder with runs") from None
+    for path in inside or [folder] * _is_run(folder):
+        try:
+            yield kept_run(path)
+        except UsageError as error:
+            yield error
+
+
+def _is_run(folder: Path) -> bool:
+    return is_trials(folder) or (folder / "environment.json").is_file()
+
+
+def kept_run(path: Path) -> KeptRun:
+    """Return what a list says of one run.
+
+    Raises:
+        UsageError: It cannot be read, or is none.
+    """
+    if is_trials(path):
+        one = trials_run(path)
+        return KeptRun(
+            run=path.name, path=str(path), verb="run", instance=one.instance, begun=one.begun,
+            ended=one.ended_early != _NOT_ENDED, trials=one.trials, done=one.done,
+        )  # fmt: skip
+    try:
+        about = mapping(record_json(path / "environment.json"))
+        ended = (path / "result.json").is_file()
+        result = mapping(record_json(path / "result.json")) if ended else {}
+    except (OSError, ValueError) as error:
+        why = error.strerror if isinstance(error, OSError) else error
+        raise UsageError(f"{path} is no record that can be read: {why}", hint="`srprov runs` lists runs") from None
+    counts = {name: integer(result.get(name), high=1_000_000) for name in ("failed", "skipped", "not_reached")}
+    return KeptRun(
+        run=path.name,
+        path=str(path),
+        verb=string(about.get("verb")),
+        instance=string(about.get("instance")),
+        begun=string(about.get("begun")),
+        ended=ended,
+        changed=integer(result.get("changed"), high=1_000_000) if ended else None,
+        failed=sum(counts.values()) if ended else None,
+    )

@@ -1,0 +1,147 @@
+"""`srprov runs` and `runs show`: what was recorded, read without changing it, whoever wrote it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+from jsonschema import Draft202012Validator
+
+from srprov import data
+from srprov.cli.main import run
+from srprov.definitions.trialsmodel import Parameter, TrialDefinitions
+from srprov.record.journal import NAME, Journal
+from srprov.trials import Trial, design
+from srprov.trials.judge import End
+from srprov.trials.row import Seen, row
+from tests.fakes import World
+
+TRIALS = design(TrialDefinitions(parameters=(Parameter(name="SPEED", values=("1", "2", "3")),))).trials
+
+
+def ended(trial: Trial, status: str, **more: object) -> dict[str, object]:
+    return {**row(trial, 1, 1, Seen(end=End(status, "so it was"))), "clocks": [], **more}
+
+
+def kept(
+    folder: Path, *rows: dict[str, object], name: str = "20261122T090507Z-race-4f1c09aa", end: bool = True
+) -> Path:
+    """Write the journal of a run of trials."""
+    folder.mkdir(parents=True)
+    with Journal(folder) as journal:
+        journal.add("run", run=name, same={}, trials=len(TRIALS))
+        for one in rows:
+            journal.add("begin", trial=one["trial"], attempt=one["attempt"])
+            journal.add("end", trial=one["trial"], attempt=one["attempt"], row=one)
+        if end:
+            journal.add("ended", reason="")
+    return folder
+
+
+@pytest.fixture
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    monkeypatch.delenv("SRPROV_RUNS", raising=False)
+    return tmp_path / "state" / "srprov"
+
+
+def shown(capsys: pytest.CaptureFixture[str], *words: str, code: int = 0) -> tuple[list[str], str]:
+    assert run(["runs", *words]) == code
+    told = capsys.readouterr()
+    return told.out.splitlines(), told.err
+
+
+def valid(capsys: pytest.CaptureFixture[str], kind: str, *words: str) -> Any:
+    document = json.loads("\n".join(shown(capsys, *words, "--json")[0]))
+    assert list(Draft202012Validator(data.schema(kind)).iter_errors(document)) == []
+    return document
+
+
+def test_what_apply_recorded_and_runs_of_trials_are_in_one_list(
+    world: World, home: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (Path("e.edf")).write_text("edf: 1\nname: demo\nservices: {c: {image: 'alpine:3', robot: r1}}\n")
+    assert run(["apply", "e.edf", "-i", "inv.yml", "--yes", "--settle", "0"]) == 0
+    kept(home / "trials" / "one", ended(TRIALS[0], "ok"), ended(TRIALS[1], "infrastructure"))
+    capsys.readouterr()
+    lines, _ = shown(capsys)
+    assert lines[0].split() == ["BEGUN", "VERB", "INSTANCE", "RESULT", "RUN"]
+    assert "demo" in lines[1] and "apply" in lines[1] and " changed " in lines[1]
+    assert lines[2].split()[1:] == ["run", "race", "1", "of", "3", "trials", "count", "one"]
+    first, second = valid(capsys, "runs")["runs"]
+    assert (first["verb"], first["ended"], first["trials"], first["failed"]) == ("apply", True, None, 0)
+    assert (second["done"], second["trials"], second["changed"]) == (1, 3, None)
+    assert shown(capsys, "show", first["run"])[0][1].endswith(first["path"])
+    assert shown(capsys, "show", "one")[0] == shown(capsys, "show", second["path"])[0]
+
+
+def test_the_trials_of_a_run_are_shown_with_parameters_and_metrics(
+    home: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lost = {"trial": "feedfeedfe-r001", "attempt": 1, "status": "interrupted", "reason": "the run ended"}
+    folder = kept(
+        home / "trials" / "one",
+        ended(TRIALS[0], "ok", m_time=0.25, verdict="success"),
+        ended(TRIALS[1], "infrastructure", reason="r1: \x1b[31maway\nfor ever"),
+        lost,
+    )
+    before = {path: path.read_bytes() for path in folder.iterdir()}
+    lines, told = shown(capsys, "show", "one")
+    assert lines[0].split() == ["ORDER", "TRIAL", "ATTEMPT", "STATUS", "VERDICT", "P_SPEED", "M_TIME", "WHY"]
+    assert lines[1].split()[1:] == [TRIALS[0].id, "1", "ok", "success", "1", "0.25", "-"]
+    assert len(lines) == 4 and "\x1b" not in lines[2] and "away" in lines[2]
+    assert told == "1 of 3 trials count\n"
+    document = valid(capsys, "trials-run", "show", "one")
+    assert [one["trial"] for one in document["rows"]] == [TRIALS[0].id, TRIALS[1].id]
+    assert {path: path.read_bytes() for path in folder.iterdir()} == before
+
+
+def test_a_run_that_is_under_way_is_read_and_not_mended(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = kept(home / "trials" / "one", ended(TRIALS[0], "ok"), end=False) / NAME
+    path.write_bytes(path.read_bytes() + b'{"seq": 4, "even')
+    before = path.read_bytes()
+    assert "1 of 3 trials count; not ended" in shown(capsys)[0][1]
+    assert "it is not complete: it has not ended, or was killed" in shown(capsys, "show", "one")[1]
+    assert path.read_bytes() == before
+
+
+def test_one_that_cannot_be_read_is_named_and_the_others_are_listed(
+    home: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    root = home / "trials"
+    kept(root / "good", ended(TRIALS[0], "ok"))
+    kept(root / "odd", {"trial": 3, "attempt": [1], "status": None})
+    (root / "linked").mkdir()
+    (root / "linked" / NAME).symlink_to(root / "good" / NAME)
+    (root / "empty").mkdir()
+    (root / "record").mkdir()
+    (root / "record" / "environment.json").write_text("[" * 100_000)
+    lines, told = shown(capsys, str(root))
+    assert len(lines) == 2 and lines[1].endswith(str(root / "good"))
+    assert [name in told for name in ("odd", "linked", "record", "empty")] == [True, True, True, False]
+    assert len(valid(capsys, "runs", str(root))["runs"]) == 1
+    assert "is a link" in shown(capsys, "show", str(root / "linked"), code=5)[1]
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("show",), "one folder is listed"),
+        (("a", "b"), "one folder is listed"),
+        (("nowhere",), "nowhere: No such file"),
+        (("show", "nowhere"), "nowhere is no record that can be read"),
+        (("show", ".."), "is no record"),
+    ],
+)
+def test_what_is_no_run_is_told(
+    home: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], says: str
+) -> None:
+    assert says in shown(capsys, *words, code=5)[1]
+
+
+def test_without_any_run_the_folders_are_named(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (line,), _ = shown(capsys)
+    assert line == f"no runs in {home / 'runs'} and {home / 'trials'}"
