@@ -197,6 +197,7 @@ class Engine:
             "Restarting": one.state == "restarting",
             "Dead": one.state == "dead",
             "ExitCode": one.code,
+            "FinishedAt": "2026-11-22T10:00:00.5Z" if one.state == "exited" else "0001-01-01T00:00:00Z",
         }
         if health := self.health(one):
             log = [{"ExitCode": 0 if health == "healthy" else 1, "Output": "connection refused\n"}]

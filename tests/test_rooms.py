@@ -157,6 +157,7 @@ FILES: Mapping[str, Room] = {
     "cli/runs.py": cli_file("record trials.judge"),
     "cli/schema.py": cli_file("data"),
     "cli/status.py": cli_file("facts"),
+    "cli/wait.py": cli_file("facts"),
 }
 """Files whose line differs from their room's."""
 

@@ -18,12 +18,12 @@ from srprov.cli.options import asked_for_become
 from srprov.cli.output import catch_logs
 from srprov.cli.output_options import note
 from srprov.controller.request import PlanRequest
-from srprov.errors import RefusedError, UsageError
+from srprov.errors import DefinitionError, RefusedError, UsageError
 from srprov.secret import Secret, Vault
 
 if TYPE_CHECKING:
     from srprov.controller.fleet import Fleet
-    from srprov.definitions.model import Definitions, Inventory
+    from srprov.definitions.model import Definitions, Experiment, Inventory
 
 
 def load_inventory(paths: tuple[str, ...]) -> Inventory:
@@ -70,6 +70,14 @@ def load_experiment(path: str) -> Definitions:
     from srprov.definitions import load_experiment as load
 
     return load(path)
+
+
+def experiment_if_valid(path: str) -> Experiment | None:
+    """Read an EDF for the names of its services; one that is not valid any more gives None."""
+    try:
+        return load_experiment(path).experiment
+    except DefinitionError:
+        return None
 
 
 def named_instance(file: str | None, instance: str) -> tuple[str, str]:

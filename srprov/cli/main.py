@@ -35,6 +35,7 @@ _VERBS = {
     "runs": "List the runs that were recorded, or show the trials of one; no robot is asked.",
     "status": "Show the running experiment.",
     "images": "Show the images that srprov built on robots; prune: remove what nobody uses.",
+    "wait": "Wait until jobs have completed, services are healthy, or something was printed.",
     "logs": "Show the output of services.",
     "locks": "Show who is changing which robot.",
     "destroy": "Remove everything that an instance owns.",

@@ -137,7 +137,7 @@ def test_what_plans_only_reads_and_what_applies_does_not(listening: Listening, t
     """All verbs that look, on a bare robot and on one with the experiment; and the judge sees what `apply` does."""
     lab, inventory = listening.lab, listening.inventory
     path = tmp_path / "read.edf"
-    one = busybox(environment={"WORD": "it's $(reboot)"}, volumes=["log:/log"])
+    one = busybox("sh", "-c", "echo up; exec sleep 86400", environment={"WORD": "it's $(reboot)"}, volumes=["log:/log"])
     path.write_text(edf("read", {"one": one}), encoding="utf-8")
     path.with_name("other.edf").write_text(edf("other", {"one": one}), encoding="utf-8")
     looks = [
@@ -186,7 +186,10 @@ def test_what_plans_only_reads_and_what_applies_does_not(listening: Listening, t
     assert any(act.startswith("POST ") and "/containers/create" in act for act in acts), acts
 
     lab.shell(ROBOT, "docker", "stop", "srprov.read.one")  # so that a plan has something to say
-    look(("logs", str(path), "-i", inventory))
+    look(
+        ("logs", str(path), "-i", inventory),
+        ("wait", str(path), "-i", inventory, "--until", "log:one=^up$", "--wait-timeout", "60"),
+    )
 
     listening.told()
     assert lab.srprov("destroy", str(path), "-i", inventory, "--yes").code == 0

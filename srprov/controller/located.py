@@ -1,0 +1,131 @@
+"""Where the services of a running instance are, and which of them a user's words mean.
+
+Takes robots as they were found, and what this machine remembers of its runs; changes nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from srprov.controller.ownership import looking
+from srprov.definitions.expand import expand
+from srprov.definitions.model import Experiment
+from srprov.errors import UsageError
+from srprov.facts.model import Snapshot
+from srprov.modules import RUNNING
+from srprov.modules.container import container_name
+from srprov.network.record import PlacementRecord, read_record
+from srprov.resource import Observed
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Located:
+    """A service, or an instance of it, and its robot."""
+
+    service: str
+    host: str
+    container: str
+    """The container's name."""
+    found: Observed | None = None
+    """None: it is not there, or its robot is out of reach."""
+    stray: bool = False
+    """It is elsewhere than where the service was placed, or robots do not agree where that is."""
+
+    @property
+    def where(self) -> str:
+        """Return it in words."""
+        return f"{self.service} on {self.host}"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Whereabouts:
+    """All services of an instance."""
+
+    instance: str
+    services: tuple[Located, ...]
+    families: Mapping[str, frozenset[str]]
+    """Service of the EDF that runs several times -> the names of its instances."""
+    notes: tuple[str, ...] = ()
+    """What robots say that contradicts others, or that nobody can confirm."""
+    unreachable: Mapping[str, str]
+
+    def named(self, words: Sequence[str]) -> tuple[Located, ...]:
+        """Return what words mean: `SERVICE`, an instance of it, or `SERVICE@ROBOT`; without any, all services.
+
+        What is elsewhere than where it was placed is meant only by `SERVICE@ROBOT`.
+
+        Raises:
+            UsageError: A word names nothing.
+        """
+        if not words:
+            return tuple(one for one in self.services if not one.stray)
+        found = {(one.service, one.host): one for word in words for one in self._of(word)}
+        return tuple(found[key] for key in sorted(found))
+
+    def _of(self, word: str) -> list[Located]:
+        service, _, robot = word.partition("@")
+        names = {service, *self.families.get(service, ())}
+        some = [one for one in self.services if one.service in names and robot in ("", one.host)]
+        found = some if robot else [one for one in some if not one.stray]
+        if found:
+            return found
+        if some:
+            places = " or ".join(f"{one.service}@{one.host}" for one in some)
+            raise UsageError(f"it is not sure where {service} was placed", hint=f"name it with its robot: {places}")
+        there = ", ".join(sorted({one.service for one in self.services})) or "none"
+        away = f"; {', '.join(sorted(self.unreachable))} cannot be reached" if self.unreachable else ""
+        raise UsageError(
+            f"{self.instance} has no {word} on these robots{away}",
+            hint=f"there are: {there}; `srprov apply` makes them",
+        )
+
+
+def locate(snapshot: Snapshot, instance: str, experiment: Experiment | None = None) -> Whereabouts:
+    """Return where each service of an instance is, by the believed placement and what was found.
+
+    Args:
+        snapshot: The robots as they are.
+        instance: The instance's id.
+        experiment: What the EDF says, for the names of services that run several times.
+    """
+    believed, disputes, notes = looking(snapshot, instance)
+    record = read_record(believed.placements.get(instance)) or PlacementRecord()
+    homes = {} if disputes else dict(record.robots)
+    there = {
+        (item.service, host): item
+        for host, items in snapshot.observed.items()
+        for item in items
+        if item.module in RUNNING and item.instance == instance
+    }
+    known = set(homes)
+    services = [
+        Located(service=one, host=host, container=container_name(instance, one), found=there.get((one, host)))
+        for one, host in homes.items()
+    ]
+    services += [
+        Located(service=one, host=host, container=item.name, found=item, stray=bool(disputes) or one in known)
+        for (one, host), item in there.items()
+        if homes.get(one) != host
+    ]
+    return Whereabouts(
+        instance=instance,
+        services=tuple(sorted(services, key=lambda one: (one.service, one.host))),
+        families=_families(snapshot, record, experiment),
+        notes=(*disputes, *notes),
+        unreachable=snapshot.unreachable,
+    )
+
+
+def _families(
+    snapshot: Snapshot, record: PlacementRecord, experiment: Experiment | None
+) -> Mapping[str, frozenset[str]]:
+    if experiment is None:
+        return {}
+    tags = {robot: facts.tags for robot, facts in snapshot.facts.items()}
+    away = {name: robot for name, robot in record.robots.items() if robot in snapshot.unreachable}
+    families: dict[str, set[str]] = {}
+    for name, one in expand(experiment, tags, away).services.items():
+        if one.instance_of:
+            families.setdefault(one.instance_of, set()).add(name)
+    return {name: frozenset(some) for name, some in families.items()}
