@@ -87,3 +87,12 @@ class TrialsReport:
 def _word(one: Mapping[str, object]) -> str:
     judged = one.get("verdict")
     return f"{one['status']}, {judged}" if judged not in (None, "unknown") else str(one["status"])
+
+
+def in_words(one: Mapping[str, object]) -> str:
+    """Return how one attempt ended."""
+    duration = one.get("duration_s")
+    took = f" after {duration:.1f} s" if isinstance(duration, float) else ""
+    judged = one.get("verdict")
+    verdict_word = f", {judged}" if judged not in (None, "unknown") else ""
+    return f"{one['status']}{verdict_word}{took}: {one['reason']}"

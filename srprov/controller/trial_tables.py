@@ -16,13 +16,25 @@ from typing import Any
 from srprov import data, private
 from srprov.controller.trial_plan import TrialPlan
 from srprov.definitions.trialsmodel import TrialDefinitions
-from srprov.trials.table import CLOCKS, METRICS, Row, clock_rows, columns, csv_text, metric_rows
+from srprov.trials.table import (
+    CLOCKS,
+    CONTAINERS,
+    HOSTS,
+    METRICS,
+    Row,
+    columns,
+    csv_text,
+    metric_rows,
+    rows_within,
+)
 
 NAME = "csv-metadata.json"
 """Where programs look for it that are given a table in the same folder."""
 _KEYS = ("trial", "attempt")
+_WITHIN = {"clocks": CLOCKS, "hosts": HOSTS, "containers": CONTAINERS}
+"""Key of a row -> the columns of the table that has what stands there."""
 _TYPES = {"integer": "integer", "number": "double", "boolean": "boolean", "string": "string"}
-_UNITS = {"_s": "s", "_ms": "ms"}
+_UNITS = {"_s": "s", "_ms": "ms", "_bytes": "byte", "_c": "degree Celsius", "_percent": "percent"}
 _METRIC_TEXTS = {
     "metric": "The metric's name.",
     "value": "Its value.",
@@ -40,7 +52,8 @@ class Tables:
         """Take where they are written, what is run, and the attempts that ended earlier."""
         self._folder, self._given = folder, plan.given
         self._robots = {one.service: one.host for one in plan.services}
-        self._names = {"trials.csv": columns(plan.given), "metrics.csv": METRICS, "clocks.csv": CLOCKS}
+        self._names = {"trials.csv": columns(plan.given), "metrics.csv": METRICS}
+        self._names |= {f"{key}.csv": names for key, names in _WITHIN.items()}
         self._texts = {file: csv_text(names, ()) for file, names in self._names.items()}
         for row in rows:
             self.add(row)
@@ -48,7 +61,8 @@ class Tables:
     def add(self, row: Row) -> None:
         """Add an attempt."""
         metrics = metric_rows([row], self._given.metrics, self._robots)
-        found = {"trials.csv": [row], "metrics.csv": metrics, "clocks.csv": clock_rows([row])}
+        within = {f"{key}.csv": rows_within(row, key) for key in _WITHIN}
+        found: dict[str, Iterable[Row]] = {"trials.csv": [row], "metrics.csv": metrics, **within}
         for file, rows in found.items():
             self._texts[file] += csv_text(self._names[file], rows, header=False)
 
@@ -66,7 +80,7 @@ class Tables:
 def description(given: TrialDefinitions) -> dict[str, Any]:
     """Return what `csv-metadata.json` says: for each table its columns, their types, and what is unique."""
     schema = data.schema("trials-run")["$defs"]
-    row, clock = schema["row"]["properties"], schema["clock"]["properties"]
+    row, clock, host, container = (schema[name]["properties"] for name in ("row", "clock", "host", "container"))
     metric = {name: {"type": "string", "description": text} for name, text in _METRIC_TEXTS.items()}
     metric["value"]["type"] = "number"
     return {
@@ -75,6 +89,8 @@ def description(given: TrialDefinitions) -> dict[str, Any]:
             _table("trials.csv", "Attempts at trials.", columns(given), {**row, **_of_experiment(given)}, _KEYS),
             _table("metrics.csv", "Numbers that attempts gave.", METRICS, {**row, **metric}, (*_KEYS, "metric")),
             _table("clocks.csv", "Robots' clocks.", CLOCKS, {**row, **clock}, (*_KEYS, "robot", "when")),
+            _table("hosts.csv", "What robots used.", HOSTS, {**row, **host}, (*_KEYS, "robot")),
+            _table("containers.csv", "What containers used.", CONTAINERS, {**row, **container}, (*_KEYS, "service")),
         ],
     }
 

@@ -17,7 +17,9 @@ from pathlib import Path
 from srprov import private
 from srprov.controller.trial_files import Gathered, gather_files
 from srprov.controller.trial_plan import TrialPlan, containers
+from srprov.controller.trial_report import in_words
 from srprov.controller.trial_tables import Tables
+from srprov.controller.trial_used import used
 from srprov.errors import TransportError
 from srprov.execution.collect import CollectFailed
 from srprov.execution.trial import TrialEnd, TrialOrder, run_trial
@@ -27,7 +29,7 @@ from srprov.record.journal import Journal
 from srprov.secret import redacted
 from srprov.trials import Design, Trial
 from srprov.trials.judge import COUNTED, End, verdict
-from srprov.trials.row import Seen, clocks, row
+from srprov.trials.row import Seen, row
 from srprov.untrusted import mapping
 
 Row = dict[str, object]
@@ -144,7 +146,7 @@ class Trials:
         for left in range(self._run.plan.given.settings.retries, -1, -1):
             one = self._attempt(order, trial)
             again = one["status"] == "infrastructure" and left > 0 and not stop.is_set() and not self.ended_early
-            self._tell(trial, order, _said(one) + (", trying again" if again else ""), aloud=True)
+            self._tell(trial, order, in_words(one) + (", trying again" if again else ""), aloud=True)
             if not again:
                 return one
         raise AssertionError("a trial is tried at least once")
@@ -168,7 +170,7 @@ class Trials:
             with contextlib.suppress(EquipmentFailed):
                 robots.clear()
             raise
-        made["clocks"] = clocks(robots.measured)
+        made |= used(self._run.plan, robots)
         try:
             robots.clear()
         except EquipmentFailed as error:
@@ -234,11 +236,3 @@ class Trials:
         count = len(self._orders)
         values = trial.point.values
         self._say(TrialNews(trial=trial.id, order=order, trials=count, values=values, what=what, aloud=aloud))
-
-
-def _said(one: Mapping[str, object]) -> str:
-    duration = one.get("duration_s")
-    took = f" after {duration:.1f} s" if isinstance(duration, float) else ""
-    judged = one.get("verdict")
-    verdict_word = f", {judged}" if judged not in (None, "unknown") else ""
-    return f"{one['status']}{verdict_word}{took}: {one['reason']}"

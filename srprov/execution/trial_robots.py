@@ -8,7 +8,6 @@ the same way. A robot that stays away, an engine that refuses, or one that took 
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Collection, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
@@ -17,16 +16,16 @@ from typing import Any, Protocol, TypeVar
 
 from srprov.errors import TransportError
 from srprov.execution.stopping import stop_all
+from srprov.execution.trial_clocks import samples
 from srprov.execution.trial_patience import EngineAway, EquipmentFailed, Patience, Say
 from srprov.execution.trial_survival import Survival
+from srprov.execution.trial_totals import Totals
 from srprov.modules.container_commands import remove, start, stop
 from srprov.session import Session
-from srprov.trials.clock import Offset, Sample, offset
+from srprov.trials.clock import Offset, offset
 from srprov.trials.reading import Reading, read
-from srprov.untrusted import decimal
-from srprov.wire import Command, EngineCall, EngineQuery, Query, Reply
+from srprov.wire import Command, EngineCall, EngineQuery, Reply
 
-CLOCK_ROUNDS = 16
 _T = TypeVar("_T")
 
 
@@ -68,6 +67,7 @@ class TrialRobots:
         self.patience = Patience(connections.renew, say)
         self.measured: list[Mapping[str, Offset | None]] = []
         """Robot -> its clock; for each time that all were measured."""
+        self.totals = Totals()
         self._connections = connections
         self._hosts = sorted({one.host for one in containers})
         self._survival = Survival(self.patience, max((one.grace_s for one in containers), default=0.0))
@@ -101,6 +101,8 @@ class TrialRobots:
 
         def act(host: str) -> None:
             calls = [stop(one.name, one.grace_s) for one in self._of(host) if one.service in services]
+            if calls and (due := self.totals.due(host, now=True)):
+                self.totals.take(host, self._connections.get(host).ask(due))
             if len(calls) > 1:
                 self._connections.get(host).execute(stop_all(calls, limit_s))
 
@@ -123,13 +125,17 @@ class TrialRobots:
         return {service: answer for found in self.each(self._inspected).values() for service, answer in found.items()}
 
     def _inspected(self, host: str) -> dict[str, Any]:
-        some = self._of(host)
-        replies = self._connections.get(host).ask([EngineQuery(path=f"/containers/{one.name}/json") for one in some])
+        some, session = self._of(host), self._connections.get(host)
+        states = [EngineQuery(path=f"/containers/{one.name}/json") for one in some]
+        every = session.ask([*states, *self.totals.due(host)])
+        replies = every[: len(some)]
+        self.totals.take(host, every[len(some) :])
         for reply in replies:
             if not reply.ok and reply.status != _NOT_FOUND:
                 _check_engine(reply)
                 raise EquipmentFailed(f"{host}: its containers cannot be read: {_why(reply.err or reply.out)}")
         found = {one.service: reply.json() for one, reply in zip(some, replies, strict=True)}
+        self.totals.find(host, found, session)
         self._survival.look(host, {service: read(answer) for service, answer in found.items()})
         return found
 
@@ -152,8 +158,14 @@ class TrialRobots:
             self._survival.refuse_ended(host, [one.service for one in self._of(host)], failed=True)
 
     def clocks(self) -> dict[str, Offset | None]:
-        """Measure all robots' clocks against ours."""
-        found = self.each(lambda host: offset(_samples(self._connections.get(host))))
+        """Measure all robots' clocks against ours, and read the robots' own counters with the last answer."""
+
+        def act(host: str) -> Offset | None:
+            said, reply = samples(self._connections.get(host))
+            self.totals.host(host, reply)
+            return offset(said)
+
+        found = self.each(act)
         self.measured.append(found)
         return found
 
@@ -226,19 +238,6 @@ def _check_engine(reply: Reply) -> None:
     """Raise EngineAway for the answer of an engine that is not there, or not yet."""
     if reply.status in _AWAY:
         raise EngineAway(_why(reply.err or reply.out))
-
-
-def _samples(session: Session) -> Iterator[Sample]:
-    """Ask one robot for its time, again and again."""
-    for _ in range(CLOCK_ROUNDS):
-        asked, begun = time.time(), time.monotonic()
-        (reply,) = session.ask([Query(command="date +%s.%N")])
-        answered = asked + (time.monotonic() - begun)  # a step of our own clock in between changes nothing
-        whole, _, fraction = reply.out.strip().partition(".")
-        fine = fraction.isdigit()  # busybox knows no %N
-        robot = decimal(f"{whole}.{fraction}" if fine else whole, low=0.0, high=1e11, default=0.0)
-        if reply.ok and robot:
-            yield Sample(asked=asked, robot=robot, answered=answered, resolution=0.0 if fine else 1.0)
 
 
 def _why(text: str) -> str:

@@ -7,10 +7,13 @@ import io
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from srprov.definitions.trialsmodel import Metric, TrialDefinitions
+from srprov.trials import cgroup, hosts
 from srprov.untrusted import mappings
 
 Row = Mapping[str, object]
 CLOCKS = ("trial", "attempt", "robot", "when", "measured_utc", "offset_ms", "error_ms", "rtt_ms", "samples")
+HOSTS = ("trial", "attempt", "robot", *hosts.COLUMNS)
+CONTAINERS = ("trial", "attempt", "robot", "service", *cgroup.COLUMNS, "unread_s")
 METRICS = ("trial", "attempt", "metric", "value", "unit", "service", "robot", "source")
 _COLUMNS = (
     *("trial", "point", "repetition", "attempt", "order", "status", "verdict", "reason", "started_utc", "ready_s"),
@@ -25,11 +28,10 @@ def columns(given: TrialDefinitions) -> tuple[str, ...]:
     return (*_COLUMNS, *parameters, *(f"m_{one.name}" for one in given.metrics), *_LAST)
 
 
-def clock_rows(rows: Iterable[Row]) -> Iterator[Row]:
-    """Return the rows of clocks.csv: one for each robot and measurement of an attempt."""
-    for row in rows:
-        for one in mappings(row.get("clocks")):
-            yield {"trial": row["trial"], "attempt": row["attempt"], **one}
+def rows_within(row: Row, key: str) -> Iterator[Row]:
+    """Return an attempt's rows of clocks.csv, hosts.csv or containers.csv, which stand below a key in its own."""
+    for one in mappings(row.get(key)):
+        yield {"trial": row["trial"], "attempt": row["attempt"], **one}
 
 
 def metric_rows(rows: Iterable[Row], metrics: Sequence[Metric], robots: Mapping[str, str]) -> Iterator[Row]:

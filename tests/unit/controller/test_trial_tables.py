@@ -17,7 +17,7 @@ import pytest
 from srprov.controller.trial_report import TrialsReport
 from srprov.controller.trial_tables import Tables
 from srprov.definitions.trialsmodel import Metric, Parameter, TrialDefinitions
-from srprov.trials import design
+from srprov.trials import cgroup, design
 from srprov.trials.clock import Offset
 from srprov.trials.judge import End
 from srprov.trials.row import Seen, clocks, row
@@ -44,6 +44,8 @@ def written(folder: Path) -> Path:
         **row(first, 1, 1, Seen(end=End("ok", 'completed: "racer", and\nmore'), before={"r1": RIGHT, "r2": None})),
         "verdict": "success", "m_time": 1e-7, "m_ticks": 12.0, "collect_s": 0.1, "files": 3, "bytes": 1 << 40,
         "clocks": clocks([{"r1": RIGHT, "r2": None}, {"r2": RIGHT, "r1": RIGHT}]),
+        "hosts": [{"robot": "r1", "cpus": 4, "cpu_s": 2.5, "temperature_end_c": -3.5, "throttled": False}],
+        "containers": [{"robot": "r1", "service": "racer", **cgroup.row(cgroup.Used(counters={"cpu_s": 1.25}), None)}],
     }  # fmt: skip
     failed = {**row(second, 1, 2, Seen(end=End("infrastructure", "r1: away"))), "clocks": clocks([{"r1": RIGHT}])}
     lost = {"trial": "feedfeedfe-r001", "attempt": 2, "status": "interrupted", "reason": "the run ended before it did"}
@@ -63,13 +65,15 @@ def test_a_csvw_processor_finds_every_table_as_it_is_described(tmp_path: Path) -
     """Types, limits, required cells, unique keys, and attempts that are in trials.csv."""
     folder = written(tmp_path)
     group = csvw.TableGroup.from_file(folder / "csv-metadata.json")
-    assert [str(table.url) for table in group.tables] == ["trials.csv", "metrics.csv", "clocks.csv"]
+    assert [str(table.url) for table in group.tables] == [
+        "trials.csv", "metrics.csv", "clocks.csv", "hosts.csv", "containers.csv",
+    ]  # fmt: skip
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         found = {str(table.url): list(table.iterdicts(strict=True)) for table in group.tables}
         assert group.check_referential_integrity(strict=True) is not False
         assert all(table.check_primary_key() is not False for table in group.tables)
-    assert [len(some) for some in found.values()] == [3, 2, 5]
+    assert [len(some) for some in found.values()] == [3, 2, 5, 1, 1]
     assert found["trials.csv"][0]["p_SPEED"] == "0.5" and found["trials.csv"][1]["p_SPEED"] == 'a,"b"\nc'
     assert found["metrics.csv"][0]["value"] == found["trials.csv"][0]["m_time"] == pytest.approx(1e-7, rel=1e-12)
     assert found["clocks.csv"][0]["measured_utc"].microsecond == 250_000
@@ -84,6 +88,8 @@ def test_a_csvw_processor_finds_every_table_as_it_is_described(tmp_path: Path) -
         ("clocks.csv", "2026-11-22T", "yesterday"),
         ("clocks.csv", ",after,", ",before,"),
         ("clocks.csv", "-r001,1,r2", "-r007,1,r2"),
+        ("hosts.csv", ",false", ",cold"),
+        ("containers.csv", ",1.25,", ",-1.25,"),
     ],
 )
 def test_what_does_not_fit_the_description_is_found(tmp_path: Path, table: str, old: str, new: str) -> None:

@@ -1,0 +1,34 @@
+"""Questions for a robot's time, from which its clock's offset follows. Takes a session; gives samples."""
+
+from __future__ import annotations
+
+import time
+
+from srprov.execution.trial_totals import HOST
+from srprov.session import Session
+from srprov.trials.clock import Sample
+from srprov.untrusted import decimal
+from srprov.wire import Query, Reply
+
+CLOCK_ROUNDS = 16
+
+
+def samples(session: Session) -> tuple[list[Sample], Reply]:
+    """Ask one robot for its time, again and again; return what it said, and its answer to `HOST`.
+
+    Raises:
+        TransportError: It cannot be talked to any more.
+    """
+    found: list[Sample] = []
+    more = Reply(status=-1, ok=False)
+    for left in range(CLOCK_ROUNDS - 1, -1, -1):
+        asked, begun = time.time(), time.monotonic()
+        reply, *others = session.ask([Query(command="date +%s.%N"), *([] if left else [HOST])])
+        answered = asked + (time.monotonic() - begun)  # a step of our own clock in between changes nothing
+        more = others[0] if others else more
+        whole, _, fraction = reply.out.strip().partition(".")
+        fine = fraction.isdigit()  # busybox knows no %N
+        robot = decimal(f"{whole}.{fraction}" if fine else whole, low=0.0, high=1e11, default=0.0)
+        if reply.ok and robot:
+            found.append(Sample(asked=asked, robot=robot, answered=answered, resolution=0.0 if fine else 1.0))
+    return found, more
