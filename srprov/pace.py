@@ -41,6 +41,11 @@ class Pace:
         """Leave out the time since the last call: it was not the stream's."""
         self._at = time.monotonic()
 
+    def extend(self, seconds: float) -> None:
+        """Wait longer: there is something to be done that takes so long."""
+        self._most += seconds
+        self._left += seconds
+
     @property
     def left(self) -> float:
         """Seconds that are left."""

@@ -37,6 +37,7 @@ _VERBS = {
     "images": "Show the images that srprov built on robots; prune: remove what nobody uses.",
     "wait": "Wait until jobs have completed, services are healthy, or something was printed.",
     "logs": "Show the output of services.",
+    "collect": "Bring home the results, logs and facts of the running experiment.",
     "locks": "Show who is changing which robot.",
     "destroy": "Remove everything that an instance owns.",
     "lab": "The embedded lab: robots on this machine.",

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from srprov.controller.render_inputs import RenderInputs
 from srprov.controller.robot_images import image_of
 from srprov.definitions.containermodel import Mount, Runtime
-from srprov.definitions.model import Service
+from srprov.definitions.model import Experiment, Service
+from srprov.definitions.trialsmodel import folder_of
 from srprov.modules.container import container_name
 from srprov.modules.module import STATE_ROOT
 from srprov.modules.network import network_hash
@@ -60,10 +61,28 @@ def service_context(
         "hostname": "" if service.network == "host" else service.runtime.hostname or service.name,
         "job": service.runtime.job,
         "run": _run(service.runtime),
-        "mounts": mounts,
+        "mounts": [*mounts, *_result_volumes(inputs.experiment, service, mounts)],
         "network": _network(inputs, service, overlay),
         "needs": needs,
     }
+
+
+def _result_volumes(
+    experiment: Experiment, service: Service, mounts: Sequence[Mapping[str, Any]]
+) -> list[Mapping[str, Any]]:
+    """Return a volume for each folder of a service's results that no mount of its has.
+
+    They have no name: the engine removes them with their container, whoever removes that.
+    """
+    targets = [str(mount["Target"]).rstrip("/") for mount in mounts]
+    made: list[Mapping[str, Any]] = []
+    wanted = experiment.trials.results if experiment.trials else {}
+    for result in wanted.get(service.instance_of or service.name, ()):
+        folder = folder_of(result.path)
+        if not any(folder == target or folder.startswith(f"{target}/") for target in targets):
+            targets.append(folder)
+            made.append({"Type": "volume", "Target": folder})
+    return made
 
 
 def hosts_path(instance: str, service: Service) -> str:

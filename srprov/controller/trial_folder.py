@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import os
 import stat
+from collections.abc import Sequence
 from pathlib import Path
 
 from srprov import private
 from srprov.errors import RefusedError, UsageError
 
+_RESUME = "go on with the run in it by --resume, or name another folder"
 
-def check_new(folder: Path) -> None:
+
+def check_new(folder: Path, used_hint: str = _RESUME) -> None:
     """Refuse a folder for a new run that has something in it, or that cannot be made.
 
     Raises:
@@ -23,8 +26,7 @@ def check_new(folder: Path) -> None:
     except OSError as error:
         raise UsageError(f"{folder}: {error.strerror}", hint="name another folder with -o") from None
     if used:
-        hint = "go on with the run in it by --resume, or name another folder"
-        raise UsageError(f"{folder} is not empty", hint=hint)
+        raise UsageError(f"{folder} is not empty", hint=used_hint)
     if not usable:
         why = "you may not write there" if near.is_dir() else "it is no folder"
         raise UsageError(f"nothing can be kept in {near}: {why}", hint="name another folder with -o")
@@ -43,18 +45,18 @@ def make_folder(folder: Path) -> None:
         raise UsageError(f"cannot make {folder}: {error.strerror}", hint="name another folder with -o") from None
 
 
-def check_own(folder: Path) -> None:
-    """Refuse to go on in a folder in which others may have put links: they would lead elsewhere.
+def check_own(folder: Path, inside: Sequence[str] = ("trials",)) -> None:
+    """Refuse to go on in a folder, and some in it, in which others may have put links: they would lead elsewhere.
 
     Raises:
-        RefusedError: It, or its `trials`, is a link, another user's, or writable by others.
+        RefusedError: One of them is a link, another user's, or writable by others.
         UsageError: There is none.
     """
-    for one in (folder, folder / "trials"):
+    for one in (folder, *(folder / name for name in inside)):
         try:
             about = os.lstat(one)
         except OSError as error:
-            raise UsageError(f"{one}: {error.strerror}", hint="name the folder of a run of trials") from None
+            raise UsageError(f"{one}: {error.strerror}", hint="name a folder that srprov made") from None
         if not stat.S_ISDIR(about.st_mode) or about.st_uid != os.geteuid() or about.st_mode & 0o022:
-            hint = "go on only with a run of your own, whose folder nobody else can write to"
+            hint = "go on only with what is your own, in a folder that nobody else can write to"
             raise RefusedError(f"{one} is a link, somebody else's, or writable by others", hint=hint)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 
 from srprov.controller.labpolicy import Policies, enforce
@@ -12,7 +12,7 @@ from srprov.controller.ownership import owned
 from srprov.controller.plan import Planned
 from srprov.controller.trial_instances import with_instances
 from srprov.definitions.model import Inventory
-from srprov.definitions.trialsmodel import TrialDefinitions, folder_of
+from srprov.definitions.trialsmodel import TrialDefinitions
 from srprov.errors import UsageError, visible
 from srprov.execution.trial_robots import TrialContainer
 from srprov.modules import RUNNING
@@ -101,9 +101,7 @@ def _container(plan: TrialPlan, one: Resource, trial: Trial, attempt: int, run: 
         stop_grace_s=grace,
     )
     label = {TRIAL: f"{trial.id}.{attempt}"}
-    # volumes without a name: the engine removes them with their container, whoever removes that
-    mounts = tuple({"Type": "volume", "Target": folder} for folder in _result_folders(plan, one))
-    want = replace(base, run=runtime, mounts=(*base.mounts, *mounts))
+    want = replace(base, run=runtime)
     return TrialContainer(
         host=one.host,
         service=one.service,
@@ -112,16 +110,6 @@ def _container(plan: TrialPlan, one: Resource, trial: Trial, attempt: int, run: 
         needs=plan.needs[one.service],
         grace_s=grace,
     )
-
-
-def _result_folders(plan: TrialPlan, one: Resource) -> Iterator[str]:
-    """Return the folders of a service's results that no mount of its has."""
-    targets = [str(mount["Target"]).rstrip("/") for mount in one.params.mounts]
-    for result in plan.given.results.get(plan.origin[one.service], ()):
-        folder = folder_of(result.path)
-        if not any(folder == target or folder.startswith(f"{target}/") for target in targets):
-            yield folder
-            targets.append(folder)
 
 
 def in_words(plan: TrialPlan) -> str:

@@ -1,38 +1,61 @@
-"""What a container left in a folder or file, as a tar with its hash, in pieces over the robot's connection.
+"""What a container left in a folder or file: listed with hashes by its robot, and fetched over its connection.
 
-GNU tar writes the same tar each time as long as nothing changes, so the robot can say its sha256 first, a transfer that
-was cut goes on where it ended, and who has the whole tar compares.
+Large files come one by one, the others in one tar. GNU tools read both in the folder that the container saw, follow no
+links, and go on where a transfer was cut. Whoever fetches compares each file with the listing.
 """
 
 from __future__ import annotations
 
 import posixpath
 import re
-from collections.abc import Callable, Mapping, Sequence
+import time
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 from srprov.errors import TransportError
+from srprov.execution.listing import Entry, Listing, ListingError
 from srprov.pace import TOO_LITTLE, Pace
 from srprov.session import Session, Streams
 from srprov.untrusted import mapping, mappings, string
-from srprov.wire import Query, quote
+from srprov.wire import quote
 
-_HASH_S = 3600.0
-_SAID = re.compile("(?P<size>[0-9]{1,15}) (?P<entries>[0-9]{1,9}) (?P<hash>[0-9a-f]{64})\\s*")
-_END = b"srprov-end"
-_ENTRY = 16 << 10
-"""Bytes that a tar may hold for an entry beside its content: headers, and extended ones with its names."""
+_T = TypeVar("_T")
+_HASHED_PER_S = 2 << 20
+"""Bytes that the slowest robot hashes, from the slowest memory card."""
+_HASHING_S = 3600.0
+_PAUSE_S = 0.2
+_READY = b"srprov-ready\n"
+_ENDED = re.compile(rb"srprov-end ([0-9]{1,3})\s*\Z")
 _LONGEST_COMPLAINT = 16_384
+_MISSING, _LED_OUT, _NO_TOOLS = 44, 45, 46
+_WHY = {_MISSING: "it is gone", _LED_OUT: "a link leads out of its folder"}
 _TAR = (
-    "tar --create --format=posix --sort=name --numeric-owner --hard-dereference"
+    "tar --create --format=posix --sort=name --numeric-owner --hard-dereference --one-file-system"
     " '--pax-option=exthdr.name=%d/PaxHeaders/%f,delete=atime,delete=ctime'"
 )
-_MISSING = 44
+_LIST = (
+    f"find . -prune -printf '' && sha256sum -z /dev/null >/dev/null || exit {_NO_TOOLS}; "
+    "find \"$what\" -xdev ! -type d -printf '%y %s %p\\0%l\\0'; printf 'H\\0'; "
+    'find "$what" -xdev -type f -print0 | nice xargs -0 -r sha256sum -z --'
+)
+_UNNAMEABLE = re.compile(r"\n|\s\Z")
+"""Paths that cannot stand in the list of what tar leaves out: they come though nobody needs them."""
 
 
 class CollectFailed(Exception):
     """A result could not be read on its robot; the text says why."""
+
+
+class Robot(Protocol):
+    """A robot whose connection may be lost, and is then made anew."""
+
+    @property
+    def host(self) -> str:
+        """Its name."""
+
+    def do(self, work: Callable[[Session], _T]) -> _T:
+        """Do something with its session, again if the connection is lost meanwhile."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -45,109 +68,180 @@ class Place:
     """Relative to that; `.` for all of it."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Offer:
-    """What there is to fetch."""
-
-    size: int
-    """Bytes of files."""
-    most: int
-    """Bytes that the tar has at most."""
-    sha256: str
-    """Of the tar."""
-
-
 def place_of(inspected: object, path: str) -> Place | None:
     """Return where a container's path lies on its robot, by what the engine says of its mounts; None: in no mount."""
     best: tuple[int, Mapping[str, Any], str] | None = None
     for mount in mappings(mapping(inspected).get("Mounts")):
         target = string(mount.get("Destination")).rstrip("/")
-        inside = path == target or path.startswith(f"{target}/")
-        if (
-            target
-            and inside
-            and string(mount.get("Source")).startswith("/")
-            and (best is None or best[0] < len(target))
-        ):
+        inside = target and (path == target or path.startswith(f"{target}/"))
+        if inside and string(mount.get("Source")).startswith("/") and (best is None or best[0] < len(target)):
             best = (len(target), mount, path[len(target) :].strip("/") or ".")
     return Place(root=string(best[1].get("Source")), path=best[2]) if best else None
 
 
-def offers(session: Session, places: Sequence[Place]) -> list[Offer | None]:
-    """Return what there is at each place, in one round trip; None for nothing.
+def listings(robot: Robot, places: Sequence[Place]) -> list[list[Entry] | None]:
+    """Return what there is at each place, by path, all in one round trip; None for nothing.
 
     Raises:
         CollectFailed: Something cannot be read.
-        TransportError: The robot cannot be talked to any more.
+        EquipmentFailed: The robot stays away.
     """
-    replies = session.ask([Query(command=_hash_script(one), timeout_s=_HASH_S) for one in places])
-    found: list[Offer | None] = []
-    for place, reply in zip(places, replies, strict=True):
-        match = _SAID.fullmatch(reply.out)
-        if reply.status == _MISSING:
-            found.append(None)
-        elif reply.ok and match:
-            size, entries = int(match["size"]), int(match["entries"])
-            found.append(Offer(size=size, most=size + (entries + 2) * _ENTRY, sha256=match["hash"]))
-        else:
-            why = " ".join((reply.err or reply.out).split())[-300:]
-            raise CollectFailed(f"{session.host}: {place.path} cannot be read: {why or f'status {reply.status}'}")
-    return found
+    if not places:
+        return []
+    script = "; ".join(f"( {_inside(one)}; {_LIST} ); printf '=%d\\0' $?" for one in places)
+
+    def work(session: Session) -> list[tuple[int, list[Entry]]]:
+        found, pace, allowed = Listing(len(places)), Pace(), 0.0
+        streams = session.open_shell(_ending(script))
+        try:
+            for piece in _pieces(robot.host, streams, pace):
+                found.feed(piece)
+                longer = min(_HASHING_S, found.bytes / _HASHED_PER_S)
+                pace.extend(longer - allowed)
+                allowed = longer
+            return found.all()
+        except ListingError as error:
+            raise CollectFailed(f"{robot.host}: {error}") from error
+        finally:
+            streams.close()
+
+    return [_readable(robot.host, place, *one) for place, one in zip(places, robot.do(work), strict=True)]
 
 
-def fetch(session: Session, place: Place, sink: Callable[[bytes], object], skip: int = 0) -> None:
-    """Give the tar of a place to `sink`, in pieces, from byte `skip` on.
+def _readable(host: str, place: Place, status: int, entries: list[Entry]) -> list[Entry] | None:
+    """Return a place's entries, or None for nothing there."""
+    if status in (_LED_OUT, _NO_TOOLS):
+        why = "a link leads out of its folder" if status == _LED_OUT else "GNU find and sha256sum are needed there"
+        raise CollectFailed(f"{host}: {place.path} cannot be read: {why}")
+    return None if status == _MISSING else entries
+
+
+def fetch_file(robot: Robot, place: Place, size: int, at: int) -> Iterator[bytes]:
+    """Yield the file at a place from byte `at` on, on new connections when some are lost.
 
     Raises:
-        TransportError: The robot cannot be talked to any more.
+        CollectFailed: It cannot be read, or nothing of it comes any more.
+        EquipmentFailed: The robot stays away.
     """
-    script = f'{_inside(place)}; {_TAR} -- "$what" | tail -c +{skip + 1} && echo {_END.decode()} >&2'
-    streams = session.open_shell(script)
-    try:
-        _pump(session.host, streams, sink)
-    finally:
-        streams.close()
+
+    def opened(session: Session, at: int) -> Streams:
+        window = f"iflag=nofollow,nonblock,skip_bytes,count_bytes,fullblock skip={at} count={size - at}"
+        return session.open_shell(_ending(f'{_inside(place)}; dd if="$what" {window} bs=1M status=none'))
+
+    return _resumed(robot, place, opened, at, size)
 
 
-def _hash_script(place: Place) -> str:
-    sizes = "find \"$what\" -type f -printf '%s\\n' -o -printf '0\\n'"
-    size = f"{sizes} | awk '{{n += $1}} END {{printf \"%.0f %d \", n, NR}}'"
-    return f'{_inside(place)}; {size}; {{ {_TAR} -- "$what" || head -c 32 /dev/urandom; }} | sha256sum | cut -c 1-64'
+def fetch_tar(robot: Robot, place: Place, without: Collection[str], most: int) -> Iterator[bytes]:
+    """Yield a place as a tar without some of its files, on new connections when some are lost.
+
+    Raises:
+        CollectFailed: It has more than `most` bytes, or nothing of it comes any more.
+        EquipmentFailed: The robot stays away.
+    """
+    names = "".join(f"./{one}\n" for one in sorted(without) if not _UNNAMEABLE.search(one))
+    listed = names.encode("utf-8", "surrogateescape")
+    words = "--anchored --no-wildcards --exclude-from=-" if listed else ""
+    given = f"printf '{_READY.decode().strip()}\\n'; head -c {len(listed)} | " if listed else ""
+
+    def opened(session: Session, at: int) -> Streams:
+        # whether a file changed under tar, or went, its hash says: tar's own status is not needed
+        streams = session.open_shell(_ending(f'{_inside(place)}; {given}{_TAR} {words} -- "$what" | tail -c +{at + 1}'))
+        if listed:
+            _give(robot.host, streams, memoryview(listed))
+        return streams
+
+    return _resumed(robot, place, opened, 0, most)
+
+
+def _resumed(
+    robot: Robot, place: Place, opened: Callable[[Session, int], Streams], at: int, end: int
+) -> Iterator[bytes]:
+    """Yield what comes, and when it is cut go on where it ended; `end` is the most that there may be."""
+    pace = Pace()
+    while True:
+        here = at
+        streams = robot.do(lambda session: opened(session, here))  # noqa: B023 - it is done at once
+        pace.resume()
+        try:
+            for piece in _pieces(robot.host, streams, pace):
+                at += len(piece)
+                if at > end:
+                    raise CollectFailed(f"{robot.host}: {place.path} has more than it said")
+                yield piece
+                pace.resume()
+            return
+        except TransportError as error:
+            if not pace.goes_on(0):
+                raise CollectFailed(f"{robot.host}: {place.path}: {error.message}") from error
+            time.sleep(_PAUSE_S)  # counted: who lets each connection end at once has so many of them
+            pace.goes_on(0)
+        finally:
+            streams.close()
+
+
+def _ending(script: str) -> str:
+    return f'( {script} ); echo "srprov-end $?" >&2'
 
 
 def _inside(place: Place) -> str:
     """Return a script that goes to the folder of a place and sets `what`, its name there.
 
     The kernel says where the working folder is: whatever runs there may put links in the way meanwhile, and neither tar
-    nor find follow one that they are named.
+    nor find nor dd follow one that they are named.
     """
     folder, name = posixpath.split(posixpath.normpath(place.path))
     return (
         f'here=$(realpath -e -- {quote(place.root)} 2>/dev/null) && cd -- "$here" || exit {_MISSING}; '
         f"folder={quote(folder)}; what={quote('./' + (name if name != '.' else ''))}; "
         f'if [ "$folder" ]; then cd -- "./$folder" 2>/dev/null || exit {_MISSING}; fi; '
-        '[ "$(pwd -P)" = "$here${folder:+/$folder}" ] || { echo "a link leads out of its folder" >&2; exit 1; }; '
+        f'[ "$(pwd -P)" = "$here${{folder:+/$folder}}" ] || exit {_LED_OUT}; '
         f'[ -e "$what" ] || [ -L "$what" ] || exit {_MISSING}'
     )
 
 
-def _pump(host: str, streams: Streams, sink: Callable[[bytes], object]) -> None:
-    """Pass on what comes, to its end."""
-    complaint, pace = bytearray(), Pace()
+def _give(host: str, streams: Streams, data: memoryview) -> None:
+    """Send a shell what it reads, once it says that it is ready."""
+    pace, said = Pace(), b""
+    while not said.endswith(_READY) or data:
+        out, _ = streams.read()
+        said = (said + out)[-len(_READY) :]
+        sent = streams.write(data) if said.endswith(_READY) else 0
+        data = data[sent:]
+        if streams.ended or not pace.goes_on(sent):
+            streams.close()
+            raise TransportError(host, f"it does not take the list of what is here: {streams.reason()}")
+        if not sent:
+            streams.wait(0.2, writing=said.endswith(_READY))
+
+
+def _pieces(host: str, streams: Streams, pace: Pace) -> Iterator[bytes]:
+    """Yield what comes, to its end.
+
+    Raises:
+        CollectFailed: The script failed.
+        TransportError: It ends too early, or next to nothing comes.
+    """
+    complaint = b""
     while True:
         piece, error = streams.read()
-        complaint += error[: _LONGEST_COMPLAINT - len(complaint)]
+        complaint = (complaint + error)[-_LONGEST_COMPLAINT:]
         if not pace.goes_on(len(piece)):
-            said = " ".join(complaint.decode("utf-8", "replace").split())[-200:]
-            raise TransportError(host, f"of a result came {TOO_LITTLE} {said}".strip())
+            raise TransportError(host, f"of a result came {TOO_LITTLE} {_said(complaint)}".strip())
         if piece:
-            sink(piece)
-            pace.resume()
+            yield piece
         elif error:
             continue
         elif streams.ended:
-            if _END not in complaint:
+            ended = _ENDED.search(complaint)
+            if ended is None:
                 raise TransportError(host, f"a result ended too early: {streams.reason()}")
+            if int(ended[1]):
+                why = _said(complaint[: ended.start()]) or _WHY.get(int(ended[1]), f"status {int(ended[1])}")
+                raise CollectFailed(f"{host}: a result cannot be read: {why}")
             return
         else:
             streams.wait(0.2, writing=False)
+
+
+def _said(complaint: bytes) -> str:
+    return " ".join(complaint.decode("utf-8", "replace").split())[-300:]

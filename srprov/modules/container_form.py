@@ -50,6 +50,8 @@ def _mount(instance: str, mount: Mapping[str, Any]) -> Mount | SecretUse | None:
     kind, target = mount.get("Type"), str(mount.get("Target"))
     if kind == "tmpfs":
         return _tmpfs(mount, target)
+    if mount == {"Type": "volume", "Target": target}:  # for results: as fresh as memory, and nobody else's
+        return Mount(kind="tmpfs", source="", target=target)
     source, read_only = str(mount.get("Source")), mount.get("ReadOnly") is True
     make = kind == "bind" and mount.get("BindOptions") == {"CreateMountpoint": True}
     options = {"BindOptions": {"CreateMountpoint": True}} if make else {}

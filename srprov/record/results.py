@@ -1,29 +1,30 @@
-"""A tar that came from a robot -> files below one folder, under names that can do no harm, and what became of each.
+"""What robots give, kept below one folder under names that can do no harm: logs, and files that come in parts.
 
-Takes a file that holds a tar whose hash was compared. Writes plain files and folders of their own, for their owner
-alone; links are not made but listed, and what is neither is listed too. Nothing is written outside of the folder.
+Writes plain files and folders of their own, for their owner alone. Nothing is written outside of the folder.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Iterator
+import stat
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import BinaryIO
 
 from srprov import private
 from srprov.secret import redact_lines
-from srprov.transport.tar_stream import TarStream
 
 MOST_LOG = 1 << 30
 """Bytes of a container's log that come home, with the engine's times."""
 _PIECE = 1 << 20
-_MOST_FILES = 1_000_000
 _UNSAFE = frozenset('%\\:*?"<>|')
 """What some file system has no name with; `%` begins what stands for another character."""
-_DEEPEST = 100
+DEEPEST = 100
 """Folders above a file; what lies deeper is listed, and stays where it is."""
+_MOST_SYNCED = 1000
+"""Files that are synced one by one; with more, the whole disk is quicker."""
 _LONGEST_NAME = 200
 """Bytes; file systems take 255, and `.part` and a number may be added."""
 
@@ -40,6 +41,8 @@ class Kept:
     sha256: str = ""
     note: str = ""
     """Why it was not made, or what else is to be said of it."""
+    failed: bool = False
+    """It should be here, and is not."""
 
 
 class LogTooLong(Exception):
@@ -73,46 +76,18 @@ def log_lines(path: Path) -> Iterator[tuple[str, str]]:
             yield when, text
 
 
-def unpack(path: Path, folder: Path) -> Iterator[Kept]:
-    """Write what a tar holds below a folder that is there; yield what became of each entry.
-
-    Raises:
-        TarError: It is no tar of plain files, folders and links.
-        OSError: Something cannot be written.
-    """
-    names = _Folder()
-    with path.open("rb") as tar:
-        archive = TarStream(iter(lambda: tar.read(_PIECE), b""), most_members=_MOST_FILES, any_kind=True)
-        for member in archive:
-            name = member.name.removeprefix("./").rstrip("/") or "."
-            parts = [part for part in name.split("/") if part not in ("", ".")] or ["_"]
-            if member.isreg() and len(parts) > _DEEPEST:
-                yield Kept(path=name, size=member.size, note=f"it lies deeper than {_DEEPEST} folders")
-            elif member.isreg():
-                place = names.name(parts)
-                digest = _write(archive.content(), folder / place)
-                yield Kept(path=name, name=place, size=member.size, sha256=digest, note=_note(name, place))
-            elif not member.isdir():
-                note = f"a link to {member.linkname[:200]}" if member.issym() else "neither file nor folder nor link"
-                yield Kept(path=name, note=note)
-
-
 def is_safe_name(path: str) -> bool:
     """Return whether a file of this path is kept under just that."""
     return all(_part(part) == part for part in path.strip("/").split("/"))
 
 
-def _note(path: str, name: str) -> str:
-    return "" if path == name else "its name was changed: here it would be another"
-
-
-class _Folder:
+class Names:
     """The names in a folder that is made here: each is harmless, and no two are the same even where case is not."""
 
     __slots__ = ("_folders", "_last", "_names", "_used")
 
     def __init__(self) -> None:
-        self._folders: dict[str, _Folder] = {}
+        self._folders: dict[str, Names] = {}
         self._names: dict[str, str] = {}
         self._used: set[str] = set()
         self._last: dict[str, int] = {}
@@ -123,7 +98,7 @@ class _Folder:
         folder, names = self, []
         for part in parts:
             names.append(folder._own(part))
-            folder = folder._folders.setdefault(part, _Folder())
+            folder = folder._folders.setdefault(part, Names())
         return "/".join(names)
 
     def _own(self, part: str) -> str:
@@ -155,15 +130,55 @@ def _escaped(one: str) -> str:
     return "".join(f"%{byte:02X}" for byte in data)
 
 
-def _write(content: Iterator[bytes], place: Path) -> str:
-    """Write a file and the folders above it; return its sha256."""
-    place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+def is_here(place: Path, size: int, sha256: str) -> bool:
+    """Return whether a file of this content is there already."""
+    try:
+        with os.fdopen(os.open(place, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK), "rb") as stream:
+            about = os.fstat(stream.fileno())
+            same = stat.S_ISREG(about.st_mode) and about.st_size == size
+            return same and hash_of(stream).hexdigest() == sha256
+    except OSError:
+        return False
+
+
+def hash_of(stream: BinaryIO) -> hashlib._Hash:
+    """Return the sha256 of what is left of a file; more can be added to it."""
     digest = hashlib.sha256()
-    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW
-    with open(os.open(place, flags, 0o600), "wb") as stream:
-        for piece in content:
-            digest.update(piece)
-            stream.write(piece)
-        stream.flush()
-        os.fsync(stream.fileno())
-    return digest.hexdigest()
+    while piece := stream.read(_PIECE):
+        digest.update(piece)
+    return digest
+
+
+def open_part(path: Path, whole: int = 0) -> tuple[BinaryIO, hashlib._Hash]:
+    """Open what is here of a file, for writing at its end, with the hash of it.
+
+    Args:
+        path: The part.
+        whole: Only whole pieces of so many bytes count, as what came last may not have reached the disk; 0: none do.
+    """
+    private.make_folder(path.parent)
+    flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | (0 if whole else os.O_TRUNC)
+    stream = os.fdopen(os.open(path, flags, 0o600), "r+b")
+    if whole:
+        stream.truncate(os.fstat(stream.fileno()).st_size // whole * whole)
+    return stream, hash_of(stream)
+
+
+def put(part: Path, place: Path) -> None:
+    """Put a whole file in its place, instead of what is there; its folders are made.
+
+    Raises:
+        OSError: A folder is there, or a file stands where a folder should be.
+    """
+    place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    part.replace(place)
+
+
+def sync(places: Collection[Path]) -> None:
+    """Return when files have reached the disk."""
+    if len(places) > _MOST_SYNCED:
+        os.sync()
+        return
+    for place in places:
+        with place.open("rb") as stream:
+            os.fsync(stream.fileno())

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import hashlib
 import io
 import json
 import os
@@ -17,6 +18,7 @@ import tempfile
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from srprov import disk
 from srprov.cli.config import default_map
@@ -24,6 +26,7 @@ from srprov.cli.facts_ranges import check_ranges
 from srprov.cli.facts_table import facts_table
 from srprov.cli.main import _VERBS
 from srprov.cli.problems import as_json, as_sarif, render_problems
+from srprov.controller.bringing import Bringing, Home
 from srprov.controller.history import read_history
 from srprov.controller.saved import plan_file
 from srprov.controller.source import named_instance, read_source
@@ -31,7 +34,8 @@ from srprov.definitions import check_files, labpolicy, load_experiment, load_inv
 from srprov.definitions.envfile import parse as parse_env
 from srprov.definitions.model import Host
 from srprov.errors import SrprovError, UsageError
-from srprov.execution.collect import place_of
+from srprov.execution.collect import CollectFailed, Place, listings, place_of
+from srprov.execution.listing import Entry
 from srprov.facts.document import facts_document
 from srprov.facts.host import parse_host
 from srprov.facts.stored import read_document
@@ -46,10 +50,8 @@ from srprov.planning.policy import KINDS
 from srprov.planning.text import plan_text
 from srprov.record import last_run
 from srprov.record.journal import read as read_journal
-from srprov.record.results import unpack
 from srprov.rendering.limited import render_texts
 from srprov.transport.openssh import host_keys, ssh_config
-from srprov.transport.tar_stream import TarError
 from srprov.trials.metrics import from_json
 from srprov.trials.reading import read as read_container
 from srprov.untrusted import json_or_none, parse_json
@@ -61,6 +63,7 @@ from tests.unit.facts.robot_outputs import COMPUTER, replies
 from tests.worlds import AS_IT_IS, Definitions, experiment, made, service
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
+LISTING = f"f 3 ./a/b\0\0l 0 ./l\0/etc/passwd\0H\0{'0' * 64}  ./a/b\0=0\0"
 ENV = "# a\nexport FROM_FILE=1\nVERBOSE='off'\nA=\"b\\n\"\nHOME\n"
 PLAYBOOK = (
     "{% for one in services %}\n- file: {{ folder ~ '/' ~ one.name }}\n  content: {{ robot.arch }}\n{% endfor %}\n"
@@ -229,14 +232,47 @@ def _journal(_folder: Path, content: bytes) -> None:
             assert isinstance(event["event"], str)
 
 
+class _Robot:
+    """A robot whose shells give one content."""
+
+    host = "robot1"
+
+    def __init__(self, content: bytes) -> None:
+        self.left = [(content, b"")] * bool(content) + [(b"", b"srprov-end 0\n")]
+
+    def do(self, work: Callable[[Any], Any]) -> Any:
+        return work(self)
+
+    def open_shell(self, _script: str) -> Any:
+        return self
+
+    def read(self) -> tuple[bytes, bytes]:
+        return self.left.pop(0) if self.left else (b"", b"")
+
+    @property
+    def ended(self) -> bool:
+        return not self.left
+
+    def close(self) -> None:
+        pass
+
+
+def _listed(_folder: Path, content: bytes) -> None:
+    with contextlib.suppress(CollectFailed):
+        for entries in listings(_Robot(content), [Place(root="/v", path=".")]):
+            assert all(one.path for one in entries or ())
+
+
 def _collected(_folder: Path, content: bytes) -> None:
-    """Unpack a tar as a robot might send it, into a folder of its own."""
+    """Bring a tar as a robot might send it, into a folder of its own."""
     home = Path(tempfile.mkdtemp(dir="."))
-    (home / "tar").write_bytes(content)
-    (home / "in").mkdir()
-    with contextlib.suppress(TarError, OSError):
-        for one in unpack(home / "tar", home / "in"):
-            assert not one.name or (home / "in" / one.name).is_file()
+    (home / "decoy").write_text("mine")
+    listed = [Entry(f"a/{'x' * 120}", "f", 3, hashlib.sha256(b"abc").hexdigest()), Entry("b", "l", link="/etc/passwd")]
+    bringing = Bringing(_Robot(content), Place(root="/v", path="."), home / "in", Home(home / "parts"))
+    with contextlib.suppress(CollectFailed):
+        for one in bringing.once(listed):
+            assert not one.name or (home / "in" / one.name).read_text() == "abc"
+    assert {one.name for one in home.iterdir()} <= {"in", "parts", "decoy"}
     shutil.rmtree(home)
 
 
@@ -315,6 +351,7 @@ def surfaces() -> Mapping[str, Surface]:
         "git tree": Surface((TREE,), _tree),
         "journal": Surface((JOURNAL,), _journal),
         "result tar": Surface((_tar(),), _collected),
+        "result listing": Surface((LISTING,), _listed),
         "container": Surface((CONTAINER,), _trial),
         "policy": Surface((POLICY,), _file("policy.yml", _policy)),
     }

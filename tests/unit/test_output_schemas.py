@@ -17,7 +17,20 @@ from srprov.planning.policy import KINDS
 from srprov.resource import Action, Condition
 from tests.unit.facts.test_preconditions import GOOD, WELL, replies
 
-OUTPUTS = ("assign", "doctor", "facts", "images", "locks", "plan", "run", "runs", "status", "trials", "trials-run")
+OUTPUTS = (
+    "assign",
+    "collect",
+    "doctor",
+    "facts",
+    "images",
+    "locks",
+    "plan",
+    "run",
+    "runs",
+    "status",
+    "trials",
+    "trials-run",
+)
 
 
 def parts(schema: Any, path: str = "") -> Iterator[tuple[str, dict[str, Any]]]:

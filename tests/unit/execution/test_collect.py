@@ -1,80 +1,91 @@
-"""Results of containers are read by a real shell and tar, from a folder that others may have filled."""
+"""Results of containers are read by a real shell and GNU tools, from a folder that others may have filled."""
 
 from __future__ import annotations
 
 import contextlib
-import io
+import hashlib
 import os
 import subprocess
-from collections.abc import Sequence
+import threading
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, TypeVar, cast
 
 import pytest
 
-from srprov.errors import TransportError
-from srprov.execution.collect import CollectFailed, Place, fetch, offers, place_of
-from srprov.record.results import Kept, unpack
-from srprov.session import Session
-from srprov.wire import Query, Reply
+from srprov.controller import bringing
+from srprov.controller.bringing import Bringing, Home
+from srprov.execution.collect import CollectFailed, Place, fetch_file, fetch_tar, listings, place_of
+from srprov.execution.listing import Entry, Listing, ListingError
+from srprov.record.results import Kept
+from srprov.session import Session, Traffic
+from srprov.transport.shell.pipes import PipeStreams
+from tests.bounded import bounded
+
+_T = TypeVar("_T")
+ANY = Traffic()
 
 
-class Shell:
-    """A shell of this machine; `cut` ends its streams after so many bytes."""
+class Machine:
+    """A robot whose shells are this machine's; `cuts` are the bytes after which its streams end, one after the other.
+
+    `before` is called with each script, and `lie` says what its listings are instead of what they would be.
+    """
 
     host = "robot1"
 
-    def __init__(self, cut: int | None = None) -> None:
-        self.cut, self.sent = cut, 0
+    def __init__(self, *cuts: int) -> None:
+        self.cuts, self.sent, self.scripts = list(cuts), 0, list[str]()
+        self.before: Callable[[str], object] = lambda _script: None
+        self.lie: Callable[[bytes], bytes] = lambda said: said
 
-    def ask(self, queries: Sequence[Query]) -> Sequence[Reply]:
-        done = [subprocess.run(["sh", "-c", one.command], capture_output=True, text=True) for one in queries]
-        return [Reply(status=one.returncode, out=one.stdout, err=one.stderr, ok=one.returncode == 0) for one in done]
+    def do(self, work: Callable[[Session], _T]) -> _T:
+        return work(cast(Session, self))
 
     def open_shell(self, script: str) -> Any:
-        done = subprocess.run(["sh", "-c", script], capture_output=True)
-        whole = self.cut is None or len(done.stdout) <= self.cut
-        out = done.stdout if whole else done.stdout[: self.cut]
-        self.sent += len(out)
-        return Streams(out, done.stderr if whole else b"")
+        self.scripts.append(script)
+        self.before(script)
+        return Cut(self, script)
 
 
-class Streams:
-    def __init__(self, out: bytes, err: bytes) -> None:
-        self.left = [(out[at : at + 4096], b"") for at in range(0, len(out), 4096)] + [(b"", err)]
+class Cut(PipeStreams):
+    """A shell on this machine whose connection may be cut."""
+
+    def __init__(self, machine: Machine, script: str) -> None:
+        super().__init__(script, ANY)
+        self.machine = machine
+        is_content = "sha256sum" not in script
+        self.left = machine.cuts.pop(0) if machine.cuts and is_content else None
+        self.lies = not is_content
+        self.over = False
 
     def read(self) -> tuple[bytes, bytes]:
-        return self.left.pop(0) if self.left else (b"", b"")
+        out, err = super().read()
+        if self.lies:
+            return self.machine.lie(out), err
+        if self.left is not None:
+            out = out[: self.left]
+            self.left -= len(out)
+            self.over = self.left == 0
+        self.machine.sent += len(out)
+        return out, b"" if self.over else err
 
     @property
     def ended(self) -> bool:
-        return not self.left
-
-    def reason(self) -> str:
-        return "cut"
-
-    def wait(self, seconds: float, *, writing: bool) -> None:
-        raise AssertionError("nothing is awaited here")
-
-    def close(self) -> None:
-        pass
+        return self.over or super().ended
 
 
-def session(cut: int | None = None) -> Session:
-    return cast(Session, Shell(cut))
+def offered(root: Path, path: str = ".") -> list[Entry] | None:
+    return listings(Machine(), [Place(root=str(root), path=path)])[0]
 
 
-def brought(root: Path, home: Path, path: str = ".") -> dict[str, Kept]:
+def brought(root: Path, home: Path, path: str = ".", machine: Machine | None = None) -> dict[str, Kept]:
     """Bring a folder home; return what became of each entry."""
-    place = Place(root=str(root), path=path)
-    (offer,) = offers(session(), [place])
-    assert offer is not None
-    home.mkdir()
-    tar = home.parent / f"{home.name}.tar"
-    with tar.open("wb") as stream:
-        fetch(session(), place, stream.write)
-    assert tar.stat().st_size <= offer.most
-    return {one.path: one for one in unpack(tar, home)}
+    machine, place = machine or Machine(), Place(root=str(root), path=path)
+    (entries,) = listings(machine, [place])
+    assert entries is not None
+    kept = Bringing(machine, place, home, Home(parts=home.parent / "parts")).all(entries)
+    return {one.path: one for one in kept}
 
 
 @pytest.fixture
@@ -127,16 +138,20 @@ def test_links_pipes_and_devices_are_listed_and_not_followed(root: Path, tmp_pat
         "up": "a link to ..",
         "pipe": "neither file nor folder nor link",
     }
-    assert list((tmp_path / "home").iterdir()) == []
+    assert not (tmp_path / "home").exists()
 
 
 def test_a_path_that_leads_out_is_refused_and_one_that_is_not_there_is_nothing(root: Path, tmp_path: Path) -> None:
     (tmp_path / "decoy").write_text("secret")
     (root / "out").symlink_to(tmp_path)
-    assert offers(session(), [Place(root=str(root), path="no/such")]) == [None]
-    assert offers(session(), [Place(root=str(tmp_path / "gone"), path=".")]) == [None]
+    assert offered(root, "no/such") is None
+    assert offered(tmp_path / "gone") is None
     with pytest.raises(CollectFailed, match="a link leads out of its folder"):
-        offers(session(), [Place(root=str(root), path="out/decoy")])
+        offered(root, "out/decoy")
+    place = Place(root=str(root), path="out/decoy")
+    for pieces in (fetch_file(Machine(), place, 6, 0), fetch_tar(Machine(), place, (), 10_000)):
+        with pytest.raises(CollectFailed, match="a link leads out of its folder"):
+            list(pieces)
 
 
 def test_one_file_or_a_folder_below_comes_alone(root: Path, tmp_path: Path) -> None:
@@ -158,15 +173,16 @@ def test_a_link_that_is_put_in_the_way_meanwhile_is_not_followed(root: Path, tmp
     came = 0
     try:
         for number in range(1000):  # on a busy machine the link may stand in the way at every look for a while
-            if came and number >= 60:
+            if came >= 2 and number >= 60:
                 break
-            stream = io.BytesIO()
-            with contextlib.suppress(CollectFailed, TransportError):
-                place = Place(root=str(root), path="x/f")
-                if offers(session(), [place]) != [None]:
-                    fetch(session(), place, stream.write)
-            assert b"secret" not in stream.getvalue(), number
-            came += b"harmless" in stream.getvalue()
+            place, machine = Place(root=str(root), path="x/f"), Machine()
+            got = b""
+            with contextlib.suppress(CollectFailed):
+                whole = number % 2
+                pieces = fetch_tar(machine, place, (), 20_480) if whole else fetch_file(machine, place, 8, 0)
+                got = b"".join(pieces)
+            assert b"secret" not in got, number
+            came += b"harmless" in got
     finally:
         swapping.kill()
         swapping.wait()
@@ -174,23 +190,173 @@ def test_a_link_that_is_put_in_the_way_meanwhile_is_not_followed(root: Path, tmp
 
 
 def test_a_transfer_that_was_cut_goes_on_where_it_ended(root: Path, tmp_path: Path) -> None:
-    (root / "big").write_bytes(os.urandom(300_000))
-    place = Place(root=str(root), path=".")
-    whole = bytearray()
-    sent = 0
-    for cut in (100_000, 50_000, None):
-        shell = Shell(cut)
-        if cut is None:
-            fetch(cast(Session, shell), place, whole.extend, len(whole))
-        else:
-            with pytest.raises(TransportError, match="ended too early: cut"):
-                fetch(cast(Session, shell), place, whole.extend, len(whole))
-        sent += shell.sent
-    assert sent == len(whole)
-    (tmp_path / "home").mkdir()
-    (tmp_path / "tar").write_bytes(whole)
-    assert [one.path for one in unpack(tmp_path / "tar", tmp_path / "home")] == ["big"]
+    for name in ("big", "bigger"):
+        (root / name).write_bytes(os.urandom(300_000))
+    machine = Machine(100_000, 50_000, 1)
+    found = brought(root, tmp_path / "home", machine=machine)
+    assert found["big"].name == "big" and found["bigger"].name == "bigger"
+    assert 600_000 < machine.sent < 620_000, "nothing came twice"
     assert (tmp_path / "home" / "big").read_bytes() == (root / "big").read_bytes()
+
+
+def test_a_large_file_goes_on_at_whole_mebibytes_when_the_controller_died(
+    root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bringing, "_LARGE", 1 << 20)
+    (root / "bag").write_bytes(os.urandom(5_000_000))
+    dying = Machine(3_500_000)
+
+    def die(_script: str) -> None:
+        if len(dying.scripts) == 3:  # it would go on after the listing and the first part
+            raise KeyboardInterrupt
+
+    dying.before = die
+    with pytest.raises(KeyboardInterrupt):
+        brought(root, tmp_path / "home", machine=dying)
+    (part,) = (tmp_path / "parts").iterdir()
+    assert part.stat().st_size == 3_500_000
+    machine = Machine()
+    assert brought(root, tmp_path / "home", machine=machine)["bag"].name == "bag"
+    assert machine.sent == 5_000_000 - (3 << 20)
+    assert (tmp_path / "home" / "bag").read_bytes() == (root / "bag").read_bytes()
+    assert list((tmp_path / "parts").iterdir()) == []
+
+
+def test_a_part_that_was_damaged_here_is_fetched_anew(
+    root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bringing, "_LARGE", 1 << 20)
+    (root / "bag").write_bytes(content := os.urandom(3_000_000))
+    (tmp_path / "parts").mkdir()
+    for damaged in (b"\0" * (2 << 20), b"\0" * (4 << 20)):  # of another content; longer than the file
+        (tmp_path / "parts" / hashlib.sha256(content).hexdigest()).write_bytes(damaged)
+        assert not brought(root, tmp_path / "home")["bag"].failed
+        assert (tmp_path / "home" / "bag").read_bytes() == content
+        (tmp_path / "home" / "bag").unlink()
+
+
+def test_only_what_is_missing_or_changed_comes(root: Path, tmp_path: Path) -> None:
+    for number in range(60):
+        (root / f"{number}.txt").write_text(f"{number}" * 1000)
+    (root / "line\nfeed").write_text("x")
+    (root / "trailing ").write_text("y")
+    (root / "trailing").write_text("z")
+    brought(root, tmp_path / "home")
+    machine = Machine()
+    assert not any(one.failed for one in brought(root, tmp_path / "home", machine=machine).values())
+    assert machine.sent == 0, "all is here"
+    (tmp_path / "home" / "3.txt").unlink()
+    (root / "4.txt").write_text("changed")
+    machine = Machine()
+    brought(root, tmp_path / "home", machine=machine)
+    assert machine.sent == 1000 + len("changed"), "two files come, each alone"
+    for number in range(30):
+        (root / f"{number}.txt").write_text("new")
+    (root / "trailing").write_text("zz")
+    machine = Machine()
+    found = brought(root, tmp_path / "home", machine=machine)
+    assert not any(one.failed for one in found.values())
+    assert 0 < machine.sent < 90_000, "of 60 files half come, in one stream"
+    for name, one in found.items():
+        assert (tmp_path / "home" / one.name).read_bytes() == (root / name).read_bytes()
+
+
+def test_a_file_that_grows_is_named_and_the_others_come(root: Path, tmp_path: Path) -> None:
+    (root / "still").write_text("still")
+    (root / "log").write_text("a line\n")
+    over = threading.Event()
+
+    def write() -> None:
+        with (root / "log").open("a") as stream:
+            while not over.is_set():
+                stream.write("a line\n")
+                stream.flush()
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    try:
+        found = brought(root, tmp_path / "home")
+    finally:
+        over.set()
+        writer.join()
+    assert found["still"].name == "still"
+    grown = found["log"]
+    assert grown.failed and grown.note == "it changed while it was read" and not grown.name
+
+
+def test_a_file_that_is_replaced_by_a_link_or_a_pipe_after_its_listing_is_not_followed(
+    root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "decoy").write_text("secret")
+    for name in ("small", "pipe", "large"):
+        (root / name).write_text("harmless" * (1 if name != "large" else 1000))
+    monkeypatch.setattr(bringing, "_LARGE", 5000)
+
+    def swap(script: str) -> None:
+        if "sha256sum" not in script:
+            for name in ("small", "large", "pipe"):
+                (root / name).unlink(missing_ok=True)
+            (root / "small").symlink_to(tmp_path / "decoy")
+            (root / "large").symlink_to(tmp_path / "decoy")
+            os.mkfifo(root / "pipe")
+
+    machine = Machine()
+    machine.before = swap
+    found = bounded(lambda: brought(root, tmp_path / "home", machine=machine), cpu_s=2)
+    assert not list((tmp_path / "home").rglob("*"))
+    assert found["small"].note == f"a link to {tmp_path}/decoy" == found["large"].note
+    assert found["pipe"].note == "neither file nor folder nor link"
+
+
+@pytest.mark.parametrize(
+    ("real", "said", "why"),
+    [
+        (b"f 8 ./a", b"f 9 ./a", "it changed"),
+        (b"f 8 ./a", b"f 1 ./a", "it changed"),
+        (b"f 8 ./a", b"f 999999999999999 ./a", "there is no room"),
+        (b"f 8 ./a", b"f 8 ./../../../decoy", "it changed|it could not be read"),
+        (b"f 8 ./a", b"f 8 /etc/passwd", "line that is none"),
+        (b"f 8 ./a", b"f -8 ./a", "line that is none"),
+        (b"H\0", b"", "line that is none"),
+        (b"=0\0", b"", "not whole"),
+        (hashlib.sha256(b"harmless").hexdigest().encode(), b"0" * 64, "it changed"),
+        (hashlib.sha256(b"harmless").hexdigest().encode(), b"g" * 64, "hash that is none"),
+    ],
+)
+def test_a_listing_that_lies_brings_nothing_and_is_named(
+    root: Path, tmp_path: Path, real: bytes, said: bytes, why: str
+) -> None:
+    (root / "a").write_text("harmless")
+    (tmp_path / "decoy").write_text("harmless")
+    machine = Machine()
+    machine.lie = lambda out: out.replace(real, said)
+    try:
+        found = brought(root, tmp_path / "home", machine=machine)
+        told = [one.note for one in found.values() if one.failed]
+    except CollectFailed as error:
+        told = [str(error)]
+    assert told and any(part in one for one in told for part in why.split("|")), told
+    assert not any(one.is_file() for one in (tmp_path / "home").rglob("*"))
+
+
+def test_a_listing_without_end_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("srprov.execution.listing.MOST_FILES", 1000)
+    listing = Listing(1)
+    with pytest.raises(ListingError, match="more than 1000 files"):
+        listing.feed(b"".join(b"f 1 ./%d\0\0" % number for number in range(1001)))
+    monkeypatch.setattr("srprov.execution.listing.MOST_BYTES", 10_000)
+    with pytest.raises(ListingError, match="more than 0 MiB"):
+        Listing(1).feed(b"x" * 9000)
+
+
+def test_a_folder_where_a_file_should_be_is_said(root: Path, tmp_path: Path) -> None:
+    (root / "a").write_text("file")
+    (root / "b").write_text("file")
+    (tmp_path / "home" / "a").mkdir(parents=True)
+    (tmp_path / "home" / "a" / "x").write_text("mine")
+    found = brought(root, tmp_path / "home")
+    assert found["a"].failed and "cannot be put here" in found["a"].note
+    assert found["b"].name == "b" and (tmp_path / "home" / "a" / "x").read_text() == "mine"
 
 
 @pytest.mark.parametrize(

@@ -2,46 +2,43 @@
 
 from __future__ import annotations
 
-import io
-import tarfile
 from collections.abc import Iterable
 from pathlib import Path
+from typing import cast
 
 import pytest
 
+from srprov.controller.bringing import Bringing, Home
+from srprov.execution.collect import Place, Robot
+from srprov.execution.listing import Entry
 from srprov.record import results
-from srprov.record.results import Kept, LogTooLong, unpack, write_log
+from srprov.record.results import LogTooLong, Names, write_log
 from tests.bounded import bounded
 
 
-def unpacked(folder: Path, names: Iterable[str]) -> list[Kept]:
-    with tarfile.open(folder / "tar", "w", format=tarfile.PAX_FORMAT) as tar:
-        for name in names:
-            member = tarfile.TarInfo(name)
-            member.size = 1
-            tar.addfile(member, io.BytesIO(b"x"))
-    (folder / "home").mkdir()
-    return list(unpack(folder / "tar", folder / "home"))
+def named(paths: Iterable[str]) -> list[str]:
+    names = Names()
+    return [names.name(path.split("/")) for path in paths]
 
 
-def test_names_that_differ_only_by_case_are_no_work(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(results, "_write", lambda *_where: "")
-    names = ["".join(c.upper() if number >> bit & 1 else c for bit, c in enumerate("abcdefghijklm"))
+def test_names_that_differ_only_by_case_are_no_work() -> None:
+    paths = ["".join(c.upper() if number >> bit & 1 else c for bit, c in enumerate("abcdefghijklm"))
              for number in range(3000)]  # fmt: skip
-    kept = bounded(lambda: unpacked(tmp_path, names))
-    assert len({one.name.casefold() for one in kept}) == 3000 and [one.path for one in kept] == names
+    names = bounded(lambda: named(paths))
+    assert len({one.casefold() for one in names}) == 3000
 
 
-def test_a_folder_of_a_files_name_but_for_case_is_another(tmp_path: Path) -> None:
-    kept = unpacked(tmp_path, ["A", "a/x", "a/X", "SS", "\u00df/y", 'abc"'])
-    assert [one.name for one in kept] == ["A", "a%2/x", "a%2/X%2", "SS", "\u00df%2/y", "abc%22"]
-    assert all((tmp_path / "home" / one.name).read_text() == "x" for one in kept)
+def test_a_folder_of_a_files_name_but_for_case_is_another() -> None:
+    names = named(["A", "a/x", "a/X", "SS", "\u00df/y", 'abc"'])
+    assert names == ["A", "a%2/x", "a%2/X%2", "SS", "\u00df%2/y", "abc%22"]
 
 
 def test_what_lies_too_deep_is_listed(tmp_path: Path) -> None:
     deep = "a/" * 2000 + "x"
-    kept = bounded(lambda: unpacked(tmp_path, ["b", deep, "c"]))
-    assert [one.name for one in kept] == ["b", "", "c"]
+    bringing = Bringing(cast(Robot, None), Place(root="/v", path="."), tmp_path, Home(tmp_path / "parts"))
+    listed = [Entry("b", "l", link="c"), Entry(deep, "f", 1, "0" * 64), Entry("c", "p")]
+    kept = bounded(lambda: bringing.all(listed))
+    assert [one.name for one in kept] == ["", "", ""]
     assert kept[1].path == deep and kept[1].note == "it lies deeper than 100 folders"
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from srprov.errors import TransportError
-from srprov.execution.collect import Place, fetch
+from srprov.execution.collect import CollectFailed, Place, fetch_tar
 from srprov.pace import LEAST_RATE, SILENCE_S, Pace
 from srprov.transport.image_shell import output, send
 from srprov.transport.volume_copy import copy_volume
@@ -51,7 +51,7 @@ class Link:
         count, self.may = min(self.may, self.left), 0
         self.left -= count
         over, self.ended = not self.left and not self.ended, not self.left
-        return b"x" * count, b"srprov-end" if over else b""
+        return b"x" * count, b"srprov-end 0\n" if over else b""
 
     def write(self, data: memoryview) -> int:
         count, self.may = min(self.may, len(data)), 0
@@ -85,6 +85,9 @@ class Robot:
     def open_shell(self, _script: str) -> Any:
         return self.link
 
+    def do(self, work: Callable[[Any], Any]) -> Any:
+        return work(self)
+
 
 class Fast(Link):
     """The other end of a copy: it takes and says everything at once."""
@@ -106,10 +109,11 @@ def sent(clock: Clock, carries: Iterator[tuple[float, int]]) -> None:
 
 
 def fetched(clock: Clock, carries: Iterator[tuple[float, int]]) -> None:
-    got: list[bytes] = []
     robot: Any = Robot("far", Link(clock, carries))
-    fetch(robot, Place(root="/v", path="."), got.append)
-    assert sum(map(len, got)) == SIZE
+    try:
+        assert sum(map(len, fetch_tar(robot, Place(root="/v", path="."), (), SIZE))) == SIZE
+    except CollectFailed as error:
+        raise TransportError("far", str(error)) from error
 
 
 def copied(clock: Clock, carries: Iterator[tuple[float, int]]) -> None:

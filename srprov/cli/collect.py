@@ -1,0 +1,61 @@
+"""`srprov collect`: results, logs and facts of the running experiment, brought home."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import click
+
+from srprov.cli import inputs, options
+from srprov.cli.codes import FAILED, UNREACHABLE
+from srprov.cli.output import counted, err, out, out_json, tell_unreachable
+from srprov.errors import visible
+
+
+@click.command()
+@click.argument("file", metavar="FILE")
+@options.robots
+@options.INSTANCE
+@click.option(
+    "-o", "--out", "target", type=click.Path(file_okay=False, path_type=Path), required=True, metavar="DIR",
+    help="Where it comes: a new folder, or one of an earlier collect of the same instance.",
+)  # fmt: skip
+def collect(
+    file: str, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, instance: str, target: Path
+) -> int:
+    """Bring home the results, logs and facts of an applied experiment; nothing is changed on robots.
+
+    Results are what FILE names in `results`. Each file is compared by its sha256. Into a folder of an earlier collect
+    comes only what is missing there or has changed, and a transfer that was cut goes on where it ended.
+
+    Exits with 0; with 3 when something that is there could not be fetched, or a required result is missing; with 4 when
+    a robot cannot be reached: what the others have is fetched.
+    """
+    from srprov.controller.collection import check_folder
+    from srprov.controller.collection import collect as bring
+
+    inventory = inputs.load_inventory(inventories)
+    experiment = inputs.load_experiment(file).experiment
+    name = inputs.named_instance(file, instance)[0]
+    check_folder(target, name)
+    with inputs.connect(inventory, timeout, forks) as fleet:
+        document = bring(fleet, experiment, name, target, lambda text: err(visible(text)))
+    if as_json:
+        out_json({"folder": str(target), **document})
+    else:
+        _show(document, target)
+    away = tell_unreachable(document["unreachable"])
+    required = any(line.endswith("which is required") for line in document["missing"])
+    return FAILED if document["failed"] or required else UNREACHABLE if away else 0
+
+
+def _show(document: Mapping[str, Any], folder: Path) -> None:
+    here = sum(bool(one.get("name")) for some in document["results"].values() for one in some)
+    fetched = f"{counted(document['fetched_files'], 'file')} fetched, {document['fetched_bytes']} bytes"
+    out(f"{counted(here, 'result file')} in {visible(str(folder))}; {fetched}")
+    for line in document["missing"]:
+        err(f"missing: {visible(line)}")
+    for line in document["failed"]:
+        err(f"not fetched: {visible(line)}")

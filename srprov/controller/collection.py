@@ -1,0 +1,234 @@
+"""Results, logs and facts of an applied experiment, brought into a folder; nothing is changed on any robot.
+
+Takes an experiment and the fleet; writes below the folder. What is there already with the robot's content is not
+fetched again. A robot that cannot be reached, or is lost meanwhile, is told: what earlier calls brought of it stays.
+"""
+
+from __future__ import annotations
+
+import datetime as dt
+import json
+import shutil
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, TypeVar
+
+from srprov import private, regular_file
+from srprov.controller.bringing import Home
+from srprov.controller.fleet import Fleet
+from srprov.controller.results import Brought, bring_log, bring_results
+from srprov.controller.status import containers_of
+from srprov.controller.trial_files import listed
+from srprov.controller.trial_folder import check_new, check_own
+from srprov.definitions.expand import expand
+from srprov.definitions.model import Experiment
+from srprov.definitions.trialsmodel import Result
+from srprov.errors import TransportError, UsageError
+from srprov.execution.collect import CollectFailed, place_of
+from srprov.execution.trial_patience import EquipmentFailed, Patience
+from srprov.facts.document import facts_document
+from srprov.facts.gather import Detail
+from srprov.facts.model import Snapshot
+from srprov.record.results import Kept
+from srprov.secret import redacted
+from srprov.session import Session
+from srprov.untrusted import mapping, parse_json, string
+from srprov.wire import EngineQuery
+
+_T = TypeVar("_T")
+_MOST_LISTED = 256 << 20
+Say = Callable[[str], None]
+
+
+@dataclass(slots=True)
+class _Found:
+    """What one robot gave."""
+
+    results: dict[str, list[dict[str, object]]] = field(default_factory=dict)
+    missing: list[str] = field(default_factory=list)
+    failed: list[str] = field(default_factory=list)
+    inspected: dict[str, Any] = field(default_factory=dict)
+    fetched: Brought = field(default_factory=Brought)
+    lost: str = ""
+    """Why the robot was given up, or nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Service:
+    """A container of the instance."""
+
+    label: str
+    host: str
+    container: str
+    results: tuple[Result, ...]
+
+
+def check_folder(folder: Path, instance: str) -> None:
+    """Refuse a folder that is neither new nor of an earlier call for the same instance.
+
+    Raises:
+        UsageError, RefusedError: So it is.
+    """
+    if not (folder / "collected.json").exists():
+        check_new(folder, "name a new folder with -o, or one that `srprov collect` made")
+        return
+    check_own(folder, ())
+    before = string(_earlier(folder).get("instance"))
+    if before != instance:
+        raise UsageError(f"{folder} is of {before or 'something else'}", hint="name another folder with -o")
+
+
+def collect(fleet: Fleet, experiment: Experiment, instance: str, folder: Path, say: Say) -> dict[str, Any]:
+    """Bring home what there is, and return what `collected.json` says.
+
+    Raises:
+        UsageError: Nothing of the instance is on the robots.
+        OSError: Something cannot be written here.
+    """
+    snapshot = fleet.gather(Detail.TRAFFIC, keep_mute=True)
+    services = _services(snapshot, experiment, instance)
+    private.make_folder(folder)
+    facts = facts_document(snapshot.facts, snapshot.unreachable)
+    private.replace_file(folder / "facts.json", json.dumps(redacted(facts), indent=2) + "\n")
+    earlier = _earlier(folder)
+    found = _all(fleet, services, folder, say)
+    document = _document(instance, services, found, snapshot.unreachable, earlier)
+    inspected = {name: value for one in found.values() for name, value in one.inspected.items()}
+    private.replace_file(folder / "containers.json", json.dumps(redacted(inspected), indent=2) + "\n")
+    private.replace_file(folder / "collected.json", json.dumps(document, indent=2) + "\n")
+    return document
+
+
+def _services(snapshot: Snapshot, experiment: Experiment, instance: str) -> list[_Service]:
+    """Return the containers, each with the results that the EDF says of its service."""
+    given = experiment.trials.results if experiment.trials else {}
+    tags = {robot: facts.tags for robot, facts in snapshot.facts.items()}
+    origin = {name: one.instance_of or name for name, one in expand(experiment, tags).services.items()}
+    return [
+        _Service(label, host, container, given.get(origin.get(name := label.partition("@")[0], name), ()))
+        for label, host, container in containers_of(snapshot, instance, ())
+    ]
+
+
+def _all(fleet: Fleet, services: Sequence[_Service], folder: Path, say: Say) -> dict[str, _Found]:
+    """Ask all robots at the same time."""
+    hosts = sorted({one.host for one in services})
+    robots = {host: _Robot(fleet, host, say) for host in hosts}
+    with ThreadPoolExecutor(max(1, min(len(hosts), fleet.forks))) as pool:
+        running = {
+            host: pool.submit(_of_robot, robots[host], [one for one in services if one.host == host], folder, say)
+            for host in hosts
+        }
+        try:
+            return {host: one.result() for host, one in running.items()}
+        except BaseException:  # Ctrl-C: what is under way ends with its connection
+            for one in robots.values():
+                one.patience.over.set()
+            fleet.sessions.close()
+            raise
+
+
+class _Robot:
+    """A robot whose connection is made anew when it is lost."""
+
+    def __init__(self, fleet: Fleet, host: str, say: Say) -> None:
+        self._sessions = fleet.sessions
+        self.host = host
+        self.patience = Patience(self._renew, say)
+
+    def do(self, work: Callable[[Session], _T]) -> _T:
+        """Do something with its session, again if the connection is lost meanwhile."""
+        return self.patience.do(lambda host: work(self._sessions.get(host)), self.host)
+
+    def _renew(self, host: str) -> None:
+        self._sessions.get(host).close()
+        self._sessions.again(host)
+
+
+def _of_robot(robot: _Robot, services: Sequence[_Service], folder: Path, say: Say) -> _Found:
+    """Bring what one robot has; what goes wrong is told in the result."""
+    found = _Found()
+    try:
+        replies = robot.do(
+            lambda session: session.ask([EngineQuery(path=f"/containers/{one.container}/json") for one in services])
+        )
+        for one, reply in zip(services, replies, strict=True):
+            found.inspected[one.label] = reply.json() if reply.ok else None
+            try:
+                bring_log(robot, one.container, folder / "logs" / f"{one.host}.{one.label}.log")
+            except CollectFailed as error:
+                found.failed.append(str(error))
+            try:
+                _of_service(robot, one, folder, found, say)
+            except CollectFailed as error:
+                found.failed.append(f"{one.label}: {error}")
+    except (EquipmentFailed, TransportError) as error:
+        found.lost = error.message if isinstance(error, TransportError) else str(error)
+    return found
+
+
+def _of_service(robot: _Robot, one: _Service, folder: Path, found: _Found, say: Say) -> None:
+    if not one.results:
+        return
+    inspected = found.inspected[one.label]
+    parts = folder / ".parts" / one.label
+    home = Home(parts=parts, say=lambda text: say(f"{one.label} on {one.host}: {text}"))
+    results, fetched = bring_results(robot, inspected, one.results, folder / "results" / one.label, home)
+    found.fetched = Brought(found.fetched.files + fetched.files, found.fetched.bytes + fetched.bytes)
+    for result in one.results:
+        if result in results:
+            found.results[f"{one.label}{result.path}"] = [listed(entry) for entry in results[result]]
+            found.failed += [_failure(one, result, entry) for entry in results[result] if entry.failed]
+        elif place_of(inspected, result.path) is None:
+            found.failed.append(f"{one.label}: {result.path} is in no volume of it: `srprov apply` makes it one")
+        else:
+            found.missing.append(f"{result.path} of {one.label}" + (", which is required" if result.required else ""))
+    if not any(entry.failed for some in results.values() for entry in some):
+        shutil.rmtree(parts, ignore_errors=True)  # of what has another content by now
+
+
+def _failure(one: _Service, result: Result, entry: Kept) -> str:
+    return f"{one.label} on {one.host}: {result.path}: {entry.path}: {entry.note}"
+
+
+def _document(
+    instance: str,
+    services: Sequence[_Service],
+    found: Mapping[str, _Found],
+    unreachable: Mapping[str, str],
+    earlier: Mapping[str, Any],
+) -> dict[str, Any]:
+    """Return what is here now; what an earlier call listed of services that gave nothing now is here still."""
+    results = {key: value for one in found.values() for key, value in one.results.items()}
+    old = {key: value for key, value in mapping(earlier.get("results")).items() if key not in results}
+    away = {**unreachable, **{host: one.lost for host, one in found.items() if one.lost}}
+    document = {
+        "instance": instance,
+        "collected_utc": dt.datetime.now(dt.timezone.utc).isoformat(timespec="seconds"),
+        "robots": {**mapping(earlier.get("robots")), **{one.label: one.host for one in services}},
+        "results": dict(sorted({**old, **results}.items())),
+        "missing": sorted(line for one in found.values() for line in one.missing),
+        "failed": sorted(line for one in found.values() for line in one.failed),
+        "unreachable": dict(sorted(away.items())),
+        "fetched_files": sum(one.fetched.files for one in found.values()),
+        "fetched_bytes": sum(one.fetched.bytes for one in found.values()),
+    }
+    return dict(mapping(redacted(document)))
+
+
+def _earlier(folder: Path) -> Mapping[str, Any]:
+    """Return what an earlier call wrote; nothing in a new folder.
+
+    Raises:
+        UsageError: It cannot be read.
+    """
+    path = folder / "collected.json"
+    if not path.exists():
+        return {}
+    try:
+        text = regular_file.read_text(path, _MOST_LISTED)
+        return mapping(parse_json(text, max_characters=_MOST_LISTED))
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{path}: {error}", hint="name another folder with -o") from error

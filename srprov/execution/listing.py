@@ -1,0 +1,114 @@
+"""A robot's listing of results, read as it comes: what there is at each place, with sizes and hashes.
+
+Takes bytes; gives entries. Each place has NUL-ended words: for all that is no folder `TYPE SIZE PATH` and where a link
+leads, then `H`, then `SHA256  PATH` for each file, then `=STATUS`.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+MOST_FILES = 250_000
+MOST_BYTES = 64 << 20
+_LONGEST_WORD = 8192
+_ENTRY = re.compile(rb"(?P<kind>[a-zA-Z?]) (?P<size>[0-9]{1,15}) \./+(?P<path>.+)", re.DOTALL)
+_HASH = re.compile(rb"\\?(?P<hash>[0-9a-f]{64}) [ *]\./+(?P<path>.+)", re.DOTALL)
+_STATUS = re.compile(rb"=([0-9]{1,3})")
+
+
+class ListingError(Exception):
+    """It is no listing, or too long; the text says why."""
+
+
+class Entry(NamedTuple):
+    """Something that is no folder."""
+
+    path: str
+    kind: str
+    """As `find` says it: `f` is a file, `l` a link."""
+    size: int = 0
+    sha256: str = ""
+    """Of a file that could be read."""
+    link: str = ""
+    """Where a link leads."""
+
+    @property
+    def is_file(self) -> bool:
+        """Tell whether it has content."""
+        return self.kind == "f"
+
+
+class Listing:
+    """The listing of some places, in their order."""
+
+    def __init__(self, places: int) -> None:
+        """Take how many places there are."""
+        self.bytes = 0
+        """Bytes of files that were listed so far; the robot hashes them."""
+        self._expected = places
+        self._done: list[tuple[int, list[Entry]]] = []
+        self._entries: dict[str, Entry] = {}
+        self._open: Entry | None = None
+        self._hashing = False
+        self._rest = b""
+        self._read_bytes = self._files = 0
+
+    def feed(self, piece: bytes) -> None:
+        """Read what has come.
+
+        Raises:
+            ListingError: It is no listing, or too long.
+        """
+        self._read_bytes += len(piece)
+        *words, self._rest = (self._rest + piece).split(b"\0")
+        if self._read_bytes > MOST_BYTES or len(self._rest) > _LONGEST_WORD:
+            raise ListingError(f"its listing has more than {MOST_BYTES >> 20} MiB, or a path that is too long")
+        for word in words:
+            self._read(word)
+
+    def all(self) -> list[tuple[int, list[Entry]]]:
+        """Return status and entries of each place, by path.
+
+        Raises:
+            ListingError: Some place is missing.
+        """
+        if len(self._done) != self._expected or self._rest or self._entries or self._open:
+            raise ListingError("its listing is not whole")
+        return self._done
+
+    def _read(self, word: bytes) -> None:
+        if self._open:
+            self._add(self._open._replace(link=_text(word)))
+            self._open = None
+        elif status := _STATUS.fullmatch(word):
+            self._done.append((int(status[1]), sorted(self._entries.values())))
+            self._entries, self._hashing = {}, False
+        elif word == b"H" and not self._hashing:
+            self._hashing = True
+        elif self._hashing:
+            self._hash(word)
+        elif match := _ENTRY.fullmatch(word):
+            self._open = Entry(_text(match["path"]), match["kind"].decode(), int(match["size"]))
+        else:
+            raise ListingError(f"its listing has a line that is none: {_text(word)[:80]!r}")
+
+    def _add(self, entry: Entry) -> None:
+        self._files += 1
+        if self._files > MOST_FILES:
+            raise ListingError(f"there are more than {MOST_FILES} files")
+        self._entries[entry.path] = entry
+        self.bytes += entry.size if entry.is_file else 0
+
+    def _hash(self, word: bytes) -> None:
+        """Take a hash; of what was not listed before it was made meanwhile, and is for the next listing."""
+        match = _HASH.fullmatch(word)
+        if match is None:
+            raise ListingError(f"its listing has a hash that is none: {_text(word)[:80]!r}")
+        path = _text(match["path"])
+        if (entry := self._entries.get(path)) and entry.is_file:
+            self._entries[path] = entry._replace(sha256=match["hash"].decode())
+
+
+def _text(word: bytes) -> str:
+    return word.decode("utf-8", "surrogateescape")
