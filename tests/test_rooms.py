@@ -69,7 +69,7 @@ ROOMS: Mapping[str, Room] = {
         "jsonschema jinja2",
     ),
     "transport": room(
-        "errors pace datasets spool layers private plain_tar regular_file wire session untrusted secret"
+        "errors pace datasets engine_files spool layers private plain_tar regular_file wire session untrusted secret"
         " definitions.model",
         "paramiko fabric invoke docker requests urllib3 psutil",
     ),
@@ -110,6 +110,7 @@ ROOMS: Mapping[str, Room] = {
     "plain_tar": room(),
     "sizes": room(),
     "spool": room("wire"),
+    "engine_files": room("wire"),
     "wire": room("errors untrusted resource"),
     "session": room("errors wire"),
     "resource": room("errors wire"),

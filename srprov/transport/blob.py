@@ -55,10 +55,8 @@ class Blob:
 
     def content(self) -> Iterator[bytes]:
         """Yield the content's bytes, in pieces of at most 1 MiB; raises as `pieces` does."""
-        unpacker = zlib.decompressobj(wbits=31)
         try:
-            for piece in self.pieces():
-                yield from _unpacked(unpacker, piece)
+            yield from inflated(self.pieces())
         except zlib.error as error:
             raise OSError(errno.EIO, "it was changed meanwhile", os.fspath(self.path)) from error
 
@@ -125,6 +123,13 @@ def compared(digest: str, path: Path, pieces: Iterable[bytes]) -> Blob:
     if not unpacker.eof or unpacker.unused_data or inside.digest != digest:
         raise WrongBlob(f"{digest}: what came is {inside.digest if unpacker.eof else 'cut off'}")
     return Blob(digest, path, outside.size, inside.size, outside.digest)
+
+
+def inflated(pieces: Iterable[bytes]) -> Iterator[bytes]:
+    """Yield what gzip's pieces become, in pieces of at most 1 MiB; raises zlib.error."""
+    unpacker = zlib.decompressobj(wbits=31)
+    for piece in pieces:
+        yield from _unpacked(unpacker, piece)
 
 
 def _unpacked(unpacker: zlib._Decompress, piece: bytes) -> Iterator[bytes]:

@@ -1,8 +1,9 @@
 """Layers of an image come from the robot that has it into this machine's cache, each once for all that want it.
 
-On the robot, `docker save` is unpacked into a spool below `/var/lib/srprov`, which a shell of its own holds and removes
-when it ends. From there only what the cache lacks is read, compressed by the robot. The bytes are compared with the
-digests that the image names, so that it does not matter who could write to the spool.
+Only what the cache lacks is read, from the files of the engine where that can be (`layer_files.py`). Else `docker save`
+is unpacked into a spool below `/var/lib/srprov`, which a shell of its own holds and removes when it ends, and read from
+there, compressed by the robot. The bytes are compared with the digests that the image names, so that it does not matter
+who could write to the spool.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from srprov.transport.blobs import Blob, Blobs, WrongBlob
 from srprov.transport.image_archive import ForeignImage
 from srprov.transport.image_progress import Meter
 from srprov.transport.image_shell import answer, dismiss, output
+from srprov.transport.layer_files import LayerFiles, NotInFiles
 from srprov.transport.link_rate import Links
 from srprov.transport.tar_stream import TarError, TarStream
 from srprov.untrusted import json_or_none, mappings, string
@@ -72,6 +74,8 @@ class _Source:
     def __init__(self, session: Session, image: Image, blobs: Blobs) -> None:
         self._session, self._image, self._blobs = session, image, blobs
         self._busy = threading.Lock()
+        self._engine: LayerFiles | None = LayerFiles(session, image, blobs)
+        """None from the first time on that something cannot be read there."""
         self._holder: Streams | None = None
         self._spool = ""
         self._files: dict[str, str] = {}
@@ -101,8 +105,14 @@ class _Source:
                 return self._blobs.get(digest, fast) or self._read(digest, what, progress, fast)
 
     def _read(self, digest: str, what: str, progress: Progress, fast: Callable[[], bool]) -> Blob:
-        """Read it from the robot: from its spool, or where it can have none, with all the rest of the image."""
+        """Read it from the robot: from its engine, from its spool, or where it can have none, with all of the image."""
         meter = Meter(f"{what} from {self._session.host}", progress)
+        if self._engine is not None:
+            try:
+                return self._engine.get(digest, meter, fast)
+            except NotInFiles as error:
+                progress(f"{what}: its image is saved by the engine: {error}")
+                self._engine = None
         try:
             if self._holder is None:
                 progress(f"{what.partition(',')[0]}: {self._session.host} unpacks it to be copied")

@@ -36,7 +36,7 @@ class TarStream:
     def __init__(self, chunks: Iterator[bytes], *, most_members: int = _MOST_MEMBERS, any_kind: bool = False) -> None:
         """Take the tar as it comes; with `any_kind` also entries that are neither file nor folder nor link."""
         self._most, self._any_kind = most_members, any_kind
-        self._chunks, self._rest = chunks, b""
+        self._chunks, self._rest = chunks, memoryview(b"")
         self._left = self._padding = 0
 
     def __iter__(self) -> Iterator[tarfile.TarInfo]:
@@ -116,9 +116,9 @@ class TarStream:
 
     def _take(self, size: int) -> bytes:
         """Return so many bytes, fewer only at the end."""
-        parts: list[bytes] = []
+        parts: list[memoryview] = []
         while size > 0 and (self._rest or (piece := next(self._chunks, b""))):
-            data = self._rest or piece
+            data = self._rest or memoryview(piece)
             parts.append(data[:size])
             self._rest, size = data[size:], size - len(parts[-1])
         return b"".join(parts)

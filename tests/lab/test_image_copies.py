@@ -41,6 +41,9 @@ docker image prune -af; [ -z "$(docker images -q)" ]
 docker pull -q {REGISTRY}/base:1; docker tag {REGISTRY}/base:1 base:1; docker rmi {REGISTRY}/base:1
 """
 """The robot gets its base by pull, and has nothing of it before."""
+HIDE = "for one in /var/lib/docker/image/overlay2/layerdb/sha256/*/cache-id; do mv $one $one.hidden; done"
+"""The engine knows these by heart once it has started."""
+SHOW = "for one in /var/lib/docker/image/overlay2/layerdb/sha256/*/cache-id.hidden; do mv $one ${one%.hidden}; done"
 
 
 def received(lab: Lab, robot: str) -> int:
@@ -155,6 +158,29 @@ def test_what_is_there_is_not_sent_however_it_came(job: Job) -> None:
     assert flipped.read_bytes() == content, "the layer with a wrong byte was not sent, but read again"
     ids |= {lab.shell("robot3", "docker", "image", "inspect", "-f", "{{.Id}}{{.RootFS}}", name).out}
     assert len(ids) == 1 and lab.containers("robot2", running=True) == running
+
+
+def test_a_layer_that_the_engines_files_do_not_show_is_saved_by_the_engine(job: Job) -> None:
+    """All others come from the files: the engine writes no image of 24 MiB for a layer of some bytes."""
+    lab, robot1 = job.lab, root(job.lab, "robot1")
+    wrapper, calls = robot1 / "usr/local/bin/docker", robot1 / "tmp/calls"
+    wrapper.write_text(f'#!/bin/sh\necho "$*" >> /tmp/{calls.name}\nexec /usr/bin/docker "$@"\n', encoding="utf-8")
+    wrapper.chmod(0o755)
+    calls.touch()
+    try:
+        for content, saves, before in ((b"first", 0, "true"), (b"second", 1, HIDE)):
+            job.change(content)
+            built = job.lab.srprov("build", job.on("robot1"), "-i", job.inventory, "--yes", "--json", env=job.env)
+            assert built.code == 0, built
+            lab.shell("robot1", "sh", "-c", before)
+            job.apply("robot1", "robot2")
+            assert calls.read_text(encoding="utf-8").count("save sha256:") == saves
+            assert (
+                lab.shell("robot2", "docker", "exec", "srprov.copies.on-robot2", "cat", "/top").out == content.decode()
+            )
+    finally:
+        wrapper.unlink()
+        lab.shell("robot1", "sh", "-c", SHOW)
 
 
 def listening(lab: Lab, robot: str) -> set[str]:

@@ -21,7 +21,7 @@ from srprov.session import Progress, Streams, Traffic
 from srprov.transport.shell.pipes import PipeStreams
 from srprov.wire import EngineQuery, Query, Reply
 
-INFO = {"Driver": "overlay2", "DriverStatus": [["Backing Filesystem", "extfs"]], "DockerRootDir": "/var/lib/docker"}
+INFO = {"Driver": "vfs", "DriverStatus": [["Backing Filesystem", "extfs"]], "DockerRootDir": "/var/lib/docker"}
 CONTAINERD = [["driver-type", "io.containerd.snapshotter.v1"]]
 """`DriverStatus` of the other store."""
 _DOCKER = """#!/bin/sh
