@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import csv
 import re
+import statistics
 from collections.abc import Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 
 from tests.lab.conftest import NOTHING, ROOT, Done, Lab, part_of_lab
-from tests.lab.looks import address_of, log_of, wait_until
+from tests.lab.looks import address_of, begin, log_of, wait_until
 
 pytestmark = pytest.mark.lab
 
@@ -116,6 +120,57 @@ def test_dds_finds_its_peers_by_multicast_and_all_hear_the_publisher(example: Ru
         assert not [one for one in details["Config"]["Env"] if "CYCLONE" in one.upper()]
         publisher = address_of(example.lab, home["publisher"], "srprov.chatter-dds.publisher")
         assert publisher not in " ".join([*details["Config"]["Env"], *details["Config"]["Cmd"]])
+
+
+def search(lab: Lab, coming_up: Any, folder: Path, *wanted: str) -> dict[str, dict[str, float]]:
+    """Run trials of the search on robots that have all but the top of its image; MEMBERS -> target -> time to find."""
+    inventory, begun = coming_up["chatter-dds"]
+    assert begun.result().code == 0, begun.result()
+    robots = list(yaml.safe_load(Path(inventory).read_text())["all"]["hosts"])
+    slots = {robot: {"srprov_slots": 2} for robot in robots}
+    inventory = part_of_lab(lab, robots, folder / "search.yml", **slots)
+    words = (path_of("search"), "-i", inventory)
+    running = begin(lab, "run", *words, "-o", str(folder / "run"), "--yes", *wanted)
+    said = running.communicate(timeout=1200)
+    gone = lab.srprov("destroy", *words, "--yes")
+    assert (running.returncode, gone.code) == (0, 0), (said, gone)
+    found: dict[str, dict[str, float]] = {}
+    with (folder / "run" / "trials.csv").open(newline="") as stream:
+        for row in csv.DictReader(stream):
+            assert row["status"] == "ok", row
+            found.setdefault(row["p_MEMBERS"], {})[row["seed"]] = float(row["m_time_to_find"])
+    return found
+
+
+def test_four_robots_find_a_target_faster_than_one_as_they_divide_the_area(
+    lab_of_module: Lab, coming_up: Any, tmp_path: Path
+) -> None:
+    """They hear each other, each sees a part of the area first, and the base's result has the time."""
+    trials = lab_of_module.srprov("trials", path_of("search"), "--json").json["trials"]
+    ids = {one["parameters"]["MEMBERS"]: one["trial"] for one in trials if one["repetition"] == 10}
+    found = search(lab_of_module, coming_up, tmp_path, "--only", ids["1"], "--only", ids["4"])
+    ((seed, alone),) = found["1"].items()
+    assert found["4"][seed] < 0.8 * alone, found
+    logs = {m: tmp_path / "run" / "trials" / ids[m] / "logs" for m in ("1", "4")}
+    said = {one: next(logs["4"].glob(f"*.robot-{one}.log")).read_text() for one in range(1, 5)}
+    for one, text in said.items():
+        assert f"heard {[other for other in said if other != one]}\n" in text
+    (base,) = logs["4"].glob("*.base.log")
+    drawn = re.findall(r"Z ([1-4.]{24})$", base.read_text(), re.MULTILINE)
+    seen = {robot: "".join(drawn).count(robot) for robot in "1234"}
+    assert len(drawn) == 24 and min(seen.values()) > 20, base.read_text()
+    assert all(next(logs["1"].glob(f"*.robot-{one}.log")).read_text().count("idle: 1 of") for one in (2, 3, 4))
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(1500)
+def test_more_members_find_targets_faster_on_average(lab_of_module: Lab, coming_up: Any, tmp_path: Path) -> None:
+    """The whole of the example: ten targets, each with one robot, two and four."""
+    found = search(lab_of_module, coming_up, tmp_path)
+    assert [len(times) for times in found.values()] == [10, 10, 10]
+    assert len({tuple(sorted(times)) for times in found.values()}) == 1, "the same seeds for each number"
+    one, two, four = (statistics.mean(found[members].values()) for members in ("1", "2", "4"))
+    assert four < 0.8 * two < 0.8 * 0.8 * one, (one, two, four)
 
 
 @pytest.mark.parametrize("example", ["chatter-ros"], indirect=True)
