@@ -10,7 +10,7 @@ WORKERS ?= 2
 FUZZ_SECONDS ?= 3600
 PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
-.PHONY: help setup demo test unit soak lint fmt type clean bench-assignment bench-images bench-provisioning
+.PHONY: help setup demo test unit soak lint fmt type clean bench-assignment bench-images bench-provisioning bench-trials
 
 help: ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | column -t -s '|' 2>/dev/null \
@@ -58,6 +58,10 @@ bench-provisioning: setup ## srprov beside other tools on the lab (needs root; h
 	@$(BIN)/python -m benchmarks.provisioning.surface
 	@$(BIN)/python -m benchmarks.provisioning.hundred
 	@$(BIN)/python -m benchmarks.provisioning.thousand
+
+bench-trials: setup ## what a trial costs beside its services' time, and what shell loops cost (needs root; half an hour)
+	@$(BIN)/python -m benchmarks.trials.compare
+	@$(BIN)/python -m benchmarks.trials.quote
 
 lint: setup ## ruff: rules and format
 	@echo "lint: ruff check"
