@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Protocol
 
 from srprov.wire import AnyQuery, Command, Put, Reply, Run
 
@@ -65,6 +65,32 @@ class Pulse:
             raise ValueError("a heartbeat needs 0 < beat < controller < robot, in seconds")
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Exec:
+    """A command for a running container, as its user typed it."""
+
+    command: tuple[str, ...]
+    environment: tuple[str, ...] = ()
+    """`NAME=VALUE` each."""
+    user: str = ""
+    folder: str = ""
+    stdin: bool = False
+    terminal: bool = False
+
+    def body(self) -> dict[str, Any]:
+        """Return what an engine is told. Source: Docker Engine API 1.41, "Create an exec instance"."""
+        return {
+            "AttachStdin": self.stdin,
+            "AttachStdout": True,
+            "AttachStderr": True,
+            "Tty": self.terminal,
+            "Cmd": list(self.command),
+            "Env": list(self.environment),
+            "User": self.user,
+            "WorkingDir": self.folder,
+        }
+
+
 class Streams(Protocol):
     """The three streams of a running shell, none of which blocks."""
 
@@ -86,6 +112,36 @@ class Streams(Protocol):
 
     def close(self) -> None:
         """End the shell; safe to call twice and from any thread."""
+
+
+class ContainerCommand(Protocol):
+    """A command that runs in a container; one thread may read, another may write."""
+
+    def output(self) -> Iterator[tuple[int, bytes]]:
+        """Yield what it writes as it comes, each with 1 or 2 for its stream, until it ends.
+
+        Raises:
+            TransportError: The engine or the robot is gone.
+        """
+
+    def write(self, data: bytes) -> None:
+        """Send to its standard input; what cannot be sent is dropped, since it has ended then."""
+
+    def close_input(self) -> None:
+        """Let it see the end of its standard input."""
+
+    def resize(self, rows: int, columns: int) -> None:
+        """Tell its terminal the size."""
+
+    def exit_code(self) -> int | None:
+        """Return its code, 0 to 255, once its output has ended; None when it was never run.
+
+        Raises:
+            TransportError: The engine does not know it.
+        """
+
+    def close(self) -> None:
+        """Let go of its streams; it may go on."""
 
 
 class LockChannel(Protocol):
@@ -158,6 +214,13 @@ class Session(Reader, Protocol):
 
         Raises:
             TransportError: It cannot be started.
+        """
+
+    def run_in(self, container: str, what: Exec) -> ContainerCommand:
+        """Start a command in a running container. It ends with nobody: neither with the lock nor with the session.
+
+        Raises:
+            TransportError: It cannot be started there, in the engine's words; or the robot cannot be talked to.
         """
 
     def container_log(self, container: str, *, tail: int, follow: bool, times: bool = False) -> Iterator[str]:

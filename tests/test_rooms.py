@@ -141,6 +141,7 @@ FILES: Mapping[str, Room] = {
     "cli/assign_plot.py": cli_file("assignment", "matplotlib numpy"),
     "cli/build.py": cli_file("planning execution"),
     "cli/doctor.py": cli_file("facts"),
+    "cli/exec.py": cli_file("facts"),
     "cli/execute.py": cli_file("planning execution"),
     "cli/destroy.py": cli_file("execution facts.model"),
     "cli/facts.py": cli_file("facts"),

@@ -36,6 +36,7 @@ _VERBS = {
     "status": "Show the running experiment.",
     "images": "Show the images that srprov built on robots; prune: remove what nobody uses.",
     "wait": "Wait until jobs have completed, services are healthy, or something was printed.",
+    "exec": "Run a command in a service's container.",
     "logs": "Show the output of services.",
     "collect": "Bring home the results, logs and facts of the running experiment.",
     "locks": "Show who is changing which robot.",

@@ -15,7 +15,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from srprov.errors import TransportError
-from srprov.session import Measures, Progress, Pulse, Streams, Traffic, no_progress
+from srprov.session import ContainerCommand, Exec, Measures, Progress, Pulse, Streams, Traffic, no_progress
 from srprov.transport.background import background
 from srprov.transport.engine import EngineAccess, preload
 from srprov.transport.engine.link import EngineLink, EngineSocket
@@ -222,6 +222,10 @@ class BaseSession(abc.ABC):
             streams = self._second_shell()
             tell(self._host, streams, f"SRPROV_SESSION={self._mark}; export SRPROV_SESSION; {script}; exit\n")
         return streams
+
+    def run_in(self, container: str, what: Exec) -> ContainerCommand:
+        """Start a command in a running container; see `session.Session`."""
+        return self.engine.attach(container, what)
 
     def container_log(self, container: str, *, tail: int, follow: bool, times: bool = False) -> Iterator[str]:
         """Return a container's log line by line; see `session.Session`.

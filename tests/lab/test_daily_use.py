@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
+import fcntl
+import os
+import pty
 import signal
+import struct
+import subprocess
+import sys
+import termios
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 import pytest
 
-from tests.lab.conftest import Done, Lab, busybox, edf, part_of_lab
-from tests.lab.looks import begin
+from tests.lab.conftest import BEGUN, ROOT, Done, Lab, busybox, edf, part_of_lab
+from tests.lab.looks import begin, wait_until
 
 pytestmark = pytest.mark.lab
 
@@ -98,3 +105,82 @@ def test_wait_is_ended_by_ctrl_c(running: Running) -> None:
     _, said = wait.communicate(timeout=30)
     assert wait.returncode == 130 and "Traceback" not in said, said
     assert time.monotonic() - begun < 3
+
+
+def test_exec_passes_words_streams_and_the_exit_code_on(running: Running) -> None:
+    """As they are: no shell sees a word, standard output and error are apart, and input comes through in any bytes."""
+    words = ("it's; $(reboot)", "two  blanks", "", "*", "-t", "ä\n")
+    script = 'printf "%s|" "$@" "$SIZE" "$(id -u)" "$PWD"; echo on the other >&2; exit 7'
+    done = running.run(
+        "exec", "-e", "SIZE=a b=$c", "-u", "1000", "-w", "/tmp", "talker", "--", "sh", "-c", script, "sh", *words,
+    )  # fmt: skip
+    assert done.code == 7, done
+    assert done.out == "|".join([*words, "a b=$c", "1000", "/tmp", ""])
+    assert done.err == "on the other\n"
+    text = "".join(f"line {number} ä\n" for number in range(40_000))
+    back = running.run("exec", "drone-1", "--", "cat", stdin=text)
+    assert (back.code, back.out == text, back.err) == (0, True, "")
+
+
+def test_exec_ends_with_255_where_a_command_could_not_be_run(running: Running) -> None:
+    """No such service, a container that has ended, a program that is not there, and a name of several containers."""
+    cases = {
+        ("nobody",): "daily has no nobody",
+        ("worker",): "is not running",
+        ("drone",): "that is more than one container: drone-1 on robot",
+        ("drone-1@robot9",): "daily has no drone-1@robot9",
+    }
+    for (service,), words in cases.items():
+        done = running.run("exec", service, "--", "true")
+        assert done.code == 255 and words in done.err, done
+    missing = running.run("exec", "talker", "--", "no-such-program")
+    assert missing.code == 255 and "talker on robot1: the command could not be run" in missing.err, missing
+    assert running.run("exec", "talker", "--", "sh", "-c", "exit 127").code == 127
+
+
+class Terminal:
+    """A terminal of 30 rows and 100 columns, and a program in it."""
+
+    def __init__(self, lab: Lab, *words: str) -> None:
+        self.end, other = pty.openpty()
+        self.size(30, 100)
+        self.shown = ""
+        self.run = subprocess.Popen(
+            ["setsid", "--ctty", sys.executable, "-m", "srprov", *words],
+            cwd=lab.folder, env={**os.environ, "PYTHONPATH": str(ROOT)}, stdin=other, stdout=other, stderr=other,
+            text=True,
+        )  # fmt: skip
+        BEGUN.append(self.run)
+        os.close(other)
+        os.set_blocking(self.end, False)
+
+    def size(self, rows: int, columns: int) -> None:
+        fcntl.ioctl(self.end, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
+
+    def says(self, keys: str, words: str) -> None:
+        """Type keys, again and again until words are shown."""
+
+        def look() -> bool:
+            os.write(self.end, keys.encode())
+            time.sleep(0.2)
+            try:
+                self.shown += os.read(self.end, 65536).decode()
+            except BlockingIOError:
+                return False
+            return words in self.shown
+
+        wait_until(look, 30, f"{words!r} after {keys!r} in {self.shown!r}")
+
+
+def test_exec_lends_its_terminal(running: Running) -> None:
+    """The command has a terminal of the same size, also when that changes; Ctrl-C ends what runs in it, not `exec`."""
+    there = Terminal(running.lab, "exec", *running.words, "-t", "drone-1", "--", "sh")
+    there.says("stty size\n", "30 100")
+    there.size(40, 120)
+    there.says("stty size\n", "40 120")
+    os.write(there.end, b"sleep 1000; echo it was ended by $?\n")
+    there.says("\x03", "^C")
+    there.says("echo still $((40 + 2))\n", "still 42")
+    os.write(there.end, b"exit 5\n")
+    assert there.run.wait(timeout=20) == 5
+    os.close(there.end)

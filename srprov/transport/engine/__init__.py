@@ -11,11 +11,15 @@ import functools
 import threading
 from typing import TYPE_CHECKING
 
+from srprov.session import no_progress
 from srprov.transport.engine.link import EngineLink
 
 if TYPE_CHECKING:
+    from srprov.session import Exec
+    from srprov.transport.engine.attached import AttachedCommand
     from srprov.transport.engine.client import Engine
     from srprov.transport.engine.reads import EngineReader
+    from srprov.wire import EngineCall, Reply
 
 
 @functools.lru_cache(maxsize=1)
@@ -61,6 +65,15 @@ class EngineAccess:
 
                 self._client = Engine(self._changes)
             return self._client
+
+    def attach(self, container: str, what: Exec) -> AttachedCommand:
+        """Start a command in a container, on a stream of its own; see `session.Session.run_in`."""
+        from srprov.transport.engine.attached import AttachedCommand
+
+        def call(change: EngineCall) -> Reply:
+            return self.client.call(change, no_progress)
+
+        return AttachedCommand(self._reads, self.reader.ask, call, container, what)
 
     def warm_client(self) -> None:
         """Import what the client needs, and connect; for a thread of its own."""

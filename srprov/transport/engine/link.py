@@ -28,6 +28,8 @@ if TYPE_CHECKING:
     Stream = paramiko.Channel | socket.socket
 
 _PIECE = 32 * 1024
+_WRITING = 1
+"""`socket.SHUT_WR`."""
 _BOTH_WAYS = 2
 """`socket.SHUT_RDWR`, which paramiko's channels take too."""
 
@@ -97,6 +99,11 @@ class EngineSocket:
             if not sent:
                 raise EngineGone(self._complaint() or "the connection to the engine was closed")
             view = view[sent:]
+
+    def close_writing(self) -> None:
+        """Let the other end see that nothing more will come."""
+        with contextlib.suppress(OSError, EOFError):
+            self._stream.shutdown(_WRITING)
 
     def recv_into(self, buffer: Any) -> int:  # noqa: ANN401 - a writable buffer
         """Receive into a buffer; 0 at the end."""

@@ -1,0 +1,133 @@
+"""`srprov exec`: a command in a service's container, with its streams and its exit code."""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import click
+
+from srprov.cli import inputs, options
+from srprov.cli.main import show_error
+from srprov.cli.output import clean, err
+from srprov.cli.streams import lost
+from srprov.errors import SrprovError, UsageError
+from srprov.session import Exec
+
+if TYPE_CHECKING:
+    from srprov.controller.located import Located
+    from srprov.session import ContainerCommand, Session
+
+NOT_RUN = 255
+_PIECE = 64 * 1024
+
+
+def _settings(_context: click.Context, _option: click.Parameter, given: tuple[str, ...]) -> tuple[str, ...]:
+    for one in given:
+        if not one.partition("=")[1] or one.startswith("="):
+            raise click.BadParameter(f"'{one}' is not NAME=VALUE")
+    return given
+
+
+@click.command()
+@click.argument("file", metavar="FILE")
+@click.argument("service", metavar="SERVICE[@ROBOT]")
+@click.argument("command", metavar="-- COMMAND...", nargs=-1, required=True)
+@options.robots_without_json
+@options.INSTANCE
+@click.option("-e", "--env", "environment", multiple=True, metavar="NAME=VALUE", callback=_settings,
+              help="A variable of the command; may be repeated.")  # fmt: skip
+@click.option("-u", "--user", default="", help="User, or UID, with a group after a colon (default: the container's).")
+@click.option("-w", "--workdir", "folder", default="", metavar="DIR", help="Folder in the container.")
+@click.option("-t", "--tty", "terminal", is_flag=True, help="Give the command your terminal, with Ctrl-C and its size.")
+def exec(
+    file: str, service: str, command: tuple[str, ...], inventories: tuple[str, ...], forks: int, timeout: float,
+    instance: str, environment: tuple[str, ...], user: str, folder: str, terminal: bool,
+) -> int:  # fmt: skip
+    """Run a command in the container of a service, and end with its exit code; with 255 when it could not be run.
+
+    SERVICE is a name of the EDF that runs once, a replica, or SERVICE@ROBOT. The command's words are passed on as they
+    are, without a shell. Standard input is passed on unless it is a terminal; with -t, a terminal is.
+    """
+    what = Exec(
+        command=command, environment=environment, user=user, folder=folder,
+        stdin=terminal or not sys.stdin.isatty(), terminal=terminal,
+    )  # fmt: skip
+    try:
+        if terminal and not (sys.stdin.isatty() and sys.stdout.isatty()):
+            raise UsageError("-t needs a terminal", hint="leave it out where input or output is a file or a pipe")
+        return _run(file, service, inventories, forks, timeout, instance, what)
+    except SrprovError as error:
+        show_error(error)
+        return NOT_RUN
+
+
+def _run(
+    file: str, service: str, inventories: tuple[str, ...], forks: int, timeout: float, instance: str, what: Exec
+) -> int:
+    from srprov.controller.located import locate
+    from srprov.facts.gather import Detail
+
+    inventory = inputs.load_inventory(inventories)
+    name = inputs.named_instance(file, instance)[0]
+    experiment = inputs.experiment_if_valid(file)
+    with inputs.connect(inventory, timeout, forks) as fleet:
+        where = _only(locate(fleet.gather(Detail.BASIC), name, experiment).named([service]))
+        return _attached(fleet.sessions.get(where.host), where, what)
+
+
+def _only(found: tuple[Located, ...]) -> Located:
+    if len(found) > 1:
+        several = ", ".join(one.where for one in found)
+        raise UsageError(f"that is more than one container: {several}", hint="name one of them, or SERVICE@ROBOT")
+    return found[0]
+
+
+def _attached(session: Session, where: Located, what: Exec) -> int:
+    """Run it, and pass its streams on."""
+    running = session.run_in(where.container, what)
+    try:
+        with _passing(running, what):
+            for stream, data in running.output():
+                _print(stream, data, raw=what.terminal)
+                if lost(sys.stdout):
+                    return 0  # whoever read it has seen enough
+        code = running.exit_code()
+    finally:
+        running.close()
+    if code is None:
+        err(f"error: {where.where}: the command could not be run")
+    return NOT_RUN if code is None else code
+
+
+@contextmanager
+def _passing(running: ContainerCommand, what: Exec) -> Iterator[None]:
+    """Pass standard input on, and with a terminal all keys and its size."""
+    if what.stdin:
+        threading.Thread(target=_pass_input, args=(running,), name="standard input", daemon=True).start()
+    if not what.terminal:
+        yield
+        return
+    from srprov.cli.raw_terminal import raw_terminal
+
+    with raw_terminal(running.resize):
+        yield
+
+
+def _pass_input(running: ContainerCommand) -> None:
+    while data := os.read(sys.stdin.fileno(), _PIECE):
+        running.write(data)
+    running.close_input()
+
+
+def _print(stream: int, data: bytes, *, raw: bool) -> None:
+    """Write bytes as they are; on a terminal that was not lent to the command, as any other text of robots."""
+    target = sys.stdout if stream == 1 else sys.stderr
+    if not raw and target.isatty():
+        data = clean(data.decode("utf-8", "replace")).encode("utf-8", "replace")
+    target.buffer.write(data)
+    target.buffer.flush()
