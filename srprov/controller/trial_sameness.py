@@ -44,8 +44,10 @@ def sameness(plan: TrialPlan, facts: Mapping[str, Mapping[str, str]]) -> Samenes
     found |= {f"{service}: depends_on": dict(needs) for service, needs in plan.needs.items() if needs}
     found |= dict(_of_robots(plan.base.desired))
     settings = asdict(given.settings)
-    found |= {f"trials: {key}": value for key, value in settings.items() if key not in _FREE}
-    found |= {f"metrics: {one.name}": asdict(replace(one, description="")) for one in given.metrics}
+    found |= {f"trials: {key}": _stated(value) for key, value in settings.items() if key not in _FREE}
+    for metric in given.metrics:
+        fields = _stated(asdict(replace(metric, name="", description="")))
+        found |= {f"metrics: {metric.name} {key}": value for key, value in mapping(fields).items()}
     found |= {f"results: {service}": [asdict(one) for one in some] for service, some in given.results.items()}
     found |= {f"parameters: {one.name}": one.services or "all services" for one in given.parameters}
     return {str(key): _text(value) for key, value in mapping(redacted(found)).items()}
@@ -67,6 +69,13 @@ def _of_robots(desired: Sequence[Resource]) -> Iterator[tuple[str, object]]:
     for one in desired:
         if one.module in _ON_ROBOTS and not one.name.startswith(_OURS):
             yield f"{one.host}: {one.module} {one.name}", dict(one.written)
+
+
+def _stated(value: object) -> object:
+    """Return a value without fields that say nothing; a number says something."""
+    if isinstance(value, Mapping):
+        return {key: _stated(item) for key, item in value.items() if item is not None and item not in ("", ())}
+    return [_stated(item) for item in value] if isinstance(value, tuple) else value
 
 
 def _text(value: object) -> str:
