@@ -163,6 +163,18 @@ def restart(name: str, robot: str, docker: bool) -> None:
         say(f"{robot} is ready")
 
 
+@lab.command()
+@click.argument("robot")
+@click.option(
+    "--offset", type=float, required=True, metavar="SECONDS", help="From the right time, e.g. -1.5; 0 is right."
+)
+@click.pass_obj
+def clock(name: str, robot: str, offset: float) -> None:
+    """Set a robot's clock, for whoever asks `date`, until the robot restarts or `up`."""
+    faults.set_clock(find(name), robot, offset)
+    say(f"{robot}: its clock is {offset:+g} s off")
+
+
 def _other(what: str) -> Callable[[Callable[..., None]], Callable[..., None]]:
     text = f"{what} this robot, or `{partition.CONTROLLER}` (default: everybody)."
     return click.option("--from", "other", metavar="ROBOT", default=partition.ALL, help=text)

@@ -12,13 +12,11 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 from srprov import private
-from srprov.controller.trial_adoption import adopted
 from srprov.controller.trial_files import Gathered, gather_files
-from srprov.controller.trial_history import LostAttempt
-from srprov.controller.trial_outcome import Attempt, outcome, unjudged
 from srprov.controller.trial_plan import TrialPlan, containers
 from srprov.controller.trial_report import in_words
 from srprov.controller.trial_tables import Tables
@@ -31,9 +29,8 @@ from srprov.execution.trial_robots import Connections, TrialRobots
 from srprov.record.journal import Journal
 from srprov.secret import redacted
 from srprov.trials import Design, Trial
-from srprov.trials.judge import COUNTED, End
+from srprov.trials.judge import COUNTED, End, verdict
 from srprov.trials.row import Seen, row
-from srprov.trials.unwatched import NotAdopted
 from srprov.untrusted import mapping
 
 Row = dict[str, object]
@@ -72,8 +69,8 @@ class TrialRun:
     """Of attempts that ended in an earlier session of this run."""
     begun: Mapping[str, int] = field(default_factory=dict)
     """Trial -> attempts that were begun earlier, whether they ended or not."""
-    lost: tuple[LostAttempt, ...] = ()
-    """Attempts that were begun earlier and have no end."""
+    lost: tuple[tuple[str, int], ...] = ()
+    """Trials and attempts of them that were begun earlier and have no end."""
 
 
 class Trials:
@@ -87,6 +84,7 @@ class Trials:
         self._attempts = dict(run.begun)
         self._orders = {trial.id: order for order, trial in enumerate(run.whole.trials, start=1)}
         self._failures = 0
+        self._told: set[tuple[str, str]] = set()
         self.ended_early = ""
         """Why the run ended before its last trial, or nothing."""
 
@@ -104,6 +102,7 @@ class Trials:
         done = {one["trial"] for one in self.rows if one["status"] in COUNTED}
         between = False
         for trial in self._run.design.trials:
+            order = self._orders[trial.id]
             if trial.id in done:
                 continue
             if between and not stop.is_set():
@@ -111,7 +110,7 @@ class Trials:
             if stop.is_set():
                 self.ended_early = "interrupted"
                 return
-            last = self._tried(trial, stop)
+            last = self._tried(order, trial, stop)
             between = True
             self._failures = self._failures + 1 if last["status"] == "infrastructure" else 0
             if self.ended_early:
@@ -123,117 +122,122 @@ class Trials:
             if self.ended_early:
                 return
 
-    def settle_lost(self) -> None:
-        """Write down what came of attempts that were under way when an earlier session ended, and clear their robots.
+    def note_lost(self) -> None:
+        """Write down that attempts that were under way when an earlier session ended have come to nothing.
 
-        Also of trials that are not run now, and of trials that the design does not have any more.
+        Also those of trials that are not run now, and of trials that the design does not have any more.
         """
         trials = {trial.id: trial for trial in self._run.whole.trials}
-        for lost in self._run.lost:
-            if trial := trials.get(lost.trial):
-                one = self._about(trial, lost.attempt)
-                kept = self._keep(self._settled(one, lost), one.folder)
-                self._tell(trial, in_words(kept), aloud=True)
+        end = End("interrupted", "the run ended before it did")
+        for name, attempt in self._run.lost:
+            if trial := trials.get(name):
+                self._keep(row(trial, attempt, self._orders[name], Seen(end=end)))
             else:
-                reason = "the run ended before it did"
-                self._keep({"trial": lost.trial, "attempt": lost.attempt, "status": "interrupted", "reason": reason})
-        if self._run.lost:
-            try:
-                self._about(self._run.whole.trials[0], 1).robots.clear()
-            except EquipmentFailed as error:
-                self.ended_early = f"what an interrupted trial left cannot be removed: {error}"
+                self._keep({"trial": name, "attempt": attempt, "status": end.status, "reason": end.reason})
 
-    def _settled(self, one: Attempt, lost: LostAttempt) -> Row:
-        """Return the row of an attempt whose end the journal does not have."""
-        if lost.row:  # all of it was at home
-            return dict(lost.row)
-        try:
-            return adopted(one, lost)
-        except NotAdopted as error:
-            end = End("interrupted", f"the run ended before it did; not adopted: {error}")
-            return row(one.trial, one.number, one.order, Seen(end=end))
-
-    def _about(self, trial: Trial, number: int) -> Attempt:
-        """Return an attempt with its folder, which may not be there."""
-        made_anew = containers(self._run.plan, trial, number, self._run.name)
-        return Attempt(
-            plan=self._run.plan,
-            trial=trial,
-            number=number,
-            order=self._orders[trial.id],
-            robots=TrialRobots(self._connections, made_anew, lambda text: self._tell(trial, text, aloud=True)),
-            folder=self._run.folder / "trials" / (trial.id if number == 1 else f"{trial.id}.{number}"),
-        )
-
-    def _keep(self, made: Row, folder: Path | None = None) -> Mapping[str, object]:
-        """Write down how an attempt ended, without secrets, also in its folder if it has one, and return that."""
+    def _keep(self, made: Row) -> Mapping[str, object]:
+        """Write down how an attempt ended, without secrets, and return that."""
         kept = mapping(redacted(made))
         self._journal.add("end", trial=made["trial"], attempt=made["attempt"], row=kept)
         self.rows.append(kept)
         self.tables.add(kept)
-        if folder is not None and folder.is_dir():
-            private.replace_file(folder / "trial.json", json.dumps(kept, indent=2) + "\n")
         return kept
 
-    def _tried(self, trial: Trial, stop: threading.Event) -> Mapping[str, object]:
+    def _tried(self, order: int, trial: Trial, stop: threading.Event) -> Mapping[str, object]:
         """Run a trial, and again while the equipment fails and it may be; return the last row."""
         for left in range(self._run.plan.given.settings.retries, -1, -1):
-            one = self._attempt(trial)
+            one = self._attempt(order, trial)
             again = one["status"] == "infrastructure" and left > 0 and not stop.is_set() and not self.ended_early
-            self._tell(trial, in_words(one) + (", trying again" if again else ""), aloud=True)
+            self._tell(trial, order, in_words(one) + (", trying again" if again else ""), aloud=True)
             if not again:
                 return one
         raise AssertionError("a trial is tried at least once")
 
-    def _attempt(self, trial: Trial) -> Mapping[str, object]:
-        number = self._attempts[trial.id] = self._attempts.get(trial.id, 0) + 1
-        one = self._about(trial, number)
-        about = {"trial": trial.id, "attempt": number}
-        self._journal.add("begin", **about, order=one.order)
-        one.folder.mkdir(mode=0o700)  # never one that somebody else made
+    def _attempt(self, order: int, trial: Trial) -> Mapping[str, object]:
+        attempt = self._attempts[trial.id] = self._attempts.get(trial.id, 0) + 1
+        about = {"trial": trial.id, "attempt": attempt}
+        self._journal.add("begin", **about, order=order)
+        made_anew = containers(self._run.plan, trial, attempt, self._run.name)
+        aloud = partial(self._tell, trial, order, aloud=True)
+        robots = TrialRobots(self._connections, made_anew, aloud, self._run.plan.disks)
+        folder = self._run.folder / "trials" / (trial.id if attempt == 1 else f"{trial.id}.{attempt}")
+        folder.mkdir(mode=0o700)  # never one that somebody else made
 
-        def tell(moment: str, **more: object) -> None:
-            self._journal.add(moment, **about, **more)
-            self._tell(trial, moment)
+        def tell(moment: str) -> None:
+            self._journal.add(moment, **about)
+            self._tell(trial, order, moment)
 
         try:
-            made = self._done(one, tell)
-            if "verdict" in made:  # all is at home: whoever goes on needs no robot to know it
-                tell("collected", row=made)
+            made = self._done(trial, attempt, order, robots, folder, tell)
         except BaseException:  # a full disk here, or a lock that somebody else took: nothing of ours goes on there
             with contextlib.suppress(EquipmentFailed):
-                one.robots.clear()
+                robots.clear()
             raise
+        made |= used(self._run.plan, robots)
         try:
-            one.robots.clear()
+            robots.clear()
         except EquipmentFailed as error:
             made["reason"] = f"{made['reason']}; not cleared: {error}"
-        kept = self._keep(made, one.folder)
+        kept = self._keep(made)
+        private.replace_file(folder / "trial.json", json.dumps(kept, indent=2) + "\n")
         self.tables.write()
         return kept
 
-    def _done(self, one: Attempt, tell: Callable[[str], None]) -> Row:
+    def _done(
+        self, trial: Trial, attempt: int, order: int, robots: TrialRobots, folder: Path,
+        tell: Callable[[str], None],
+    ) -> Row:  # fmt: skip
         """Run an attempt and fetch what it gave; return its row."""
-        plan, ended, gathered = one.plan, TrialEnd(end=End("infrastructure", "")), Gathered()
-        orders = TrialOrder(settings=plan.given.settings, jobs=plan.jobs, stop_limit_s=self._run.stop_limit_s)
-        more: Row = {}
+        plan = self._run.plan
+        orders = TrialOrder(
+            settings=plan.given.settings, jobs=plan.jobs, stop_limit_s=self._run.stop_limit_s, told=self._told
+        )
+        ended, gathered = TrialEnd(end=End("infrastructure", "")), Gathered()
         try:
-            ended = run_trial(orders, one.robots, tell)
+            ended = run_trial(orders, robots, tell)
             begun = time.monotonic()
-            gathered = gather_files(plan, ended.inspected, one.robots, one.folder)
-            more = {"collect_s": time.monotonic() - begun, "controller_gap_s": one.robots.patience.gap_s}
-            made = outcome(one, ended, gathered)
+            gathered = gather_files(plan, ended.inspected, robots, folder)
+            collect_s = time.monotonic() - begun
         except (EquipmentFailed, CollectFailed, TransportError) as error:
             if isinstance(error, RobotRestarted):
                 self.ended_early = f"{error}; its network may be gone, which going on mends"
             why = error.message if isinstance(error, TransportError) else str(error)
-            made = unjudged(one, ended, gathered, End("infrastructure", why))
+            return row(trial, attempt, order, self._seen(ended, gathered, End("infrastructure", why)))
         except KeyboardInterrupt:
             self.ended_early = "interrupted"
-            made = unjudged(one, ended, gathered, End("interrupted", "the run was ended"))
-        return {**made, **more, **used(plan, one.robots)}
+            return row(trial, attempt, order, self._seen(ended, gathered, End("interrupted", "the run was ended")))
+        tell("collected")
+        end = ended.end
+        if gathered.missing and end.status == "ok":  # who crashed could not write it, and that is data
+            end = End("infrastructure", f"a required result is missing: {', '.join(gathered.missing)}")
+        found = row(trial, attempt, order, self._seen(ended, gathered, end))
+        success = plan.given.settings.success
+        judged = verdict(success, ended.readings, gathered.matched, gathered.metrics)
+        return {
+            **found,
+            "verdict": judged if end.status in COUNTED else "unknown",
+            **{f"m_{name}": value for name, value in gathered.metrics.items()},
+            "collect_s": collect_s,
+            "controller_gap_s": robots.patience.gap_s,
+            "files": gathered.files,
+            "bytes": gathered.bytes,
+        }
 
-    def _tell(self, trial: Trial, what: str, *, aloud: bool = False) -> None:
-        count, order = len(self._orders), self._orders[trial.id]
+    def _seen(self, ended: TrialEnd, gathered: Gathered, end: End) -> Seen:
+        return Seen(
+            end=end,
+            readings=ended.readings,
+            robots={one.service: one.host for one in self._run.plan.services},
+            before=ended.before,
+            after=ended.after,
+            began=ended.began,
+            ready_s=ended.ready_s,
+            duration_s=ended.duration_s,
+            stop_s=ended.stop_s,
+            matched=gathered.moments,
+        )
+
+    def _tell(self, trial: Trial, order: int, what: str, *, aloud: bool = False) -> None:
+        count = len(self._orders)
         values = trial.point.values
         self._say(TrialNews(trial=trial.id, order=order, trials=count, values=values, what=what, aloud=aloud))

@@ -14,7 +14,7 @@ from typing import TypeVar
 
 from srprov.definitions import trialchecks, trialconditions
 from srprov.definitions.model import Service
-from srprov.definitions.trialsmodel import Metric, Parameter, Result, TrialDefinitions, TrialSettings
+from srprov.definitions.trialsmodel import Limits, Metric, Parameter, Result, TrialDefinitions, TrialSettings
 from srprov.definitions.values import duration, scalars, text, texts
 from srprov.yamldoc import nodes
 from srprov.yamldoc.fields import size_in_bytes
@@ -133,6 +133,20 @@ def _settings(root: Map, findings: Findings) -> TrialSettings:
         pause_s=_or(_seconds(between.get("sleep"), "between", findings), 0.0),
         prompt=text(between.get("prompt")),
         keep=texts(get("keep")),
+        limits=_limits(_map(get("limits")), findings),
+    )
+
+
+def _limits(given: Mapping[str, Node], findings: Findings) -> Limits:
+    get, path = given.get, ("trials", "limits")
+    offset = trialconditions.attempt(get("clock_offset"), (*path, "clock_offset"), duration, findings)
+    warmest = get("temperature")
+    return Limits(
+        clock_offset_s=offset,
+        disk_free_bytes=trialconditions.attempt(get("disk_free"), (*path, "disk_free"), size_in_bytes, findings),
+        battery_percent=_whole(get("battery")),
+        temperature_c=None if warmest is None else nodes.as_number(warmest),
+        wait_s=_or(trialconditions.attempt(get("wait"), (*path, "wait"), duration, findings), 120.0),
     )
 
 

@@ -81,6 +81,26 @@ class Metric:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class Limits:
+    """What a robot must be like before a trial is begun; None: no matter."""
+
+    clock_offset_s: float | None = None
+    """From the controller's clock, in either direction."""
+    disk_free_bytes: int | None = None
+    """Where Docker keeps its data."""
+    battery_percent: int | None = None
+    temperature_c: float | None = None
+    wait_s: float = 120.0
+    """For a robot that is not so."""
+
+    @property
+    def any(self) -> bool:
+        """Whether there is one."""
+        known = (self.clock_offset_s, self.disk_free_bytes, self.battery_percent, self.temperature_c)
+        return any(one is not None for one in known)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class TrialSettings:
     """How trials are run."""
 
@@ -109,6 +129,7 @@ class TrialSettings:
     pause_s: float = 0.0
     prompt: str = ""
     keep: tuple[str, ...] = ()
+    limits: Limits = field(default_factory=Limits)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

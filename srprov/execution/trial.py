@@ -14,6 +14,7 @@ from typing import Any
 
 from srprov.definitions.trialsmodel import TrialSettings
 from srprov.errors import TransportError
+from srprov.execution.trial_limits import admit
 from srprov.execution.trial_patience import EquipmentFailed
 from srprov.execution.trial_robots import TrialRobots
 from srprov.linear_regex import compiled
@@ -41,6 +42,8 @@ class TrialOrder:
     jobs: frozenset[str]
     """Services without a `restart`."""
     stop_limit_s: float = 60.0
+    told: set[tuple[str, str]] = field(default_factory=set)
+    """Robots and limits of which was said in this run that they cannot be compared."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -75,7 +78,7 @@ def run_trial(order: TrialOrder, robots: TrialRobots, tell: Tell) -> TrialEnd:
         EquipmentFailed: A robot or its engine failed, or a service did not get ready; containers may be left.
     """
     settings = order.settings
-    before = robots.clocks()
+    before = admit(settings.limits, robots, order.told)
     robots.create()
     tell("created")
     begun = time.monotonic()

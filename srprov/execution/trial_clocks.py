@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 
-from srprov.execution.trial_totals import HOST
 from srprov.session import Session
 from srprov.trials.clock import Sample
 from srprov.untrusted import decimal
@@ -13,8 +12,8 @@ from srprov.wire import Query, Reply
 CLOCK_ROUNDS = 16
 
 
-def samples(session: Session) -> tuple[list[Sample], Reply]:
-    """Ask one robot for its time, again and again; return what it said, and its answer to `HOST`.
+def samples(session: Session, last: Query) -> tuple[list[Sample], Reply]:
+    """Ask one robot for its time, again and again; return what it said, and its answer to `last`.
 
     Raises:
         TransportError: It cannot be talked to any more.
@@ -23,7 +22,7 @@ def samples(session: Session) -> tuple[list[Sample], Reply]:
     more = Reply(status=-1, ok=False)
     for left in range(CLOCK_ROUNDS - 1, -1, -1):
         asked, begun = time.time(), time.monotonic()
-        reply, *others = session.ask([Query(command="date +%s.%N"), *([] if left else [HOST])])
+        reply, *others = session.ask([Query(command="date +%s.%N"), *([] if left else [last])])
         answered = asked + (time.monotonic() - begun)  # a step of our own clock in between changes nothing
         more = others[0] if others else more
         whole, _, fraction = reply.out.strip().partition(".")

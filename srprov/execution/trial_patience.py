@@ -11,11 +11,13 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from srprov.errors import TransportError
+from srprov.wire import Reply
 
 PATIENCE_S = 120.0
 """For a robot that is out of reach, or an engine that does not answer, to come back."""
 _PAUSE_S = 1.0
 _REMIND_S = 30.0
+_AWAY = (0, 503)
 _T = TypeVar("_T")
 
 Say = Callable[[str], None]
@@ -92,3 +94,14 @@ class Patience:
 
 def _words(why: TransportError | EngineAway) -> str:
     return why.message if isinstance(why, TransportError) else str(why)
+
+
+def check_engine(reply: Reply) -> None:
+    """Raise EngineAway for the answer of an engine that is not there, or not yet."""
+    if reply.status in _AWAY:
+        raise EngineAway(why(reply.err or reply.out))
+
+
+def why(text: str) -> str:
+    """Return what somebody said in one line."""
+    return " ".join(text.split())[:300] or "it did not say why"

@@ -17,14 +17,14 @@ from typing import Any, Protocol, TypeVar
 from srprov.errors import TransportError
 from srprov.execution.stopping import stop_all
 from srprov.execution.trial_clocks import samples
-from srprov.execution.trial_patience import EngineAway, EquipmentFailed, Patience, Say
+from srprov.execution.trial_patience import EquipmentFailed, Patience, Say, check_engine, why
 from srprov.execution.trial_survival import Survival
 from srprov.execution.trial_totals import Totals
 from srprov.modules.container_commands import remove, start, stop
 from srprov.session import Session
 from srprov.trials.clock import Offset, offset
 from srprov.trials.reading import Reading, read
-from srprov.wire import Command, EngineCall, EngineQuery, Reply
+from srprov.wire import Command, EngineCall, EngineQuery
 
 _T = TypeVar("_T")
 
@@ -60,14 +60,23 @@ class TrialRobots:
     """The containers of one trial."""
 
     def __init__(
-        self, connections: Connections, containers: Collection[TrialContainer], say: Say = lambda _text: None
-    ) -> None:
-        """Take what is to be run, connections with all robots that it is run on, and whom to tell who is awaited."""
+        self, connections: Connections, containers: Collection[TrialContainer], say: Say = lambda _text: None,
+        disks: Mapping[str, str] = MappingProxyType({}),
+    ) -> None:  # fmt: skip
+        """Take what is to be run.
+
+        Args:
+            connections: With all robots that it is run on.
+            containers: What is to be run.
+            say: Told who is awaited.
+            disks: Robot -> where its Docker keeps its data, as far as known.
+        """
         self.by_service = {one.service: one for one in containers}
         self.patience = Patience(connections.renew, say)
         self.measured: list[Mapping[str, Offset | None]] = []
-        """Robot -> its clock; for each time that all were measured."""
-        self.totals = Totals()
+        """Robot -> its clock; for each time that all were."""
+        self.totals = Totals(disks)
+        self.say = say
         self._connections = connections
         self._hosts = sorted({one.host for one in containers})
         self._survival = Survival(self.patience, max((one.grace_s for one in containers), default=0.0))
@@ -132,8 +141,8 @@ class TrialRobots:
         self.totals.take(host, every[len(some) :])
         for reply in replies:
             if not reply.ok and reply.status != _NOT_FOUND:
-                _check_engine(reply)
-                raise EquipmentFailed(f"{host}: its containers cannot be read: {_why(reply.err or reply.out)}")
+                check_engine(reply)
+                raise EquipmentFailed(f"{host}: its containers cannot be read: {why(reply.err or reply.out)}")
         found = {one.service: reply.json() for one, reply in zip(some, replies, strict=True)}
         self.totals.find(host, found, session)
         self._survival.look(host, {service: read(answer) for service, answer in found.items()})
@@ -161,13 +170,18 @@ class TrialRobots:
         """Measure all robots' clocks against ours, and read the robots' own counters with the last answer."""
 
         def act(host: str) -> Offset | None:
-            said, reply = samples(self._connections.get(host))
+            said, reply = samples(self._connections.get(host), self.totals.of_host(host))
             self.totals.host(host, reply)
             return offset(said)
 
         found = self.each(act)
         self.measured.append(found)
         return found
+
+    def forget(self) -> None:
+        """Forget what was measured, to measure it anew."""
+        self.measured.clear()
+        self.totals.hosts.clear()
 
     def log(self, service: str) -> Iterator[str]:
         """Return the lines of a service's log as they come, each with the engine's time before it, to its end."""
@@ -188,7 +202,7 @@ class TrialRobots:
             except TransportError:
                 (reply,) = session.ask([EngineQuery(path="/_ping")])  # an engine that is away is no lost connection
                 if not reply.ok:
-                    _check_engine(reply)
+                    check_engine(reply)
                 raise
 
         return self.patience.do(act, self.by_service[service].host)
@@ -207,8 +221,8 @@ class TrialRobots:
         reply = self._connections.get(one.host).execute(command)
         if not reply.ok:
             if isinstance(command, EngineCall):
-                _check_engine(reply)
-            raise EquipmentFailed(f"{one.service} on {one.host}: {_why(reply.err or reply.out)}")
+                check_engine(reply)
+            raise EquipmentFailed(f"{one.service} on {one.host}: {why(reply.err or reply.out)}")
 
     def each(self, work: Callable[[str], _T]) -> dict[str, _T]:
         """Do it for all robots at once and return what each gave.
@@ -231,14 +245,3 @@ class TrialRobots:
 
 
 _NOT_FOUND = 404
-_AWAY = (0, 503)
-
-
-def _check_engine(reply: Reply) -> None:
-    """Raise EngineAway for the answer of an engine that is not there, or not yet."""
-    if reply.status in _AWAY:
-        raise EngineAway(_why(reply.err or reply.out))
-
-
-def _why(text: str) -> str:
-    return " ".join(text.split())[:300] or "it did not say why"

@@ -20,8 +20,7 @@ from srprov.trials.reading import read
 from srprov.untrusted import integer, mapping, string
 from srprov.wire import Query, Reply, sh
 
-HOST = Query(command=SCRIPT)
-"""A robot's own counters."""
+_DATA = "/var/lib/docker"
 _LONGEST_S = 1.0
 """Between two readings of containers."""
 _SHARE = 0.05
@@ -46,8 +45,9 @@ class _Service:
 class Totals:
     """The counters of one attempt; several threads may use it, each for another robot."""
 
-    def __init__(self) -> None:
-        """Know nothing yet."""
+    def __init__(self, disks: Mapping[str, str]) -> None:
+        """Take where robots' Docker Engines keep their data, as far as known; know nothing else yet."""
+        self._disks = disks
         self.hosts: dict[str, list[HostReading]] = {}
         """Robot -> its readings, in order: before and after, or only before."""
         self._mounts: dict[str, Mapping[str, Mount]] = {}
@@ -58,8 +58,12 @@ class Totals:
         self._first: dict[str, float] = {}
         self._last: dict[str, float] = {}
 
+    def of_host(self, host: str) -> Query:
+        """Return what asks for a robot's own counters."""
+        return Query(command=f"{sh('df', '-Pk', self._disks.get(host) or _DATA)} 2>/dev/null\n{SCRIPT}")
+
     def host(self, host: str, reply: Reply) -> None:
-        """Take a robot's answer to `HOST`."""
+        """Take a robot's answer to `of_host`."""
         self.hosts.setdefault(host, []).append(read_host(reply.out))
         self._mounts[host] = mounts(by_file(reply.out).get(MOUNTINFO, ()))
 

@@ -1,8 +1,8 @@
 """A program: a TCP proxy that makes sshd answer as late as over a link with that round-trip time.
 
-    python -I delay.py LISTEN_ADDRESS LISTEN_PORT TARGET_PORT RTT_MS
+    python -I delay.py LISTEN_ADDRESS LISTEN_PORT TARGET_PORT TO_MS FROM_MS
 
-Each direction is late by half of the round trip. The kernel answers a SYN at once, so the
+What goes to sshd is late by the first, what comes from it by the second. The kernel answers a SYN at once, so the
 handshake's time is paid before sshd hears of the connection: its greeting arrives two round trips
 after the client began, as over a real link. Runs in the robot's network, on Python's own library
 alone; latency.py starts it.
@@ -21,14 +21,14 @@ MOST_CHUNKS = 64
 """On their way in one direction; a sender that fills this has to wait."""
 
 
-async def serve(address: str, port: int, target: int, rtt_s: float) -> None:
+async def serve(address: str, port: int, target: int, to_s: float, from_s: float) -> None:
     """Answer until killed; waits for the address to be there."""
     busy = set[object]()  # the event loop alone does not keep tasks from being collected
 
     async def handle(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         busy.add(task := asyncio.current_task())
         try:
-            await delayed(address, target, rtt_s, reader, writer)
+            await delayed(address, target, to_s, from_s, reader, writer)
         finally:
             busy.discard(task)
 
@@ -42,17 +42,17 @@ async def serve(address: str, port: int, target: int, rtt_s: float) -> None:
 
 
 async def delayed(
-    address: str, target: int, rtt_s: float, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    address: str, target: int, to_s: float, from_s: float, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
 ) -> None:
     """Carry one connection to its end."""
-    await asyncio.sleep(1.5 * rtt_s)  # SYN, SYN-ACK, ACK
+    await asyncio.sleep(1.5 * (to_s + from_s))  # SYN, SYN-ACK, ACK
     try:
         far_reader, far_writer = await asyncio.open_connection(address, target)
     except OSError:
         writer.transport.abort()
         return
     try:
-        await asyncio.gather(carry(reader, far_writer, rtt_s / 2), carry(far_reader, writer, rtt_s / 2))
+        await asyncio.gather(carry(reader, far_writer, to_s), carry(far_reader, writer, from_s))
     except OSError:  # one side was reset: so is the other
         writer.transport.abort()
         far_writer.transport.abort()
@@ -92,8 +92,8 @@ async def carry(reader: asyncio.StreamReader, writer: asyncio.StreamWriter, dela
 
 def main(words: Sequence[str]) -> None:
     """Run with the arguments as they were given."""
-    address, port, target, rtt_ms = words
-    asyncio.run(serve(address, int(port), int(target), float(rtt_ms) / 1000))
+    address, port, target, to_ms, from_ms = words
+    asyncio.run(serve(address, int(port), int(target), float(to_ms) / 1000, float(from_ms) / 1000))
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence, Set
 
 from srprov.errors import LabError, UsageError
-from srprov.lab import engine, machine, members, partition, state
+from srprov.lab import clock, engine, machine, members, partition, state
 from srprov.lab.places import Site
 from srprov.lab.spec import Robot
 
@@ -60,16 +60,34 @@ def restart_engine(site: Site, name: str) -> None:
         engine.start(site, name, init)
 
 
+def set_clock(site: Site, name: str, offset_s: float) -> None:
+    """Have a robot's clock off by so many seconds from now on."""
+    machine.require_root()
+    if not abs(offset_s) <= clock.MOST_S:
+        raise UsageError(
+            f"a clock cannot be {offset_s:g} s off", hint=f"at most {clock.MOST_S:g} s, in either direction"
+        )
+    with members.changing(site):
+        members.one(site, name)
+        clock.set_off(_booted(site, name), offset_s)
+
+
+def _booted(site: Site, name: str) -> int:
+    """PID 1 of a robot that runs."""
+    booted = state.read_robot(site, name)
+    if booted is None:
+        raise LabError(f"{name} is not running", hint=f"{site.command} restart {name}")
+    return booted.init.pid
+
+
 def _with_engine(site: Site, name: str) -> int:
     """PID 1 of a robot that has an engine."""
     machine.require_root()
     robot = members.one(site, name)
-    booted = state.read_robot(site, name)
-    if booted is None:
-        raise LabError(f"{name} is not running", hint=f"{site.command} restart {name}")
+    init = _booted(site, name)
     if not robot.docker:
         raise UsageError(f"{name} has no Docker", hint="its options say `docker: false`")
-    return booted.init.pid
+    return init
 
 
 def cuts_of(site: Site, name: str, there: Set[partition.Rule]) -> tuple[str, ...]:
@@ -77,20 +95,26 @@ def cuts_of(site: Site, name: str, there: Set[partition.Rule]) -> tuple[str, ...
     return tuple(f"cut off from {other}" for other in partition.cut_off(site, name, there))
 
 
-def of_engine(robot: Robot, init: int) -> tuple[str, ...]:
-    """What is wrong with a robot's engine on purpose, in words."""
+def of_robot(robot: Robot, init: int) -> tuple[str, ...]:
+    """What is wrong with a robot's clock and engine on purpose, in words."""
     if not robot.docker:
-        return ()
+        return clock.of(init)
+    return (*clock.of(init), *_of_engine(init))
+
+
+def _of_engine(init: int) -> tuple[str, ...]:
     stopped = ("docker stopped",) if engine.is_stopped(init) else ()
     return (*stopped, "docker read-only") if engine.is_read_only(init) else stopped
 
 
 def undo(site: Site, robots: Sequence[Robot], say: Callable[[str], None]) -> None:
-    """Heal all partitions and start the engines that were stopped, of robots that run."""
+    """Heal all partitions, put clocks back and start the engines that were stopped, of robots that run."""
     if partition.heal_all(site):
         say("healing partitions")
     for robot in robots:
         booted = state.read_robot(site, robot.name)
+        if booted is not None and clock.put_back(booted.init.pid):
+            say(f"putting back the clock of {robot.name}")
         if booted is not None and robot.docker and engine.is_stopped(booted.init.pid):
             say(f"starting Docker on {robot.name}")
             engine.start(site, robot.name, booted.init.pid)

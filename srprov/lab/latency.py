@@ -13,12 +13,14 @@ from srprov.lab import cgroups
 from srprov.lab.config import SSHD_BEHIND_PROXY
 from srprov.lab.machine import find
 from srprov.lab.places import Site
+from srprov.lab.spec import Latency
 
 PROGRAM = Path(__file__).with_name("delay.py")
 
 
-def start(site: Site, name: str, init: int, rtt_ms: float) -> None:
+def start(site: Site, name: str, init: int, late: Latency) -> None:
     """Start the proxy in front of the sshd of the robot with this PID 1; it waits for the robot's address."""
-    proxy = [sys.executable, "-I", str(PROGRAM), str(site.address(name)), "22", str(SSHD_BEHIND_PROXY), str(rtt_ms)]
+    words = [str(site.address(name)), "22", str(SSHD_BEHIND_PROXY), str(late.to_ms), str(late.from_ms)]
+    proxy = [sys.executable, "-I", str(PROGRAM), *words]
     program = [find("nsenter") or "nsenter", f"--net=/proc/{init}/ns/net", "--", *proxy]
     cgroups.start_beside(site, name, program, "latency.log")

@@ -63,7 +63,7 @@ def _look(site: Site, each: spec.Robot, cuts: Set[partition.Rule]) -> RobotStatu
         "ready" if ready else "booting",
         cgroups.memory(site, each.name),
         booted.init.pid,
-        (*faults.cuts_of(site, each.name, cuts), *faults.of_engine(each, booted.init.pid)),
+        (*faults.cuts_of(site, each.name, cuts), *faults.of_robot(each, booted.init.pid)),
     )
 
 

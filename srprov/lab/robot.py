@@ -154,7 +154,7 @@ def listens(init: int) -> set[int]:
 
 def answers_ssh(site: Site, robot: Robot) -> bool:
     """Whether the robot's sshd greets, in the time that its latency asks for."""
-    patience_s = 0.5 + 4 * (robot.ssh_latency_ms or 0) / 1000
+    patience_s = 0.5 + 4 * (robot.ssh_latency_ms.rtt_ms if robot.ssh_latency_ms else 0) / 1000
     try:
         with socket.create_connection((str(site.address(robot.name)), 22), timeout=patience_s) as connection:
             return connection.recv(4) == b"SSH-"

@@ -33,6 +33,20 @@ class Sshd:
 
 
 @dataclass(frozen=True)
+class Latency:
+    """How late SSH is, in milliseconds."""
+
+    to_ms: float
+    """To the robot."""
+    from_ms: float
+
+    @property
+    def rtt_ms(self) -> float:
+        """Of a round trip."""
+        return self.to_ms + self.from_ms
+
+
+@dataclass(frozen=True)
 class Robot:
     """One robot of the lab and its options; None where the machine's own figure shows."""
 
@@ -46,7 +60,7 @@ class Robot:
     docker: bool = True
     arch: str | None = None
     user: str | None = None
-    ssh_latency_ms: float | None = None
+    ssh_latency_ms: Latency | None = None
     rate_mbit: float | None = None
     loss_percent: float | None = None
     disk_mib: int | None = None
@@ -169,6 +183,17 @@ def _sshd(reader: FieldReader, node: Node) -> Sshd:
     return Sshd(**found)
 
 
+def _latency(reader: FieldReader, node: Node) -> Latency | None:
+    """`80`, half of it each way, or `{to: 60, from: 20}`; None where it is not late at all."""
+    if isinstance(node, Map):
+        ways = {key.text: reader.number(value, 0, 5000) for key, value in reader.mapping(node, ("to", "from"))}
+        found = Latency(ways.get("to") or 0.0, ways.get("from") or 0.0)
+    else:
+        half = (reader.number(node, 0, 10_000) or 0.0) / 2
+        found = Latency(half, half)
+    return found if found.rtt_ms else None
+
+
 def _number(least: float, most: float) -> Callable[[FieldReader, Node], float | None]:
     return lambda reader, node: reader.number(node, least, most)
 
@@ -183,7 +208,7 @@ OPTIONS: Mapping[str, Callable[[FieldReader, Node], Any]] = {
     "docker": FieldReader.boolean,
     "arch": lambda reader, node: reader.choice(node, ARCHITECTURES),
     "user": _user,
-    "ssh_latency_ms": _number(0, 10_000),
+    "ssh_latency_ms": _latency,
     "rate_mbit": _number(0.1, 10_000),
     "loss_percent": _number(0, 100),
     "disk_mib": lambda reader, node: reader.integer(node, 32, 1_000_000),

@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from srprov.trials.files import Files, by_file, first, links, number, total
-from srprov.untrusted import decimal
+from srprov.untrusted import decimal, lines_of
 
 SCRIPT = """\
 grep -sHa '^cpu' /proc/stat
@@ -22,7 +22,7 @@ grep -sHa '' /proc/uptime /proc/net/dev /proc/diskstats /sys/class/thermal/therm
 /sys/devices/system/cpu/cpu*/thermal_throttle/core_throttle_count \
 /sys/devices/platform/soc/soc:firmware/get_throttled
 :"""
-"""What is asked of a robot's shell."""
+"""What is asked of a robot's shell, after `df -Pk` of the folder that holds Docker's data."""
 MOUNTINFO = "/proc/self/mountinfo"
 COLUMNS = (
     *("measured_s", "cpus", "cpu_s", "cpu_steal_s", "memory_available_start_bytes", "memory_available_end_bytes"),
@@ -50,6 +50,8 @@ class HostReading:
     """Of all its processors, since it booted."""
     steal_s: float | None = None
     memory_available: int | None = None
+    disk_free: int | None = None
+    """Bytes, where Docker keeps its data."""
     read: int | None = None
     """Bytes, of all disks that are devices."""
     written: int | None = None
@@ -64,7 +66,7 @@ class HostReading:
 
 
 def read(out: str) -> HostReading:
-    """Return what a robot's answer to `SCRIPT` says."""
+    """Return what a robot's answer says."""
     files = by_file(out)
     processors = [line.split() for line in files.get("/proc/stat", ())]
     whole = next((words for words in processors if words[:1] == ["cpu"]), [])
@@ -76,6 +78,7 @@ def read(out: str) -> HostReading:
         busy_s=_ticks([whole[at] for at in (1, 2, 3, 6, 7) if at < len(whole)]),
         steal_s=_ticks(whole[8:9]),
         memory_available=_memory(files),
+        disk_free=_free(out),
         read=received,
         written=written,
         links=links(files.get("/proc/net/dev", ())),
@@ -99,6 +102,14 @@ def _ticks(words: Sequence[str]) -> float | None:
 def _memory(files: Files) -> int | None:
     words = files.get("/proc/meminfo", ("",))[0].split()
     kib = number(words[1]) if len(words) == 3 and words[0] == "MemAvailable:" else None
+    return None if kib is None else kib * 1024
+
+
+def _free(out: str) -> int | None:
+    """Return what the last line of `df -Pk` says, before all files."""
+    words = lines_of(out, 3)[1:2]
+    row = words[0].rsplit(None, 5)[1:] if words and not words[0].startswith("/proc") else []
+    kib = number(row[2]) if len(row) == 5 else None
     return None if kib is None else kib * 1024
 
 

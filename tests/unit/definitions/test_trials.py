@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from srprov.definitions import load_experiment
-from srprov.definitions.trialsmodel import Condition, Conditions, Metric, Result, TrialDefinitions
+from srprov.definitions.trialsmodel import Condition, Conditions, Limits, Metric, Result, TrialDefinitions
 from srprov.errors import DefinitionError
 
 SERVICES = """\
@@ -80,6 +80,9 @@ def test_everything_about_trials_is_read(tmp_path: Path) -> None:
     assert (settings.stop_signal, settings.stop_grace_s, settings.stop_first) == ("SIGINT", 20.0, ("referee",))
     assert (settings.retries, settings.stop_on_failure, settings.max_failures) == (2, True, 5)
     assert settings.keep == ("camera",)
+    assert settings.limits == Limits(
+        clock_offset_s=0.02, disk_free_bytes=2 << 30, battery_percent=30, temperature_c=80.0, wait_s=600.0
+    )
     assert found.results == {
         "navigator": (Result(path="/out/result.json", required=True), Result(path="/bags", most_bytes=5 << 30)),
         "referee": (Result(path="/log"),),
@@ -115,6 +118,7 @@ trials:
   max_failures: 5
   between: {sleep: 10s}
   keep: camera
+  limits: {clock_offset: 20ms, disk_free: 2GB, battery: 30, temperature: 80, wait: 10m}
 results:
   navigator: [{path: /out/result.json, required: true}, {path: /bags, max: 5g}]
   referee: [/log]
@@ -138,6 +142,11 @@ metrics:
         ("trials: 0", 7, "less than 1"),
         ("trials: {repetitions: 3}", 7, "the key 'timeout' is missing"),
         ("trials: {timeout: 5}", 7, "not a duration"),
+        ("trials: {timeout: 5s, limits: {}}", 7, "must not be empty"),
+        ("trials: {timeout: 5s, limits: {clock_offset: 20}}", 7, "not a duration"),
+        ("trials: {timeout: 5s, limits: {clock: 20ms}}", 7, "unknown key 'clock'"),
+        ("trials: {timeout: 5s, limits: {battery: 101}}", 7, "more than 100"),
+        ("trials: {timeout: 5s, limits: {disk_free: 99999999999999999g}}", 7, "more than any machine has"),
         ("trials: {timeout: 25h}", 7, "longer than 24h"),
         ("parameters: {A: [1]}\ntrials: {timeout: 5s}", 8, "a random order needs a 'seed'"),
         ("parameters: {A: [1]}\ntrials: {timeout: 5s, seed: 1, exclude: [{B: 1}]}", 8, "there is no parameter 'B'"),

@@ -16,9 +16,10 @@ import pytest
 from srprov.errors import DefinitionError
 from srprov.lab import config, delay, inventory, partition, users
 from srprov.lab.places import Site
-from srprov.lab.spec import Robot, Sshd, parse
+from srprov.lab.spec import Latency, Robot, Sshd, parse
 
-RTT_S = 0.2
+TO_S, FROM_S = 0.15, 0.05
+RTT_S = TO_S + FROM_S
 
 
 def test_every_fault_is_read() -> None:
@@ -40,7 +41,7 @@ robots:
     assert parse(text, "lab-spec.yml").build(1) == [
         Robot(
             "robot1",
-            ssh_latency_ms=80,
+            ssh_latency_ms=Latency(40, 40),
             rate_mbit=0.5,
             loss_percent=2.5,
             disk_mib=512,
@@ -59,6 +60,8 @@ robots:
     [
         ("ssh_latency: 5", 5, "unknown key 'ssh_latency'"),
         ("ssh_latency_ms: -1", 21, "expected a number from 0 to 10000, not '-1'"),
+        ("ssh_latency_ms: {there: 5}", 22, "unknown key 'there'"),
+        ("ssh_latency_ms: {to: 5001}", 26, "expected a number from 0 to 5000, not '5001'"),
         ("rate_mbit: 0", 16, "expected a number from 0.1 to 10000, not '0'"),
         ("loss_percent: 101", 19, "expected a number from 0 to 100, not '101'"),
         ("disk_mib: 4G", 15, "expected a whole number from 32 to 1000000, not '4G'"),
@@ -95,17 +98,19 @@ def test_sshd_config_keeps_high_limits_but_where_others_are_asked_for() -> None:
     assert "Port 22\n" in plain
     assert "MaxStartups 500:30:1000\nMaxSessions 200\n" in plain
     assert "MaxStartups 3\nMaxSessions 200\n" in config.sshd(Site(), Robot("robot1", sshd=Sshd(max_startups=3)))
-    assert "ListenAddress 10.213.0.11:2022\n" in config.sshd(Site(), Robot("robot1", ssh_latency_ms=1))
+    assert "ListenAddress 10.213.0.11:2022\n" in config.sshd(Site(), Robot("robot1", ssh_latency_ms=Latency(1, 0)))
 
 
 def test_the_wrapper_changes_only_questions_for_the_time_of_now(tmp_path: Path) -> None:
     script = tmp_path / "date"
-    script.write_text(config.date(-3600.5).replace("/run/lab/date", "date"))
+    script.write_text(config.date(-3600.5).replace("/run/lab/date", "date").replace("/run/lab", str(tmp_path)))
 
     def ask(*words: str) -> str:
         return subprocess.run(["sh", str(script), *words], capture_output=True, text=True, check=True).stdout.strip()
 
     assert float(ask("+%s.%N")) - time.time() == pytest.approx(-3600.5, abs=1)
+    (tmp_path / "clock").write_text("+12.250000\n")
+    assert float(ask("+%s.%N")) - time.time() == pytest.approx(12.25, abs=1)
     assert ask("-u", "-d", "@0", "+%Y") == ask("-u", "--date=@0", "+%Y") == "1970"
 
 
@@ -151,7 +156,7 @@ async def proxy(
     with socket.create_server(("127.0.0.1", 0)) as free:
         port = free.getsockname()[1]
     server = await asyncio.start_server(serve, "127.0.0.1", 0)
-    running = asyncio.ensure_future(delay.serve("127.0.0.1", port, server.sockets[0].getsockname()[1], RTT_S))
+    running = asyncio.ensure_future(delay.serve("127.0.0.1", port, server.sockets[0].getsockname()[1], TO_S, FROM_S))
     until = time.monotonic() + 5
     while True:
         try:
@@ -188,6 +193,22 @@ def test_the_proxy_is_late_by_two_round_trips_and_then_by_one() -> None:
     times = asyncio.run(asyncio.wait_for(talk(), 10))
     waited = [after - before for before, after in itertools.pairwise(times)]
     assert waited == pytest.approx([2 * RTT_S, RTT_S, RTT_S], abs=0.1)
+
+
+def test_the_proxy_is_late_by_different_times_there_and_back() -> None:
+    async def tell(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        while await reader.readline():
+            writer.write(f"{time.monotonic()}\n".encode())
+
+    async def talk() -> tuple[float, float]:
+        async with proxy(tell) as (reader, writer):
+            for _ in range(2):  # the first waits for the handshake, too
+                asked = time.monotonic()
+                writer.write(b"when\n")
+                there = float(await reader.readline())
+            return there - asked, time.monotonic() - there
+
+    assert asyncio.run(asyncio.wait_for(talk(), 10)) == pytest.approx((TO_S, FROM_S), abs=0.04)
 
 
 def test_the_proxy_delays_but_does_not_slow_down() -> None:
