@@ -87,7 +87,7 @@ def run(
         from srprov.controller.trial_plan import in_words, trial_plan
         from srprov.execution import RunOptions
 
-        plan = trial_plan(planned, inventory, request.policies)
+        plan = trial_plan(planned, inventory, request.policies, resume=resume)
         if not as_json and not (yes and output_options.is_quiet()):
             show_plan(plan.base.plan, None, verbose=False)
             out(f"\n{in_words(plan)}")

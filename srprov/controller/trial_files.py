@@ -37,8 +37,8 @@ class Gathered:
     metrics: Mapping[str, float] = field(default_factory=dict)
     matched: frozenset[Match] = frozenset()
     """Services and patterns of `until` and `success` that some line of their logs matched."""
-    moments: Mapping[str, float] = field(default_factory=dict)
-    """Service -> when its log first matched a pattern of `until`, by its robot's clock."""
+    first: Mapping[Match, float] = field(default_factory=dict)
+    """Service and pattern of `until` -> when its log first matched it, by its robot's clock."""
     missing: tuple[str, ...] = ()
     """Required results that are not there."""
     files: int = 0
@@ -115,23 +115,22 @@ def _summed(
         one.name: value for one in plan.given.metrics if one.file and (value := _from_file(one, folder)) is not None
     }
     matched: set[Match] = set()
-    moments: dict[str, float] = {}
+    first: dict[Match, float] = {}
     for service, path in logs.items():
         wanted = [pattern for name, pattern in (*ends, *judges) if name == service]
         of_log = [one for one in plan.given.metrics if one.pattern and one.service == service]
         found = scan(log_lines(path), of_log, wanted)
         metrics |= found.values
         matched |= {(service, pattern) for pattern in found.first}
-        times = [engine_time(when) for pattern, when in found.first.items() if (service, pattern) in ends]
-        if known := [one for one in times if one]:
-            moments[service] = min(known)
+        times = {(service, pattern): engine_time(when) for pattern, when in found.first.items()}
+        first |= {match: when for match, when in times.items() if match in ends and when}
     listing = {name: [listed(one) for one in some] for name, some in kept.items()}
     document = redacted({"results": listing, "missing": missing})
     private.replace_file(folder / "collected.json", json.dumps(document, indent=2) + "\n")
     return Gathered(
         metrics=metrics,
         matched=frozenset(matched),
-        moments=moments,
+        first=first,
         missing=tuple(missing),
         files=sum(bool(one.name) for one in every),
         bytes=sum(one.size for one in every if one.name),

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 from srprov.controller.labpolicy import Policies, enforce
 from srprov.controller.ownership import owned
@@ -16,10 +14,10 @@ from srprov.definitions.trialsmodel import TrialDefinitions
 from srprov.errors import UsageError, visible
 from srprov.execution.trial_robots import TrialContainer
 from srprov.modules import RUNNING
-from srprov.modules.container_commands import creation, hashes
+from srprov.modules.container_commands import creation
 from srprov.modules.container_params import ContainerParams
 from srprov.planning.diff import diff
-from srprov.resource import Resource
+from srprov.resource import Observed, Resource
 from srprov.trials import Trial
 
 TRIAL = "srprov.trial"
@@ -53,8 +51,15 @@ class TrialPlan:
         return {name: one.docker.root for name, one in facts.items() if one.docker is not None}
 
 
-def trial_plan(planned: Planned, inventory: Inventory, policies: Policies) -> TrialPlan:
+def trial_plan(planned: Planned, inventory: Inventory, policies: Policies, *, resume: bool = False) -> TrialPlan:
     """Divide what a plan wants into what is there over all trials and what each trial makes anew.
+
+    Args:
+        planned: What is wanted, and what was found.
+        inventory: The robots.
+        policies: What they allow.
+        resume: Containers of trials that are there may be of one that ended meanwhile: they stay, unless something
+            below them must change.
 
     Raises:
         UsageError: A service that is kept waits for one that is not.
@@ -73,7 +78,10 @@ def trial_plan(planned: Planned, inventory: Inventory, policies: Policies) -> Tr
     instance = planned.plan.instance
     # each trial makes its containers anew, so a policy looks at all of them
     enforce(replace(planned.plan, steps=diff(planned.desired, {}, instance)[0]), inventory, policies)
-    steps, unchanged = diff(rest, owned(planned.snapshot, instance), instance)
+    there = owned(planned.snapshot, instance)
+    steps, unchanged = diff(rest, _without(there, ours) if resume else there, instance)
+    if resume and steps:
+        steps, unchanged = diff(rest, there, instance)
     base = replace(planned, plan=replace(planned.plan, steps=steps, unchanged=unchanged), desired=tuple(rest))
     needs = {
         name: {other: how for other, how in experiment.services[name].depends_on.items() if other in ours}
@@ -81,6 +89,14 @@ def trial_plan(planned: Planned, inventory: Inventory, policies: Policies) -> Tr
     }
     origin = {name: experiment.services[name].instance_of or name for name in ours}
     return TrialPlan(base=base, services=moving, given=given, needs=needs, origin=origin)
+
+
+def _without(there: Mapping[str, Sequence[Observed]], services: Collection[str]) -> dict[str, list[Observed]]:
+    """Return what is on each robot but for the containers of some services."""
+    return {
+        host: [one for one in items if one.module not in RUNNING or one.service not in services]
+        for host, items in there.items()
+    }
 
 
 def containers(plan: TrialPlan, trial: Trial, attempt: int, run: str) -> list[TrialContainer]:
@@ -129,41 +145,3 @@ def in_words(plan: TrialPlan) -> str:
             asks = f", asks for {', '.join(kinds)}" if kinds else ""
             lines.append(f"  + container {one.name}: image {one.params.image}{asks}")
     return "\n".join(visible(line) for line in lines)
-
-
-def sameness(plan: TrialPlan, facts: Mapping[str, Mapping[str, str]]) -> dict[str, str]:
-    """Return what must be the same in all trials of a run: what it is about -> its value, or a hash of it.
-
-    Args:
-        plan: What is planned.
-        facts: Robot -> what of it counts, in words.
-    """
-    given = plan.given
-    swept = {one.name for one in given.parameters}
-    found: dict[str, str] = {}
-    for one in plan.services:
-        plain = {name: value for name, value in one.params.run.environment.items() if name not in swept}
-        parts = hashes(replace(one.params, run=replace(one.params.run, environment=plain)))[1]
-        found |= {f"{one.service}: {part}": value for part, value in parts.items()}
-        found[f"{one.service}: image"] = one.params.image
-        found[f"{one.service}: robot"] = one.host
-        found |= {f"{one.host}: {what}": value for what, value in facts.get(one.host, {}).items()}
-    settings = asdict(given.settings)
-    for key in ("repetitions", "retries", "max_failures", "pause_s", "prompt", "exclude", "include"):
-        settings.pop(key)
-    found |= {f"trials: {key}": _text(value) for key, value in settings.items()}
-    found |= {f"metrics: {one.name}": _text(asdict(replace(one, description=""))) for one in given.metrics}
-    found |= {f"results: {service}": _text([asdict(one) for one in some]) for service, some in given.results.items()}
-    found |= {f"parameters: {one.name}": _text(one.services) for one in given.parameters}
-    return found
-
-
-def _text(value: object) -> str:
-    text = json.dumps(value, sort_keys=True)
-    return text if len(text) <= 200 else f"sha256 {hashlib.sha256(text.encode()).hexdigest()[:16]}"
-
-
-def differences(before: Mapping[str, str], now: Mapping[str, str]) -> Sequence[str]:
-    """Return a line for each thing that is not as it was."""
-    changed = sorted(key for key in before.keys() | now.keys() if before.get(key) != now.get(key))
-    return [f"{key}: {before.get(key, 'nothing')} -> {now.get(key, 'nothing')}" for key in changed]

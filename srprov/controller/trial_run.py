@@ -11,9 +11,8 @@ import hashlib
 import json
 import threading
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from srprov import __version__
 from srprov.controller.fleet import Fleet
@@ -21,8 +20,10 @@ from srprov.controller.phases import Phases
 from srprov.controller.run import run
 from srprov.controller.trial_connections import LockedRobots
 from srprov.controller.trial_folder import check_new, check_own, make_folder
-from srprov.controller.trial_plan import TrialPlan, differences, sameness
+from srprov.controller.trial_history import History, read_history
+from srprov.controller.trial_plan import TrialPlan
 from srprov.controller.trial_report import TrialsReport
+from srprov.controller.trial_sameness import differences, sameness
 from srprov.controller.trials import Say, TrialRun, Trials
 from srprov.definitions.model import Experiment
 from srprov.definitions.trialsmodel import TrialDefinitions
@@ -33,9 +34,8 @@ from srprov.execution.locks import claim
 from srprov.execution.trial_robots import Connections
 from srprov.facts.model import Snapshot
 from srprov.record import default_root
-from srprov.record.journal import Journal, read
+from srprov.record.journal import Journal
 from srprov.trials import Design, design
-from srprov.untrusted import integer, mapping
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -48,17 +48,6 @@ class TrialsRequest:
     """Go on with the run that is in the folder."""
     only: tuple[str, ...] = ()
     """Ids of trials or points; empty: all."""
-
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class _Earlier:
-    """What the journal of a run says."""
-
-    name: str
-    rows: tuple[Mapping[str, Any], ...] = ()
-    begun: Mapping[str, int] = field(default_factory=dict)
-    lost: tuple[tuple[str, int], ...] = ()
-    events: int = 0
 
 
 def chosen(made: Design, only: Collection[str]) -> Design:
@@ -129,7 +118,7 @@ def run_trials(
 
 
 def _all(
-    plan: TrialPlan, whole: Design, made: Design, same: Mapping[str, str], folder: Path, earlier: _Earlier,
+    plan: TrialPlan, whole: Design, made: Design, same: Mapping[str, str], folder: Path, earlier: History,
     connections: Connections, options: RunOptions, say: Say, stop: threading.Event,
     pause: Callable[[float, str], None],
 ) -> Trials:  # fmt: skip
@@ -149,9 +138,10 @@ def _all(
             lost=earlier.lost,
         )
         trials = Trials(about, connections, journal, say)
-        trials.note_lost()
+        trials.settle_lost()
         trials.tables.write()
-        trials.all(stop, pause)
+        if not trials.ended_early:
+            trials.all(stop, pause)
         journal.add("ended", reason=trials.ended_early)
     return trials
 
@@ -169,7 +159,7 @@ def _robots(snapshot: Snapshot | None) -> dict[str, dict[str, str]]:
     }
 
 
-def _folder(plan: TrialPlan, same: Mapping[str, str], request: TrialsRequest) -> tuple[Path, _Earlier]:
+def _folder(plan: TrialPlan, same: Mapping[str, str], request: TrialsRequest) -> tuple[Path, History]:
     """Return the run's folder, new or with what it says of an earlier session."""
     if not request.resume:
         now = dt.datetime.now(dt.timezone.utc).strftime("%Y%m%dT%H%M%SZ")
@@ -177,9 +167,9 @@ def _folder(plan: TrialPlan, same: Mapping[str, str], request: TrialsRequest) ->
         name = f"{now}-{plan.base.plan.instance}-{digest}"
         folder = request.folder or _root() / name
         check_new(folder)
-        return folder, _Earlier(name=name)
-    folder, earlier, before = _resumed(request)
-    if changed := differences(before, same):
+        return folder, History(name=name)
+    folder, earlier = _resumed(request)
+    if changed := differences(earlier.same, same):
         lines = "\n".join(f"  {one}" for one in changed)
         hint = "run it as it was, or begin a new run in another folder"
         raise RefusedError(f"this is not the experiment of {folder} any more:\n{lines}", hint=hint)
@@ -190,34 +180,9 @@ def _root() -> Path:
     return default_root().parent / "trials"
 
 
-def _resumed(request: TrialsRequest) -> tuple[Path, _Earlier, dict[str, str]]:
-    """Return the folder of the run that is gone on with, what happened in it, and what must be the same."""
+def _resumed(request: TrialsRequest) -> tuple[Path, History]:
+    """Return the folder of the run that is gone on with, and what happened in it."""
     if request.folder is None:
         raise UsageError("--resume goes on with the run in a folder", hint="name it with -o DIR")
     check_own(request.folder)
-    return request.folder, *_read(request.folder)
-
-
-def _read(folder: Path) -> tuple[_Earlier, dict[str, str]]:
-    """Return what a journal says, and what must be the same.
-
-    Raises:
-        UsageError: It cannot be read, or says nothing.
-    """
-    events, _ = read(folder)
-    if not events or events[0]["event"] != "run":
-        raise UsageError(f"{folder} holds no run of trials", hint="begin one without --resume")
-    rows = tuple(mapping(one.get("row")) for one in events if one["event"] == "end")
-    if not all({"trial", "status"} <= row.keys() for row in rows):
-        raise UsageError(f"{folder}: the journal has rows that are none", hint="somebody changed it; begin a new run")
-    begun: dict[str, int] = {}
-    lost: dict[tuple[str, int], None] = {}
-    for one in events:
-        attempt = str(one.get("trial")), integer(one.get("attempt"), high=1_000_000)
-        if one["event"] == "begin":
-            begun[attempt[0]] = attempt[1]
-            lost[attempt] = None
-        elif one["event"] == "end":
-            lost.pop(attempt, None)
-    same = {str(key): str(value) for key, value in mapping(events[0].get("same")).items()}
-    return _Earlier(name=str(events[0].get("run")), rows=rows, begun=begun, lost=tuple(lost), events=len(events)), same
+    return request.folder, read_history(request.folder)

@@ -16,7 +16,10 @@ from functools import partial
 from pathlib import Path
 
 from srprov import private
+from srprov.controller.trial_adoption import adopted
 from srprov.controller.trial_files import Gathered, gather_files
+from srprov.controller.trial_history import LostAttempt
+from srprov.controller.trial_outcome import Attempt, outcome, unjudged
 from srprov.controller.trial_plan import TrialPlan, containers
 from srprov.controller.trial_report import in_words
 from srprov.controller.trial_tables import Tables
@@ -29,8 +32,9 @@ from srprov.execution.trial_robots import Connections, TrialRobots
 from srprov.record.journal import Journal
 from srprov.secret import redacted
 from srprov.trials import Design, Trial
-from srprov.trials.judge import COUNTED, End, verdict
+from srprov.trials.judge import COUNTED, End
 from srprov.trials.row import Seen, row
+from srprov.trials.unwatched import NotAdopted
 from srprov.untrusted import mapping
 
 Row = dict[str, object]
@@ -69,8 +73,8 @@ class TrialRun:
     """Of attempts that ended in an earlier session of this run."""
     begun: Mapping[str, int] = field(default_factory=dict)
     """Trial -> attempts that were begun earlier, whether they ended or not."""
-    lost: tuple[tuple[str, int], ...] = ()
-    """Trials and attempts of them that were begun earlier and have no end."""
+    lost: tuple[LostAttempt, ...] = ()
+    """Attempts that were begun earlier and have no end."""
 
 
 class Trials:
@@ -102,7 +106,6 @@ class Trials:
         done = {one["trial"] for one in self.rows if one["status"] in COUNTED}
         between = False
         for trial in self._run.design.trials:
-            order = self._orders[trial.id]
             if trial.id in done:
                 continue
             if between and not stop.is_set():
@@ -110,7 +113,7 @@ class Trials:
             if stop.is_set():
                 self.ended_early = "interrupted"
                 return
-            last = self._tried(order, trial, stop)
+            last = self._tried(trial, stop)
             between = True
             self._failures = self._failures + 1 if last["status"] == "infrastructure" else 0
             if self.ended_early:
@@ -122,122 +125,120 @@ class Trials:
             if self.ended_early:
                 return
 
-    def note_lost(self) -> None:
-        """Write down that attempts that were under way when an earlier session ended have come to nothing.
+    def settle_lost(self) -> None:
+        """Write down what came of attempts that were under way when an earlier session ended, and clear their robots.
 
-        Also those of trials that are not run now, and of trials that the design does not have any more.
+        Also of trials that are not run now, and of trials that the design does not have any more.
         """
         trials = {trial.id: trial for trial in self._run.whole.trials}
-        end = End("interrupted", "the run ended before it did")
-        for name, attempt in self._run.lost:
-            if trial := trials.get(name):
-                self._keep(row(trial, attempt, self._orders[name], Seen(end=end)))
+        for lost in self._run.lost:
+            if trial := trials.get(lost.trial):
+                one = self._about(trial, lost.attempt)
+                kept = self._keep(self._settled(one, lost), one.folder)
+                self._tell(trial, in_words(kept), aloud=True)
             else:
-                self._keep({"trial": name, "attempt": attempt, "status": end.status, "reason": end.reason})
+                reason = "the run ended before it did"
+                self._keep({"trial": lost.trial, "attempt": lost.attempt, "status": "interrupted", "reason": reason})
+        if self._run.lost:
+            try:
+                self._about(self._run.whole.trials[0], 1).robots.clear()
+            except EquipmentFailed as error:
+                self.ended_early = f"what an interrupted trial left cannot be removed: {error}"
 
-    def _keep(self, made: Row) -> Mapping[str, object]:
-        """Write down how an attempt ended, without secrets, and return that."""
+    def _settled(self, one: Attempt, lost: LostAttempt) -> Row:
+        """Return the row of an attempt whose end the journal does not have."""
+        if lost.row:  # all of it was at home
+            return dict(lost.row)
+        try:
+            return adopted(one, lost)
+        except NotAdopted as error:
+            end = End("interrupted", f"the run ended before it did; not adopted: {error}")
+            return row(one.trial, one.number, one.order, Seen(end=end))
+
+    def _about(self, trial: Trial, number: int) -> Attempt:
+        """Return an attempt with its folder, which may not be there."""
+        made_anew = containers(self._run.plan, trial, number, self._run.name)
+        aloud = partial(self._tell, trial, aloud=True)
+        return Attempt(
+            plan=self._run.plan,
+            trial=trial,
+            number=number,
+            order=self._orders[trial.id],
+            robots=TrialRobots(self._connections, made_anew, aloud, self._run.plan.disks),
+            folder=self._run.folder / "trials" / (trial.id if number == 1 else f"{trial.id}.{number}"),
+        )
+
+    def _keep(self, made: Row, folder: Path | None = None) -> Mapping[str, object]:
+        """Write down how an attempt ended, without secrets, also in its folder if it has one, and return that."""
         kept = mapping(redacted(made))
         self._journal.add("end", trial=made["trial"], attempt=made["attempt"], row=kept)
         self.rows.append(kept)
         self.tables.add(kept)
+        if folder is not None and folder.is_dir():
+            private.replace_file(folder / "trial.json", json.dumps(kept, indent=2) + "\n")
         return kept
 
-    def _tried(self, order: int, trial: Trial, stop: threading.Event) -> Mapping[str, object]:
+    def _tried(self, trial: Trial, stop: threading.Event) -> Mapping[str, object]:
         """Run a trial, and again while the equipment fails and it may be; return the last row."""
         for left in range(self._run.plan.given.settings.retries, -1, -1):
-            one = self._attempt(order, trial)
+            one = self._attempt(trial)
             again = one["status"] == "infrastructure" and left > 0 and not stop.is_set() and not self.ended_early
-            self._tell(trial, order, in_words(one) + (", trying again" if again else ""), aloud=True)
+            self._tell(trial, in_words(one) + (", trying again" if again else ""), aloud=True)
             if not again:
                 return one
         raise AssertionError("a trial is tried at least once")
 
-    def _attempt(self, order: int, trial: Trial) -> Mapping[str, object]:
-        attempt = self._attempts[trial.id] = self._attempts.get(trial.id, 0) + 1
-        about = {"trial": trial.id, "attempt": attempt}
-        self._journal.add("begin", **about, order=order)
-        made_anew = containers(self._run.plan, trial, attempt, self._run.name)
-        aloud = partial(self._tell, trial, order, aloud=True)
-        robots = TrialRobots(self._connections, made_anew, aloud, self._run.plan.disks)
-        folder = self._run.folder / "trials" / (trial.id if attempt == 1 else f"{trial.id}.{attempt}")
-        folder.mkdir(mode=0o700)  # never one that somebody else made
+    def _attempt(self, trial: Trial) -> Mapping[str, object]:
+        number = self._attempts[trial.id] = self._attempts.get(trial.id, 0) + 1
+        one = self._about(trial, number)
+        about = {"trial": trial.id, "attempt": number}
+        self._journal.add("begin", **about, order=one.order)
+        one.folder.mkdir(mode=0o700)  # never one that somebody else made
 
-        def tell(moment: str) -> None:
-            self._journal.add(moment, **about)
-            self._tell(trial, order, moment)
+        def tell(moment: str, **more: object) -> None:
+            self._journal.add(moment, **about, **more)
+            self._tell(trial, moment)
 
         try:
-            made = self._done(trial, attempt, order, robots, folder, tell)
+            made = self._done(one, tell)
+            if "verdict" in made:  # all is at home: whoever goes on needs no robot to know it
+                tell("collected", row=made)
         except BaseException:  # a full disk here, or a lock that somebody else took: nothing of ours goes on there
             with contextlib.suppress(EquipmentFailed):
-                robots.clear()
+                one.robots.clear()
             raise
-        made |= used(self._run.plan, robots)
         try:
-            robots.clear()
+            one.robots.clear()
         except EquipmentFailed as error:
             made["reason"] = f"{made['reason']}; not cleared: {error}"
-        kept = self._keep(made)
-        private.replace_file(folder / "trial.json", json.dumps(kept, indent=2) + "\n")
+        kept = self._keep(made, one.folder)
         self.tables.write()
         return kept
 
-    def _done(
-        self, trial: Trial, attempt: int, order: int, robots: TrialRobots, folder: Path,
-        tell: Callable[[str], None],
-    ) -> Row:  # fmt: skip
+    def _done(self, one: Attempt, tell: Callable[[str], None]) -> Row:
         """Run an attempt and fetch what it gave; return its row."""
-        plan = self._run.plan
+        plan, ended, gathered = one.plan, TrialEnd(end=End("infrastructure", "")), Gathered()
         orders = TrialOrder(
             settings=plan.given.settings, jobs=plan.jobs, stop_limit_s=self._run.stop_limit_s, told=self._told
         )
-        ended, gathered = TrialEnd(end=End("infrastructure", "")), Gathered()
+        more: Row = {}
         try:
-            ended = run_trial(orders, robots, tell)
+            ended = run_trial(orders, one.robots, tell)
             begun = time.monotonic()
-            gathered = gather_files(plan, ended.inspected, robots, folder)
-            collect_s = time.monotonic() - begun
+            gathered = gather_files(plan, ended.inspected, one.robots, one.folder)
+            more = {"collect_s": time.monotonic() - begun, "controller_gap_s": one.robots.patience.gap_s}
+            made = outcome(one, ended, gathered)
         except (EquipmentFailed, CollectFailed, TransportError) as error:
             if isinstance(error, RobotRestarted):
                 self.ended_early = f"{error}; its network may be gone, which going on mends"
             why = error.message if isinstance(error, TransportError) else str(error)
-            return row(trial, attempt, order, self._seen(ended, gathered, End("infrastructure", why)))
+            made = unjudged(one, ended, gathered, End("infrastructure", why))
         except KeyboardInterrupt:
             self.ended_early = "interrupted"
-            return row(trial, attempt, order, self._seen(ended, gathered, End("interrupted", "the run was ended")))
-        tell("collected")
-        end = ended.end
-        if gathered.missing and end.status == "ok":  # who crashed could not write it, and that is data
-            end = End("infrastructure", f"a required result is missing: {', '.join(gathered.missing)}")
-        found = row(trial, attempt, order, self._seen(ended, gathered, end))
-        success = plan.given.settings.success
-        judged = verdict(success, ended.readings, gathered.matched, gathered.metrics)
-        return {
-            **found,
-            "verdict": judged if end.status in COUNTED else "unknown",
-            **{f"m_{name}": value for name, value in gathered.metrics.items()},
-            "collect_s": collect_s,
-            "controller_gap_s": robots.patience.gap_s,
-            "files": gathered.files,
-            "bytes": gathered.bytes,
-        }
+            made = unjudged(one, ended, gathered, End("interrupted", "the run was ended"))
+        return {**made, **more, **used(plan, one.robots)}
 
-    def _seen(self, ended: TrialEnd, gathered: Gathered, end: End) -> Seen:
-        return Seen(
-            end=end,
-            readings=ended.readings,
-            robots={one.service: one.host for one in self._run.plan.services},
-            before=ended.before,
-            after=ended.after,
-            began=ended.began,
-            ready_s=ended.ready_s,
-            duration_s=ended.duration_s,
-            stop_s=ended.stop_s,
-            matched=gathered.moments,
-        )
-
-    def _tell(self, trial: Trial, order: int, what: str, *, aloud: bool = False) -> None:
-        count = len(self._orders)
+    def _tell(self, trial: Trial, what: str, *, aloud: bool = False) -> None:
+        count, order = len(self._orders), self._orders[trial.id]
         values = trial.point.values
         self._say(TrialNews(trial=trial.id, order=order, trials=count, values=values, what=what, aloud=aloud))

@@ -19,7 +19,10 @@ _COLUMNS = (
     *("trial", "point", "repetition", "attempt", "order", "status", "verdict", "reason", "started_utc", "ready_s"),
     *("duration_s", "stop_s", "collect_s", "start_skew_ms", "start_skew_error_ms", "seed"),
 )
-_LAST = ("clock_max_offset_ms", "clock_error_ms", "clock_step", "restarts", "controller_gap_s", "files", "bytes")
+_LAST = (
+    *("clock_max_offset_ms", "clock_error_ms", "clock_step", "restarts", "controller_gap_s", "adopted", "files"),
+    "bytes",
+)
 
 
 def columns(given: TrialDefinitions) -> tuple[str, ...]:

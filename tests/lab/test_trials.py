@@ -269,25 +269,6 @@ def test_a_robot_that_is_out_of_reach_for_a_while_spoils_no_trial(lab: Lab, fold
 
 
 @pytest.mark.soak
-@pytest.mark.parametrize("number", range(1, 34))
-def test_a_run_that_is_killed_at_any_event_is_gone_on_with(lab: Lab, folder: Path, number: int) -> None:
-    """At every event of a run of four trials: the table is that of an undisturbed run, but for times and attempts."""
-    whole = Race(lab, folder, race(repetitions=1))
-    calm = folder / "calm"
-    done = lab.srprov(*[str(calm) if word == str(whole.home) else word for word in whole.words])
-    assert done.code == 0, done
-    with (calm / "trials.csv").open(newline="") as stream:
-        expected = final(list(csv.DictReader(stream)))
-    whole.disturb(lambda events: len(events) >= number)
-    again = whole.run("--resume")
-    assert again.code == 0, again
-    assert final(whole.rows()) == expected
-    assert whole.left() == set()
-    ends = [event["trial"] for event in whole.events() if event["event"] == "end" and event["row"]["status"] == "ok"]
-    assert len(ends) == len(set(ends)) == 4, "no finished trial is run twice"
-
-
-@pytest.mark.soak
 def test_a_robot_that_restarts_in_a_trial_spoils_it_and_ends_the_run(lab: Lab, folder: Path) -> None:
     """What ran on it is dead, and its link is gone: the trial does not count, and going on mends the network first."""
     few = {"exclude": [{"CODE": 3}], "repetitions": 1, "timeout": "90s"}

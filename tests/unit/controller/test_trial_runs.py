@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from srprov.controller import trial_run
+from srprov.controller.trial_history import read_history
 from srprov.controller.trial_plan import in_words, trial_plan
 from srprov.controller.trial_run import chosen
 from srprov.controller.trials import TrialRun, Trials
@@ -48,15 +48,15 @@ def test_the_shown_plan_names_what_each_trial_creates() -> None:
 
 def gone_on_with(folder: Path, whole: Design, only: Design) -> list[tuple[object, ...]]:
     """Go on with a run whose journal is in a folder, as far as its lost attempts; return the rows."""
-    earlier, _ = trial_run._read(folder)
-    plan: Any = SimpleNamespace(given=GIVEN, services=())
+    earlier = read_history(folder)
+    plan: Any = SimpleNamespace(given=GIVEN, services=(), disks={})
     about = TrialRun(
         plan=plan, whole=whole, design=only, folder=folder, name=earlier.name, rows=earlier.rows, begun=earlier.begun,
         lost=earlier.lost,
     )  # fmt: skip
     with Journal(folder, earlier.events + 1) as journal:
-        trials = Trials(about, SimpleNamespace(), journal, lambda _news: None)  # type: ignore[arg-type]  # no robot is asked
-        trials.note_lost()
+        trials = Trials(about, SimpleNamespace(renew=None), journal, lambda _news: None)  # type: ignore[arg-type]  # no robot is asked
+        trials.settle_lost()
         trials.tables.write()
     return [(one["trial"], one["attempt"], one["status"]) for one in trials.rows]
 

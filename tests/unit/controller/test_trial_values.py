@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from srprov.controller.trial_instances import with_instances
-from srprov.controller.trial_plan import differences
 from srprov.controller.trial_run import chosen
+from srprov.controller.trial_sameness import differences
 from srprov.controller.trial_values import at_first_point, design_notes
 from srprov.definitions import load_experiment
 from srprov.definitions.expand import expand

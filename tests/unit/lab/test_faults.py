@@ -200,15 +200,18 @@ def test_the_proxy_is_late_by_different_times_there_and_back() -> None:
         while await reader.readline():
             writer.write(f"{time.monotonic()}\n".encode())
 
-    async def talk() -> tuple[float, float]:
+    async def talk() -> list[tuple[float, float]]:
         async with proxy(tell) as (reader, writer):
-            for _ in range(2):  # the first waits for the handshake, too
+            times = []
+            for _ in range(5):  # the first waits for the handshake, too
                 asked = time.monotonic()
                 writer.write(b"when\n")
                 there = float(await reader.readline())
-            return there - asked, time.monotonic() - there
+                times.append((there - asked, time.monotonic() - there))
+            return times
 
-    assert asyncio.run(asyncio.wait_for(talk(), 10)) == pytest.approx((TO_S, FROM_S), abs=0.04)
+    times = asyncio.run(asyncio.wait_for(talk(), 20))
+    assert tuple(map(min, zip(*times, strict=True))) == pytest.approx((TO_S, FROM_S), abs=0.04)
 
 
 def test_the_proxy_delays_but_does_not_slow_down() -> None:

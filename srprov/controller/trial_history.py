@@ -1,0 +1,88 @@
+"""What the journal of a run of trials says of it: rows of attempts that ended, and attempts that never did."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any
+
+from srprov.errors import UsageError
+from srprov.record.journal import read
+from srprov.trials.reading import engine_time
+from srprov.untrusted import integer, mapping, string
+
+_MOST_ATTEMPTS = 1_000_000
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class LostAttempt:
+    """An attempt that was begun and has no end: its controller was gone."""
+
+    trial: str
+    attempt: int
+    moments: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    """Event -> when it was, in seconds since the epoch by the controller's clock."""
+    row: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+    """Its row, when all that it gave was at home; else empty."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class History:
+    """What happened in a run so far."""
+
+    name: str
+    """The run's."""
+    rows: tuple[Mapping[str, Any], ...] = ()
+    begun: Mapping[str, int] = field(default_factory=dict)
+    """Trial -> attempts that were begun, whether they ended or not."""
+    lost: tuple[LostAttempt, ...] = ()
+    events: int = 0
+    same: Mapping[str, str] = field(default_factory=dict)
+    """What must not have changed -> its value, or a hash of it."""
+
+
+def read_history(folder: Path) -> History:
+    """Return what the journal in a folder says.
+
+    Raises:
+        UsageError: It cannot be read, or says nothing.
+    """
+    events, _ = read(folder)
+    if not events or events[0]["event"] != "run":
+        raise UsageError(f"{folder} holds no run of trials", hint="begin one without --resume")
+    rows = tuple(mapping(one.get("row")) for one in events if one["event"] == "end")
+    if not all(map(_is_row, rows)):
+        raise UsageError(f"{folder}: the journal has rows that are none", hint="somebody changed it; begin a new run")
+    begun: dict[str, int] = {}
+    lost: dict[tuple[str, int], LostAttempt] = {}
+    for one in events:
+        attempt = str(one.get("trial")), integer(one.get("attempt"), high=_MOST_ATTEMPTS)
+        if one["event"] == "begin":
+            begun[attempt[0]] = attempt[1]
+            lost[attempt] = LostAttempt(trial=attempt[0], attempt=attempt[1])
+        elif one["event"] == "end":
+            lost.pop(attempt, None)
+        elif attempt in lost:
+            lost[attempt] = _with(lost[attempt], one)
+    return History(
+        name=str(events[0].get("run")),
+        rows=rows,
+        begun=begun,
+        lost=tuple(lost.values()),
+        events=len(events),
+        same={str(key): str(value) for key, value in mapping(events[0].get("same")).items()},
+    )
+
+
+def _is_row(row: Mapping[str, Any]) -> bool:
+    return {"trial", "status"} <= row.keys()
+
+
+def _with(lost: LostAttempt, event: Mapping[str, Any]) -> LostAttempt:
+    """Return what is known of an attempt after one more event of it."""
+    row = mapping(event.get("row"))
+    moments = {**lost.moments, str(event["event"]): engine_time(string(event.get("utc")))}
+    ours = _is_row(row) and (row["trial"], row.get("attempt")) == (lost.trial, lost.attempt)
+    return LostAttempt(trial=lost.trial, attempt=lost.attempt, moments=moments, row=row if ours else {})

@@ -1,0 +1,48 @@
+"""Runs of trials whose controller was killed: an attempt that ended by itself meanwhile is adopted."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import pytest
+
+from tests.lab.conftest import Lab, busybox, edf
+from tests.lab.test_trial_kills import Race, killed
+
+pytestmark = pytest.mark.lab
+
+RACER = 'echo "go $SRPROV_TRIAL"; sleep 1; echo GOAL; echo "{\\"time\\": 1}" >/out/result.json; exit "$CODE"'
+GOAL = {"log": {"service": "racer", "matches": "GOAL"}}
+
+
+def alone() -> str:
+    """Return an EDF of two trials of a second, all of whose services end by themselves."""
+    return edf(
+        "alone",
+        {"racer": busybox("sh", "-c", RACER, robot="robot1"), "timer": busybox("sleep", "0.5", robot="robot2")},
+        parameters={"CODE": {"values": [0, 3], "apply_to": "racer"}},
+        trials={"order": "listed", "timeout": "20s", "success": {"all": [GOAL]}},
+        results={"racer": ["/out/result.json"]},
+        metrics={"time": {"service": "racer", "json": "/out/result.json#/time"}},
+    )  # fmt: skip
+
+
+def test_what_ended_by_itself_while_nobody_looked_is_adopted(lab: Lab, tmp_path: Path) -> None:
+    """It is at home and judged as if somebody had looked, and not run again."""
+    one = Race(lab, tmp_path, alone())
+    killed(one, 5, "whole")  # `ready` of the first trial
+    time.sleep(2)  # longer than a trial
+    again = one.run("--resume")
+    assert again.code == 0, again
+    rows = one.rows()
+    assert [(row["p_CODE"], row["status"], row["verdict"], row["attempt"], row["adopted"]) for row in rows] == [
+        ("0", "ok", "success", "1", "true"), ("3", "crashed", "success", "1", ""),
+    ], again  # fmt: skip
+    adopted, watched = rows
+    assert 0 < float(adopted["duration_s"]) < 1.2 and adopted["m_time"] == watched["m_time"] == "1.0"
+    differs = [name for name in adopted if bool(adopted[name]) != bool(watched[name])]
+    assert differs == ["stop_s", "clock_step", "controller_gap_s", "adopted"]
+    for row in rows:
+        assert f"go {row['trial']}\n" in (one.home / "trials" / row["trial"] / "logs" / "robot1.racer.log").read_text()
+    assert one.left() == set()
