@@ -45,6 +45,7 @@ bench-assignment: setup ## the assignment: the paper's experiment, and how fast 
 
 bench-images: setup ## srprov beside other ways to bring images to robots (needs root; 25 minutes, more of it in benchmarks/images)
 	@$(BIN)/pip install -q -e '.[bench]'
+	@$(BIN)/python -m benchmarks.images.demo
 	@$(BIN)/python -m benchmarks.images.compare --robots 12 --tools thin,parallel,pull --cases fresh,nothing,two --repeat 1
 	@$(BIN)/python -m benchmarks.images.compare --robots 4 --image-mib 120 --more
 	@$(BIN)/python -m benchmarks.images.compare --robots 4 --image-mib 120 --links 50mbit --tools thin,parallel,pull \

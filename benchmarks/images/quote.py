@@ -12,7 +12,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from benchmarks.images import link, table
+from benchmarks.images import demo, link, table
 from benchmarks.images.compare import RESULTS
 from benchmarks.provisioning.quote import replaced
 
@@ -33,24 +33,28 @@ robots. The same machine: all engines share its two cores ([benchmarks/images/RE
 
 def main() -> None:
     """Write both."""
-    for name, part in parts(measured(RESULTS)).items():
+    for name, part in parts(measured(RESULTS), measured(RESULTS, "demo")).items():
         file = ROOT / name
         file.write_text(replaced(file.read_text(encoding="utf-8"), part, BEGIN, END), encoding="utf-8")
 
 
-def measured(results: Path) -> list[dict[str, Any]]:
-    """Return the medians that the comparison wrote; none before it was run."""
-    file = results / "images.json"
+def measured(results: Path, name: str = "images") -> list[dict[str, Any]]:
+    """Return the medians that the comparison wrote, or `demo.py`; none before it was run."""
+    file = results / f"{name}.json"
     return list(json.loads(file.read_text(encoding="utf-8"))["medians"]) if file.exists() else []
 
 
-def parts(medians: Sequence[Mapping[str, Any]]) -> dict[str, str]:
+def parts(medians: Sequence[Mapping[str, Any]], of_demo: Sequence[Mapping[str, Any]] = ()) -> dict[str, str]:
     """Return file -> what stands between its marks: the README has most robots at full speed, docs/images.md all."""
+    job = demo.table(of_demo) if of_demo else ""
     if not medians:
-        return {"README.md": "", "docs/images.md": ""}
+        return {"README.md": "", "docs/images.md": job}
     labs = list(dict.fromkeys((row["link"], row["image_mib"], row["robots"]) for row in medians))
     largest = max(labs, key=lambda lab: (lab[0] == link.FULL, lab[2], lab[1]))
-    return {"README.md": INTRODUCTION + _tables(medians, [largest]), "docs/images.md": _tables(medians, labs)}
+    return {
+        "README.md": INTRODUCTION + _tables(medians, [largest]),
+        "docs/images.md": "\n".join(filter(None, [job, _tables(medians, labs)])),
+    }
 
 
 def _tables(medians: Sequence[Mapping[str, Any]], labs: Iterable[tuple[str, int, int]]) -> str:

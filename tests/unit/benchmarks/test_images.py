@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from benchmarks.images import compare, content, link, quote, shell, table
+from benchmarks.images import compare, content, demo, link, quote, shell, table
 from benchmarks.provisioning.quote import replaced
 
 
@@ -91,9 +91,20 @@ def test_what_is_measured_again_replaces_its_earlier_runs(tmp_path: Path) -> Non
 
 
 def test_the_docs_say_what_was_measured() -> None:
-    for name, part in quote.parts(quote.measured(quote.RESULTS)).items():
+    for name, part in quote.parts(quote.measured(quote.RESULTS), quote.measured(quote.RESULTS, "demo")).items():
         text = (quote.ROOT / name).read_text(encoding="utf-8")
         assert replaced(text, part, quote.BEGIN, quote.END) == text, "python -m benchmarks.images.quote writes it anew"
+
+
+def test_the_demos_job_is_in_the_docs_alone_with_both_ways_side_by_side() -> None:
+    runs = [
+        {"way": way, "case": case, "seconds": seconds, "copies": seconds / 4, "bytes": 2**20}
+        for way, seconds in (("thin", 3.0), ("thin", 4.0), ("thin", 90.0), ("whole", 8.0))
+        for case in demo.CASES
+    ]
+    parts = quote.parts([], demo.medians(runs))
+    assert parts["README.md"] == ""
+    assert "| top layers changed, all of it | 4.0 s | 8.0 s | 0.50 |" in parts["docs/images.md"].splitlines()
 
 
 def test_the_readme_has_most_robots_at_full_speed_and_the_docs_have_all() -> None:
