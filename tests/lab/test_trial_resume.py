@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import time
 from pathlib import Path
 
@@ -12,7 +13,8 @@ from tests.lab.test_trial_kills import Race, killed
 
 pytestmark = pytest.mark.lab
 
-RACER = 'echo "go $SRPROV_TRIAL"; sleep 1; echo GOAL; echo "{\\"time\\": 1}" >/out/result.json; exit "$CODE"'
+CANARY = "canary-7d1f0a6b22"
+RACER = 'echo "go $SRPROV_TRIAL"; cat /run/secrets/key; sleep 1; echo GOAL; echo "{\\"time\\": 1}" >/out/result.json; exit "$CODE"'
 GOAL = {"log": {"service": "racer", "matches": "GOAL"}}
 
 
@@ -20,7 +22,11 @@ def alone() -> str:
     """Return an EDF of two trials of a second, all of whose services end by themselves."""
     return edf(
         "alone",
-        {"racer": busybox("sh", "-c", RACER, robot="robot1"), "timer": busybox("sleep", "0.5", robot="robot2")},
+        {
+            "racer": busybox("sh", "-c", RACER, robot="robot1", secrets=["key"]),
+            "timer": busybox("sleep", "0.5", robot="robot2"),
+        },
+        secrets={"key": {"file": "./key"}},
         parameters={"CODE": {"values": [0, 3], "apply_to": "racer"}},
         trials={"order": "listed", "timeout": "20s", "success": {"all": [GOAL]}},
         results={"racer": ["/out/result.json"]},
@@ -29,11 +35,12 @@ def alone() -> str:
 
 
 def test_what_ended_by_itself_while_nobody_looked_is_adopted(lab: Lab, tmp_path: Path) -> None:
-    """It is at home and judged as if somebody had looked, and not run again."""
+    """It is at home and judged as if somebody had looked, and not run again. Nothing in the folder has its secret."""
+    (tmp_path / "key").write_text(CANARY + "\n")
     one = Race(lab, tmp_path, alone())
-    killed(one, 5, "whole")  # `ready` of the first trial
+    killed(one, 5, "whole", "--allow", "secret")  # `ready` of the first trial
     time.sleep(2)  # longer than a trial
-    again = one.run("--resume")
+    again = one.run("--resume", "--allow", "secret")
     assert again.code == 0, again
     rows = one.rows()
     assert [(row["p_CODE"], row["status"], row["verdict"], row["attempt"], row["adopted"]) for row in rows] == [
@@ -44,5 +51,10 @@ def test_what_ended_by_itself_while_nobody_looked_is_adopted(lab: Lab, tmp_path:
     differs = [name for name in adopted if bool(adopted[name]) != bool(watched[name])]
     assert differs == ["stop_s", "clock_step", "controller_gap_s", "adopted"]
     for row in rows:
-        assert f"go {row['trial']}\n" in (one.home / "trials" / row["trial"] / "logs" / "robot1.racer.log").read_text()
+        log = (one.home / "trials" / row["trial"] / "logs" / "robot1.racer.log").read_text()
+        assert f"go {row['trial']}\n" in log and "GOAL\n" in log and "***\n" in log
+    files = [path for path in one.home.rglob("*") if path.is_file()]
+    assert {"journal.jsonl", "trials.csv", "containers.json", "robot1.racer.log"} <= {path.name for path in files}
+    for canary in (CANARY, base64.b64encode(CANARY.encode()).decode()):
+        assert [str(path) for path in files if canary.encode() in path.read_bytes()] == []
     assert one.left() == set()
