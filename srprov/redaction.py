@@ -211,10 +211,11 @@ class Known:
         return min([end, *(at for at, _ in view.spans([(cut, cut + 1)] if cut < len(view.text) else []))])
 
     def without(self, text: str) -> str:
-        """Return a text with every secret as `***`."""
+        """Return a text with every secret as `***`; a line's end that a secret ends with stays one."""
         parts: list[str] = []
         end = 0
-        for start, stop in self.spans(text)[0]:
+        for start, found in self.spans(text)[0]:
+            stop = start + len(text[start:found].rstrip("\r\n"))
             if not parts or start > end:  # what overlaps or touches the one before is one mask with it
                 parts += [text[end:start], MASK]
             end = max(end, stop)

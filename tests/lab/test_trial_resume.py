@@ -14,7 +14,14 @@ from tests.lab.test_trial_kills import Race, killed
 pytestmark = pytest.mark.lab
 
 CANARY = "canary-7d1f0a6b22"
-RACER = 'echo "go $SRPROV_TRIAL"; cat /run/secrets/key; sleep 1; echo GOAL; echo "{\\"time\\": 1}" >/out/result.json; exit "$CODE"'
+RACER = """
+echo "go $SRPROV_TRIAL"
+cat /run/secrets/key
+sleep 1
+echo GOAL
+echo '{"time": 1}' >/out/result.json
+exit "$CODE"
+"""
 GOAL = {"log": {"service": "racer", "matches": "GOAL"}}
 
 

@@ -15,7 +15,7 @@ import pytest
 
 from srprov.cli.output import clean, line_of, out_json
 from srprov.planning.fingerprint import lasting
-from srprov.secret import MASK, Hidden, Secret, Vault, forget, redact, redacted
+from srprov.secret import MASK, Hidden, Secret, Vault, forget, redact, redact_lines, redacted
 
 VALUE = "p/a ss\"w'ör+d&%1"
 
@@ -111,6 +111,13 @@ def test_lines_of_a_long_secret_are_found_one_by_one() -> None:
     Secret("\n".join(lines) + "\n")
     assert redact(f"    {lines[1]}") == "    ***"
     assert redact("Zm9v") == "Zm9v", "too short to be looked for alone"
+
+
+def test_a_secret_that_ends_with_a_line_leaves_the_next_line_one() -> None:
+    """Patterns of metrics look for the beginning of a line."""
+    Secret("hunter2-hunter2\n")
+    assert redact("a hunter2-hunter2\nGOAL 3\n") == "a ***\nGOAL 3\n"
+    assert list(redact_lines(["1Z hunter2-hunter2", "2Z GOAL 3"])) == ["1Z ***", "2Z GOAL 3"]
 
 
 def test_overlapping_secrets_leave_no_end_behind() -> None:
