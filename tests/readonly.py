@@ -280,6 +280,7 @@ READS: dict[str, Callable[[Sequence[str]], bool]] = {
     "iptables": lambda words: "-S" in words and set(words) <= {"-S", "-t", "nat", "filter", "-w"},
     "iw": lambda words: list(words[:1]) == ["dev"] and list(words[2:]) == ["link"],
     "modprobe": lambda words: list(words[:1]) == ["-n"],
+    "timeout": lambda words: list(words[1:]) == ["chronyc", "-c", "-n", "tracking"],
     "docker": lambda words: (
         list(words) in (_DIAL, ["-H", "unix:///var/run/docker.sock", *_DIAL])
         or list(words[:1]) in (["version"], ["info"])

@@ -48,7 +48,7 @@ ROOMS: Mapping[str, Room] = {
         "click rich tomli",
     ),
     "controller": room(
-        "errors layers regular_file wire session resource secret data datasets disk owner private untrusted"
+        "errors layers regular_file wire session resource secret data datasets disk owner private untrusted time_sync"
         " sizes image_reference git_address git linear_regex definitions transport facts assignment network images"
         " rendering modules planning execution record trials"
     ),
@@ -73,7 +73,7 @@ ROOMS: Mapping[str, Room] = {
         " definitions.model",
         "paramiko fabric invoke docker requests urllib3 psutil",
     ),
-    "facts": room("errors names wire session untrusted resource modules definitions.model"),
+    "facts": room("errors names wire session untrusted resource time_sync modules definitions.model"),
     "assignment": room("errors sizes definitions.containermodel definitions.model facts.model"),
     "network": room("errors names untrusted definitions.model facts.model"),
     "images": room(
@@ -98,8 +98,9 @@ ROOMS: Mapping[str, Room] = {
         " transport.tar_stream"
     ),
     "lab": room("errors regular_file yamldoc", "yaml"),
-    "trials": room("errors linear_regex untrusted definitions.trialsmodel definitions.trialpoints"),
+    "trials": room("errors linear_regex untrusted time_sync definitions.trialsmodel definitions.trialpoints"),
     "linear_regex": room(foreign="re2"),
+    "time_sync": room("untrusted"),
     "data": room("errors"),
     "errors": room(),
     "names": room("errors"),

@@ -26,6 +26,7 @@ def doctor(inventories: tuple[str, ...], as_json: bool, forks: int, timeout: flo
 
     Exits with 3 when something that is needed is missing, with 4 when a robot cannot be reached; warnings alone are 0.
     """
+    from srprov.controller.clocks import measure_clock
     from srprov.controller.kept import line, volume_rows, with_sizes
     from srprov.facts.gather import Detail
     from srprov.facts.preconditions import Verdict, judge, precondition_queries
@@ -36,7 +37,8 @@ def doctor(inventories: tuple[str, ...], as_json: bool, forks: int, timeout: flo
         unreachable = dict(snapshot.unreachable)
 
         def one(name: str) -> tuple[Check, ...]:
-            return judge(snapshot.facts[name], fleet.sessions.get(name).ask(precondition_queries()))
+            session = fleet.sessions.get(name)
+            return judge(snapshot.facts[name], session.ask(precondition_queries()), measure_clock(session))
 
         checks: dict[str, tuple[Check, ...]] = {}
         with concurrent.futures.ThreadPoolExecutor(max(1, len(snapshot.facts))) as pool:

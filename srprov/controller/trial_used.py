@@ -28,4 +28,20 @@ def used(plan: TrialPlan, robots: TrialRobots) -> dict[str, object]:
         offset = clocks.get(one.host)
         shown = cgroup.row(found.get(service, cgroup.Used()), offset.offset_s if offset else None)
         of_containers.append({"robot": one.host, "service": service, **shown})
-    return {"clocks": measured(robots.measured), "hosts": of_hosts, "containers": of_containers}
+    return {"clocks": _clocks(robots), "hosts": of_hosts, "containers": of_containers}
+
+
+def _clocks(robots: TrialRobots) -> list[dict[str, object]]:
+    """Return the rows of clocks, with what keeps each, which was read with it."""
+    found = measured(robots.measured)
+    for one in found:
+        readings = robots.totals.hosts.get(str(one["robot"]), [])
+        at = 0 if one["when"] == "before" else 1
+        kept = readings[at].time_sync if at < len(readings) else None
+        bound = kept.bound_s if kept else None
+        one |= {
+            "kept_by": kept.daemon if kept else None,
+            "synchronised": kept.synchronised if kept else None,
+            "sync_bound_ms": None if bound is None else 1000 * bound,
+        }
+    return found

@@ -13,6 +13,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from srprov.facts.model import HostFacts
+from srprov.time_sync import TimeSync
 from srprov.wire import Query, Reply
 
 _TOOLS = {
@@ -52,6 +53,18 @@ class Check:
     """What to do; empty when it is right."""
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Clock:
+    """A robot's clock, measured by several round trips."""
+
+    offset_s: float | None
+    """From the controller's; None when it gives no time."""
+    error_s: float
+    """The truth lies within so much of it."""
+    kept_by: TimeSync | None
+    """None: by nothing that is known."""
+
+
 def precondition_queries() -> tuple[Query, ...]:
     """Return the questions that facts do not answer; they only read."""
     programs = " ".join(_TOOLS)
@@ -68,12 +81,13 @@ def precondition_queries() -> tuple[Query, ...]:
     )
 
 
-def judge(facts: HostFacts, replies: Sequence[Reply]) -> tuple[Check, ...]:
+def judge(facts: HostFacts, replies: Sequence[Reply], clock: Clock) -> tuple[Check, ...]:
     """Return all checks of one robot, in a fixed order.
 
     Args:
         facts: the robot as it is.
         replies: to `precondition_queries`, in its order.
+        clock: its clock, as measured.
     """
     programs, vxlan, forwarding, as_json = replies
     return (
@@ -82,7 +96,7 @@ def judge(facts: HostFacts, replies: Sequence[Reply]) -> tuple[Check, ...]:
         _engine(facts),
         *_network(facts, vxlan, forwarding),
         _disk(facts),
-        _clock(facts),
+        _clock(clock),
     )
 
 
@@ -139,7 +153,15 @@ def _disk(facts: HostFacts) -> Check:
     return _check("disk", free >= _DISK_MIB, f"{free} MiB free for Docker", remedy, Verdict.WARNING)
 
 
-def _clock(facts: HostFacts) -> Check:
-    offset = facts.clock_offset_s
+def _clock(clock: Clock) -> Check:
+    kept = clock.kept_by
     remedy = "set the clock: apt-get install chrony; robots whose clocks differ cannot share transforms"
-    return _check("clock", abs(offset) <= _CLOCK_S, f"{offset:+.2f} s from the controller", remedy, Verdict.WARNING)
+    if clock.offset_s is None:
+        return _check("clock", False, "it gives no time", remedy, Verdict.WARNING)
+    off = f"{1000 * clock.offset_s:+.1f} ms" if abs(clock.offset_s) < 1 else f"{clock.offset_s:+.2f} s"
+    found = f"{off} (+-{1000 * clock.error_s:.1f} ms) from the controller"
+    found += f"; {kept.in_words}" if kept else "; nothing known keeps it"
+    if kept and not kept.synchronised:
+        remedy = f"give {kept.daemon} a time server that this robot reaches"
+    right = abs(clock.offset_s) - clock.error_s <= _CLOCK_S and (kept is None or kept.synchronised)
+    return _check("clock", right, found, remedy, Verdict.WARNING)

@@ -9,10 +9,13 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
+from srprov import time_sync
+from srprov.time_sync import TimeSync
 from srprov.trials.files import Files, by_file, first, links, number, total
 from srprov.untrusted import decimal, lines_of
 
-SCRIPT = """\
+SCRIPT = (
+    """\
 grep -sHa '^cpu' /proc/stat
 grep -sHa '^MemAvailable:' /proc/meminfo
 grep -sHa cgroup /proc/self/mountinfo
@@ -21,7 +24,9 @@ grep -sHa '' /proc/uptime /proc/net/dev /proc/diskstats /sys/class/thermal/therm
 /sys/class/power_supply/*/type /sys/class/power_supply/*/scope /sys/class/power_supply/*/capacity \
 /sys/devices/system/cpu/cpu*/thermal_throttle/core_throttle_count \
 /sys/devices/platform/soc/soc:firmware/get_throttled
-:"""
+"""
+    + time_sync.SCRIPT
+)
 """What is asked of a robot's shell, after `df -Pk` of the folder that holds Docker's data."""
 MOUNTINFO = "/proc/self/mountinfo"
 COLUMNS = (
@@ -63,6 +68,8 @@ class HostReading:
     """The emptiest battery's."""
     throttle_count: int | None = None
     throttle_bits: int | None = None
+    time_sync: TimeSync | None = None
+    """None: nothing that is known keeps its clock."""
 
 
 def read(out: str) -> HostReading:
@@ -86,6 +93,7 @@ def read(out: str) -> HostReading:
         battery_percent=_battery(files),
         throttle_count=total(first(files, path) for path in files if _THROTTLE.fullmatch(path)),
         throttle_bits=_bits(files),
+        time_sync=time_sync.parse(out),
     )
 
 

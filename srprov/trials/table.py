@@ -11,7 +11,8 @@ from srprov.trials import cgroup, hosts
 from srprov.untrusted import mappings
 
 Row = Mapping[str, object]
-CLOCKS = ("trial", "attempt", "robot", "when", "measured_utc", "offset_ms", "error_ms", "rtt_ms", "samples")
+CLOCKS = ("trial", "attempt", "robot", "when", "measured_utc", "offset_ms", "error_ms", "rtt_ms", "samples",
+          "kept_by", "synchronised", "sync_bound_ms")  # fmt: skip
 HOSTS = ("trial", "attempt", "robot", *hosts.COLUMNS)
 CONTAINERS = ("trial", "attempt", "robot", "service", *cgroup.COLUMNS, "unread_s")
 METRICS = ("trial", "attempt", "metric", "value", "unit", "service", "robot", "source")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import statistics
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -51,31 +51,65 @@ def check_bounds(home: Path, truth: dict[tuple[str, str], float]) -> list[float]
     return [float(one["error_ms"]) for one in found]
 
 
-def test_a_clock_that_is_set_in_a_trial_is_seen_and_one_that_is_off_is_waited_for(lab: Lab, tmp_path: Path) -> None:
+CHRONYC = """#!/bin/sh
+echo C0A80101,192.168.1.1,3,1795338000.1,-0.000123,0.000045,0.0002,-12.3,0.002,0.05,0.0042,0.0010,64.2,Normal
+"""
+
+
+@pytest.fixture
+def chrony(lab: Lab) -> Iterator[Lab]:
+    """Give the lab with a chronyc on robot1."""
+    path = "/usr/local/bin/chronyc"
+    lab.shell("robot1", "sh", "-c", 'printf %s "$1" >"$0" && chmod +x "$0"', path, CHRONYC)
+    yield lab
+    lab.shell("robot1", "rm", path)
+
+
+def test_what_keeps_a_clock_is_said(chrony: Lab, tmp_path: Path) -> None:
+    set_clock(chrony, "robot2", -0.75)
+    *words, _, _ = prepare(chrony, tmp_path, ("robot1", "robot2"), 0.1)
+    assert words[2] == "-i"
+    done = chrony.srprov("doctor", *words[2:4], "--json")
+    assert done.code == 0, done
+    found = {
+        robot: one["found"] for robot, some in done.json["robots"].items() for one in some if one["check"] == "clock"
+    }
+    assert found["robot1"].endswith(" ms) from the controller; chrony: synchronised, within 3.2 ms of its source"), (
+        found
+    )
+    assert found["robot2"].startswith("-75") or found["robot2"].startswith("-74"), found
+    assert found["robot2"].endswith("; nothing known keeps it"), found
+
+
+def test_a_clock_that_is_set_in_a_trial_is_seen_and_one_that_is_off_is_waited_for(chrony: Lab, tmp_path: Path) -> None:
     robots = ("robot1", "robot2")
-    set_clock(lab, "robot1", -1.25)
-    set_clock(lab, "robot2", 2.0)
-    words = prepare(lab, tmp_path, robots, 2, limits={"clock_offset": "1.9s", "wait": "60s"}, retries=0)
+    set_clock(chrony, "robot1", -1.25)
+    set_clock(chrony, "robot2", 2.0)
+    words = prepare(chrony, tmp_path, robots, 1.2, limits={"clock_offset": "1.9s", "wait": "60s"}, retries=0)
     home = tmp_path / "run"
-    running = begin(lab, *words, str(home))
+    running = begin(chrony, *words, str(home))
     wait_until(lambda: "begin" in events(home), 60, "the trial")
     wait_until(
-        lambda: lab.srprov("lab", "status", "--json").json["robots"]["robot2"]["faults"] == ["clock +2 s"], 5, ""
+        lambda: chrony.srprov("lab", "status", "--json").json["robots"]["robot2"]["faults"] == ["clock +2 s"], 5, ""
     )
-    assert lab.containers("robot1") == {}, "nothing is made meanwhile"
-    set_clock(lab, "robot2", 1.75)
+    assert chrony.containers("robot1") == {}, "nothing is made meanwhile"
+    set_clock(chrony, "robot2", 1.75)
     wait_until(lambda: "ready" in events(home), 60, "the clock is right enough")
-    set_clock(lab, "robot2", -0.5)
+    set_clock(chrony, "robot2", -0.5)
     _, said = running.communicate(timeout=60)
     assert running.returncode == 0, said
     assert "waiting up to 60 s: robot2: its clock is 2.0 s off (+-" in said and "and may be 1.9 s" in said, said
     before = {("robot1", "before"): -1.25, ("robot2", "before"): 1.75}
     check_bounds(home, {**before, ("robot1", "after"): -1.25, ("robot2", "after"): -0.5})
+    kept = {
+        one["robot"]: (one["kept_by"], one["synchronised"], one["sync_bound_ms"]) for one in rows(home / "clocks.csv")
+    }
+    assert kept == {"robot1": ("chrony", "true", "3.223"), "robot2": ("", "", "")}
     (row,) = rows(home / "trials.csv")
     assert (row["status"], row["clock_step"]) == ("ok", "true"), "the clock of one robot was set"
 
-    words = prepare(lab, tmp_path, robots, 0.1, limits={"clock_offset": "1s", "wait": "0"}, retries=0)
-    refused = lab.srprov(*words, str(tmp_path / "other"))
+    words = prepare(chrony, tmp_path, robots, 0.1, limits={"clock_offset": "1s", "wait": "0"}, retries=0)
+    refused = chrony.srprov(*words, str(tmp_path / "other"))
     assert refused.code == 3, refused
     (row,) = rows(tmp_path / "other" / "trials.csv")
     assert row["status"] == "infrastructure" and row["reason"].startswith("robot1: its clock is 1.2"), row

@@ -15,7 +15,7 @@ from srprov.execution import Outcome
 from srprov.facts.preconditions import Verdict, judge
 from srprov.planning.policy import KINDS
 from srprov.resource import Action, Condition
-from tests.unit.facts.test_preconditions import GOOD, WELL, replies
+from tests.unit.facts.test_preconditions import GOOD, RIGHT, WELL, replies
 
 OUTPUTS = (
     "assign",
@@ -81,7 +81,10 @@ def test_closed_lists_are_the_programs_own() -> None:
 
 def test_doctor_prints_what_its_schema_says() -> None:
     """With all verdicts, and with a robot that cannot be reached."""
-    well, bad = judge(WELL, replies(*GOOD)), judge(dataclasses.replace(WELL, docker=None), replies("", "", "0", ""))
+    well, bad = (
+        judge(WELL, replies(*GOOD), RIGHT),
+        judge(dataclasses.replace(WELL, docker=None), replies("", "", "0", ""), RIGHT),
+    )
     document = doctor_json({"r1": well, "r2": bad}, {"r3": "no route"})
     assert {check["verdict"] for checks in document["robots"].values() for check in checks} == {
         verdict.value for verdict in Verdict

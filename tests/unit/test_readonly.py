@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 
+from srprov import time_sync
 from srprov.execution.locks import who_holds
 from srprov.facts.host import host_queries
 from srprov.facts.observe import observe_queries
@@ -11,6 +12,7 @@ from srprov.facts.placements import PLACEMENTS
 from srprov.facts.preconditions import precondition_queries
 from srprov.facts.probes import counters
 from srprov.transport.shell.frames import batch, start_command
+from srprov.trials import hosts
 from srprov.wire import Query
 from tests.fakes import World
 from tests.readonly import READS, commands, engine_requests, engine_violations, shell_violations
@@ -23,6 +25,8 @@ QUESTIONS = [
     PLACEMENTS,
     *precondition_queries(),
     who_holds(),
+    Query(command=time_sync.SCRIPT),
+    Query(command=hosts.SCRIPT),
 ]
 
 

@@ -7,7 +7,8 @@ import dataclasses
 import pytest
 
 from srprov.facts.model import Docker, HostFacts
-from srprov.facts.preconditions import Check, Verdict, judge, precondition_queries
+from srprov.facts.preconditions import Check, Clock, Verdict, judge, precondition_queries
+from srprov.time_sync import TimeSync
 from srprov.wire import Reply
 
 WELL = HostFacts(
@@ -19,6 +20,7 @@ WELL = HostFacts(
     underlay_mtu=1500,
     user="root",
 )
+RIGHT = Clock(offset_s=0.0004, error_s=0.0015, kept_by=None)
 GOOD = ("", "loaded\n", "1\n", '[{"ifname":"lo"}]')
 
 
@@ -39,7 +41,7 @@ def test_there_is_one_reply_for_each_question() -> None:
 
 def test_a_robot_that_has_all_is_well() -> None:
     """Nothing to say about a robot that has all."""
-    checks = judge(WELL, replies(*GOOD))
+    checks = judge(WELL, replies(*GOOD), RIGHT)
 
     assert [check.name for check in checks if check.verdict is not Verdict.OK] == []
     assert all(not check.remedy for check in checks)
@@ -65,14 +67,13 @@ def test_a_robot_that_has_all_is_well() -> None:
         ({"underlay_mtu": 576}, GOOD, "mtu", Verdict.WARNING, "1280"),
         ({}, (*GOOD[:2], "0\n", GOOD[3]), "forwarding", Verdict.WARNING, "ip_forward"),
         ({"disk_free": 2**20}, GOOD, "disk", Verdict.WARNING, "prune"),
-        ({"clock_offset_s": -7.0}, GOOD, "clock", Verdict.WARNING, "chrony"),
     ],
 )
 def test_what_is_missing_has_a_remedy(
     change: dict[str, object], texts: tuple[str, ...], name: str, verdict: Verdict, remedy: str
 ) -> None:
     """Exactly the check that is about it complains, and says what to do."""
-    checks = by_name(judge(dataclasses.replace(WELL, **change), replies(*texts)))  # type: ignore[arg-type] # table of fields
+    checks = by_name(judge(dataclasses.replace(WELL, **change), replies(*texts), RIGHT))  # type: ignore[arg-type] # table of fields
 
     assert (checks[name].verdict, [c.name for c in checks.values() if c.remedy]) == (verdict, [name])
     assert remedy in checks[name].remedy
@@ -80,6 +81,33 @@ def test_what_is_missing_has_a_remedy(
 
 def test_programs_that_nobody_asked_for_are_not_reported() -> None:
     """A robot that answers with other words cannot put them into our remedy."""
-    checks = by_name(judge(WELL, replies("$(reboot)\n", *GOOD[1:])))
+    checks = by_name(judge(WELL, replies("$(reboot)\n", *GOOD[1:]), RIGHT))
 
     assert checks["programs"].verdict is Verdict.OK
+
+
+@pytest.mark.parametrize(
+    ("clock", "verdict", "found", "remedy"),
+    [
+        (RIGHT, Verdict.OK, "+0.4 ms (+-1.5 ms) from the controller; nothing known keeps it", ""),
+        (Clock(offset_s=-7.0, error_s=0.001, kept_by=None), Verdict.WARNING, "-7.00 s (+-1.0 ms)", "chrony"),
+        (Clock(offset_s=1.2, error_s=0.3, kept_by=None), Verdict.OK, "+1.20 s (+-300.0 ms)", ""),
+        (Clock(offset_s=None, error_s=0.0, kept_by=None), Verdict.WARNING, "it gives no time", "chrony"),
+        (
+            Clock(offset_s=0.0, error_s=0.001, kept_by=TimeSync(daemon="chrony", synchronised=True, bound_s=0.0021)),
+            Verdict.OK, "; chrony: synchronised, within 2.1 ms of its source", "",
+        ),
+        (
+            Clock(offset_s=0.0, error_s=0.001, kept_by=TimeSync(daemon="timesyncd", synchronised=False)),
+            Verdict.WARNING, "; timesyncd: not synchronised", "give timesyncd a time server",
+        ),
+    ],
+)  # fmt: skip
+def test_a_clock_is_judged_by_its_bounds_and_by_what_keeps_it(
+    clock: Clock, verdict: Verdict, found: str, remedy: str
+) -> None:
+    check = by_name(judge(WELL, replies(*GOOD), clock))["clock"]
+
+    assert check.verdict is verdict
+    assert found in check.found and remedy in check.remedy
+    assert bool(check.remedy) == bool(remedy)
