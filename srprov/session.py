@@ -223,10 +223,13 @@ class Session(Reader, Protocol):
             TransportError: It cannot be started there, in the engine's words; or the robot cannot be talked to.
         """
 
-    def container_log(self, container: str, *, tail: int, follow: bool, times: bool = False) -> Iterator[str]:
+    def container_log(
+        self, container: str, *, tail: int, follow: bool, times: bool = False, since: str = ""
+    ) -> Iterator[str]:
         """Return a container's log line by line, standard output and error together; with `follow` until it ends.
 
-        A negative tail is all of it. With `times`, each line begins with the engine's time and a space.
+        A negative tail is all of it. With `times`, each line begins with the engine's time and a space, and output and
+        errors have lines of their own. `since` is a time by the engine's clock, in seconds since the epoch.
 
         Raises:
             TransportError: The engine or the robot cannot be talked to any more.

@@ -221,7 +221,9 @@ class FakeRobot:
         """Return an image as one piece."""
         yield image.encode()
 
-    def container_log(self, container: str, *, tail: int, follow: bool) -> Iterator[str]:
+    def container_log(
+        self, container: str, *, tail: int, follow: bool, times: bool = False, since: str = ""
+    ) -> Iterator[str]:
         """Return what the behaviour says."""
         one = self.engine.containers[container]
         yield from self.engine.behaviours.get(one.service, Behaviour()).log.splitlines()

@@ -36,9 +36,12 @@ OWN_KEYS = PROJECT_KEYS | {
     *("allow", "yes", "adopt", "data", "volumes", "unreachable", "reassign", "ask-become-pass", "limit", "exclude"),
     *("copy", "instance", "runs", "events", "out", "sign", "signers", "svg", "png", "history", "facts", "update"),
     *("quiet", "json", "detailed-exitcode", "exit-code", "pareto", "follow", "stop-timeout", "resume", "only", "show"),
-    *("older-than", "cache"),
+    *("older-than", "cache", "since", "timestamps", "until", "env", "user", "workdir", "tty"),
 }
-PARAMETERS = {"inventory": "inventories", "json": "as_json", "format": "form", "out": "target", "facts": "stored"}
+PARAMETERS = {
+    **{"inventory": "inventories", "json": "as_json", "format": "form", "out": "target", "facts": "stored"},
+    **{"until": "texts", "env": "environment", "workdir": "folder"},
+}
 """Options that have another name in the code."""
 _LISTS = ("inventory", "allow")
 _MOST_BYTES = 1 << 20

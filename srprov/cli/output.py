@@ -63,6 +63,16 @@ def out(text: str) -> None:
     click.echo(clean(text))
 
 
+def out_labelled(label: str, text: str, color: str | None) -> None:
+    """Print a line of a stream after its label; `color` is one of click's names, and only the label's."""
+    click.echo((click.style(clean(label), fg=color) if color else clean(label)) + clean(text))
+
+
+def out_json_line(value: object) -> None:
+    """Print one JSON document of a stream of them, in one line."""
+    click.echo(_CONTROL.sub("", json.dumps(redacted(value))))
+
+
 def out_json(value: object) -> None:
     """Print an answer as one JSON document. Secrets are replaced in its texts, so that it stays JSON."""
     expect(Answer.WHOLE)

@@ -64,6 +64,19 @@ def surviving(descriptor: int, stream: TextIO | None) -> TextIO:
     )
 
 
+def reader_left(stream: TextIO) -> bool:
+    """Return whether nobody will read a stream any more, found out without writing to it; it is lost then."""
+    raw = getattr(getattr(stream, "buffer", None), "raw", None)
+    if not isinstance(raw, _Surviving):
+        return False
+    if raw.lost is None:
+        look = select.poll()
+        look.register(raw.fileno(), 0)
+        if any(about & (select.POLLERR | select.POLLHUP | select.POLLNVAL) for _, about in look.poll(0)):
+            raw.lost = BrokenPipeError(errno.EPIPE, os.strerror(errno.EPIPE))
+    return raw.lost is not None
+
+
 def lost(stream: TextIO) -> OSError | None:
     """Return why a stream cannot be written any more, or None."""
     raw = getattr(getattr(stream, "buffer", None), "raw", None)

@@ -187,7 +187,7 @@ def _address(state: Mapping[str, Any]) -> str:
 
 
 def containers_of(snapshot: Snapshot, instance: str, services: Sequence[str]) -> list[tuple[str, str, str]]:
-    """Return (label, robot, container's name) of the services that are named, or of all.
+    """Return (label, robot, container's name) of the services that are named, also as SERVICE@ROBOT, or of all.
 
     The label is the service's name where the believed placement has it; anywhere else, or where robots contradict each
     other, it is `SERVICE@ROBOT`: a container may carry any service's name.
@@ -208,13 +208,14 @@ def containers_of(snapshot: Snapshot, instance: str, services: Sequence[str]) ->
         return [(name if home.get(name) == host else f"{name}@{host}", host, it) for name, host, it in chosen]
 
     known = [service for service, _, _ in there]
-    unknown = sorted(set(services) - set(known))
+    unknown = sorted(set(services) - set(known) - {f"{service}@{host}" for service, host, _ in there})
+    named = [one for one in there if not {one[0], f"{one[0]}@{one[1]}"}.isdisjoint(services)]
     if snapshot.unreachable and (unknown or not there):
-        return labelled([one for one in there if one[0] in services])  # what is missing may be on a robot that is away
+        return labelled(named)  # what is missing may be on a robot that is away
     if unknown:
         raise UsageError(
             f"no container of {', '.join(unknown)} on these robots", hint=f"there are: {', '.join(known) or 'none'}"
         )
     if not there:
         raise UsageError(f"nothing of {instance} on these robots", hint="srprov apply starts it")
-    return labelled([one for one in there if not services or one[0] in services])
+    return labelled(named if services else there)

@@ -227,13 +227,15 @@ class BaseSession(abc.ABC):
         """Start a command in a running container; see `session.Session`."""
         return self.engine.attach(container, what)
 
-    def container_log(self, container: str, *, tail: int, follow: bool, times: bool = False) -> Iterator[str]:
+    def container_log(
+        self, container: str, *, tail: int, follow: bool, times: bool = False, since: str = ""
+    ) -> Iterator[str]:
         """Return a container's log line by line; see `session.Session`.
 
         Raises:
             TransportError: The engine or the robot cannot be talked to any more.
         """
-        return self.engine.client.log(container, tail=tail, follow=follow, times=times)
+        return self.engine.client.log(container, tail=tail, follow=follow, times=times, since=since)
 
     def measure(self) -> Measures | None:
         """Return load and memory when that needs no shell, else None."""

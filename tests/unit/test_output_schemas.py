@@ -24,6 +24,7 @@ OUTPUTS = (
     "facts",
     "images",
     "locks",
+    "logs",
     "plan",
     "run",
     "runs",

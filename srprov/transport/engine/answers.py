@@ -17,13 +17,13 @@ from srprov.untrusted import json_or_none, mapping, string
 from srprov.wire import Reply
 
 _LAST_LINES = 15
-_LONGEST_LINE = 1 << 20
+LONGEST_LINE = 1 << 20
 _LONGEST_WORDS = 2000
 """Characters of a line of progress, or of a failure."""
-_LOG_PIECE = 64 * 1024
+LOG_PIECE = 64 * 1024
 _FRAME = 8
 """Bytes of a frame's header in a log, before one byte of text at least."""
-_EMPTY = 1 << 20
+EMPTY = 1 << 20
 """Bytes of frames with nothing in them that are let pass."""
 
 
@@ -61,19 +61,19 @@ def lines(pieces: Iterable[bytes]) -> Iterator[str]:
         if feed:
             *whole, last = others.split(b"\n")
             for line in (bytes(rest), *whole):
-                yield from _in_text(line)
+                yield from in_text(line)
             rest = bytearray(last)
-        if len(rest) > _LONGEST_LINE:
-            yield from _in_text(bytes(rest))
+        if len(rest) > LONGEST_LINE:
+            yield from in_text(bytes(rest))
             rest = bytearray()
     if rest:
-        yield from _in_text(bytes(rest))
+        yield from in_text(bytes(rest))
 
 
-def _in_text(line: bytes) -> Iterator[str]:
+def in_text(line: bytes) -> Iterator[str]:
     """Decode a line, in as many parts as its length makes necessary."""
-    for at in range(0, max(1, len(line)), _LONGEST_LINE + _LOG_PIECE):
-        yield line[at : at + _LONGEST_LINE + _LOG_PIECE].rstrip(b"\r").decode("utf-8", "replace")
+    for at in range(0, max(1, len(line)), LONGEST_LINE + LOG_PIECE):
+        yield line[at : at + LONGEST_LINE + LOG_PIECE].rstrip(b"\r").decode("utf-8", "replace")
 
 
 def events(pieces: Iterable[bytes]) -> Iterator[Mapping[str, Any]]:
@@ -140,7 +140,7 @@ def demultiplexed(log: Log) -> Iterator[bytes]:
         EngineGone: It sends frames with nothing in them.
     """
     data = bytearray()
-    while len(data) < 8 and (piece := log.read1(_LOG_PIECE)):
+    while len(data) < 8 and (piece := log.read1(LOG_PIECE)):
         data += piece
     framed = len(data) >= 8 and data[0] <= 2 and data[1:4] == b"\0\0\0"
     left, came, given = 0, len(data), 0
@@ -151,9 +151,9 @@ def demultiplexed(log: Log) -> Iterator[bytes]:
         if text:
             yield text
         given += len(text)
-        if came > (_FRAME + 1) * given + _EMPTY:
+        if came > (_FRAME + 1) * given + EMPTY:
             raise EngineGone("its log has more frames than text")
-        if not (piece := log.read1(_LOG_PIECE)):
+        if not (piece := log.read1(LOG_PIECE)):
             return
         data += piece
         came += len(piece)

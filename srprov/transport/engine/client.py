@@ -24,6 +24,7 @@ from srprov.session import Progress
 from srprov.transport.engine.adapter import EngineAdapter
 from srprov.transport.engine.answers import demultiplexed, follow, lines, message_of, quoted, within
 from srprov.transport.engine.link import EngineGone, EngineLink, WaitInAll
+from srprov.transport.engine.timed_log import timed_lines
 from srprov.wire import EngineCall, Reply
 
 _HERE = "tcp://engine:2375"
@@ -161,10 +162,11 @@ class Engine:
         with self._or_error(no, "is it still there?", broken, timeout_s), self._client(timeout_s) as client:
             yield from client.get_image(within(image), _CHUNK)
 
-    def log(self, container: str, *, tail: int, follow: bool, times: bool = False) -> Iterator[str]:
+    def log(self, container: str, *, tail: int, follow: bool, times: bool = False, since: str = "") -> Iterator[str]:
         """Yield a container's log line by line; with `follow` until the container ends. A negative tail is all of it.
 
-        With `times`, each line begins with the engine's time and a space.
+        With `times`, each line begins with the engine's time and a space. `since` is a time by the engine's clock, in
+        seconds since the epoch.
 
         An engine that sends more lines than it was asked for is not listened to.
 
@@ -173,6 +175,7 @@ class Engine:
         """
         params = {"stdout": 1, "stderr": 1, "tail": tail if tail >= 0 else "all", "follow": int(follow)}
         params |= {"timestamps": 1} if times else {}
+        params |= {"since": since} if since else {}
         timeout = (_LOG_TIMEOUT_S, None if follow else WaitInAll(_LOG_TIMEOUT_S))
         no, hint, broken = (
             f"no log of {container}",
@@ -181,7 +184,8 @@ class Engine:
         )
         with self._or_error(no, hint, broken, _LOG_TIMEOUT_S), self._client(_LOG_TIMEOUT_S) as client:
             answer = client.send_call("GET", f"/containers/{container}/logs", params=params, timeout=timeout)
-            yield from itertools.islice(lines(demultiplexed(answer.raw)), None if follow or tail < 0 else tail)
+            found = timed_lines(answer.raw) if times else lines(demultiplexed(answer.raw))
+            yield from itertools.islice(found, None if follow or tail < 0 else tail)
 
     @contextlib.contextmanager
     def _or_error(self, refusal: str, hint: str, loss: str, timeout_s: float) -> Iterator[None]:

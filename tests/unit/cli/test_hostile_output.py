@@ -15,9 +15,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from srprov.cli import output, progress
-from srprov.cli.logs import _Lines
+from srprov.cli.logs import _Text
 from srprov.cli.output import clean, out_json
 from srprov.cli.status import table
+from srprov.controller.merged_logs import LogLine, Source
 from srprov.errors import RefusedError, visible
 from srprov.execution import Event
 from srprov.secret import forget
@@ -84,12 +85,17 @@ def test_no_cell_begins_a_row(cells: list[str]) -> None:
     assert len(table(rows, ("service", "state")).split("\n")) == len(cells) + 1
 
 
-def test_a_log_line_names_its_service_on_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("color", [False, True])
+def test_a_log_line_names_its_service_on_one_line(monkeypatch: pytest.MonkeyPatch, color: bool) -> None:
+    """What is printed can neither begin a line of another service nor colour, retitle or move anything."""
     said: list[str] = []
-    monkeypatch.setattr("srprov.cli.logs.out", said.append)
-    session = SimpleNamespace(container_log=lambda *_a, **_k: iter(["one"]))
-    _Lines(1).stream(cast(Session, session), "a\nb", "c", 1, False)
-    assert said == ["a\\nb | one"]
+    monkeypatch.setattr(output.click, "echo", said.append)
+    source = Source(label="a\nb", service="a\nb", host="r1", container="c", session=cast(Session, None))
+    line = LogLine(source=source, time="2026-11-22T10:00:00Z", text="".join(WORDS).replace("\n", ""))
+    _Text([source], times=True, color=color).show(line)
+    label = "\x1b[36ma\\nb | \x1b[0m" if color else "a\\nb | "
+    assert said[0].startswith(f"{label}2026-11-22T10:00:00Z ")
+    assert unprintable(said[0].removeprefix(label)) == []
 
 
 def test_further_lines_of_an_error_are_indented() -> None:
