@@ -40,7 +40,7 @@ OWN_KEYS = PROJECT_KEYS | {
 }
 PARAMETERS = {
     **{"inventory": "inventories", "json": "as_json", "format": "form", "out": "target", "facts": "stored"},
-    **{"until": "texts", "env": "environment", "workdir": "folder"},
+    **{"until": "texts", "env": "environment", "workdir": "folder", "tty": "terminal"},
 }
 """Options that have another name in the code."""
 _LISTS = ("inventory", "allow")
