@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import statistics
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -85,7 +86,9 @@ def test_a_clock_that_is_set_in_a_trial_is_seen_and_one_that_is_off_is_waited_fo
     robots = ("robot1", "robot2")
     set_clock(chrony, "robot1", -1.25)
     set_clock(chrony, "robot2", 2.0)
-    words = prepare(chrony, tmp_path, robots, 1.2, limits={"clock_offset": "1.9s", "wait": "60s"}, retries=0)
+    words = prepare(
+        chrony, tmp_path, robots, 1.2, limits={"clock_offset": "1.9s", "battery": 5, "wait": "60s"}, retries=0
+    )
     home = tmp_path / "run"
     running = begin(chrony, *words, str(home))
     wait_until(lambda: "begin" in events(home), 60, "the trial")
@@ -99,6 +102,7 @@ def test_a_clock_that_is_set_in_a_trial_is_seen_and_one_that_is_off_is_waited_fo
     _, said = running.communicate(timeout=60)
     assert running.returncode == 0, said
     assert "waiting up to 60 s: robot2: its clock is 2.0 s off (+-" in said and "and may be 1.9 s" in said, said
+    assert said.count("cannot tell: robot1: it does not say how much is left in its battery") == 1, said
     before = {("robot1", "before"): -1.25, ("robot2", "before"): 1.75}
     check_bounds(home, {**before, ("robot1", "after"): -1.25, ("robot2", "after"): -0.5})
     kept = {
@@ -108,11 +112,16 @@ def test_a_clock_that_is_set_in_a_trial_is_seen_and_one_that_is_off_is_waited_fo
     (row,) = rows(home / "trials.csv")
     assert (row["status"], row["clock_step"]) == ("ok", "true"), "the clock of one robot was set"
 
-    words = prepare(chrony, tmp_path, robots, 0.1, limits={"clock_offset": "1s", "wait": "0"}, retries=0)
+    words = prepare(
+        chrony, tmp_path, robots, 0.1, limits={"clock_offset": "1s", "disk_free": "900000g", "wait": "0"}, retries=0
+    )
     refused = chrony.srprov(*words, str(tmp_path / "other"))
     assert refused.code == 3, refused
     (row,) = rows(tmp_path / "other" / "trials.csv")
     assert row["status"] == "infrastructure" and row["reason"].startswith("robot1: its clock is 1.2"), row
+    free = int(chrony.shell("robot1", "df", "-Pm", "/var/lib/docker").out.splitlines()[1].split()[3])
+    told = re.search(r"robot1: ([0-9]+) MiB of its disk are free, and 921600000 MiB are wanted", row["reason"])
+    assert told and int(told[1]) == pytest.approx(free, rel=0.02), (row, free)
     assert "created" not in events(tmp_path / "other"), "it was not begun"
     assert row["clock_max_offset_ms"] == "", row
 
