@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 from srprov.session import Session
 from srprov.trials.cgroup import Counters, Group, Mount, Used, added, counters, group, highest, mounts
-from srprov.trials.files import by_file
+from srprov.trials.files import Files, by_file
 from srprov.trials.hosts import MOUNTINFO, SCRIPT, HostReading
 from srprov.trials.hosts import read as read_host
 from srprov.trials.reading import read
@@ -83,8 +83,7 @@ class Totals:
             files = by_file(reply.out)
             for service in self._asked.get(host, ()):
                 one = self._services[host][service]
-                # a process that has ended has no interfaces, and its group is gone, or about to be
-                if f"/proc/{one.group.pid}/net/dev" in files:
+                if _is_there(one.group, files):
                     found = counters(one.group, files, own_network=one.own_network)
                     one.now, one.moment = highest(one.now, found), time.time()
 
@@ -131,6 +130,13 @@ class Totals:
             for some in self._services.values()
             for service, one in some.items()
         }
+
+
+def _is_there(one: Group, files: Files) -> bool:
+    """Return whether a container's process was there, and not another that has its number by now."""
+    *counted, interfaces = one.files
+    # one that has ended has no interfaces any more, and its group goes with it
+    return interfaces in files and (not counted or any(path in files for path in counted))
 
 
 def _has_own_network(answer: object) -> bool:

@@ -236,8 +236,9 @@ def added(earlier: Counters, later: Counters) -> Counters:
 
 
 def highest(earlier: Counters, later: Counters) -> Counters:
-    """Return a later reading of the same container, with the largest memory that was ever read."""
-    return {**later, **{key: _together(key, earlier.get(key), later.get(key)) for key in PEAKS}}
+    """Return a later reading of the same container, with the largest memory, and what was read only before."""
+    known = {key: value for key, value in later.items() if value is not None}
+    return {**earlier, **known, **{key: _together(key, earlier.get(key), later.get(key)) for key in PEAKS}}
 
 
 def _together(key: str, one: float | None, other: float | None) -> float | None:
