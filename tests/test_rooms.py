@@ -154,6 +154,7 @@ FILES: Mapping[str, Room] = {
     "cli/lock.py": cli_file("definitions.lockfile"),
     "cli/locks.py": cli_file("execution"),
     "cli/logs.py": cli_file("facts"),
+    "cli/orders.py": cli_file("execution facts"),
     "cli/plan.py": cli_file("planning"),
     "cli/progress.py": cli_file("planning execution"),
     "cli/run.py": cli_file("execution"),

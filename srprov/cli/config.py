@@ -38,12 +38,9 @@ OWN_KEYS = PROJECT_KEYS | {
     *("quiet", "json", "detailed-exitcode", "exit-code", "pareto", "follow", "stop-timeout", "resume", "only", "show"),
     *("older-than", "cache", "since", "timestamps", "until", "env", "user", "workdir", "tty"),
 }
-PARAMETERS = {
-    **{"inventory": "inventories", "json": "as_json", "format": "form", "out": "target", "facts": "stored"},
-    **{"until": "texts", "env": "environment", "workdir": "folder", "tty": "terminal"},
-}
+PARAMETERS = {"inventory": "inventories", "json": "as_json", "format": "form", "out": "target", "facts": "stored"}
 """Options that have another name in the code."""
-_LISTS = ("inventory", "allow")
+_LISTS = ("inventory", "allow", "until", "env")
 _MOST_BYTES = 1 << 20
 _BEYOND = 1e15
 _HEADER = re.compile(r"\s*\[([^\[\]]+)\]\s*(?:#.*)?")

@@ -39,14 +39,14 @@ def _settings(_context: click.Context, _option: click.Parameter, given: tuple[st
 @click.argument("command", metavar="-- COMMAND...", nargs=-1, required=True)
 @options.robots_without_json
 @options.INSTANCE
-@click.option("-e", "--env", "environment", multiple=True, metavar="NAME=VALUE", callback=_settings,
+@click.option("-e", "--env", multiple=True, metavar="NAME=VALUE", callback=_settings,
               help="A variable of the command; may be repeated.")  # fmt: skip
 @click.option("-u", "--user", default="", help="User, or UID, with a group after a colon (default: the container's).")
-@click.option("-w", "--workdir", "folder", default="", metavar="DIR", help="Folder in the container.")
-@click.option("-t", "--tty", "terminal", is_flag=True, help="Give the command your terminal, with Ctrl-C and its size.")
+@click.option("-w", "--workdir", default="", metavar="DIR", help="Folder in the container.")
+@click.option("-t", "--tty", is_flag=True, help="Give the command your terminal, with Ctrl-C and its size.")
 def exec(
     file: str, service: str, command: tuple[str, ...], inventories: tuple[str, ...], forks: int, timeout: float,
-    instance: str, environment: tuple[str, ...], user: str, folder: str, terminal: bool,
+    instance: str, env: tuple[str, ...], user: str, workdir: str, tty: bool,
 ) -> int:  # fmt: skip
     """Run a command in the container of a service, and end with its exit code; with 255 when it could not be run.
 
@@ -54,11 +54,11 @@ def exec(
     are, without a shell. Standard input is passed on unless it is a terminal; with -t, a terminal is.
     """
     what = Exec(
-        command=command, environment=environment, user=user, folder=folder,
-        stdin=terminal or not sys.stdin.isatty(), terminal=terminal,
+        command=command, environment=env, user=user, folder=workdir, stdin=tty or not sys.stdin.isatty(),
+        terminal=tty,
     )  # fmt: skip
     try:
-        if terminal and not (sys.stdin.isatty() and sys.stdout.isatty()):
+        if tty and not (sys.stdin.isatty() and sys.stdout.isatty()):
             raise UsageError("-t needs a terminal", hint="leave it out where input or output is a file or a pipe")
         return _run(file, service, inventories, forks, timeout, instance, what)
     except SrprovError as error:

@@ -78,7 +78,7 @@ def carried_out(
         report = run(planned, fleet, run_options, phases, listener, stop, runs=runs)
     if as_json:
         out_json(report.document)
-    for line in report.failures:
+    for line in (*report.failures, *report.jobs):
         err(line)
     if report.record_problem:
         err(f"warning: the record of this run is not complete: {report.record_problem}")

@@ -52,8 +52,8 @@ def plan(
 
     Playbooks in ~/.config/srprov/playbooks replace srprov's own by name, or add to them; the plan names them.
 
-    Exits with 0; with 2 when --detailed-exitcode is given and something would change; with 4 when a robot cannot be
-    reached, unless --unreachable says otherwise.
+    Exits with 0; with 2 when --detailed-exitcode is given and something would change, a job has failed or a service is
+    unhealthy; with 4 when a robot cannot be reached, unless --unreachable says otherwise.
     """
     from srprov.controller.secrets import read_secrets
     from srprov.controller.source import read_definitions
@@ -86,7 +86,7 @@ def plan(
         show_plan(made, plan_json(made) if as_json or form == "json" else None, verbose=verbose)
     if made.unreachable and unreachable == "fail":
         return UNREACHABLE
-    return DIFFERENCES if detailed_exitcode and not made.empty else 0
+    return DIFFERENCES if detailed_exitcode and (not made.empty or planned.amiss) else 0
 
 
 def _check_target(target: str | None, sign: str | None) -> None:

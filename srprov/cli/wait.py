@@ -15,12 +15,12 @@ from srprov.errors import visible
 @click.argument("file", metavar="FILE")
 @options.robots_without_json
 @options.INSTANCE
-@click.option("--until", "texts", multiple=True, required=True, metavar="CONDITION",
+@click.option("--until", multiple=True, required=True, metavar="CONDITION",
               help="completed:SERVICE, healthy, healthy:SERVICE or log:SERVICE=REGEX; may be repeated.")  # fmt: skip
 @click.option("--wait-timeout", type=Seconds(min=1), default=3600.0, show_default=True, metavar="S",
               help="Seconds until all conditions must hold.")  # fmt: skip
 def wait(
-    file: str, inventories: tuple[str, ...], forks: int, timeout: float, instance: str, texts: tuple[str, ...],
+    file: str, inventories: tuple[str, ...], forks: int, timeout: float, instance: str, until: tuple[str, ...],
     wait_timeout: float,
 ) -> int:  # fmt: skip
     """Wait until every condition holds. Changes nothing, and needs no lock.
@@ -48,7 +48,7 @@ def wait(
         there = locate(fleet.gather(Detail.BASIC), name, experiment)
         for note in there.notes:
             err(f"note: {visible(note)}")
-        ended = wait_for(awaited(texts, there), fleet, wait_timeout, lambda text: err(visible(text)))
+        ended = wait_for(awaited(until, there), fleet, wait_timeout, lambda text: err(visible(text)))
     if not ended.why:
         return 0
     err(f"error: {visible(ended.why)}")

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from srprov.controller.ownership import looking
 from srprov.definitions.expand import expand
-from srprov.definitions.model import Experiment
+from srprov.definitions.model import Experiment, Service
 from srprov.errors import UsageError
 from srprov.facts.model import Snapshot
 from srprov.modules import RUNNING
@@ -44,6 +44,8 @@ class Whereabouts:
 
     instance: str
     services: tuple[Located, ...]
+    by_name: Mapping[str, Service]
+    """What the EDF says of each instance; empty where it is not known."""
     families: Mapping[str, frozenset[str]]
     """Service of the EDF that runs several times -> the names of its instances."""
     notes: tuple[str, ...] = ()
@@ -87,7 +89,7 @@ def locate(snapshot: Snapshot, instance: str, experiment: Experiment | None = No
     Args:
         snapshot: The robots as they are.
         instance: The instance's id.
-        experiment: What the EDF says, for the names of services that run several times.
+        experiment: What the EDF says.
     """
     believed, disputes, notes = looking(snapshot, instance)
     record = read_record(believed.placements.get(instance)) or PlacementRecord()
@@ -98,7 +100,7 @@ def locate(snapshot: Snapshot, instance: str, experiment: Experiment | None = No
         for item in items
         if item.module in RUNNING and item.instance == instance
     }
-    known = set(homes)
+    known, by_name = set(homes), _expanded(snapshot, record, experiment)
     services = [
         Located(service=one, host=host, container=container_name(instance, one), found=there.get((one, host)))
         for one, host in homes.items()
@@ -111,21 +113,24 @@ def locate(snapshot: Snapshot, instance: str, experiment: Experiment | None = No
     return Whereabouts(
         instance=instance,
         services=tuple(sorted(services, key=lambda one: (one.service, one.host))),
-        families=_families(snapshot, record, experiment),
+        by_name=by_name,
+        families=_families(by_name),
         notes=(*disputes, *notes),
         unreachable=snapshot.unreachable,
     )
 
 
-def _families(
-    snapshot: Snapshot, record: PlacementRecord, experiment: Experiment | None
-) -> Mapping[str, frozenset[str]]:
+def _expanded(snapshot: Snapshot, record: PlacementRecord, experiment: Experiment | None) -> Mapping[str, Service]:
     if experiment is None:
         return {}
     tags = {robot: facts.tags for robot, facts in snapshot.facts.items()}
     away = {name: robot for name, robot in record.robots.items() if robot in snapshot.unreachable}
+    return expand(experiment, tags, away).services
+
+
+def _families(services: Mapping[str, Service]) -> Mapping[str, frozenset[str]]:
     families: dict[str, set[str]] = {}
-    for name, one in expand(experiment, tags, away).services.items():
+    for name, one in services.items():
         if one.instance_of:
             families.setdefault(one.instance_of, set()).add(name)
     return {name: frozenset(some) for name, some in families.items()}

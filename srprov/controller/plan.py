@@ -47,6 +47,7 @@ from srprov.modules.secret import with_value
 from srprov.network.layout import layout
 from srprov.network.model import Overlay
 from srprov.network.record import record
+from srprov.planning.amiss import notes as amiss_notes
 from srprov.planning.diff import diff
 from srprov.planning.limit import limited
 from srprov.planning.plan import Plan, PlaybookUse, Step
@@ -79,6 +80,8 @@ class Planned:
     """Those that users wrote, the experiment's and the user's own."""
     owner: Owner | None = None
     """Who owns its volumes, with those that the run takes over; None: it makes none."""
+    amiss: tuple[str, ...] = ()
+    """Notes of the plan on what is not as it should be, and is left alone."""
     saved: PlanFile | None = None
     """The file that the plan was read from."""
     whole: Plan | None = None
@@ -124,13 +127,15 @@ def make_plan(
     with together():
         inputs = with_layers(_inputs(definitions, choice, placed, overlay, snapshot, source, request, look), look)
         snapshot, desired, steps, unchanged = _compared(inputs, theirs, vault, look)
-    notes = (*notes, *check_room(steps, choice, instance, snapshot, look, playbooks=bool(theirs)))
+    there = {(host, one.module, one.name): one for host, items in snapshot.observed.items() for one in items}
+    amiss = () if request.images_only else tuple(amiss_notes(desired, there))
+    notes = (*notes, *amiss, *check_room(steps, choice, instance, snapshot, look, playbooks=bool(theirs)))
     made = _plan(definitions, dataclasses.replace(inputs, snapshot=snapshot), placed, theirs, steps, unchanged, notes)
     enforce(made, look.inventory, request.policies)
     images = {image.tag: image for image in inputs.images.values()}
     return Planned(
         plan=made, snapshot=snapshot, definitions=definitions, experiment=choice.experiment, assignment=placed,
-        desired=desired, images=images, playbooks=theirs, owner=inputs.data.owner,
+        desired=desired, images=images, playbooks=theirs, owner=inputs.data.owner, amiss=amiss,
     )  # fmt: skip
 
 

@@ -70,6 +70,20 @@ def failures(result: RunResult, images: Mapping[str, ImagePlan]) -> list[str]:
     return lines
 
 
+def jobs_under_way(result: RunResult) -> list[str]:
+    """Return a line for each job that this run started and that has not ended by now: its end is not awaited."""
+    lines = []
+    for one in result.results:
+        step = one.step
+        told = getattr(step.want.params, "job", False) if step.want else step.found and step.found.state.get("job")
+        if one.outcome is Outcome.CHANGED and told and (one.after or {}).get("state") == "running":
+            lines.append(
+                f"{step.service} on {step.host} is a job and was started; `srprov wait` with "
+                f"--until completed:{step.service} ends when it is done"
+            )
+    return lines
+
+
 def summary(document: Mapping[str, Any], result: RunResult) -> str:
     """Return the last line of a run."""
     counts = ", ".join(f"{document[key]} {key}" for key in ("changed", "unchanged", "failed", "skipped"))

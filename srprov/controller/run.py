@@ -19,7 +19,7 @@ from srprov.controller.data_owner import remember_owner
 from srprov.controller.fleet import Fleet
 from srprov.controller.phases import Phases
 from srprov.controller.plan import Planned
-from srprov.controller.report import failures, run_json
+from srprov.controller.report import failures, jobs_under_way, run_json
 from srprov.controller.saved import plan_file
 from srprov.execution import Event, Listener, RunOptions, RunResult, run_plan
 from srprov.execution.lock_set import LockSet
@@ -35,6 +35,8 @@ class RunReport:
     """As `schemas/run.schema.json` describes it."""
     failures: tuple[str, ...]
     """A line or more for every step that did not end well, and for every robot that could not be reached."""
+    jobs: tuple[str, ...]
+    """A line for every job that was started and has not ended."""
     record_problem: str
     """Why the record is not complete, or empty."""
     result: RunResult
@@ -76,6 +78,7 @@ def run(
     return RunReport(
         document={**document, "run": str(folder.path) if folder.path.is_dir() else None},
         failures=tuple(failures(result, planned.images)),
+        jobs=tuple(jobs_under_way(result)),
         record_problem=folder.problem or forgetful,
         result=result,
     )

@@ -19,6 +19,7 @@ from dataclasses import dataclass, field
 
 from srprov.errors import TransportError
 from srprov.execution.architecture import wrong_architecture
+from srprov.execution.failure_text import failure_text, last_lines
 from srprov.execution.options import STOP_TIMEOUT_S
 from srprov.execution.outcome import Event, Listener, Outcome, StepResult
 from srprov.execution.stopping import stop_together
@@ -33,10 +34,6 @@ from srprov.wire import Command, EngineCall, Put, Reply, Run
 _Key = tuple[str, str]
 _MOST_BYTES = 256 * 1024
 _LOG_LINES = 8
-_MOST_LINES = 40
-"""Of what a failed command said."""
-_LONGEST_LINE = 400
-"""Characters of a line in a message."""
 
 
 @dataclass(slots=True)
@@ -97,7 +94,7 @@ class RobotExecutor:
             if reply.ok:
                 self._done(step, took)
             else:
-                why = _failure(_only(step), reply)
+                why = failure_text(_only(step), reply)
                 results[step.number] = StepResult(step=step, outcome=Outcome.FAILED, message=why, duration_s=took)
         return [results[step.number] for step in steps]
 
@@ -135,7 +132,9 @@ class RobotExecutor:
             reply = self._execute(step, command, lambda line: self._progress(step, line))
             if not reply.ok:
                 took = time.monotonic() - started
-                return StepResult(step=step, outcome=Outcome.FAILED, message=_failure(command, reply), duration_s=took)
+                return StepResult(
+                    step=step, outcome=Outcome.FAILED, message=failure_text(command, reply), duration_s=took
+                )
         self._probe(step)
         if step.module in PROBING and (due := self._due(step)):
             # what needs it must not begin, so it is not left to the end of the batch
@@ -190,7 +189,20 @@ class RobotExecutor:
         item = seen.get((step.module, step.name))
         if step.want is not None:
             return MODULES[step.module].check(step.name, step.want.params, item.state if item else None)
+        if step.order:
+            return self._ordered(step, item)
         return Change(action=Action.DELETE, cause="still there") if item else None
+
+    def _ordered(self, step: Step, item: Observed | None) -> Change | None:
+        """Return what is left of a user's order: all of it before the act, unless it has come true by itself."""
+        if item is None:
+            return None if step.order == "stop" else Change(action=Action.UPDATE, cause="it is not there any more")
+        acted = step.number in self.acted
+        job = acted and step.found is not None and step.found.state.get("job") is True
+        why = RUNNING[step.module].ordered({**item.state, "job": job}, step.order)
+        if step.order == "restart" and not acted:
+            why = "not started again yet"
+        return Change(action=Action.UPDATE, cause=why) if why else None
 
     def _log_end(self, step: Step) -> str:
         """Return the end of the log of a step's service, indented under a failure, or nothing when there is none."""
@@ -199,7 +211,7 @@ class RobotExecutor:
         reply = self.session.ask([RUNNING[step.module].log_query(step.name, _LOG_LINES)])[0]
         if not reply.ok or not reply.out.strip():
             return ""
-        return "; its last lines:\n" + "\n".join(f"    {one}" for one in _last(reply.out, _LOG_LINES))
+        return "; its last lines:\n" + "\n".join(f"    {one}" for one in last_lines(reply.out, _LOG_LINES))
 
     def _progress(self, step: Step, line: str) -> None:
         self.listener(Event(kind="progress", host=step.host, step=step, text=line))
@@ -233,18 +245,3 @@ def _only(step: Step) -> Run | Put:
     (command,) = step.commands
     assert isinstance(command, Run | Put)
     return command
-
-
-def _failure(command: Command, reply: Reply) -> str:
-    text = command.text().splitlines()[0][:160]
-    # the end of a build's output says more than its error
-    streamed = isinstance(command, EngineCall) and command.stream and reply.status in command.accept
-    parts = (reply.out, reply.err) if streamed else (reply.err or reply.out,)
-    said = "\n    ".join(line for part in parts for line in _last(part, _MOST_LINES))
-    return f"{text}\n  status {reply.status}: {said}" if said else f"{text}\n  status {reply.status}"
-
-
-def _last(text: str, most: int) -> list[str]:
-    """Return the last lines that say something, each no longer than can be read."""
-    said = [line for line in text[-_MOST_BYTES:].splitlines() if line.strip()][-most:]
-    return [line if len(line) <= _LONGEST_LINE else f"{line[:_LONGEST_LINE]}…" for line in said]

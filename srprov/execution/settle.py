@@ -59,14 +59,9 @@ def _check(robot: RobotExecutor, fresh: list[StepResult]) -> list[StepResult]:
     begun = time.monotonic()
     try:
         robot.refresh({result.step.module for result in fresh})
-        return [_still(robot, result) for result in fresh]
+        return [robot.verdict(result.step, "did not stay up") for result in fresh]
     except TransportError as error:
         took = time.monotonic() - begun
         return [
             dataclasses.replace(r, outcome=Outcome.UNREACHABLE, message=error.message, duration_s=took) for r in fresh
         ]
-
-
-def _still(robot: RobotExecutor, result: StepResult) -> StepResult:
-    verdict = robot.verdict(result.step, "did not stay up")
-    return result if verdict.outcome is Outcome.CHANGED else verdict

@@ -20,6 +20,7 @@ from srprov.modules.container_commands import creation, hashes, remove, start, s
 from srprov.modules.container_leftover import BUILD, end_process, left_by_build
 from srprov.modules.container_limits import QUERY as LIMITS
 from srprov.modules.container_limits import changed_limits, limits_of
+from srprov.modules.container_orders import not_ordered, ordered_commands
 from srprov.modules.container_params import ContainerParams
 from srprov.modules.container_status import reached
 from srprov.modules.module import (
@@ -126,6 +127,20 @@ class ContainerModule(Module[ContainerParams]):
     def reached(self, name: str, condition: str, reply: Reply) -> tuple[bool, str]:
         """Judge by its state, its exit code and its health."""
         return reached(name, condition, reply)
+
+    def amiss(self, want: ContainerParams, found: State) -> str:
+        """Name a job that has failed, and a process that its healthcheck finds unwell."""
+        if want.job and found["state"] == "exited" and found["exit_code"] != 0:
+            return f"is a job that ended with code {found['exit_code']}"
+        return "is unhealthy" if found["state"] == "running" and found["health"] == "unhealthy" else ""
+
+    def order(self, found: Observed, verb: str) -> tuple[Command, ...]:
+        """Stop it, start it, or both."""
+        return ordered_commands(found, verb)
+
+    def ordered(self, found: State, verb: str) -> str:
+        """Look at its process."""
+        return not_ordered(found, verb)
 
     def log_query(self, name: str, lines: int) -> Query:
         """Ask Docker."""

@@ -168,6 +168,19 @@ class Running(Protocol):
     def reached(self, name: str, condition: str, reply: Reply, /) -> tuple[bool, str]:
         """Return whether a condition holds by the reply to `status_query`, and why it never will, or nothing."""
 
+    def amiss(self, want: Any, found: State, /) -> str:  # noqa: ANN401 - a kind's own parameters
+        """Return what is wrong with the process of one that was found, if only its user can judge it; else nothing.
+
+        A job that failed may have left what a second run would spoil, and a service may be unhealthy for a reason. So
+        no plan starts either again: it says so.
+        """
+
+    def order(self, found: Observed, verb: str, /) -> tuple[Command, ...]:
+        """Return the commands of a user's `stop`, `start` or `restart`; none when it is so already."""
+
+    def ordered(self, found: State, verb: str, /) -> str:
+        """Return why a `stop`, `start` or `restart` that was done has not come true, or nothing."""
+
     def log_query(self, name: str, lines: int, /) -> Query:
         """Return what to ask to see the last lines of the log."""
 

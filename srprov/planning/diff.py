@@ -16,6 +16,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
 from srprov.errors import PlanError
 from srprov.modules import MODULES, PROBING, RUNNING
+from srprov.planning.amiss import amiss
 from srprov.planning.plan import Step
 from srprov.planning.reach import Reach
 from srprov.planning.rebuild import rebuild_stranded, rebuild_users
@@ -34,7 +35,7 @@ def diff(
     settled: Collection[str] = (),
     beside: Sequence[Step] = (),
 ) -> tuple[tuple[Step, ...], int]:
-    """Return the steps that make `desired` true, and the number of resources that are right already.
+    """Return the steps that make `desired` true, and the number of resources that are right; what is `amiss` is not.
 
     Args:
         desired: What should be true.
@@ -48,15 +49,17 @@ def diff(
     """
     wanted = _by_id(desired)
     there = {(host, item.module, item.name): item for host, items in observed.items() for item in items}
-    compared = [one for one in wanted.values() if one.id not in settled]
-    due = [due_step(one, there.get((one.host, one.module, one.name))) for one in compared]
+    found = {one.id: there.get((one.host, one.module, one.name)) for one in wanted.values() if one.id not in settled}
+    left = {key for key, item in found.items() if amiss(wanted[key], item)}
+    due = [due_step(wanted[key], item) for key, item in found.items() if key not in left]
     steps = [step for step in due if step is not None]
     copying = {step.id for step in (*steps, *beside) if step.want}
     orphans = _orphans(wanted, there, observed, instance, copying)
-    rebuilt, taken = rebuild_users(steps, orphans, wanted, there)
+    rebuilt = rebuild_users(steps, orphans, wanted, there)
     changing = [*rebuild_stranded(rebuilt, there), *orphans, *beside]
     again = _asked_again(changing, wanted, there)
-    return _in_order([*changing, *again], wanted), len(wanted) - len(steps) - taken - len(again)
+    touched = {step.id for step in (*changing, *again) if step.want}
+    return _in_order([*changing, *again], wanted), len(wanted.keys() - touched - left)
 
 
 def _asked_again(steps: Sequence[Step], wanted: Mapping[str, Resource], there: There) -> list[Step]:

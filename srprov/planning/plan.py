@@ -34,7 +34,9 @@ class Step:
     want: Resource | None = None
     """What should be true; None for a removal."""
     found: Observed | None = None
-    """What is removed; None otherwise."""
+    """What is removed, or what an order is about; None otherwise."""
+    order: str = ""
+    """A user's `stop`, `start` or `restart` of what is there, which is in no plan that is made or read."""
 
     @property
     def id(self) -> str:

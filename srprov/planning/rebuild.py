@@ -12,10 +12,10 @@ from srprov.resource import Action, Condition, Observed, Resource
 
 def rebuild_users(
     steps: Sequence[Step], orphans: Sequence[Step], wanted: Mapping[str, Resource], there: There
-) -> tuple[list[Step], int]:
+) -> list[Step]:
     """Replace the steps of what uses something that cannot be replaced while it is in use: removed before, made after.
 
-    Returns the steps, and how many resources that counted as unchanged are now rebuilt.
+    What counted as unchanged may be rebuilt too.
     """
     bases = [step for step in (*steps, *orphans) if MODULES[step.module].rebuilds_users]
     replaced = {
@@ -39,8 +39,7 @@ def rebuild_users(
         if cause is not None:
             rebuilt[resource.id] = _anew(resource, item, cause)
     kept = [step for step in steps if step.id not in rebuilt]
-    taken = len(rebuilt) - (len(steps) - len(kept))
-    return [*kept, *(step for pair in rebuilt.values() for step in pair)], taken
+    return [*kept, *(step for pair in rebuilt.values() for step in pair)]
 
 
 def rebuild_stranded(steps: Iterable[Step], there: There) -> list[Step]:

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import pytest
 
 from tests.lab.conftest import BEGUN, ROOT, Done, Lab, busybox, edf, part_of_lab
-from tests.lab.looks import begin, wait_until
+from tests.lab.looks import begin, reached, wait_until
 
 pytestmark = pytest.mark.lab
 
@@ -45,6 +45,10 @@ class Running:
     def run(self, verb: str, *more: str, **options: str) -> Done:
         """Run a verb on it."""
         return self.lab.srprov(verb, *self.words, *more, **options)
+
+    def problems(self) -> dict[str, str]:
+        """Give service -> what `status` calls wrong with it."""
+        return {row["service"]: row["problem"] for row in self.run("status", "--json").json["services"]}
 
 
 @pytest.fixture(scope="module")
@@ -184,3 +188,76 @@ def test_exec_lends_its_terminal(running: Running) -> None:
     os.write(there.end, b"exit 5\n")
     assert there.run.wait(timeout=20) == 5
     os.close(there.end)
+
+
+def test_an_apply_that_starts_a_job_says_so_and_none_starts_one_again_that_failed(running: Running) -> None:
+    """The plan names it, with 2 for scripts; whoever wants it again says so. A job that is named is run again."""
+    (said,) = (line for line in running.applied.err.splitlines() if "is a job" in line and "worker" not in line)
+    assert said.startswith("broken on robot2 is a job and was started; `srprov wait` with --until completed:broken ")
+    lab, name = running.lab, "srprov.daily.broken"
+    wait_until(lambda: lab.inspect("robot2", name)["State"]["Status"] == "exited", 30, "broken ends")
+    before = lab.inspect("robot2", name)["State"]["StartedAt"]
+    planned = running.run("plan", "--detailed-exitcode")
+    assert planned.code == 2 and "Nothing to do" in planned.out, planned
+    assert "note: broken on robot2 is a job that ended with code 7, and is left so" in planned.out
+    assert running.run("apply", "--yes", "--settle", "0").code == 0
+    assert lab.inspect("robot2", name)["State"]["StartedAt"] == before
+    done = lab.inspect("robot2", "srprov.daily.worker")["State"]["StartedAt"]
+    again = running.run("start", "worker", "--yes")
+    assert again.code == 0, again
+    state = lab.inspect("robot2", "srprov.daily.worker")["State"]
+    assert (state["Status"], state["ExitCode"]) == ("exited", 0) and state["StartedAt"] != done
+
+
+def test_what_is_stopped_stays_stopped_until_somebody_starts_it(running: Running) -> None:
+    """By its own signal, in the same container with the same address; locks, audit log and status tell the truth."""
+    lab, name = running.lab, "srprov.daily.talker"
+    before = lab.inspect("robot1", name)
+    stopped = running.run("stop", "talker", "--yes", "--json")
+    assert stopped.code == 0 and stopped.json["changed"] == 1, stopped
+    state = lab.inspect("robot1", name)["State"]
+    assert (state["Status"], state["ExitCode"]) == ("exited", 0), "SIGTERM reached it: it ends with 0"
+    assert (
+        "verb=stop instance=daily changed=1 failed=0" in lab.shell("robot1", "tail", "-n1", "/var/log/srprov.log").out
+    )
+    problems = running.problems()
+    assert (problems["talker"], problems["drone-1"]) == ("stopped", "")
+    assert f"~ #1 container {name}: exited with code 0" in running.run("plan").out
+    assert running.run("stop", "talker", "--yes", "--json").json["changed"] == 0
+    refused = running.run("stop", "talker")
+    assert refused.code == 9 and "--yes" in refused.err, refused
+
+    started = running.run("start", "--yes", "--json")
+    assert started.code == 0, started
+    assert [step["id"] for step in started.json["steps"]] == ["robot1/container:srprov.daily.talker"]
+    assert "broken on robot2 is a job that ended with code 7; name it to run it again" in started.err
+    after = lab.inspect("robot1", name)
+    assert (after["Id"], after["State"]["Status"]) == (before["Id"], "running")
+    networks = [one["NetworkSettings"]["Networks"]["srprov.daily"] for one in (before, after)]
+    assert networks[0]["IPAddress"] == networks[1]["IPAddress"]
+    assert reached(lab, lab_robot(lab, "drone-1"), "srprov.daily.drone-1", ["talker"]) == {"talker"}
+
+
+def lab_robot(lab: Lab, service: str) -> str:
+    """Give the robot that runs a service, by Docker's word."""
+    return next(robot for robot in ROBOTS if f"srprov.daily.{service}" in lab.containers(robot))
+
+
+def test_a_service_that_is_unhealthy_is_a_difference_and_a_restart_heals_it(running: Running) -> None:
+    """No apply touches it: it runs, and perhaps for a reason."""
+    lab, name = running.lab, "srprov.daily.talker"
+    lab.shell("robot1", "docker", "exec", name, "rm", "/well")
+    since = lab.inspect("robot1", name)["State"]["StartedAt"]
+
+    def health() -> str:
+        return str(lab.inspect("robot1", name)["State"]["Health"]["Status"])
+
+    wait_until(lambda: health() == "unhealthy", 30, "it is unhealthy")
+    assert running.problems()["talker"] == "unhealthy"
+    planned = running.run("plan", "--detailed-exitcode")
+    assert planned.code == 2 and "note: talker on robot1 is unhealthy, and is left so" in planned.out, planned
+    assert lab.inspect("robot1", name)["State"]["StartedAt"] == since
+    healed = running.run("restart", "talker", "--yes")
+    assert healed.code == 0, healed
+    assert lab.inspect("robot1", name)["State"]["StartedAt"] != since
+    assert running.run("wait", "--until", "healthy:talker", "--wait-timeout", "30").code == 0
