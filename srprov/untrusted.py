@@ -35,13 +35,13 @@ _CONTAINERS: frozenset[type] = frozenset({dict, list})
 _TOO_DEEP = f"it is nested more than {MAX_JSON_DEPTH} levels deep"
 
 
-def parse_json(source: str, *, max_characters: int = MAX_JSON_CHARACTERS) -> Any:  # noqa: ANN401 - JSON is any
-    """Return a file's JSON, with numbers that can be calculated with.
+def parse_json(source: str, *, max_characters: int = MAX_JSON_CHARACTERS, wide: bool = False) -> Any:  # noqa: ANN401 - JSON is any
+    """Return a file's JSON, with numbers that can be calculated with; with `wide`, fractions as large as floats are.
 
     Raises:
         ValueError: It is no JSON, is too long or nested too deeply, or has a number that is not finite or too large.
     """
-    return _parse(source, _FILE_DECODER, max_characters)
+    return _parse(source, _WIDE_DECODER if wide else _FILE_DECODER, max_characters)
 
 
 def json_or_none(source: str) -> Any:  # noqa: ANN401 - JSON is any; each caller checks the shape that it needs
@@ -93,11 +93,17 @@ def _fraction(digits: str) -> float:
     return value if abs(value) <= LARGEST_NUMBER else _refuse(digits)
 
 
+def _finite(digits: str) -> float:
+    value = float(digits)
+    return value if math.isfinite(value) else _refuse(digits)
+
+
 def _refuse(digits: str) -> NoReturn:
     raise ValueError(f"the number {digits if len(digits) < 25 else digits[:20] + '...'} is too large or not a number")
 
 
 _FILE_DECODER = json.JSONDecoder(strict=False, parse_int=_whole, parse_float=_fraction, parse_constant=_refuse)
+_WIDE_DECODER = json.JSONDecoder(strict=False, parse_int=_whole, parse_float=_finite, parse_constant=_refuse)
 _ROBOT_DECODER = json.JSONDecoder(strict=False, parse_float=_fraction, parse_constant=_refuse)
 """Leaves whole numbers to Python, which refuses thousands of digits: a check of each takes longer than the rest."""
 

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from srprov.cli import options
+from srprov import private
+from srprov.cli import options, output_options
 from srprov.cli.output import err, out, out_json
 from srprov.cli.status import table
 from srprov.errors import UsageError, visible
@@ -24,7 +25,11 @@ _SHOWN = ("begun", "verb", "instance", "result", "run")
 @click.argument("words", metavar="[DIR | show RUN]", nargs=-1)
 @options.RUNS
 @options.JSON
-def runs(words: tuple[str, ...], runs: Path | None, as_json: bool) -> int:
+@click.option("--svg", metavar="FILE", default=None, callback=output_options.writable,
+              help="show: draw a number of its trials over a parameter, and over the order.")  # fmt: skip
+@click.option("--metric", default="", metavar="NAME", help="--svg: which (default: the first metric, or duration_s).")
+@click.option("--over", default="", metavar="PARAMETER", help="--svg: which (default: the first parameter).")
+def runs(words: tuple[str, ...], runs: Path | None, as_json: bool, svg: str | None, metric: str, over: str) -> int:
     """List the runs that were recorded here, or those in DIR; no robot is asked.
 
     That is what `apply`, `build`, `images prune` and `destroy` left, and runs of trials, also those that are under way.
@@ -34,7 +39,12 @@ def runs(words: tuple[str, ...], runs: Path | None, as_json: bool) -> int:
     """
     homes = _homes(runs)
     if words[:1] == ("show",) and len(words) == 2:
-        return _show(_folder(words[1], homes), as_json)
+        folder = _folder(words[1], homes)
+        if svg is not None:
+            return _draw(folder, svg, metric, over)
+        return _show(folder, as_json)
+    if svg is not None:
+        raise UsageError("--svg draws the trials of one run", hint="srprov runs show RUN --svg FILE")
     if words[1:] or words[:1] == ("show",):
         raise UsageError("one folder is listed, or one run shown", hint="srprov runs [DIR], or srprov runs show RUN")
     found = sorted(_found([Path(words[0])] if words else homes), key=lambda one: one.begun)
@@ -131,3 +141,23 @@ def _cells(row: Mapping[str, Any]) -> dict[str, Any]:
         **{key: cell(value) for key, value in row.items()},
         "why": "" if row["status"] in COUNTED else row["reason"],
     }
+
+
+def _draw(folder: Path, target: str, metric: str, over: str) -> int:
+    """Draw the attempts that count, each value and the means."""
+    from srprov.cli.runs_plot import draw
+    from srprov.record.runs import trials_run
+    from srprov.trials.judge import COUNTED
+
+    rows = [row for row in trials_run(folder).rows if row["status"] in COUNTED]
+    first = {
+        begin: next((name for row in rows for name in row if name.startswith(begin)), "") for begin in ("m_", "p_")
+    }
+    known = {name for row in rows for name in row}
+    number = (f"m_{metric}" if f"m_{metric}" in known else metric) if metric else first["m_"] or "duration_s"
+    text = draw(rows, number, f"p_{over}" if over else first["p_"])
+    try:
+        private.write_output(target, text.encode())
+    except OSError as error:
+        raise UsageError(f"cannot write {target}: {error.strerror}", hint="name another file with --svg") from None
+    return 0

@@ -92,7 +92,7 @@ def read(folder: Path, most: int = _MOST_BYTES, *, mend: bool = True) -> tuple[l
 
 def _event(path: Path, number: int, line: bytes) -> Mapping[str, Any]:
     try:
-        event = mapping(parse_json(line.decode()))
+        event = mapping(parse_json(line.decode(), wide=True))  # a metric may be any number
     except ValueError:
         event = {}
     if event.get("seq") != number or not isinstance(event.get("event"), str):

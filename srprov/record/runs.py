@@ -101,7 +101,7 @@ def trials_run(folder: Path) -> TrialsRun:
 
 
 def _row(folder: Path, found: Mapping[str, Any]) -> dict[str, Any]:
-    """Return an attempt's row: texts, numbers, and its clocks.
+    """Return an attempt's row: texts, numbers, and lists of what was measured on each robot.
 
     Raises:
         UsageError: It is none.
@@ -109,8 +109,8 @@ def _row(folder: Path, found: Mapping[str, Any]) -> dict[str, Any]:
     whole = all(isinstance(found.get(name), str) for name in _ROW) and isinstance(found.get("attempt"), int)
     if not whole or len(found) > _MOST_COLUMNS:
         raise UsageError(f"{folder}: the journal has rows that are none", hint="somebody changed it")
-    row = {key: value for key, value in found.items() if _is_cell(value)}
-    return {**row, **({"clocks": mappings(found["clocks"])} if "clocks" in found else {})}
+    cells = {key: value for key, value in found.items() if _is_cell(value)}
+    return {**cells, **{key: mappings(value) for key, value in found.items() if isinstance(value, list)}}
 
 
 def _is_cell(value: object) -> bool:

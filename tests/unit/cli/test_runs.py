@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import xml.etree.ElementTree as ET
 from pathlib import Path
 from typing import Any
 
@@ -145,3 +146,57 @@ def test_what_is_no_run_is_told(
 def test_without_any_run_the_folders_are_named(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (line,), _ = shown(capsys)
     assert line == f"no runs in {home / 'runs'} and {home / 'trials'}"
+
+
+def circles(path: Path) -> list[list[tuple[float, float]]]:
+    """Return the points of each panel of a picture, read as any viewer does."""
+    panels = ET.fromstring(path.read_text()).iter("{http://www.w3.org/2000/svg}g")
+    return [
+        [(float(one.attrib["cx"]), float(one.attrib["cy"])) for one in panel if "cx" in one.attrib] for panel in panels
+    ]
+
+
+def test_a_metric_is_drawn_over_a_parameter_and_over_the_order(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    kept(
+        home / "trials" / "one",
+        ended(TRIALS[2], "ok", m_time=4.0), ended(TRIALS[0], "timeout", m_time=1.0), ended(TRIALS[1], "ok", m_time=2.0),
+        ended(TRIALS[1], "infrastructure", m_time=99.0),
+    )  # fmt: skip
+    assert shown(capsys, "show", "one", "--svg", "x.svg", "--metric", "time", "--over", "SPEED") == ([], "")
+    over, order = circles(Path("x.svg"))
+    assert [x for x, _ in over] == sorted((x for x, _ in over), reverse=True)[:1] + sorted(x for x, _ in over)[:2]
+    (left, low), (middle, mean), (right, high) = sorted(over)
+    assert middle - left == pytest.approx(right - middle, abs=0.05), "1, 2 and 3 have the same distance"
+    assert low - mean == pytest.approx((mean - high) / 2, abs=0.05), "and 1, 2 and 4 have not; what failed is not there"
+    assert [y for _, y in order] == [high, low, mean] and [x for x, _ in order] == sorted(x for x, _ in order)
+    shown(capsys, "show", "one", "--svg", "y.svg")
+    assert Path("y.svg").read_text() == Path("x.svg").read_text(), "the first metric, over the first parameter"
+    assert Path("x.svg").stat().st_mode & 0o077 == 0
+
+
+@pytest.mark.parametrize(
+    "word", ['</text><script>alert("x")</script>', "\x1b[31m\x00", "1e999", "nan", "\ud800", "x" * 5000]
+)
+def test_a_picture_takes_any_name_and_value(home: Path, capsys: pytest.CaptureFixture[str], word: str) -> None:
+    one = {**ended(TRIALS[0], "ok", m_a=1e19), "p_SPEED": word, f"p_{word}": word}
+    kept(home / "trials" / "one", one, ended(TRIALS[1], "ok", m_a=-1e19), ended(TRIALS[2], "ok", m_a=2**63))
+    shown(capsys, "show", "one", "--svg", "x.svg")
+    assert [len(panel) for panel in circles(Path("x.svg"))] == [3, 3]
+    assert "<script" not in Path("x.svg").read_text() and len(Path("x.svg").read_text()) < 10_000
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("show", "one", "--svg", "x.svg", "--metric", "speed"), "there are: attempt, m_time, order"),
+        (("show", "one", "--svg", "x.svg", "--over", "LOAD"), "there are: p_SPEED"),
+        (("--svg", "x.svg"), "draws the trials of one run"),
+        (("show", "one", "--svg", "/nowhere/x.svg"), "cannot write /nowhere/x.svg"),
+    ],
+)
+def test_a_picture_of_nothing_is_refused(
+    home: Path, capsys: pytest.CaptureFixture[str], words: tuple[str, ...], says: str
+) -> None:
+    kept(home / "trials" / "one", ended(TRIALS[0], "ok", m_time=1.0))
+    assert says in shown(capsys, *words, code=5)[1]
+    assert not Path("x.svg").exists()

@@ -27,6 +27,13 @@ def test_what_was_written_is_read(tmp_path: Path) -> None:
     assert (tmp_path / NAME).stat().st_mode & 0o777 == 0o600
 
 
+@pytest.mark.parametrize("number", [1e30, -1.7e308, 5e-324, 2**64])
+def test_a_metric_of_any_size_leaves_a_journal_that_is_read(tmp_path: Path, number: float) -> None:
+    with Journal(tmp_path) as journal:
+        journal.add("end", row={"m_a": number})
+    assert read(tmp_path)[0][0]["row"] == {"m_a": number}
+
+
 @pytest.mark.parametrize("cut", range(1, 60, 7))
 def test_a_torn_last_line_is_cut_off_and_gone_on_after(tmp_path: Path, cut: int) -> None:
     written(tmp_path)
