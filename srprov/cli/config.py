@@ -37,7 +37,7 @@ OWN_KEYS = PROJECT_KEYS | {
     *("copy", "instance", "runs", "events", "out", "sign", "signers", "svg", "png", "history", "facts", "update"),
     *("quiet", "json", "detailed-exitcode", "exit-code", "pareto", "follow", "stop-timeout", "resume", "only", "show"),
     *("older-than", "cache", "since", "timestamps", "until", "env", "user", "workdir", "tty"),
-    *("metric", "over"),
+    *("metric", "over", "watch"),
 }
 PARAMETERS = {"inventory": "inventories", "json": "as_json", "format": "form", "out": "target", "facts": "stored"}
 """Options that have another name in the code."""

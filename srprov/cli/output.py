@@ -63,6 +63,15 @@ def out(text: str) -> None:
     click.echo(clean(text))
 
 
+def out_anew(text: str) -> None:
+    """Print an answer in the place of the one before it on a terminal, elsewhere below it, after an empty line."""
+    if sys.stdout.isatty():
+        click.clear()
+    else:
+        click.echo()
+    out(text)
+
+
 def out_labelled(label: str, text: str, color: str | None) -> None:
     """Print a line of a stream after its label; `color` is one of click's names, and only the label's."""
     click.echo((click.style(clean(label), fg=color) if color else clean(label)) + clean(text))

@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 import datetime as dt
+import time
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
 
 from srprov.cli import inputs, options
 from srprov.cli.codes import DIFFERENCES
-from srprov.cli.output import err, out, out_json, tell_unreachable
-from srprov.errors import DefinitionError, visible
+from srprov.cli.output import err, out, out_anew, out_json, tell_unreachable
+from srprov.errors import DefinitionError, UsageError, visible
 
 if TYPE_CHECKING:
+    from srprov.controller.fleet import Fleet
     from srprov.controller.status import Status
     from srprov.definitions.model import Experiment
 
-_COLUMNS = ("instance", "service", "robot", "state", "health", "address", "image", "problem")
+_COLUMNS = ("instance", "service", "robot", "state", "health", "cpu", "memory", "address", "image", "problem")
+_AGAIN_S = 2.0
 _KINDS = {"network": "Docker network", "vxlan": "VXLAN link"}
 _LINKS = {"missing": "is not there", "down": "is down", "detached": "is not joined to the network"}
 
@@ -27,15 +30,18 @@ _LINKS = {"missing": "is not there", "down": "is down", "detached": "is not join
 @options.robots
 @options.INSTANCE
 @click.option("--volumes", is_flag=True, help="Show data volumes too, also those that are kept: robot, size, age.")
+@click.option("--watch", is_flag=True, help="Look again every 2 s, also at CPU and memory, until Ctrl-C.")
 @click.option("--exit-code", is_flag=True, help="Exit with 2 when something of it is missing or wrong.")
 def status(
     file: str | None, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, instance: str,
-    volumes: bool, exit_code: bool,
+    volumes: bool, watch: bool, exit_code: bool,
 ) -> int:  # fmt: skip
     """Show the running experiment; without FILE and --instance, every instance on the robots.
 
     PROBLEM names what is missing or wrong, with FILE also services that were never placed; `srprov apply` mends it.
     Services that only trials have are not missing while none of them has a container.
+
+    With --watch, CPU is of one processor, and memory without the files that are cached.
 
     Exits with 0; with 4 when a robot cannot be reached; else with 2 when --exit-code is given and something is missing
     or wrong.
@@ -44,10 +50,16 @@ def status(
     from srprov.controller.status import status_of
     from srprov.facts.gather import Detail
 
+    if watch and (as_json or volumes or exit_code):
+        raise UsageError(
+            "--watch goes with no other way to show it", hint="leave out --json, --volumes and --exit-code"
+        )
     inventory = inputs.load_inventory(inventories)
     name = inputs.named_instance(file, instance)[0] if file or instance else ""
     experiment = _experiment(file, needed=exit_code) if file else None
     with inputs.connect(inventory, timeout, forks) as fleet:
+        if watch:
+            _watch(fleet, name, experiment)
         snapshot = fleet.gather(Detail.BASIC)
         kept = volume_rows(snapshot, name)
         if volumes:
@@ -66,6 +78,23 @@ def status(
     return tell_unreachable(snapshot.unreachable) or wrong
 
 
+def _watch(fleet: Fleet, name: str, experiment: Experiment | None) -> NoReturn:
+    """Show what there is again and again, until Ctrl-C."""
+    from srprov.controller.live import Live
+    from srprov.controller.status import status_of
+    from srprov.facts.gather import Detail
+
+    live = Live()
+    while True:
+        begun = time.monotonic()
+        snapshot = fleet.gather(Detail.BASIC)
+        seen = status_of(snapshot, name, experiment)
+        rows = live.rows(seen.services, fleet.connected())
+        out_anew(_text(seen, rows) or f"nothing of {visible(name) or 'srprov'} runs on these robots")
+        tell_unreachable(snapshot.unreachable)
+        time.sleep(max(0.0, begun + _AGAIN_S - time.monotonic()))
+
+
 def _experiment(file: str, *, needed: bool) -> Experiment | None:
     """Return what the EDF says; when it is not valid any more, say that it is not compared.
 
@@ -81,8 +110,10 @@ def _experiment(file: str, *, needed: bool) -> Experiment | None:
         return None
 
 
-def _text(seen: Status) -> str:
-    rows = [{**row, "problem": _problem(row)} for row in seen.services]
+def _text(seen: Status, services: Sequence[Mapping[str, Any]] | None = None) -> str:
+    rows = [
+        {**row, "problem": _problem(row), **_used(row)} for row in (seen.services if services is None else services)
+    ]
     links = [
         f"{visible(link['robot'])}: {_KINDS[link['kind']]} {link['name']} of {visible(link['instance'])} "
         f"{_LINKS[link['problem']]}: its services reach no other robot"
@@ -99,6 +130,15 @@ def _show_data(kept: Sequence[Mapping[str, Any]], *, whole: bool) -> None:
         out("\n" + table(shown(kept, dt.datetime.now(dt.timezone.utc)), COLUMNS))
     elif unused:
         out(f"data is kept: {', '.join(map(visible, unused))}; --volumes shows more")
+
+
+def _used(row: Mapping[str, Any]) -> dict[str, str]:
+    """Return a row's columns of what it uses; empty where that is not known, or not asked for."""
+    percent, memory = row.get("cpu_percent"), row.get("memory_bytes")
+    return {
+        "cpu": "" if percent is None else f"{percent:.0f} %",
+        "memory": "" if memory is None else f"{memory / 2**20:.1f} MiB",
+    }
 
 
 def _problem(row: Mapping[str, Any]) -> str:

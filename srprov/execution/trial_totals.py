@@ -37,6 +37,8 @@ class _Service:
     earlier: Counters
     """Of those before it."""
     now: Counters = field(default_factory=dict)
+    latest: Counters = field(default_factory=dict)
+    """The last reading alone."""
     moment: float = 0.0
     """When it, or one before it, was last read."""
     finished: float = 0.0
@@ -85,7 +87,7 @@ class Totals:
                 one = self._services[host][service]
                 if _is_there(one.group, files):
                     found = counters(one.group, files, own_network=one.own_network)
-                    one.now, one.moment = highest(one.now, found), time.time()
+                    one.now, one.latest, one.moment = highest(one.now, found), found, time.time()
 
     def find(self, host: str, inspected: Mapping[str, object], session: Session) -> None:
         """Find where the counters of containers are that were started since the last time.
@@ -122,6 +124,11 @@ class Totals:
                 earlier=added(before.earlier, before.now) if before else {},
                 moment=before.moment if before else 0.0,
             )
+
+    def latest(self, host: str, service: str) -> tuple[float, Counters]:
+        """Return when a service's container was last read, by the controller's clock, and what it said then."""
+        one = self._services.get(host, {}).get(service)
+        return (one.moment, one.latest) if one else (0.0, {})
 
     def used(self) -> dict[str, Used]:
         """Return what each service used that was ever found running."""

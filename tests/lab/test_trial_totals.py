@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import csv
 import json
+import signal
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from tests.lab.conftest import Lab, busybox, edf, part_of_lab
+from tests.lab.looks import begin
 
 pytestmark = pytest.mark.lab
 
@@ -104,3 +107,27 @@ def test_what_a_trial_used_is_counted(counting: Lab, tmp_path: Path) -> None:
         assert counted < int(one[f"net_{what}_bytes"]) < 1.3 * counted, "the same in its packets"
         assert one["temperature_end_c"] == one["battery_end_percent"] == one["throttled"] == ""
         assert spent_s < float(one["cpu_s"]) <= 1.05 * int(one["cpus"]) * float(one["measured_s"])
+
+
+@pytest.mark.soak
+def test_status_shows_what_services_use_at_the_moment(lab: Lab, tmp_path: Path) -> None:
+    """A third of a processor by its limit, and 24 MiB that a shell holds; it ends by Ctrl-C and changes nothing."""
+    hog = "held=$(head -c 25165824 /dev/zero | tr '\\0' x); while :; do :; done"
+    services = {"hog": busybox("sh", "-c", hog, robot="robot1", cpus=0.3), "idle": busybox(robot="robot2")}
+    (tmp_path / "use.edf").write_text(edf("use", services))
+    words = (str(tmp_path / "use.edf"), "-i", part_of_lab(lab, ROBOTS, tmp_path / "inventory.yml"))
+    assert lab.srprov("apply", *words, "--yes", "--settle", "0").code == 0
+    time.sleep(3)
+    running = begin(lab, "status", *words, "--watch")
+    time.sleep(12)
+    running.send_signal(signal.SIGINT)
+    out, said = running.communicate(timeout=20)
+    looks = [look.strip().splitlines() for look in out.split("\n\n") if "hog" in look]
+    assert len(looks) >= 2, (out, said)
+    assert "CPU" not in looks[0][0], "one look says nothing of speed"
+    for header, *rows in looks[1:]:
+        at = {name: header.index(name) for name in ("CPU", "MEMORY")}
+        hog_row, idle_row = sorted(rows, key=lambda row: "idle" in row)
+        assert 15 <= int(hog_row[at["CPU"] :].split()[0]) <= 40, out
+        assert 24 <= float(hog_row[at["MEMORY"] :].split()[0]) <= 80, out
+        assert int(idle_row[at["CPU"] :].split()[0]) <= 3 and float(idle_row[at["MEMORY"] :].split()[0]) < 5, out
