@@ -10,7 +10,7 @@ WORKERS ?= 2
 FUZZ_SECONDS ?= 3600
 PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
-.PHONY: help setup demo test unit soak lint fmt type clean bench-assignment bench-images bench-provisioning bench-trials
+.PHONY: help setup demo test unit soak lint fmt type clean bench-assignment bench-transfer bench-images bench-provisioning bench-trials
 
 help: ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | column -t -s '|' 2>/dev/null \
@@ -51,6 +51,10 @@ bench-images: setup ## srprov beside other ways to bring images to robots (needs
 	@$(BIN)/python -m benchmarks.images.compare --robots 4 --image-mib 120 --links 50mbit --tools thin,parallel,pull \
 	  --cases fresh,two --repeat 1 --more
 	@$(BIN)/python -m benchmarks.images.quote
+
+bench-transfer: setup ## results come home: srprov beside scp, rsync, SFTP and docker cp, and over a link that is cut (needs root; 20 minutes)
+	@$(BIN)/python -m benchmarks.transfer.compare
+	@$(BIN)/python -m benchmarks.transfer.compare --cut --mib 1024
 
 bench-provisioning: setup ## srprov beside other tools on the lab (needs root; hours; see benchmarks/provisioning/README.md)
 	@$(BIN)/pip install -q -e '.[bench]'

@@ -55,6 +55,8 @@ def _show(document: Mapping[str, Any], folder: Path) -> None:
     here = sum(bool(one.get("name")) for some in document["results"].values() for one in some)
     fetched = f"{counted(document['fetched_files'], 'file')} fetched, {document['fetched_bytes']} bytes"
     out(f"{counted(here, 'result file')} in {visible(str(folder))}; {fetched}")
+    for line in document["unclosed"]:
+        err(f"not closed: {visible(line)}")
     for line in document["missing"]:
         err(f"missing: {visible(line)}")
     for line in document["failed"]:

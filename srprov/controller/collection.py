@@ -31,6 +31,7 @@ from srprov.execution.trial_patience import EquipmentFailed, Patience
 from srprov.facts.document import facts_document
 from srprov.facts.gather import Detail
 from srprov.facts.model import Snapshot
+from srprov.record.recordings import in_words
 from srprov.record.results import Kept
 from srprov.secret import redacted
 from srprov.session import Session
@@ -49,6 +50,7 @@ class _Found:
     results: dict[str, list[dict[str, object]]] = field(default_factory=dict)
     missing: list[str] = field(default_factory=list)
     failed: list[str] = field(default_factory=list)
+    unclosed: list[str] = field(default_factory=list)
     inspected: dict[str, Any] = field(default_factory=dict)
     fetched: Brought = field(default_factory=Brought)
     lost: str = ""
@@ -90,15 +92,21 @@ def collect(fleet: Fleet, experiment: Experiment, instance: str, folder: Path, s
     snapshot = fleet.gather(Detail.TRAFFIC, keep_mute=True)
     services = _services(snapshot, experiment, instance)
     private.make_folder(folder)
-    facts = facts_document(snapshot.facts, snapshot.unreachable)
-    private.replace_file(folder / "facts.json", json.dumps(redacted(facts), indent=2) + "\n")
     earlier = _earlier(folder)
+    if not earlier:  # from now on the folder is of this instance, also when this is killed
+        _keep(folder, "collected.json", {"instance": instance, "robots": {}, "results": {}})
+    facts = facts_document(snapshot.facts, snapshot.unreachable)
+    _keep(folder, "facts.json", facts)
     found = _all(fleet, services, folder, say)
     document = _document(instance, services, found, snapshot.unreachable, earlier)
     inspected = {name: value for one in found.values() for name, value in one.inspected.items()}
-    private.replace_file(folder / "containers.json", json.dumps(redacted(inspected), indent=2) + "\n")
-    private.replace_file(folder / "collected.json", json.dumps(document, indent=2) + "\n")
+    _keep(folder, "containers.json", inspected)
+    _keep(folder, "collected.json", document)
     return document
+
+
+def _keep(folder: Path, name: str, document: object) -> None:
+    private.replace_file(folder / name, json.dumps(redacted(document), indent=2) + "\n")
 
 
 def _services(snapshot: Snapshot, experiment: Experiment, instance: str) -> list[_Service]:
@@ -180,7 +188,10 @@ def _of_service(robot: _Robot, one: _Service, folder: Path, found: _Found, say: 
     for result in one.results:
         if result in results:
             found.results[f"{one.label}{result.path}"] = [listed(entry) for entry in results[result]]
-            found.failed += [_failure(one, result, entry) for entry in results[result] if entry.failed]
+            found.failed += [_line(one, result, entry, entry.note) for entry in results[result] if entry.failed]
+            found.unclosed += [
+                _line(one, result, entry, in_words(entry)) for entry in results[result] if entry.unclosed
+            ]
         elif place_of(inspected, result.path) is None:
             found.failed.append(f"{one.label}: {result.path} is in no volume of it: `srprov apply` makes it one")
         else:
@@ -189,8 +200,8 @@ def _of_service(robot: _Robot, one: _Service, folder: Path, found: _Found, say: 
         shutil.rmtree(parts, ignore_errors=True)  # of what has another content by now
 
 
-def _failure(one: _Service, result: Result, entry: Kept) -> str:
-    return f"{one.label} on {one.host}: {result.path}: {entry.path}: {entry.note}"
+def _line(one: _Service, result: Result, entry: Kept, what: str) -> str:
+    return f"{one.label} on {one.host}: {result.path}: {entry.path}: {what}"
 
 
 def _document(
@@ -211,6 +222,7 @@ def _document(
         "results": dict(sorted({**old, **results}.items())),
         "missing": sorted(line for one in found.values() for line in one.missing),
         "failed": sorted(line for one in found.values() for line in one.failed),
+        "unclosed": sorted(line for one in found.values() for line in one.unclosed),
         "unreachable": dict(sorted(away.items())),
         "fetched_files": sum(one.fetched.files for one in found.values()),
         "fetched_bytes": sum(one.fetched.bytes for one in found.values()),

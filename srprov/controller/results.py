@@ -10,6 +10,7 @@ from pathlib import Path
 from srprov.controller.bringing import Bringing, Home
 from srprov.definitions.trialsmodel import Result
 from srprov.execution.collect import CollectFailed, Robot, listings, place_of
+from srprov.record.recordings import checked
 from srprov.record.results import Kept, LogTooLong, write_log
 from srprov.session import Session
 
@@ -74,7 +75,7 @@ def bring_results(
             whole = places[result].path == "."
             below = folder / (result.path if whole else posixpath.dirname(result.path)).strip("/")
             bringing = Bringing(robot, places[result], below, home)
-            found[result] = bringing.all(entries)
+            found[result] = checked(below, bringing.all(entries))
             brought = Brought(brought.files + bringing.fetched_files, brought.bytes + bringing.fetched_bytes)
     return found, brought
 

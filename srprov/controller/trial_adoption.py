@@ -6,12 +6,12 @@ their engines must have run all the while: see `trials.unwatched` for what else 
 
 from __future__ import annotations
 
-import shutil
 import time
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+from srprov import private
 from srprov.controller.trial_files import gather_files
 from srprov.controller.trial_history import LostAttempt
 from srprov.controller.trial_outcome import Attempt, Row, outcome
@@ -52,8 +52,7 @@ def adopted(one: Attempt, lost: LostAttempt) -> Row:
         check_ended(plan.given.settings, readings, told, times.error_s)
         _check_engines(one, readings)
         begun = time.monotonic()
-        shutil.rmtree(one.folder, ignore_errors=True)
-        one.folder.mkdir(mode=0o700)
+        private.make_folder(one.folder)  # what came home before is not fetched again
         gathered = gather_files(plan, inspected, robots, one.folder)
         collect_s = time.monotonic() - begun
     except (EquipmentFailed, CollectFailed, TransportError) as error:

@@ -41,6 +41,8 @@ class Gathered:
     """Service and pattern of `until` -> when its log first matched it, by its robot's clock."""
     missing: tuple[str, ...] = ()
     """Required results that are not there."""
+    unclosed: int = 0
+    """Recordings that their recorders did not close."""
     files: int = 0
     bytes: int = 0
 
@@ -132,6 +134,7 @@ def _summed(
         matched=frozenset(matched),
         first=first,
         missing=tuple(missing),
+        unclosed=sum(bool(one.unclosed) for one in every),
         files=sum(bool(one.name) for one in every),
         bytes=sum(one.size for one in every if one.name),
     )
@@ -140,6 +143,7 @@ def _summed(
 def listed(one: Kept) -> dict[str, object]:
     """Return what `collected.json` says of an entry."""
     about = {"path": one.path, "name": one.name, "size": one.size, "sha256": one.sha256, "note": one.note}
+    about |= {"unclosed": one.unclosed, "recovered": one.recovered}
     return {key: value for key, value in about.items() if value not in ("", 0) or key == "path"}
 
 

@@ -43,6 +43,7 @@ def outcome(one: Attempt, ended: TrialEnd, gathered: Gathered) -> Row:
         **{f"m_{name}": value for name, value in gathered.metrics.items()},
         "files": gathered.files,
         "bytes": gathered.bytes,
+        "unclosed": gathered.unclosed,
     }
 
 

@@ -10,6 +10,7 @@ from typing import Any
 from srprov.controller.run import RunReport
 from srprov.trials import Design
 from srprov.trials.judge import COUNTED
+from srprov.untrusted import integer
 
 _MOST_NAMED = 5
 
@@ -81,12 +82,18 @@ class TrialsReport:
         again = [f"{trial} ({len(some)} attempts)" for trial, some in attempts.items() if len(some) > 1]
         more = f" and {len(again) - _MOST_NAMED} more" if again[_MOST_NAMED:] else ""
         repeated = [f"tried again: {', '.join(again[:_MOST_NAMED])}{more}"] if again else []
-        return [f"{self.done} of {total} trials count: {'; '.join(told)}", *repeated]
+        unclosed = sum(integer(one.get("unclosed")) for some in attempts.values() for one in some)
+        bags = [f"{_bags(unclosed)}; collected.json of each trial names what"] if unclosed else []
+        return [f"{self.done} of {total} trials count: {'; '.join(told)}", *repeated, *bags]
 
 
 def _word(one: Mapping[str, object]) -> str:
     judged = one.get("verdict")
     return f"{one['status']}, {judged}" if judged not in (None, "unknown") else str(one["status"])
+
+
+def _bags(unclosed: int) -> str:
+    return f"{unclosed} recording{'s' * (unclosed != 1)} not closed"
 
 
 def in_words(one: Mapping[str, object]) -> str:
@@ -95,4 +102,5 @@ def in_words(one: Mapping[str, object]) -> str:
     took = f" after {duration:.1f} s" if isinstance(duration, float) else ""
     judged = one.get("verdict")
     verdict_word = f", {judged}" if judged not in (None, "unknown") else ""
-    return f"{one['status']}{verdict_word}{took}: {one['reason']}"
+    bags = f"; {_bags(unclosed)}" if (unclosed := integer(one.get("unclosed"))) else ""
+    return f"{one['status']}{verdict_word}{took}: {one['reason']}{bags}"

@@ -32,7 +32,7 @@ _MISSING, _LED_OUT, _NO_TOOLS = 44, 45, 46
 _WHY = {_MISSING: "it is gone", _LED_OUT: "a link leads out of its folder"}
 _TAR = (
     "tar --create --format=posix --sort=name --numeric-owner --hard-dereference --one-file-system"
-    " '--pax-option=exthdr.name=%d/PaxHeaders/%f,delete=atime,delete=ctime'"
+    " '--pax-option=exthdr.name=%d/PaxHeaders/%f,delete=atime,delete=ctime,delete=mtime'"
 )
 _LIST = (
     f"find . -prune -printf '' && sha256sum -z /dev/null >/dev/null || exit {_NO_TOOLS}; "

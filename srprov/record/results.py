@@ -43,6 +43,10 @@ class Kept:
     """Why it was not made, or what else is to be said of it."""
     failed: bool = False
     """It should be here, and is not."""
+    unclosed: str = ""
+    """What is wrong with a recording that its recorder did not close."""
+    recovered: str = ""
+    """Where what could be read of it is, with an end, beside it."""
 
 
 class LogTooLong(Exception):
@@ -156,11 +160,15 @@ def open_part(path: Path, whole: int = 0) -> tuple[BinaryIO, hashlib._Hash]:
         path: The part.
         whole: Only whole pieces of so many bytes count, as what came last may not have reached the disk; 0: none do.
     """
-    private.make_folder(path.parent)
     flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | (0 if whole else os.O_TRUNC)
-    stream = os.fdopen(os.open(path, flags, 0o600), "r+b")
-    if whole:
-        stream.truncate(os.fstat(stream.fileno()).st_size // whole * whole)
+    try:
+        stream = os.fdopen(os.open(path, flags, 0o600), "r+b")
+    except FileNotFoundError:
+        private.make_folder(path.parent)
+        stream = os.fdopen(os.open(path, flags, 0o600), "r+b")
+    if not whole:
+        return stream, hashlib.sha256()
+    stream.truncate(os.fstat(stream.fileno()).st_size // whole * whole)
     return stream, hash_of(stream)
 
 
@@ -170,8 +178,11 @@ def put(part: Path, place: Path) -> None:
     Raises:
         OSError: A folder is there, or a file stands where a folder should be.
     """
-    place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    part.replace(place)
+    try:
+        part.replace(place)
+    except FileNotFoundError:
+        place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        part.replace(place)
 
 
 def sync(places: Collection[Path]) -> None:

@@ -21,8 +21,8 @@ _COLUMNS = (
     *("duration_s", "stop_s", "collect_s", "start_skew_ms", "start_skew_error_ms", "seed"),
 )
 _LAST = (
-    *("clock_max_offset_ms", "clock_error_ms", "clock_step", "restarts", "controller_gap_s", "adopted", "files"),
-    "bytes",
+    *("clock_max_offset_ms", "clock_error_ms", "clock_step", "restarts", "controller_gap_s", "adopted"),
+    *("files", "bytes", "unclosed"),
 )
 
 

@@ -7,6 +7,7 @@ import hashlib
 import os
 import subprocess
 import threading
+import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -373,3 +374,28 @@ def test_where_a_containers_path_lies(path: str, expected: Place | None) -> None
     mounts = [{"Destination": "/out", "Source": "/v/1"}, {"Destination": "/out/deep/", "Source": "/v/2"}, 3, {}]
     assert place_of({"Mounts": mounts}, path) == expected
     assert place_of({"Mounts": "x"}, path) is None
+
+
+@pytest.mark.soak
+@pytest.mark.timeout(600)
+def test_100_000_files_take_some_seconds_and_little_memory(root: Path, tmp_path: Path) -> None:
+    """Every tenth has a name that is escaped here. Again with all of them here, and with half of them."""
+    for number in range(100_000):
+        name = f"{number:06d}" if number % 10 else f"{number:06d}\n:*?"
+        (root / f"{number % 100:02d}").mkdir(exist_ok=True)
+        (root / f"{number % 100:02d}" / name).write_text(str(number))
+
+    def all_of_them() -> int:
+        return sum(bool(one.name) and not one.failed for one in brought(root, tmp_path / "home").values())
+
+    seconds = []
+    for kept in (100_000, 100_000, 50_000):
+        for number in range(kept, 100_000):
+            (root / f"{number % 100:02d}" / (f"{number:06d}" if number % 10 else f"{number:06d}\n:*?")).write_text(
+                "new"
+            )
+        begun = time.monotonic()
+        assert bounded(all_of_them, cpu_s=60) == 100_000
+        seconds.append(time.monotonic() - begun)
+    assert max(seconds) < 300, seconds
+    assert (tmp_path / "home" / "11" / "099911").read_text() == "new"

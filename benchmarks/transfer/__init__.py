@@ -1,0 +1,1 @@
+"""What brings results home: srprov beside other ways, and over a link that is cut."""

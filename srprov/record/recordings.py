@@ -1,0 +1,82 @@
+"""Which recordings among what came home were never closed, because their recorder was killed; MCAP is recovered beside.
+
+Takes files that were put in a folder right before, of somebody else's making; reads a few bytes of each.
+"""
+
+from __future__ import annotations
+
+import posixpath
+import re
+import struct
+from collections.abc import Sequence, Set
+from dataclasses import replace
+from pathlib import Path
+
+from srprov.record.mcap import MAGIC, recover
+from srprov.record.results import Kept
+
+_BAG = b"#ROSBAG V2.0\n"
+_BAG_HEADER = 4096 + 128
+_INDEX = re.compile(rb"\x12\x00\x00\x00index_pos=(.{8})", re.DOTALL)
+_KILLED = "its recorder did not close it"
+
+
+def checked(folder: Path, kept: Sequence[Kept]) -> list[Kept]:
+    """Return the entries of a result, with what is to be said of recordings among them.
+
+    Raises:
+        OSError: A recovered file cannot be written.
+    """
+    here = {one.name: one for one in kept if one.name}
+    return [_checked(folder, one, here.keys()) if one.name else one for one in kept]
+
+
+def in_words(one: Kept) -> str:
+    """Return what is wrong with a recording, and what was done about it."""
+    return one.unclosed + (f"; what can be read is in {one.recovered}" if one.recovered else "")
+
+
+def _checked(folder: Path, one: Kept, names: Set[str]) -> Kept:
+    path = folder / one.name
+    if one.name.endswith(".mcap"):
+        return _mcap(folder, one, names)
+    if one.name.endswith(".bag.active"):
+        return replace(one, unclosed=f"ROS 1 bag: {_KILLED}; rosbag reindex closes a copy of it")
+    if one.name.endswith(".bag") and not _has_index(path):
+        return replace(one, unclosed="ROS 1 bag: it has no index; rosbag reindex makes one in a copy of it")
+    if one.name.endswith((".db3-wal", ".db3-journal")) and one.size:
+        return replace(one, unclosed=f"SQLite: {_KILLED}; keep it beside its .db3")
+    if one.name.endswith(".db3") and _lacks_metadata(one.name, names):
+        return replace(one, unclosed=f"rosbag2: no metadata.yaml, {_KILLED}; ros2 bag reindex makes it")
+    return one
+
+
+def _mcap(folder: Path, one: Kept, names: Set[str]) -> Kept:
+    path = folder / one.name
+    if not _ends_with(path, MAGIC):
+        name = f"{one.name.removesuffix('.mcap')}.recovered.mcap"
+        recovered = name not in names and recover(path, folder / name)
+        return replace(one, unclosed=f"MCAP: {_KILLED}", recovered=name if recovered else "")
+    parent = path.parent.name
+    if re.fullmatch(rf"{re.escape(parent)}_[0-9]+\.mcap", path.name) and _lacks_metadata(one.name, names):
+        return replace(one, unclosed=f"rosbag2: no metadata.yaml, {_KILLED}; ros2 bag reindex makes it")
+    return one
+
+
+def _lacks_metadata(name: str, names: Set[str]) -> bool:
+    return posixpath.join(posixpath.dirname(name), "metadata.yaml") not in names
+
+
+def _ends_with(path: Path, end: bytes) -> bool:
+    with path.open("rb") as stream:
+        size = stream.seek(0, 2)
+        stream.seek(max(0, size - len(end)))
+        return size > len(end) and stream.read() == end
+
+
+def _has_index(path: Path) -> bool:
+    """Tell whether a ROS 1 bag says where its index is: the recorder writes that last."""
+    with path.open("rb") as stream:
+        head = stream.read(_BAG_HEADER)
+    found = _INDEX.search(head)
+    return head.startswith(_BAG) and found is not None and struct.unpack("<Q", found[1])[0] > 0
