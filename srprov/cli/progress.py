@@ -93,10 +93,10 @@ class _Shown:
         self.done += 1
         word = event.outcome.value
         took = f" ({event.duration_s:.1f} s)" if event.duration_s >= 1 else ""
-        failed = f": {event.text.splitlines()[0]}" if event.text and word not in ("changed", "unchanged") else ""
+        why = f": {event.text.splitlines()[0]}" if event.text and word != "unchanged" else ""
         what = f"{event.host}: {event.step.change.action.value} {event.step.module} {event.step.name}"
         color = _SYMBOL_COLORS.get(word) if self.color else None
-        self._say(f"[{min(self.done, self.total)}/{self.total}] {what}: {word}{took}{failed}", color)
+        self._say(f"[{min(self.done, self.total)}/{self.total}] {what}: {word}{took}{why}", color)
 
     def _say(self, text: str, color: str | None = None) -> None:
         if not self.quiet:

@@ -28,7 +28,10 @@ class StepResult:
     step: Step
     outcome: Outcome
     message: str = ""
-    """Why it failed or was skipped, in words; for a failed command what ran and what it said."""
+    """Why it failed or was skipped, in words; for a failed command what ran and what it said.
+
+    Of an image that was copied: what was sent.
+    """
     duration_s: float = 0.0
     after: State | None = None
     """What was seen when it was verified; None unless it changed something that is there."""

@@ -29,7 +29,7 @@ from srprov.modules import MODULES, PROBING, RUNNING
 from srprov.planning.plan import Step
 from srprov.resource import Action, Change, Observed
 from srprov.session import Progress, Session
-from srprov.wire import Command, EngineCall, Put, Reply, Run
+from srprov.wire import Command, CopyImage, EngineCall, Put, Reply, Run
 
 _Key = tuple[str, str]
 _MOST_BYTES = 256 * 1024
@@ -48,6 +48,8 @@ class RobotExecutor:
     seen: dict[_Key, Observed] | None = None
     acted: dict[int, float] = field(default_factory=dict)
     """Step number -> seconds that the act took."""
+    copied: dict[int, str] = field(default_factory=dict)
+    """Step number -> what was sent of its image, in words."""
     made: set[str] = field(default_factory=set)
     """Ids that a step of this run made or changed."""
     stopped: set[int] = field(default_factory=set)
@@ -131,10 +133,10 @@ class RobotExecutor:
         for command in step.commands:
             reply = self._execute(step, command, lambda line: self._progress(step, line))
             if not reply.ok:
-                took = time.monotonic() - started
-                return StepResult(
-                    step=step, outcome=Outcome.FAILED, message=failure_text(command, reply), duration_s=took
-                )
+                took, why = time.monotonic() - started, failure_text(command, reply)
+                return StepResult(step=step, outcome=Outcome.FAILED, message=why, duration_s=took)
+            if isinstance(command, CopyImage):
+                self.copied[step.number] = reply.out
         self._probe(step)
         if step.module in PROBING and (due := self._due(step)):
             # what needs it must not begin, so it is not left to the end of the batch
@@ -171,8 +173,8 @@ class RobotExecutor:
         remade = step.want is None and step.id in self.made
         if due is None or remade:
             seen = (self.seen or {}).get((step.module, step.name))
-            took = self.acted[step.number]
-            return StepResult(step=step, outcome=Outcome.CHANGED, duration_s=took, after=seen.state if seen else None)
+            took, sent, after = self.acted[step.number], self.copied.get(step.number, ""), seen.state if seen else None
+            return StepResult(step=step, outcome=Outcome.CHANGED, message=sent, duration_s=took, after=after)
         message = f"{failed}: {due.cause}{self._log_end(step)}"
         return StepResult(step=step, outcome=Outcome.FAILED, message=message, duration_s=self.acted[step.number])
 

@@ -8,6 +8,7 @@ what the source has: an engine says 200 before it fails.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Collection
 from typing import TYPE_CHECKING
 
@@ -47,7 +48,7 @@ def copy_image(
     """
     if peers is None:
         return _failed(f"no way to {copy.source_host} from here")
-    ids = (copy.id,) if copy.id else ()
+    ids, sent = (copy.id,) if copy.id else (), "sent whole"
     try:
         source = peers(copy.source_host)
         if copy.way != "whole":
@@ -57,7 +58,9 @@ def copy_image(
                 if copy.way == "thin":
                     return _failed(f"it cannot be sent without the layers that are there: {error}")
                 progress(f"{copy.image} is sent whole: {error}")
-        return _whole(copy, session, source, ids, progress)
+                sent = f"sent whole, as {error}"
+        reply = _whole(copy, session, source, ids, progress)
+        return dataclasses.replace(reply, out=sent) if reply.ok else reply
     except ForeignImage as error:
         return _failed(f"{copy.source_host}: {error}")
     except TransportError as error:
@@ -158,7 +161,7 @@ class _Thin:
             raise NotThin(f"its engine did not take it: {reply.err}")
         if image_of(self._session, archive.tag) != image:
             raise NotThin("its engine has another image now than the one that was sent")
-        return Reply(status=reply.status, out=f"{words}, {mib(archive.size)} MiB")
+        return Reply(status=reply.status, out=f"sent {words}, {mib(archive.size)} MiB")
 
 
 def _whole(copy: CopyImage, session: BaseSession, source: Session, ids: Collection[str], progress: Progress) -> Reply:

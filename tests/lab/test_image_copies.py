@@ -140,6 +140,8 @@ def test_what_is_there_is_not_sent_however_it_came(job: Job) -> None:
     sent = {robot: received(lab, robot) - count for robot, count in before.items()}
     assert all(packed < count < 1.05 * packed for count in sent.values()), (packed, sent)
     name = next(one["id"].partition("image:")[2] for one in made["steps"] if "/image:" in one["id"])
+    copies = [one["message"] for one in made["steps"] if "/image:" in one["id"] and not one["id"].startswith("robot1/")]
+    assert copies == ["sent 1 of 3 layers, 4.0 MiB"] * 3
     ids = {lab.shell(robot, "docker", "image", "inspect", "-f", "{{.Id}}{{.RootFS}}", name).out for robot in before}
     assert len(ids) == 1 and not root(lab, "robot1").joinpath("var/lib/srprov/.images").exists()
 
@@ -220,7 +222,7 @@ def test_an_engine_pulls_from_a_registry_of_which_nothing_is_left_or_gets_the_im
     told = [one["text"] for one in map(json.loads, events.read_text(encoding="utf-8").splitlines()) if "text" in one]
     assert any("through a registry: " in one and "MiB copied" in one for one in told), told
     why = "is sent whole: sshd forwards no port: AllowTcpForwarding or PermitListen forbids it"
-    assert [one for one in told if "sent whole" in one] == [f"{name} {why}"]
+    assert [one for one in told if "is sent whole" in one] == [f"{name} {why}"]
 
 
 def test_a_served_layer_with_one_wrong_byte_is_refused_by_the_engine(job: Job, tmp_path: Path) -> None:

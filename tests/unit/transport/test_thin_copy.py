@@ -100,7 +100,9 @@ def test_a_builder_that_can_unpack_nothing_is_read_as_a_stream_once(world: World
 def test_an_engine_that_has_lost_a_layer_meanwhile_gets_the_image_whole_and_that_is_said(world: World) -> None:
     world.target.images["base"] = Made(BASE)
     world.target.lost = {sha(BASE)}
-    assert world.copy().ok and world.target.images[TAG].id == IMAGE.id and len(world.target.streamed) == 2
+    reply = world.copy()
+    assert reply.ok and world.target.images[TAG].id == IMAGE.id and len(world.target.streamed) == 2
+    assert reply.out.startswith("sent whole, as its engine did not take it: open /var")
     assert any(line.startswith(f"{TAG} is sent whole: its engine did not take it: open /var") for line in world.said)
     world.target.images = {"base": Made(BASE)}
     forced = world.copy(way="thin")
