@@ -38,6 +38,7 @@ OWN_KEYS = PROJECT_KEYS | {
     *("quiet", "json", "detailed-exitcode", "exit-code", "pareto", "follow", "stop-timeout", "resume", "only", "show"),
     *("older-than", "cache", "since", "timestamps", "until", "env", "user", "workdir", "tty"),
     *("metric", "over", "watch"),
+    *("discard", "rerun", "reason", "accept-changes"),
 }
 PARAMETERS = {"inventory": "inventories", "json": "as_json", "format": "form", "out": "target", "facts": "stored"}
 """Options that have another name in the code."""

@@ -6,12 +6,11 @@ import sys
 import threading
 import time
 from contextlib import nullcontext
-from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 import click
 
-from srprov.cli import inputs, options, output_options
+from srprov.cli import inputs, options, output_options, trial_options
 from srprov.cli.execute import confirm, refuse_without_terminal
 from srprov.cli.interrupt import soft_interrupt
 from srprov.cli.output import Answer, err, expect, is_terminal, out, out_json
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
     from srprov.controller.plan import Planned
     from srprov.controller.trial_plan import TrialPlan
     from srprov.controller.trial_report import TrialsReport
-    from srprov.controller.trial_run import TrialsRequest
+    from srprov.controller.trial_request import TrialsRequest
     from srprov.controller.trials import TrialNews
     from srprov.definitions.model import Definitions
     from srprov.execution import RunOptions
@@ -43,15 +42,7 @@ _SAID = b"\ninterrupted: the present trial goes on to its end, no new one begins
 @options.robots
 @options.locking
 @options.planning
-@click.option("-o", "--out", "target", type=click.Path(file_okay=False, path_type=Path), default=None, metavar="DIR",
-              help="Where the run is kept (default: a new folder below ~/.local/state/srprov/trials).")  # fmt: skip
-@click.option("--resume", is_flag=True, help="Go on with the run in DIR: only what has not ended is run.")
-@click.option(
-    "--only",
-    multiple=True,
-    metavar="TRIAL|POINT",
-    help="Only this trial, or trials of this point; `srprov trials FILE` lists them.",
-)
+@trial_options.which
 @options.LOCKED
 @click.option("-y", "--yes", is_flag=True, help="Do not ask.")
 @click.option("--wait-timeout", type=Seconds(min=0), default=300.0, show_default=True, metavar="S",
@@ -61,8 +52,8 @@ _SAID = b"\ninterrupted: the present trial goes on to its end, no new one begins
 @click.option("--no-color", is_flag=True, help="Plain text; so does NO_COLOR.")
 def run(
     file: str, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, request: PlanRequest,
-    unreachable: str, lock_wait: float, stop_timeout: float, pulse: Pulse, target: Path | None, resume: bool,
-    only: tuple[str, ...], locked: bool, yes: bool, wait_timeout: float, events: TextIO | None, no_color: bool,
+    unreachable: str, lock_wait: float, stop_timeout: float, pulse: Pulse, wanted: TrialsRequest,
+    locked: bool, yes: bool, wait_timeout: float, events: TextIO | None, no_color: bool,
 ) -> int:  # fmt: skip
     """Run the experiment's trials: every combination of its parameters, as often as the EDF says.
 
@@ -76,7 +67,9 @@ def run(
     if unreachable != "fail":
         raise UsageError("trials need all their robots", hint="leave --unreachable out")
     definitions = read_definitions(file, request.allowed, locked=locked)
-    wanted = _checked(definitions, target, resume, only)
+    _check(definitions, wanted)
+    if wanted.discard:
+        return _discard(definitions, wanted)
     vault = read_secrets(definitions, request.allowed)
     inventory = inputs.load_inventory(inventories)
     request = inputs.with_own_files(request, definitions)
@@ -87,7 +80,7 @@ def run(
         from srprov.controller.trial_plan import in_words, trial_plan
         from srprov.execution import RunOptions
 
-        plan = trial_plan(planned, inventory, request.policies, resume=resume)
+        plan = trial_plan(planned, inventory, request.policies, resume=wanted.resume)
         if not as_json and not (yes and output_options.is_quiet()):
             show_plan(plan.base.plan, None, verbose=False)
             out(f"\n{in_words(plan)}")
@@ -102,16 +95,23 @@ def run(
     return report.exit_code
 
 
-def _checked(definitions: Definitions, target: Path | None, resume: bool, only: tuple[str, ...]) -> TrialsRequest:
-    """Return what the user asks for, which can be done as far as is known without asking a robot."""
-    from srprov.controller.trial_run import TrialsRequest, check_request
+def _check(definitions: Definitions, wanted: TrialsRequest) -> None:
+    """Refuse what cannot be done, as far as is known without asking a robot."""
+    from srprov.controller.trial_run import check_request
 
-    wanted = TrialsRequest(folder=target, resume=resume, only=only)
     check_request(definitions.experiment, wanted)
     given = definitions.experiment.trials
-    if given is not None and given.settings.prompt and not sys.stdin.isatty():
+    if given is not None and given.settings.prompt and not (sys.stdin.isatty() or wanted.discard):
         raise RefusedError("a person is asked between two trials, and there is no terminal", hint="see `between`")
-    return wanted
+
+
+def _discard(definitions: Definitions, wanted: TrialsRequest) -> int:
+    """Note which trials count no more; no robot is asked."""
+    from srprov.controller.trial_discard import discard
+
+    for line in discard(definitions.experiment, wanted):
+        err(line)
+    return 0
 
 
 def _planned(definitions: Definitions, fleet: Fleet, request: PlanRequest, vault: Vault) -> Planned:

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
 from srprov.errors import UsageError
 from srprov.record.journal import read
+from srprov.trials.marks import marked
 from srprov.trials.reading import engine_time
 from srprov.untrusted import integer, mapping, string
 
 _MOST_ATTEMPTS = 1_000_000
+ACCEPT = "accept"
+"""Event: changes of the experiment were accepted."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -24,6 +27,7 @@ class LostAttempt:
     attempt: int
     moments: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
     """Event -> when it was, in seconds since the epoch by the controller's clock."""
+    segment: int = 1
     row: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
     """Its row, when all that it gave was at home; else empty."""
 
@@ -41,6 +45,10 @@ class History:
     events: int = 0
     same: Mapping[str, str] = field(default_factory=dict)
     """What must not have changed -> its value, or a hash of it."""
+    segment: int = 1
+    """Counted from 1: one more after each time that changes were accepted."""
+    discarded: frozenset[str] = frozenset()
+    """Trials that count no more, and are not run."""
 
 
 def read_history(folder: Path) -> History:
@@ -52,27 +60,32 @@ def read_history(folder: Path) -> History:
     events, _ = read(folder)
     if not events or events[0]["event"] != "run":
         raise UsageError(f"{folder} holds no run of trials", hint="begin one without --resume")
-    rows = tuple(mapping(one.get("row")) for one in events if one["event"] == "end")
+    rows, discarded = marked(events)
     if not all(map(_is_row, rows)):
         raise UsageError(f"{folder}: the journal has rows that are none", hint="somebody changed it; begin a new run")
     begun: dict[str, int] = {}
     lost: dict[tuple[str, int], LostAttempt] = {}
+    stated = [events[0]]
     for one in events:
         attempt = str(one.get("trial")), integer(one.get("attempt"), high=_MOST_ATTEMPTS)
         if one["event"] == "begin":
             begun[attempt[0]] = attempt[1]
-            lost[attempt] = LostAttempt(trial=attempt[0], attempt=attempt[1])
+            lost[attempt] = LostAttempt(trial=attempt[0], attempt=attempt[1], segment=len(stated))
         elif one["event"] == "end":
             lost.pop(attempt, None)
         elif attempt in lost:
             lost[attempt] = _with(lost[attempt], one)
+        elif one["event"] == ACCEPT:
+            stated.append(one)
     return History(
         name=str(events[0].get("run")),
-        rows=rows,
+        rows=tuple(rows),
         begun=begun,
         lost=tuple(lost.values()),
         events=len(events),
-        same={str(key): str(value) for key, value in mapping(events[0].get("same")).items()},
+        same={str(key): str(value) for key, value in mapping(stated[-1].get("same")).items()},
+        segment=len(stated),
+        discarded=discarded,
     )
 
 
@@ -85,4 +98,4 @@ def _with(lost: LostAttempt, event: Mapping[str, Any]) -> LostAttempt:
     row = mapping(event.get("row"))
     moments = {**lost.moments, str(event["event"]): engine_time(string(event.get("utc")))}
     ours = _is_row(row) and (row["trial"], row.get("attempt")) == (lost.trial, lost.attempt)
-    return LostAttempt(trial=lost.trial, attempt=lost.attempt, moments=moments, row=row if ours else {})
+    return replace(lost, moments=moments, row=row if ours else {})

@@ -24,6 +24,8 @@ class Attempt:
     trial: Trial
     number: int
     """Counted from 1."""
+    segment: int
+    """Of the run: one more after each time that changes were accepted."""
     order: int
     """The trial's place in the design, counted from 1."""
     robots: TrialRobots
@@ -64,4 +66,4 @@ def unjudged(one: Attempt, ended: TrialEnd, gathered: Gathered, end: End) -> Row
         stop_s=ended.stop_s,
         matched=moments,
     )
-    return row(one.trial, one.number, one.order, seen)
+    return {**row(one.trial, one.number, one.order, seen), "segment": one.segment}

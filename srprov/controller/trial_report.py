@@ -26,6 +26,8 @@ class TrialsReport:
     """What was asked for."""
     ended_early: str
     """Why the run ended before its last trial, or nothing."""
+    discarded: frozenset[str] = frozenset()
+    """Trials that count no more, and are not run."""
     base: RunReport | None = None
     """What came of what is there over all trials, when something was to be done."""
 
@@ -50,7 +52,8 @@ class TrialsReport:
             return self.base.result.exit_code
         if self.ended_early == "interrupted":
             return 130
-        return 0 if self.done >= len(self.design.trials) else 3
+        left = {one.id for one in self.design.trials} - self.discarded
+        return 0 if self.done >= len(left) else 3
 
     @property
     def document(self) -> dict[str, Any]:
@@ -77,7 +80,9 @@ class TrialsReport:
             word = _word(next((one for one in some if one["status"] in COUNTED), some[-1]))
             counts[word] = counts.get(word, 0) + 1
         told = [f"{count} {word}" for word, count in sorted(counts.items())]
-        if left := total - len(attempts):
+        if out := self.discarded & {one.id for one in self.design.trials} - attempts.keys():
+            told.append(f"{len(out)} discarded before any attempt")
+        if left := total - len(attempts) - len(out):
             told.append(f"{left} not begun")
         again = [f"{trial} ({len(some)} attempts)" for trial, some in attempts.items() if len(some) > 1]
         more = f" and {len(again) - _MOST_NAMED} more" if again[_MOST_NAMED:] else ""

@@ -11,7 +11,7 @@ import hashlib
 import json
 import threading
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from srprov import __version__
@@ -20,9 +20,10 @@ from srprov.controller.phases import Phases
 from srprov.controller.run import run
 from srprov.controller.trial_connections import LockedRobots
 from srprov.controller.trial_folder import check_new, check_own, make_folder
-from srprov.controller.trial_history import History, read_history
+from srprov.controller.trial_history import ACCEPT, History, read_history
 from srprov.controller.trial_plan import TrialPlan
 from srprov.controller.trial_report import TrialsReport
+from srprov.controller.trial_request import BY_HAND, TrialsRequest
 from srprov.controller.trial_sameness import differences, sameness
 from srprov.controller.trials import Say, TrialRun, Trials
 from srprov.definitions.model import Experiment
@@ -36,18 +37,10 @@ from srprov.facts.model import Snapshot
 from srprov.record import default_root
 from srprov.record.journal import Journal
 from srprov.trials import Design, design
+from srprov.trials.marks import RERUN, discarded
 
-
-@dataclass(frozen=True, kw_only=True, slots=True)
-class TrialsRequest:
-    """What the user asks for beside the files."""
-
-    folder: Path | None = None
-    """Where the run is kept; None: below the folder of all runs."""
-    resume: bool = False
-    """Go on with the run that is in the folder."""
-    only: tuple[str, ...] = ()
-    """Ids of trials or points; empty: all."""
+_FINAL = ("trials: seed", "trials: order", "trials: design", "trials: paired_seeds", "parameters: ")
+"""Differences that nobody can accept: a trial's id, seed or place would mean something else."""
 
 
 def chosen(made: Design, only: Collection[str]) -> Design:
@@ -74,7 +67,9 @@ def check_request(experiment: Experiment, request: TrialsRequest) -> None:
         UsageError: No trial is left or there are too many, an unknown one is asked for, or the folder cannot be used.
         RefusedError: The folder of the run to go on with may be others'.
     """
-    chosen(design(experiment.trials or TrialDefinitions()), request.only)
+    whole = design(experiment.trials or TrialDefinitions())
+    chosen(whole, request.discard)
+    chosen(chosen(whole, request.only), request.rerun)
     if request.resume:
         _resumed(request)
     else:
@@ -113,19 +108,23 @@ def run_trials(
         if not earlier.events:
             make_folder(folder)
         with LockedRobots(fleet, sessions, mine, waiting) as connections:
-            trials = _all(plan, whole, made, same, folder, earlier, connections, options, say, stop, pause)
-    return TrialsReport(folder=folder, rows=trials.rows, design=made, ended_early=trials.ended_early, base=base)
+            trials = _all(plan, whole, made, same, folder, earlier, request, connections, options, say, stop, pause)
+    return TrialsReport(
+        folder=folder, rows=trials.rows, design=made, ended_early=trials.ended_early, base=base,
+        discarded=trials.discarded,
+    )  # fmt: skip
 
 
 def _all(
     plan: TrialPlan, whole: Design, made: Design, same: Mapping[str, str], folder: Path, earlier: History,
-    connections: Connections, options: RunOptions, say: Say, stop: threading.Event,
+    request: TrialsRequest, connections: Connections, options: RunOptions, say: Say, stop: threading.Event,
     pause: Callable[[float, str], None],
 ) -> Trials:  # fmt: skip
     """Run what has not ended yet, with the journal open."""
     with Journal(folder, earlier.events + 1) as journal:
         begun = {"version": __version__, "run": earlier.name, "same": same}
         journal.add("resume" if earlier.events else "run", **begun, trials=len(made.trials))
+        earlier = _changed(journal, earlier, request, same, made)
         about = TrialRun(
             plan=plan,
             whole=whole,
@@ -136,6 +135,8 @@ def _all(
             rows=earlier.rows,
             begun=earlier.begun,
             lost=earlier.lost,
+            segment=earlier.segment,
+            discarded=earlier.discarded,
         )
         trials = Trials(about, connections, journal, say)
         trials.settle_lost()
@@ -144,6 +145,21 @@ def _all(
             trials.all(stop, pause)
         journal.add("ended", reason=trials.ended_early)
     return trials
+
+
+def _changed(
+    journal: Journal, earlier: History, request: TrialsRequest, same: Mapping[str, str], made: Design
+) -> History:
+    """Write down which trials are run again, and which changes were accepted; return the history after that."""
+    again = {one.id for one in chosen(made, request.rerun).trials} if request.rerun else set()
+    reason = request.reason or BY_HAND
+    for trial in sorted(again):
+        journal.add(RERUN, trial=trial, reason=reason)
+    rows = tuple(discarded(earlier.rows, again, reason))
+    if earlier.events and (changes := differences(earlier.same, same)):
+        journal.add(ACCEPT, same=same, changes=changes)
+        earlier = replace(earlier, segment=earlier.segment + 1)
+    return replace(earlier, rows=rows, discarded=earlier.discarded - again)
 
 
 def _robots(snapshot: Snapshot | None) -> dict[str, dict[str, str]]:
@@ -169,9 +185,12 @@ def _folder(plan: TrialPlan, same: Mapping[str, str], request: TrialsRequest) ->
         check_new(folder)
         return folder, History(name=name)
     folder, earlier = _resumed(request)
-    if changed := differences(earlier.same, same):
+    changed = differences(earlier.same, same)
+    final = any(one.startswith(_FINAL) for one in changed)
+    if changed and (final or not request.accept_changes):
         lines = "\n".join(f"  {one}" for one in changed)
         hint = "run it as it was, or begin a new run in another folder"
+        hint += "" if final else "; --accept-changes goes on all the same"
         raise RefusedError(f"this is not the experiment of {folder} any more:\n{lines}", hint=hint)
     return folder, earlier
 

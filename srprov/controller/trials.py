@@ -33,7 +33,6 @@ from srprov.record.journal import Journal
 from srprov.secret import redacted
 from srprov.trials import Design, Trial
 from srprov.trials.judge import COUNTED, End
-from srprov.trials.row import Seen, row
 from srprov.trials.unwatched import NotAdopted
 from srprov.untrusted import mapping
 
@@ -75,6 +74,9 @@ class TrialRun:
     """Trial -> attempts that were begun earlier, whether they ended or not."""
     lost: tuple[LostAttempt, ...] = ()
     """Attempts that were begun earlier and have no end."""
+    segment: int = 1
+    discarded: frozenset[str] = frozenset()
+    """Trials that are not run."""
 
 
 class Trials:
@@ -86,6 +88,7 @@ class Trials:
         self.rows: list[Mapping[str, object]] = list(run.rows)
         self.tables = Tables(run.folder, run.plan, run.rows)
         self._attempts = dict(run.begun)
+        self.discarded = run.discarded
         self._orders = {trial.id: order for order, trial in enumerate(run.whole.trials, start=1)}
         self._failures = 0
         self._told: set[tuple[str, str]] = set()
@@ -103,7 +106,7 @@ class Trials:
             OSError: The journal or a table cannot be written.
         """
         settings = self._run.plan.given.settings
-        done = {one["trial"] for one in self.rows if one["status"] in COUNTED}
+        done = {one["trial"] for one in self.rows if one["status"] in COUNTED} | self.discarded
         between = False
         for trial in self._run.design.trials:
             if trial.id in done:
@@ -133,7 +136,7 @@ class Trials:
         trials = {trial.id: trial for trial in self._run.whole.trials}
         for lost in self._run.lost:
             if trial := trials.get(lost.trial):
-                one = self._about(trial, lost.attempt)
+                one = self._about(trial, lost.attempt, lost.segment)
                 kept = self._keep(self._settled(one, lost), one.folder)
                 self._tell(trial, in_words(kept), aloud=True)
             else:
@@ -141,7 +144,7 @@ class Trials:
                 self._keep({"trial": lost.trial, "attempt": lost.attempt, "status": "interrupted", "reason": reason})
         if self._run.lost:
             try:
-                self._about(self._run.whole.trials[0], 1).robots.clear()
+                self._about(self._run.whole.trials[0], 1, 1).robots.clear()
             except EquipmentFailed as error:
                 self.ended_early = f"what an interrupted trial left cannot be removed: {error}"
 
@@ -150,12 +153,14 @@ class Trials:
         if lost.row:  # all of it was at home
             return dict(lost.row)
         try:
+            if one.segment != self._run.segment:
+                raise NotAdopted("the experiment was changed since")
             return adopted(one, lost)
         except NotAdopted as error:
             end = End("interrupted", f"the run ended before it did; not adopted: {error}")
-            return row(one.trial, one.number, one.order, Seen(end=end))
+            return unjudged(one, TrialEnd(end=end), Gathered(), end)
 
-    def _about(self, trial: Trial, number: int) -> Attempt:
+    def _about(self, trial: Trial, number: int, segment: int) -> Attempt:
         """Return an attempt with its folder, which may not be there."""
         made_anew = containers(self._run.plan, trial, number, self._run.name)
         aloud = partial(self._tell, trial, aloud=True)
@@ -163,6 +168,7 @@ class Trials:
             plan=self._run.plan,
             trial=trial,
             number=number,
+            segment=segment,
             order=self._orders[trial.id],
             robots=TrialRobots(self._connections, made_anew, aloud, self._run.plan.disks),
             folder=self._run.folder / "trials" / (trial.id if number == 1 else f"{trial.id}.{number}"),
@@ -190,7 +196,7 @@ class Trials:
 
     def _attempt(self, trial: Trial) -> Mapping[str, object]:
         number = self._attempts[trial.id] = self._attempts.get(trial.id, 0) + 1
-        one = self._about(trial, number)
+        one = self._about(trial, number, self._run.segment)
         about = {"trial": trial.id, "attempt": number}
         self._journal.add("begin", **about, order=one.order)
         one.folder.mkdir(mode=0o700)  # never one that somebody else made

@@ -6,6 +6,7 @@ off, and said.
 
 from __future__ import annotations
 
+import fcntl
 import json
 import os
 import time
@@ -21,6 +22,7 @@ from srprov.untrusted import mapping, parse_json
 NAME = "journal.jsonl"
 _MOST_BYTES = 512 << 20
 _NEWLINE = b"\n"
+_PIECE = 1 << 20
 
 
 class Journal:
@@ -31,10 +33,26 @@ class Journal:
 
         Raises:
             OSError: It cannot be opened.
+            UsageError: Somebody else has it open, or has added events since it was read.
         """
         self._path = folder / NAME
-        self._descriptor = os.open(self._path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW, 0o600)
+        self._descriptor = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW, 0o600)
         self._number = first
+        try:
+            self._take()
+        except BaseException:
+            self.close()
+            raise
+
+    def _take(self) -> None:
+        try:
+            fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise UsageError(f"another srprov works in {self._path.parent}", hint="wait until it has ended") from None
+        lines = sum(piece.count(_NEWLINE) for piece in iter(lambda: os.read(self._descriptor, _PIECE), b""))
+        if lines != self._number - 1:
+            message = f"another srprov has worked in {self._path.parent} meanwhile"
+            raise UsageError(message, hint="go on with --resume once more")
 
     def add(self, event: str, **more: object) -> None:
         """Write one event, and wait until it is on the disk.

@@ -17,6 +17,7 @@ from srprov.errors import UsageError
 from srprov.record import journal
 from srprov.record.last import record_json
 from srprov.trials.judge import COUNTED
+from srprov.trials.marks import DISCARD, RERUN, marked
 from srprov.untrusted import integer, mapping, mappings, string
 
 _MOST_JOURNAL = 64 << 20
@@ -89,13 +90,13 @@ def trials_run(folder: Path) -> TrialsRun:
         raise UsageError(f"{folder} holds no run of trials", hint="`srprov runs` lists runs")
     named = _INSTANCE.fullmatch(string(events[0].get("run")))
     sessions = [one for one in events if one["event"] in ("run", "resume")]
-    last = events[-1]
+    last = [one for one in events if one["event"] not in (DISCARD, RERUN)][-1]
     return TrialsRun(
         path=folder,
         instance=named[1] if named else "",
         begun=string(events[0].get("utc")),
         trials=max(integer(one.get("trials"), high=1_000_000) for one in sessions),
-        rows=tuple(_row(folder, mapping(one.get("row"))) for one in events if one["event"] == "end"),
+        rows=tuple(_row(folder, one) for one in marked(events)[0]),
         ended_early=string(last.get("reason")) if last["event"] == "ended" else _NOT_ENDED,
     )
 

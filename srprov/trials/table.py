@@ -17,8 +17,8 @@ HOSTS = ("trial", "attempt", "robot", *hosts.COLUMNS)
 CONTAINERS = ("trial", "attempt", "robot", "service", *cgroup.COLUMNS, "unread_s")
 METRICS = ("trial", "attempt", "metric", "value", "unit", "service", "robot", "source")
 _COLUMNS = (
-    *("trial", "point", "repetition", "attempt", "order", "status", "verdict", "reason", "started_utc", "ready_s"),
-    *("duration_s", "stop_s", "collect_s", "start_skew_ms", "start_skew_error_ms", "seed"),
+    *("trial", "point", "repetition", "attempt", "segment", "order", "status", "verdict", "reason", "started_utc"),
+    *("ready_s", "duration_s", "stop_s", "collect_s", "start_skew_ms", "start_skew_error_ms", "seed"),
 )
 _LAST = (
     *("clock_max_offset_ms", "clock_error_ms", "clock_step", "restarts", "controller_gap_s", "adopted"),

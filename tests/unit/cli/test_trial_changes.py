@@ -129,7 +129,7 @@ def refused(capsys: pytest.CaptureFixture[str]) -> list[str]:
     assert code == RefusedError.exit_code, said
     head, *lines = said.splitlines()
     assert head == "error: this is not the experiment of out any more:"
-    assert lines[-1] == "  run it as it was, or begin a new run in another folder"
+    assert lines[-1].startswith("  run it as it was, or begin a new run in another folder")
     return [line.strip() for line in lines[:-1]]
 
 

@@ -76,7 +76,7 @@ def test_lost_attempts_are_noted_whatever_is_run_now(tmp_path: Path) -> None:
     lost = [(first, 1), ("feedfeedfe-r001", 2), (second, 2)]
     assert rows == [(second, 1, "ok"), *((*one, "interrupted") for one in lost)]
     assert [event["event"] for event in read(tmp_path)[0]][-3:] == ["end"] * 3
-    assert f"{first},{first[:10]},1,1,1,interrupted" in (tmp_path / "trials.csv").read_text()
+    assert f"{first},{first[:10]},1,1,1,1,interrupted" in (tmp_path / "trials.csv").read_text()
     assert gone_on_with(tmp_path, whole, whole) == rows, "they are noted once"
 
 
