@@ -59,7 +59,7 @@ def read_history(folder: Path) -> History:
     """
     events, _ = read(folder)
     if not events or events[0]["event"] != "run":
-        raise UsageError(f"{folder} holds no run of trials", hint="begin one without --resume")
+        raise UsageError(f"{folder} holds no run of trials", hint="begin one in another folder, without --resume")
     rows, discarded = marked(events)
     if not all(map(_is_row, rows)):
         raise UsageError(f"{folder}: the journal has rows that are none", hint="somebody changed it; begin a new run")
@@ -90,7 +90,7 @@ def read_history(folder: Path) -> History:
 
 
 def _is_row(row: Mapping[str, Any]) -> bool:
-    return {"trial", "status"} <= row.keys()
+    return isinstance(row.get("trial"), str) and isinstance(row.get("status"), str)
 
 
 def _with(lost: LostAttempt, event: Mapping[str, Any]) -> LostAttempt:

@@ -25,12 +25,12 @@ exit "$CODE"
 GOAL = {"log": {"service": "racer", "matches": "GOAL"}}
 
 
-def alone() -> str:
-    """Return an EDF of two trials of a second, all of whose services end by themselves."""
+def alone(wait: str = "sleep 1") -> str:
+    """Return an EDF of two trials, all of whose services end by themselves."""
     return edf(
         "alone",
         {
-            "racer": busybox("sh", "-c", RACER, robot="robot1", secrets=["key"]),
+            "racer": busybox("sh", "-c", RACER.replace("sleep 1", wait), robot="robot1", secrets=["key"]),
             "timer": busybox("sleep", "0.5", robot="robot2"),
         },
         secrets={"key": {"file": "./key"}},
@@ -64,4 +64,20 @@ def test_what_ended_by_itself_while_nobody_looked_is_adopted(lab: Lab, tmp_path:
     assert {"journal.jsonl", "trials.csv", "containers.json", "robot1.racer.log"} <= {path.name for path in files}
     for canary in (CANARY, base64.b64encode(CANARY.encode()).decode()):
         assert [str(path) for path in files if canary.encode() in path.read_bytes()] == []
+    assert one.left() == set()
+
+
+@pytest.mark.soak
+def test_what_an_engine_ended_while_nobody_looked_is_not_adopted(lab: Lab, tmp_path: Path) -> None:
+    """It stopped its containers in good order and came back: their ends look like their own."""
+    (tmp_path / "key").write_text(CANARY + "\n")
+    one = Race(lab, tmp_path, alone("trap 'exit 0' TERM; sleep 9 & wait $!"))
+    killed(one, 5, "whole", "--allow", "secret")
+    assert lab.srprov("lab", "stop-docker", "robot1").code == 0
+    assert lab.srprov("lab", "restart", "robot1", "--docker").code == 0
+    again = one.run("--resume", "--allow", "secret", "--only", one.events()[1]["trial"])
+    assert again.code == 0, again
+    lost, anew = one.rows()
+    assert (lost["status"], anew["status"], anew["attempt"]) == ("interrupted", "ok", "2"), again
+    assert "not adopted: the Docker Engine of robot1 began after racer" in lost["reason"]
     assert one.left() == set()

@@ -15,6 +15,7 @@ from srprov.controller.trial_run import chosen
 from srprov.controller.trials import TrialRun, Trials
 from srprov.definitions.model import Definitions
 from srprov.definitions.trialsmodel import Parameter, TrialDefinitions, TrialSettings
+from srprov.errors import UsageError
 from srprov.record.journal import Journal, read
 from srprov.trials import Design, design
 from tests.fakes import World
@@ -86,3 +87,15 @@ def test_an_odd_event_of_a_journal_ends_nothing(tmp_path: Path, event: dict[str,
     (tmp_path / "journal.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
     whole = design(GIVEN)
     assert [row[2] for row in gone_on_with(tmp_path, whole, whole)] == ["interrupted"]
+
+
+@pytest.mark.parametrize("row", [{}, {"trial": ["x"], "status": "ok"}, {"trial": "x", "status": {}}, [1]])
+def test_rows_that_are_none_are_refused(tmp_path: Path, row: object) -> None:
+    events = [{"event": "run", "run": "r"}, {"event": "discard", "trial": ["x"]}, {"event": "accept", "same": 3},
+              {"event": "end", "row": row}]  # fmt: skip
+    lines = [json.dumps({"seq": number, **event}) + "\n" for number, event in enumerate(events, start=1)]
+    (tmp_path / "journal.jsonl").write_text("".join(lines))
+    with pytest.raises(UsageError, match="rows that are none"):
+        read_history(tmp_path)
+    (tmp_path / "journal.jsonl").write_text("".join(lines[:-1]))
+    assert (read_history(tmp_path).segment, read_history(tmp_path).same) == (2, {})
