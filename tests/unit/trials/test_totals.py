@@ -7,6 +7,7 @@ import pytest
 from srprov.trials.cgroup import Used, added, counters, group, highest, mounts, row
 from srprov.trials.files import by_file
 from srprov.trials.hosts import difference, read
+from tests.bounded import bounded
 
 V1_MOUNTS = """\
 32 31 0:29 / /sys/fs/cgroup/cpu,cpuacct rw,nosuid shared:9 - cgroup cgroup rw,cpu,cpuacct
@@ -236,3 +237,27 @@ def test_of_a_robot_that_was_restarted_or_not_read_again_only_the_moments_are_kn
 def test_a_robot_that_says_nothing_has_no_zeros(said: str) -> None:
     found = difference(read(said), read(said), "wlan0", ["srpv0a1b"])
     assert {value for value in found.values()} == {None}
+
+
+@pytest.mark.parametrize(
+    "piece",
+    [
+        "/proc/stat:cpu 1 2 3 4 5 6 7 8\n",
+        "/proc/stat:cpu" + " 9" * 1000 + "\n",
+        "/proc/self/mountinfo:1 1 0:1 / /x\\040 rw - cgroup cgroup " + "a," * 1000 + "\n",
+        "/sys/class/power_supply/B{}/capacity:50\n/sys/class/thermal/thermal_zone{}/temp:1\n",
+        "/proc/net/dev: eth{}: 1 2 3 4 5 6 7 8 9 10\n/disks:/sys/block/d{}/device\n",
+        "/chrony:" + "1," * 500 + "\n",
+        "a" * 100,
+    ],
+)
+def test_an_answer_without_end_is_read_in_time(piece: str) -> None:
+    flood = "".join(piece.replace("{}", str(number)) for number in range((8 << 20) // len(piece)))
+
+    def work() -> int:
+        reading = read(flood)
+        there = mounts(by_file(flood).get("/proc/self/mountinfo", ()))
+        one = group(7, by_file(flood).get("/proc/7/cgroup", ()), there)
+        return len(counters(one, by_file(flood), own_network=True)) + len(difference(reading, reading, "eth0", []))
+
+    assert bounded(work) > 0
