@@ -7,10 +7,11 @@ off, and said.
 from __future__ import annotations
 
 import fcntl
+import io
 import json
 import os
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -81,14 +82,32 @@ class Journal:
         self.close()
 
 
-def read(folder: Path, most: int = _MOST_BYTES, *, mend: bool = True) -> tuple[list[Mapping[str, Any]], bool]:
-    """Return the events of a journal of at most `most` bytes, and whether its last line is torn.
-
-    Such a line is then cut off, unless `mend` is false: the run may be under way.
+def read(folder: Path) -> tuple[list[Mapping[str, Any]], bool]:
+    """Return the events of a journal, and whether its last line was torn, which is then cut off.
 
     Raises:
         UsageError: There is none, or it is broken elsewhere than at its end.
     """
+    whole, torn = _content(folder, _MOST_BYTES)
+    events = list(_events(folder / NAME, whole))
+    if torn:
+        descriptor = os.open(folder / NAME, os.O_WRONLY | os.O_NOFOLLOW)
+        os.ftruncate(descriptor, len(whole))
+        os.close(descriptor)
+    return events, bool(torn)
+
+
+def look(folder: Path, most: int) -> Iterator[Mapping[str, Any]]:
+    """Return the events of a journal of at most `most` bytes one by one, without a torn line; nothing is changed.
+
+    Raises:
+        UsageError: There is none, it is larger, or it is broken elsewhere than at its end.
+    """
+    yield from _events(folder / NAME, _content(folder, most)[0])
+
+
+def _content(folder: Path, most: int) -> tuple[bytes, bytes]:
+    """Return a journal's whole lines, and what there is of one that was torn."""
     path = folder / NAME
     if path.is_symlink():
         raise UsageError(f"{path} is a link", hint="it is not what a run wrote; begin a new one")
@@ -98,14 +117,13 @@ def read(folder: Path, most: int = _MOST_BYTES, *, mend: bool = True) -> tuple[l
         raise UsageError(
             f"{path} cannot be read: {error.strerror}", hint="name the folder of a run of trials"
         ) from None
-    whole, _, torn = data.rpartition(_NEWLINE)
-    lines = whole.split(_NEWLINE) if whole else []
-    events = [_event(path, number, line) for number, line in enumerate(lines, start=1)]
-    if torn and mend:
-        descriptor = os.open(path, os.O_WRONLY | os.O_NOFOLLOW)
-        os.ftruncate(descriptor, len(data) - len(torn))
-        os.close(descriptor)
-    return events, bool(torn)
+    end = data.rfind(_NEWLINE) + 1
+    return data[:end], data[end:]
+
+
+def _events(path: Path, whole: bytes) -> Iterator[Mapping[str, Any]]:
+    for number, line in enumerate(io.BytesIO(whole), start=1):
+        yield _event(path, number, line.removesuffix(_NEWLINE))
 
 
 def _event(path: Path, number: int, line: bytes) -> Mapping[str, Any]:

@@ -23,6 +23,8 @@ from srprov.untrusted import integer, mapping, mappings, string
 _MOST_JOURNAL = 64 << 20
 """Bytes of a journal: more than 5000 trials of a dozen robots leave."""
 _MOST_COLUMNS = 1000
+_MOST_CELLS = 2_000_000
+"""Of all attempts, measurements of their robots included: about what 1000 trials of a dozen robots have."""
 _INSTANCE = re.compile(r"\d{8}T\d{6}Z-(.+)-[0-9a-f]{8}", re.ASCII)
 _ROW = ("trial", "status", "reason")
 _NOT_ENDED = "it has not ended, or was killed"
@@ -79,30 +81,41 @@ class KeptRun:
     """Steps that failed, were skipped, or were not begun."""
 
 
-def trials_run(folder: Path) -> TrialsRun:
-    """Read a run of trials.
+def trials_run(folder: Path, *, whole: bool = True) -> TrialsRun:
+    """Read a run of trials; without `whole`, of its rows only what says which trials count.
 
     Raises:
         UsageError: The folder holds none, or not what a run writes.
     """
-    events, _ = journal.read(folder, _MOST_JOURNAL, mend=False)
-    if not events or events[0]["event"] != "run":
+    kept: list[Mapping[str, Any]] = []
+    first, last, asked, cells = None, None, 0, 0
+    for event in journal.look(folder, _MOST_JOURNAL):
+        first, last = first or event, last if last and event["event"] in (DISCARD, RERUN) else event
+        if event["event"] in ("run", "resume"):
+            asked = max(asked, integer(event.get("trials"), high=1_000_000))
+        elif event["event"] == "end":
+            row, more = _row(folder, mapping(event.get("row")))
+            kept.append({"event": "end", "row": row if whole else {key: row[key] for key in ("trial", "status")}})
+            cells += more
+        elif event["event"] in (DISCARD, RERUN):
+            kept.append(event)
+        if cells > _MOST_CELLS:
+            raise UsageError(f"{folder}: its attempts have more than {_MOST_CELLS} numbers", hint="read its tables")
+    if first is None or last is None or first["event"] != "run":
         raise UsageError(f"{folder} holds no run of trials", hint="`srprov runs` lists runs")
-    named = _INSTANCE.fullmatch(string(events[0].get("run")))
-    sessions = [one for one in events if one["event"] in ("run", "resume")]
-    last = [one for one in events if one["event"] not in (DISCARD, RERUN)][-1]
+    named = _INSTANCE.fullmatch(string(first.get("run")))
     return TrialsRun(
         path=folder,
         instance=named[1] if named else "",
-        begun=string(events[0].get("utc")),
-        trials=max(integer(one.get("trials"), high=1_000_000) for one in sessions),
-        rows=tuple(_row(folder, one) for one in marked(events)[0]),
+        begun=string(first.get("utc")),
+        trials=asked,
+        rows=tuple(marked(kept)[0]),
         ended_early=string(last.get("reason")) if last["event"] == "ended" else _NOT_ENDED,
     )
 
 
-def _row(folder: Path, found: Mapping[str, Any]) -> dict[str, Any]:
-    """Return an attempt's row: texts, numbers, and lists of what was measured on each robot.
+def _row(folder: Path, found: Mapping[str, Any]) -> tuple[dict[str, Any], int]:
+    """Return an attempt's row: texts, numbers, and lists of what was measured on each robot; and how much that is.
 
     Raises:
         UsageError: It is none.
@@ -111,7 +124,8 @@ def _row(folder: Path, found: Mapping[str, Any]) -> dict[str, Any]:
     if not whole or len(found) > _MOST_COLUMNS:
         raise UsageError(f"{folder}: the journal has rows that are none", hint="somebody changed it")
     cells = {key: value for key, value in found.items() if _is_cell(value)}
-    return {**cells, **{key: mappings(value) for key, value in found.items() if isinstance(value, list)}}
+    lists = {key: mappings(value) for key, value in found.items() if isinstance(value, list)}
+    return {**cells, **lists}, len(found) + sum(len(one) for some in lists.values() for one in some)
 
 
 def _is_cell(value: object) -> bool:
@@ -151,7 +165,7 @@ def kept_run(path: Path) -> KeptRun:
         UsageError: It cannot be read, or is none.
     """
     if is_trials(path):
-        one = trials_run(path)
+        one = trials_run(path, whole=False)
         return KeptRun(
             run=path.name, path=str(path), verb="run", instance=one.instance, begun=one.begun,
             ended=one.ended_early != _NOT_ENDED, trials=one.trials, done=one.done,

@@ -127,6 +127,18 @@ def test_one_that_cannot_be_read_is_named_and_the_others_are_listed(
     assert "is a link" in shown(capsys, "show", str(root / "linked"), code=5)[1]
 
 
+def test_a_run_with_more_numbers_than_can_be_shown_is_named(
+    home: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Also when they stand in lists of robots' measurements; a column too many is no row."""
+    monkeypatch.setattr("srprov.record.runs._MOST_CELLS", 100)
+    kept(home / "trials" / "good", ended(TRIALS[0], "ok"))
+    kept(home / "trials" / "large", ended(TRIALS[0], "ok", clocks=[{"a": 1, "b": 2}] * 50))
+    kept(home / "trials" / "wide", ended(TRIALS[0], "ok", **{f"m_{number}": 1 for number in range(1000)}))
+    lines, told = shown(capsys)
+    assert len(lines) == 2 and "large: its attempts have more than" in told and "wide: the journal has rows" in told
+
+
 @pytest.mark.parametrize(
     ("words", "says"),
     [
