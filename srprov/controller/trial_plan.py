@@ -76,8 +76,11 @@ def trial_plan(planned: Planned, inventory: Inventory, policies: Policies, *, re
     moving = tuple(one for one in planned.desired if one.module in RUNNING and one.service in ours)
     rest = [one for one in planned.desired if one not in moving]
     instance = planned.plan.instance
-    # each trial makes its containers anew, so a policy looks at all of them
-    enforce(replace(planned.plan, steps=diff(planned.desired, {}, instance)[0]), inventory, policies)
+    # each trial makes its containers anew, so a policy looks at all of them; an image that is there stays
+    images = {
+        host: [one for one in items if one.module == "image"] for host, items in planned.snapshot.observed.items()
+    }
+    enforce(replace(planned.plan, steps=diff(planned.desired, images, instance)[0]), inventory, policies)
     there = owned(planned.snapshot, instance)
     steps, unchanged = diff(rest, _without(there, ours) if resume else there, instance)
     if resume and steps:

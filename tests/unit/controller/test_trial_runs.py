@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -17,9 +18,10 @@ from srprov.definitions.model import Definitions
 from srprov.definitions.trialsmodel import Parameter, TrialDefinitions, TrialSettings
 from srprov.errors import UsageError
 from srprov.record.journal import Journal, read
+from srprov.resource import Need
 from srprov.trials import Design, design
 from tests.fakes import World
-from tests.worlds import experiment, inventory, made, service
+from tests.worlds import AS_IT_IS, apply, experiment, inventory, made, service
 
 GIVEN = TrialDefinitions(
     parameters=(Parameter(name="SPEED", values=("1", "2")),), settings=TrialSettings(keep=("cam",))
@@ -45,6 +47,17 @@ def test_the_shown_plan_names_what_each_trial_creates() -> None:
         "r2",
         "  + container srprov.hello.racer: image race:1, asks for privileged",
     ]
+
+
+def test_an_image_that_an_earlier_run_built_stands_in_nobodys_way() -> None:
+    """What is there is wanted as a copy of itself, so it must not count as missing."""
+    what = experiment(service("racer", robot="r2", image="race:1"))
+    world = World().add("r2")
+    assert apply(world, what).exit_code == 0
+    planned = made(world, Definitions(experiment=what, containers={}), replace(AS_IT_IS, adopt=True))
+    copied = tuple(replace(one, needs=(Need(id=one.id),)) if one.module == "image" else one for one in planned.desired)
+    plan = trial_plan(replace(planned, desired=copied), inventory(world), ())
+    assert [one.service for one in plan.services] == ["racer"]
 
 
 def gone_on_with(folder: Path, whole: Design, only: Design) -> list[tuple[object, ...]]:
