@@ -261,3 +261,20 @@ def test_a_service_that_is_unhealthy_is_a_difference_and_a_restart_heals_it(runn
     assert healed.code == 0, healed
     assert lab.inspect("robot1", name)["State"]["StartedAt"] != since
     assert running.run("wait", "--until", "healthy:talker", "--wait-timeout", "30").code == 0
+
+
+@pytest.mark.soak
+def test_wait_outlasts_a_robot_that_is_cut_off_for_a_while(running: Running) -> None:
+    """It says whom it awaits, and finds what was printed meanwhile."""
+    lab = running.lab
+    wait = begin(lab, "wait", *running.words, "--until", "log:talker=^later$", "--wait-timeout", "110")
+    time.sleep(3)  # it has begun to follow the log
+    assert lab.srprov("lab", "partition", "robot1").code == 0
+    try:
+        time.sleep(30)  # longer than a question waits for its answer
+        lab.shell("robot1", "docker", "exec", "srprov.daily.talker", "sh", "-c", "echo later >/proc/1/fd/1")
+    finally:
+        assert lab.srprov("lab", "heal", "robot1").code == 0
+    _, said = wait.communicate(timeout=100)
+    assert wait.returncode == 0 and "waiting for robot1, up to 120 s: " in said, said
+    assert "log:talker=^later$ holds after" in said
