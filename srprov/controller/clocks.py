@@ -1,4 +1,4 @@
-"""A robot's clock, measured for a check. Takes a session, asks sixteen times; gives values."""
+"""A robot's clock, measured for a check. Takes a session, asks up to sixteen times; gives values."""
 
 from __future__ import annotations
 

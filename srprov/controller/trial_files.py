@@ -28,6 +28,7 @@ from srprov.trials.metrics import from_json, scan
 from srprov.trials.reading import engine_time
 
 _T = TypeVar("_T")
+_PARTS = ".parts"
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -62,17 +63,20 @@ def gather_files(plan: TrialPlan, inspected: Mapping[str, Any], robots: TrialRob
     """
     private.replace_file(folder / "containers.json", json.dumps(redacted(inspected), indent=2) + "\n")
     logs = {one.service: folder / "logs" / f"{one.host}.{one.service}.log" for one in plan.services}
-    for service, path in logs.items():
-        bring_log(_OfService(robots, service), robots.by_service[service].name, path)
-    kept: dict[str, list[Kept]] = {}
-    missing: list[str] = []
-    for service in sorted(plan.origin):
-        wanted = plan.given.results.get(plan.origin[service], ())
-        if wanted and service in robots.by_service:
-            found = _results(robots, inspected.get(service), wanted, folder, service)
-            kept |= {f"{service}{result.path}": some for result, some in found.items()}
-            missing += [f"{result.path} of {service}" for result in wanted if result.required and result not in found]
+    wanted = {one: some for one in robots.by_service if (some := plan.given.results.get(plan.origin[one], ()))}
+
+    def bring(host: str) -> dict[str, dict[Result, list[Kept]]]:
+        ours = sorted(name for name, one in robots.by_service.items() if one.host == host)
+        for service in ours:
+            bring_log(_OfService(robots, service), robots.by_service[service].name, logs[service])
+        return {one: _results(robots, inspected.get(one), wanted[one], folder, one) for one in ours if one in wanted}
+
+    found = {one: some for every in robots.each(bring, leave=True).values() for one, some in every.items()}
+    shutil.rmtree(folder / _PARTS, ignore_errors=True)
     robots.refuse_doomed()
+    kept = {f"{one}{result.path}": some for one in sorted(found) for result, some in found[one].items()}
+    missing = [f"{result.path} of {one}" for one in sorted(found) for result in wanted[one]
+               if result.required and result not in found[one]]  # fmt: skip
     return _summed(plan, logs, kept, missing, folder)
 
 
@@ -84,13 +88,12 @@ def _results(
     Raises:
         CollectFailed: Some file of them is not here: it changes, or cannot be read.
     """
-    home = Home(parts=folder / ".parts")
+    home = Home(parts=folder / _PARTS / service)
     found = bring_results(_OfService(robots, service), inspected, wanted, folder / "results" / service, home)[0]
     for result, some in found.items():
         if bad := [one for one in some if one.failed]:
             host = robots.by_service[service].host
             raise CollectFailed(f"{host}: {result.path}: {bad[0].path}: {bad[0].note}: does something change it?")
-    shutil.rmtree(home.parts, ignore_errors=True)
     return found
 
 

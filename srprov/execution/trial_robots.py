@@ -9,13 +9,14 @@ the same way. A robot that stays away, an engine that refuses, or one that took 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import partial
 from types import MappingProxyType
 from typing import Any, Protocol, TypeVar
 
 from srprov.errors import TransportError
 from srprov.execution.stopping import stop_all
+from srprov.execution.trial_at_once import at_once
 from srprov.execution.trial_clocks import samples
 from srprov.execution.trial_patience import EquipmentFailed, Patience, Say, check_engine, why
 from srprov.execution.trial_survival import Survival
@@ -167,7 +168,7 @@ class TrialRobots:
             self._survival.refuse_ended(host, [one.service for one in self._of(host)], failed=True)
 
     def clocks(self) -> dict[str, Offset | None]:
-        """Measure all robots' clocks against ours, and read the robots' own counters with the last answer."""
+        """Measure all robots' clocks against ours, then read the robots' own counters."""
 
         def act(host: str) -> Offset | None:
             said, reply = samples(self._connections.get(host), self.totals.of_host(host))
@@ -224,21 +225,13 @@ class TrialRobots:
                 check_engine(reply)
             raise EquipmentFailed(f"{one.service} on {one.host}: {why(reply.err or reply.out)}")
 
-    def each(self, work: Callable[[str], _T]) -> dict[str, _T]:
-        """Do it for all robots at once and return what each gave.
+    def each(self, work: Callable[[str], _T], *, leave: bool = False) -> dict[str, _T]:
+        """Do it for all robots at once, again where one was away meanwhile, and return what each gave.
 
         Raises:
             EquipmentFailed: On the first robot by name that failed.
         """
-        if len(self._hosts) == 1:
-            return {self._hosts[0]: self.patience.do(work, self._hosts[0])}
-        with ThreadPoolExecutor(max(1, len(self._hosts))) as pool:
-            running = {host: pool.submit(self.patience.do, work, host) for host in self._hosts}
-            try:
-                return {host: one.result() for host, one in running.items()}
-            except BaseException:
-                self.patience.over.set()  # whoever waits for a robot to come back need not any more
-                raise
+        return at_once(self._hosts, partial(self.patience.do, work), self.patience.over, leave=leave)
 
     def _of(self, host: str) -> list[TrialContainer]:
         return [one for one in self.by_service.values() if one.host == host]
