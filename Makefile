@@ -52,7 +52,7 @@ bench-images: setup ## srprov beside other ways to bring images to robots (needs
 	  --cases fresh,two --repeat 1 --more
 	@$(BIN)/python -m benchmarks.images.quote
 
-bench-transfer: setup ## results come home: srprov beside scp, rsync, SFTP and docker cp, and over a link that is cut (needs root; 20 minutes)
+bench-transfer: setup ## results come home: srprov beside scp, rsync, SFTP and docker cp, and over a link that is cut (needs root; 40 minutes)
 	@$(BIN)/python -m benchmarks.transfer.compare
 	@$(BIN)/python -m benchmarks.transfer.compare --cut --mib 1024
 
