@@ -24,7 +24,7 @@ from mcap.writer import CompressionType, Writer
 
 over = []
 signal.signal(signal.SIGINT, lambda *_: over.append(1))
-with open("/bags/run.mcap", "wb", buffering=0) as stream:
+with open("/bags/run.mcap", "wb") as stream:
     writer = Writer(stream, chunk_size=16384, compression=CompressionType.ZSTD)
     writer.start(profile="ros2", library="test")
     schema = writer.register_schema(name="S", encoding="jsonschema", data=b"{}")
