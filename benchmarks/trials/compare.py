@@ -15,17 +15,20 @@ import os
 import platform
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from benchmarks.provisioning import measure, robots
 from benchmarks.provisioning.compare import among
 from benchmarks.trials.steps import overheads, summary, table
-from benchmarks.trials.ways import SERVICE_S, Careful, Floor, Loop, Srprov, Way
+from benchmarks.trials.ways import SERVICE_S, Careful, Floor, Loop, OwnNetwork, Srprov, Way
 
 RESULTS = Path(__file__).parent / "results"
 FILE = RESULTS / "trials.json"
-WAYS: dict[str, type[Way]] = {"srprov": Srprov, "careful": Careful, "loop": Loop, "floor": Floor}
+WAYS: dict[str, type[Way]] = {
+    "srprov": Srprov, "careful": Careful, "loop": Loop, "floor": Floor, "network": OwnNetwork,
+}  # fmt: skip
 _PATIENCE_S = 3600
 _CALM_S = 60
 
@@ -33,26 +36,35 @@ _CALM_S = 60
 def main() -> None:
     """Measure what is asked for, print a table, and write JSON."""
     wish = _arguments()
-    rows: list[dict[str, Any]] = []
+    rows = list(json.loads(FILE.read_text(encoding="utf-8"))["rows"]) if wish.more and FILE.exists() else []
     with robots.lab(wish.robots, 0, _PATIENCE_S) as lab, tempfile.TemporaryDirectory(prefix="srprov-bench-") as name:
         for way in wish.ways:
-            rows.append(measured(WAYS[way](lab, Path(name, way)), wish.trials))
+            row = measured(WAYS[way](lab, Path(name, way)), wish.trials)
+            rows = ordered([row, *(one for one in rows if one["tool"] != row["tool"])])
+            if not wish.scratch:
+                write(rows, wish.robots)
             lab.reset()  # what srprov has over all trials
-    if wish.more:
-        measured_now = {row["tool"] for row in rows}
-        rows += [row for row in json.loads(FILE.read_text(encoding="utf-8"))["rows"] if row["tool"] not in measured_now]
-    rows.sort(key=lambda row: [way.name for way in WAYS.values()].index(row["tool"]))
     print("\n" + table(rows))
-    if not wish.scratch:
-        about = {"robots": wish.robots, "service_s": SERVICE_S, "cpus": os.cpu_count(), "kernel": platform.release()}
-        about |= {"python": platform.python_version(), "date": dt.datetime.now(dt.timezone.utc).date().isoformat()}
-        RESULTS.mkdir(exist_ok=True)
-        FILE.write_text(json.dumps({"about": about, "rows": rows}) + "\n", encoding="utf-8")
+
+
+def ordered(rows: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return the rows in the order of the ways."""
+    names = [way.name for way in WAYS.values()]
+    return sorted(rows, key=lambda row: names.index(row["tool"]))
+
+
+def write(rows: Sequence[dict[str, Any]], count: int) -> None:
+    """Write what was measured so far on so many robots."""
+    about = {"robots": count, "service_s": SERVICE_S, "cpus": os.cpu_count(), "kernel": platform.release()}
+    about |= {"python": platform.python_version(), "date": dt.datetime.now(dt.timezone.utc).date().isoformat()}
+    RESULTS.mkdir(exist_ok=True)
+    FILE.write_text(json.dumps({"about": about, "rows": list(rows)}) + "\n", encoding="utf-8")
 
 
 def measured(way: Way, count: int) -> dict[str, Any]:
     """Run the trials one way; the machine is let come to rest before."""
     idle = measure.calm(_CALM_S)
+    count = max(1, count // way.one_of)
     found = overheads(way.run(count), SERVICE_S)
     row = {"tool": way.name, "trials": count, "idle": round(idle, 3), "load": os.getloadavg()[1]}
     print(f"{way.name}: {summary(found)['all']}, {idle:.0%} of the CPUs idle before it", file=sys.stderr, flush=True)

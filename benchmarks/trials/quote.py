@@ -2,7 +2,7 @@
 
     python -m benchmarks.trials.quote     # writes it, between two marks
 
-Takes `results/trials.json`; a test holds the file to it. Before anything is measured it says nothing.
+Takes `results/trials.json`; a test holds the file to it. Before anything is measured it says so.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ def main() -> None:
 
 
 def text(results: Path) -> str:
-    """Return the table and what it is of; nothing before it was measured."""
+    """Return the table and what it is of; or that nothing was measured."""
     file = results / "trials.json"
     if not file.exists():
-        return ""
+        return "Not measured yet.\n"
     found = json.loads(file.read_text(encoding="utf-8"))
     about = found["about"]
     idle = min(row["idle"] for row in found["rows"])

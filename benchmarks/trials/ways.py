@@ -32,6 +32,8 @@ class Way:
     """A contestant. `name` is what tables say."""
 
     name = ""
+    one_of = 1
+    """It runs one of so many trials, where each takes long."""
 
     def __init__(self, lab: Lab, folder: Path) -> None:
         self.lab = lab
@@ -143,6 +145,7 @@ class Loop(Shell):
     """One robot after the other, a connection for each command: what one types."""
 
     name = "a shell loop, as one types it"
+    one_of = 5
     script = """\
 for r in $robots; do on $r docker run -d --name bench -e TRIAL=$trial busybox "$service" >/dev/null; done
 mark start
@@ -183,11 +186,12 @@ class Floor(Way):
     """The engines alone: requests straight to their sockets, all robots at once; nothing comes home, no SSH."""
 
     name = "the engines alone"
+    network = "bridge"
 
     def run(self, count: int) -> list[Moments]:
         """Create, start, wait and remove."""
         engines = [_Engine(self._socket(name)) for name, _ in self.lab.robots]
-        body = {"Image": "busybox", "Cmd": list(COMMAND)}
+        body = {"Image": "busybox", "Cmd": list(COMMAND), "HostConfig": {"NetworkMode": self.network}}
         requests: dict[str, tuple[str, str, Any]] = {
             "create": ("POST", "/containers/create?name=bench", body),
             "start": ("POST", "/containers/bench/start", None),
@@ -209,6 +213,18 @@ class Floor(Way):
         if booted is None:
             raise Trouble(f"{robot} is not up")
         return f"/proc/{booted.init.pid}/root/run/docker.sock"
+
+
+class OwnNetwork(Floor):
+    """The same in a network of its own on each robot, as srprov's services are, where they find each other by name."""
+
+    name = "the engines alone, in a network of its own"
+    network = "bench"
+
+    def run(self, count: int) -> list[Moments]:
+        """Make the network, and run them."""
+        self.lab.everywhere(f"docker network create {self.network}")
+        return super().run(count)
 
 
 def _asker(request: tuple[str, str, Any]) -> Callable[[_Engine], None]:
