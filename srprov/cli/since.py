@@ -24,7 +24,7 @@ def since(_context: click.Context, _option: click.Parameter, text: str | None) -
         seconds = sum(int(count or 0) * unit for count, unit in zip(ago.groups(), _UNITS, strict=True))
         return max(0.0, time.time() - seconds)
     try:
-        return max(0.0, dt.datetime.fromisoformat(re.sub("[Zz]$", "+00:00", text)).timestamp())
+        return max(0.0, dt.datetime.fromisoformat(re.sub(r"[Zz]\Z", "+00:00", text)).timestamp())
     except (ValueError, OverflowError, OSError):
         said = f"{text[:60]!r} is neither a time ago (10m, 1h30m) nor a moment (2026-11-22T10:00:00Z)."
         raise click.BadParameter(said) from None

@@ -35,6 +35,11 @@ _MOST_PACKED = 64 << 20
 _MOST_UNPACKED = 256 << 20
 """Bytes of a tar-split file: a layer of 300,000 files."""
 _LONGEST_LINE = 8 << 20
+_MOST_ENTRIES = 400_000
+"""Of a tar-split file, two for each file: more than any layer of a robot's image, and 4 s of work."""
+_LONGEST_NAME = 4096
+_MOST_NAMES = 32 << 20
+"""Bytes of all names."""
 _PIECE = 256 << 10
 
 
@@ -127,6 +132,8 @@ def _names(split: bytes) -> tuple[bytes, int]:
             if b".." in name.split(b"/") or b"\0" in name:
                 raise NotInFiles("a file in it has a name that leads elsewhere")
             names += b"./" + name.lstrip(b"/") + b"\0"
+            if len(name) > _LONGEST_NAME or len(names) > _MOST_NAMES:
+                raise NotInFiles("names of files in it are too long")
     return bytes(names), whole
 
 
@@ -144,7 +151,9 @@ def _tar(split: bytes, contents: TarStream) -> Iterator[bytes]:
 
 def _entries(split: bytes) -> Iterator[tuple[bytes, int, bytes]]:
     """Yield (name, bytes of content, nothing) for each file, and (nothing, 0, bytes) for what is between."""
-    for line in _lines(split):
+    for number, line in enumerate(_lines(split)):
+        if number > _MOST_ENTRIES:
+            raise NotInFiles("its list of files has too many entries")
         entry = mapping(json_or_none(line.decode("utf-8", "replace")))
         kind, payload = entry.get("type"), entry.get("payload")
         try:
