@@ -119,9 +119,14 @@ def _passing(running: ContainerCommand, what: Exec) -> Iterator[None]:
 
 
 def _pass_input(running: ContainerCommand) -> None:
-    while data := os.read(sys.stdin.fileno(), _PIECE):
-        running.write(data)
-    running.close_input()
+    """Pass it on to its end, or to where it cannot be read: it may be a folder, or not want to wait."""
+    try:
+        while data := os.read(sys.stdin.fileno(), _PIECE):
+            running.write(data)
+    except OSError as error:
+        err(f"warning: standard input cannot be read: {error.strerror}")
+    finally:
+        running.close_input()
 
 
 def _print(stream: int, data: bytes, *, raw: bool) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import sys
@@ -11,6 +12,8 @@ import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
+
+from srprov.errors import TransportError
 
 
 @contextmanager
@@ -27,7 +30,8 @@ def raw_terminal(resized: Callable[[int, int], None]) -> Iterator[None]:
             changed.clear()
             if not over.is_set():
                 size = os.get_terminal_size(descriptor)
-                resized(size.lines, size.columns)
+                with contextlib.suppress(TransportError):  # whoever reads the output is told that it is lost
+                    resized(size.lines, size.columns)
 
     def note(_number: int, _frame: FrameType | None) -> None:
         threading.Thread(target=changed.set, daemon=True).start()  # this thread may hold its lock

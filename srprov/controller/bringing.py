@@ -15,7 +15,7 @@ from pathlib import Path
 
 from srprov.execution.collect import CollectFailed, Place, Robot, fetch_file, fetch_tar, listings
 from srprov.execution.listing import MOST_FILES, Entry
-from srprov.record.results import DEEPEST, Kept, Names, is_here, open_part, put, sync
+from srprov.record.results import DEEPEST, MOST_FOLDERS, Kept, Names, TooManyFolders, is_here, open_part, put, sync
 from srprov.transport.tar_stream import TarError, TarStream
 
 _MARGIN = 64 << 20
@@ -28,7 +28,6 @@ _ENTRY = 16 << 10
 """Bytes that a tar may hold for an entry beside its content: headers, and extended ones with its names."""
 _WHOLE = 1 << 20
 _STEP = 64 << 20
-_MOST_FOLDERS = 100_000
 _IN_THE_WAY = {errno.EISDIR, errno.ENOTDIR, errno.EEXIST, errno.ENOTEMPTY, errno.ENAMETOOLONG}
 _CHANGED = "it changed while it was read"
 Say = Callable[[str], None]
@@ -70,7 +69,10 @@ class Bringing:
     def once(self, entries: list[Entry]) -> list[Kept]:
         """Bring what was listed; what changed meanwhile is named."""
         names = Names()
-        kept = {one.path: _listed(one, names) for one in entries}
+        try:
+            kept = {one.path: _listed(one, names) for one in entries}
+        except TooManyFolders as error:
+            raise CollectFailed(f"{self._robot.host}: {self._place.path}: {error}") from None
         wanted = {
             one.path: one
             for one in entries
@@ -98,7 +100,7 @@ class Bringing:
     def _tar(self, wanted: Mapping[str, Entry], kept: Mapping[str, Kept], entries: list[Entry]) -> set[str]:
         """Fetch small files in one stream; return the paths of those that are here now."""
         without = [one.path for one in entries if one.is_file and one.path not in wanted]
-        most = sum(one.size for one in wanted.values()) + (2 * len(entries) + _MOST_FOLDERS) * _ENTRY
+        most = sum(one.size for one in wanted.values()) + (2 * len(entries) + MOST_FOLDERS) * _ENTRY
         came: set[str] = set()
         pieces = self._counted(fetch_tar(self._robot, self._place, without, most))
         try:

@@ -15,7 +15,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from srprov.errors import TransportError
-from srprov.secret import redact_lines
+from srprov.secret import MASK, redact_lines
 from srprov.session import Session
 from srprov.trials.reading import engine_time, read
 from srprov.wire import EngineQuery
@@ -37,6 +37,8 @@ _LOOKS = 2
 _BATCH = 1000
 _LINE = 100
 """Characters that a line counts for more than it has, so that empty ones have an end too."""
+_SENT = 40
+"""Bytes that an engine sends for a line beside its text: its time, and a header."""
 _TIME = re.compile(r"(\d{4}-\d\d-\d\dT[\d:.]{8,18}(?:Z|[+-]\d\d:\d\d)) ?", re.ASCII)
 
 
@@ -195,7 +197,7 @@ def _lines(source: Source, wanted: Wanted) -> Iterator[LogLine]:
         last = ""
         for line in _redacted(source, tail, since, wanted.follow):
             yield line
-            last, left = line.time or last, left - len(line.text)
+            last, left = line.time or last, left - len(line.text) - _SENT
             if left < 0 and not wanted.follow:
                 raise TransportError(source.host, f"its log has more than {MOST_BYTES >> 20} MiB; ask with --since")
         if not wanted.follow or not _goes_on(source):
@@ -205,18 +207,27 @@ def _lines(source: Source, wanted: Wanted) -> Iterator[LogLine]:
 
 def _redacted(source: Source, tail: int, since: str, follow: bool) -> Iterator[LogLine]:
     """Return the lines of a log, as far as the engine gives it at once."""
-    times: deque[str] = deque()
+    waiting: deque[tuple[str, str]] = deque()
+    """Times and texts that are not yet given: more than one while a secret may go on in the next."""
+    given = False
 
     def texts() -> Iterator[str]:
+        nonlocal given
         log = source.session.container_log(source.container, tail=tail, follow=follow, times=True, since=since)
         for line in log:
+            if given:  # what is left is of lines that one secret made fewer
+                waiting.clear()
+                given = False
             match = _TIME.match(line)
-            times.append(match[1] if match else "")
-            yield line[match.end() :] if match else line
+            waiting.append((match[1], line[match.end() :]) if match else ("", line))
+            yield waiting[-1][1]
 
     for text in redact_lines(texts()):
-        # of lines that one secret makes one, the first time counts
-        yield LogLine(source=source, time=times.popleft() if times else "", text=text)
+        given = True  # of lines that one secret makes one, the first time counts
+        when, raw = waiting.popleft() if waiting else ("", text)
+        while waiting and raw != text and MASK not in text:
+            when, raw = waiting.popleft()
+        yield LogLine(source=source, time=when, text=text)
 
 
 def _goes_on(source: Source) -> bool:

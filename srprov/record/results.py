@@ -23,6 +23,8 @@ _UNSAFE = frozenset('%\\:*?"<>|')
 """What some file system has no name with; `%` begins what stands for another character."""
 DEEPEST = 100
 """Folders above a file; what lies deeper is listed, and stays where it is."""
+MOST_FOLDERS = 100_000
+"""Of one result; each costs about a KiB of memory."""
 _MOST_SYNCED = 1000
 """Files that are synced one by one; with more, the whole disk is quicker."""
 _LONGEST_NAME = 200
@@ -51,6 +53,10 @@ class Kept:
 
 class LogTooLong(Exception):
     """A log has more than is brought home of one; what is here is its beginning."""
+
+
+class TooManyFolders(Exception):
+    """A result has more folders than are made here."""
 
 
 def write_log(lines: Iterator[str], path: Path) -> None:
@@ -88,7 +94,7 @@ def is_safe_name(path: str) -> bool:
 class Names:
     """The names in a folder that is made here: each is harmless, and no two are the same even where case is not."""
 
-    __slots__ = ("_folders", "_last", "_names", "_used")
+    __slots__ = ("_folders", "_last", "_made", "_names", "_used")
 
     def __init__(self) -> None:
         self._folders: dict[str, Names] = {}
@@ -96,14 +102,25 @@ class Names:
         self._used: set[str] = set()
         self._last: dict[str, int] = {}
         """Name without case -> the last number that was given for it."""
+        self._made = 0
+        """Folders at any depth; counted where names are asked for."""
 
     def name(self, parts: list[str]) -> str:
-        """Return where a file is put: each part of its path under a name of its own."""
+        """Return where a file is put: each part of its path under a name of its own.
+
+        Raises:
+            TooManyFolders: They are more than `MOST_FOLDERS`.
+        """
         folder, names = self, []
-        for part in parts:
+        for part in parts[:-1]:
             names.append(folder._own(part))
-            folder = folder._folders.setdefault(part, Names())
-        return "/".join(names)
+            if part not in folder._folders:
+                self._made += 1
+                if self._made > MOST_FOLDERS:
+                    raise TooManyFolders(f"it has more than {MOST_FOLDERS} folders")
+                folder._folders[part] = Names()
+            folder = folder._folders[part]
+        return "/".join([*names, folder._own(parts[-1])])
 
     def _own(self, part: str) -> str:
         if part not in self._names:

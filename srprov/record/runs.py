@@ -88,7 +88,8 @@ def trials_run(folder: Path, *, whole: bool = True) -> TrialsRun:
         UsageError: The folder holds none, or not what a run writes.
     """
     kept: list[Mapping[str, Any]] = []
-    first, last, asked, cells = None, None, 0, 0
+    first, last, asked, cells, ends = None, None, 0, 0, 0
+    columns: set[str] = set()
     for event in journal.look(folder, _MOST_JOURNAL):
         first, last = first or event, last if last and event["event"] in (DISCARD, RERUN) else event
         if event["event"] in ("run", "resume"):
@@ -96,10 +97,13 @@ def trials_run(folder: Path, *, whole: bool = True) -> TrialsRun:
         elif event["event"] == "end":
             row, more = _row(folder, mapping(event.get("row")))
             kept.append({"event": "end", "row": row if whole else {key: row[key] for key in ("trial", "status")}})
-            cells += more
+            cells, ends = cells + more, ends + 1
+            columns.update(row)
         elif event["event"] in (DISCARD, RERUN):
             kept.append(event)
-        if cells > _MOST_CELLS:
+        if len(columns) > _MOST_COLUMNS:
+            raise UsageError(f"{folder}: its attempts have more than {_MOST_COLUMNS} columns", hint="read its tables")
+        if max(cells, ends * len(columns)) > _MOST_CELLS:  # a table has a cell of each column for each
             raise UsageError(f"{folder}: its attempts have more than {_MOST_CELLS} numbers", hint="read its tables")
     if first is None or last is None or first["event"] != "run":
         raise UsageError(f"{folder} holds no run of trials", hint="`srprov runs` lists runs")
@@ -144,14 +148,17 @@ def kept_runs(folder: Path) -> Iterator[KeptRun | UsageError]:
         UsageError: The folder cannot be read.
     """
     try:
-        inside = [] if _is_run(folder) else sorted(one for one in folder.iterdir() if _is_run(one))
+        inside = [folder] if _is_run(folder) else sorted(folder.iterdir())
     except OSError as error:
         raise UsageError(f"{folder}: {error.strerror}", hint="name a folder with runs") from None
-    for path in inside or [folder] * _is_run(folder):
+    for path in inside:
         try:
-            yield kept_run(path)
+            if path == folder or _is_run(path):
+                yield kept_run(path)
         except UsageError as error:
             yield error
+        except OSError as error:
+            yield UsageError(f"{path}: {error.strerror}", hint="ask its owner for access")
 
 
 def _is_run(folder: Path) -> bool:

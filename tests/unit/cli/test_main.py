@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import subprocess
 import sys
 from collections.abc import Iterator
 
@@ -58,3 +59,35 @@ def test_arguments_that_may_be_left_out_are_in_brackets(name: str) -> None:
         if isinstance(one, click.Argument):
             shown = one.make_metavar(context)
             assert shown.startswith("[") is not one.required, f"{name} {shown}"
+
+
+_ENDS = """
+import sys, threading
+from srprov.cli import main
+from srprov.linear_regex import compiled
+
+begun = threading.Event()
+
+def search():
+    one = compiled("never")
+    while True:
+        one.search("x" * 200)
+        begun.set()
+
+def run():
+    for _ in range(3):
+        threading.Thread(target=search, daemon=True).start()
+    begun.wait()
+    print("said")
+    return 130
+
+main.run = run
+main.entry()
+"""
+
+
+def test_threads_that_still_match_lines_do_not_abort_the_process() -> None:
+    """An interpreter that is taken apart ends threads in the middle of C++, which ends the process with SIGABRT."""
+    for _ in range(5):
+        done = subprocess.run([sys.executable, "-c", _ENDS], capture_output=True, text=True, timeout=60)
+        assert (done.returncode, done.stdout, done.stderr) == (130, "said\n", "")

@@ -212,3 +212,39 @@ def test_a_picture_of_nothing_is_refused(
     kept(home / "trials" / "one", ended(TRIALS[0], "ok", m_time=1.0))
     assert says in shown(capsys, *words, code=5)[1]
     assert not Path("x.svg").exists()
+
+
+def test_a_table_of_too_many_columns_is_refused(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Each attempt may have few; the table has those of all."""
+    rows = [{**ended(TRIALS[0], "ok"), **{f"m_{n}_{column}": 1 for column in range(300)}} for n in range(4)]
+    kept(home / "trials" / "one", *rows)
+    assert "its attempts have more than 1000 columns" in shown(capsys, "show", "one", code=5)[1]
+
+
+def test_a_table_of_too_many_cells_is_refused(
+    home: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("srprov.record.runs._MOST_CELLS", 10_000)
+    wide = {**ended(TRIALS[0], "ok"), **{f"m_{column}": 1 for column in range(500)}}
+    kept(home / "trials" / "one", wide, *[ended(TRIALS[1], "ok")] * 30)
+    assert "its attempts have more than 10000 numbers" in shown(capsys, "show", "one", code=5)[1]
+
+
+def test_a_run_without_access_is_named_and_the_others_are_listed(
+    home: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from srprov.record import runs as kept_here
+
+    for name in ("one", "two", "three"):
+        kept(home / "trials" / name, ended(TRIALS[0], "ok"))
+    look = kept_here.is_trials
+
+    def closed(folder: Path) -> bool:
+        if folder.name == "three":
+            raise PermissionError(13, "Permission denied", str(folder))
+        return look(folder)
+
+    monkeypatch.setattr(kept_here, "is_trials", closed)
+    lines, said = shown(capsys, str(home / "trials"))
+    assert [line.split()[-1] for line in lines[1:]] == [str(home / "trials" / one) for one in ("one", "two")]
+    assert said == f"warning: {home / 'trials' / 'three'}: Permission denied\n"

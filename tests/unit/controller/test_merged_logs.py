@@ -155,6 +155,26 @@ def test_a_log_without_end_is_cut_and_said(monkeypatch: pytest.MonkeyPatch) -> N
     assert len(found) < 1200 and found[-1] == "lost x"
 
 
+def test_a_log_of_empty_lines_has_an_end_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("srprov.controller.merged_logs.MOST_BYTES", 1 << 16)
+    found = told(source("x", Played(itertools.repeat(at(1, "")))), tail=-1)
+    assert len(found) < 2000 and found[-1] == "lost x"
+
+
+def test_lines_after_a_secret_of_several_lines_keep_their_times() -> None:
+    Secret("open sesame\nnow")
+    try:
+        texts = ["xx", "say open sesame", "now you go", "yy", "zz"]
+        log = Played([at(second, text) for second, text in enumerate(texts)])
+        with MergedLogs([source("x", log)], Wanted(tail=-1)) as merged:
+            found = [one for some in merged.all() for one in some if isinstance(one, LogLine)]
+        assert [(one.time[17:19], one.text) for one in found] == [
+            ("00", "xx"), ("01", "say *** you go"), ("03", "yy"), ("04", "zz"),
+        ]  # fmt: skip
+    finally:
+        forget()
+
+
 def test_secrets_are_taken_out_before_lines_are_put_in_order() -> None:
     Secret("open sesame\nnow")
     try:

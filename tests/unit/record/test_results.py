@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import cast
 
 import pytest
 
 from srprov.controller.bringing import Bringing, Home
-from srprov.execution.collect import Place, Robot
+from srprov.execution.collect import CollectFailed, Place, Robot
 from srprov.execution.listing import Entry
 from srprov.record import results
 from srprov.record.results import LogTooLong, Names, write_log
@@ -40,6 +41,17 @@ def test_what_lies_too_deep_is_listed(tmp_path: Path) -> None:
     kept = bounded(lambda: bringing.all(listed))
     assert [one.name for one in kept] == ["", "", ""]
     assert kept[1].path == deep and kept[1].note == "it lies deeper than 100 folders"
+
+
+def test_a_result_of_too_many_folders_fails_by_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(results, "MOST_FOLDERS", 1000)
+    robot = cast(Robot, SimpleNamespace(host="robot1"))
+    bringing = Bringing(robot, Place(root="/v", path="data"), tmp_path, Home(tmp_path / "parts"))
+    listed = [Entry(f"{number}/" + "a/" * 9 + "f", "f", 1, "0" * 64) for number in range(101)]
+    with pytest.raises(CollectFailed, match="robot1: data: it has more than 1000 folders"):
+        bringing.once(listed)
+    assert len(named(one.path for one in listed[:100])) == 100
+    assert len(set(named(f"d/{number}" for number in range(2000)))) == 2000, "files are no folders"
 
 
 def test_a_log_has_a_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
