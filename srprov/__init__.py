@@ -17,6 +17,7 @@ rooms stand in that order; `tests/test_rooms.py` holds them to it:
     modules/      one file per kind of resource: queries, parse, check, commands; pure
     planning/     desired and found -> Plan, as text and as JSON; pure
     execution/    Plan and sessions -> RunResult; the only room that changes robots
+    trials/       which trials there are, and what came of them; pure
     record/       the folder on the controller that keeps a run: inputs, facts, plan, events, result
     lab/          the embedded lab: robots on this machine
 

@@ -50,6 +50,8 @@ def exec(
 ) -> int:  # fmt: skip
     """Run a command in the container of a service, and end with its exit code; with 255 when it could not be run.
 
+    A command line that srprov does not understand ends with 5.
+
     SERVICE is a name of the EDF that runs once, a replica, or SERVICE@ROBOT. The command's words are passed on as they
     are, without a shell. Standard input is passed on unless it is a terminal; with -t, a terminal is.
     """

@@ -40,7 +40,7 @@ def _tail(_context: click.Context, _option: click.Parameter, text: str | None) -
 @options.quietly_robots
 @options.INSTANCE
 @click.option("-n", "--tail", callback=_tail, default=None, metavar="LINES",
-              help="Lines of each service from the end, or all (default: 100; all with --since).")  # fmt: skip
+              help="Lines of each container from the end, or all (default: 100; all with --since).")  # fmt: skip
 @click.option("--since", callback=read_since, default=None, metavar="TIME",
               help="Only what was printed since: 10m, 1h30m, or 2026-11-22T10:00:00Z.")  # fmt: skip
 @click.option("-t", "--timestamps", is_flag=True, help="Show when each line was printed, by its robot's engine.")

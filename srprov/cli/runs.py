@@ -32,7 +32,8 @@ _SHOWN = ("begun", "verb", "instance", "result", "run")
 def runs(words: tuple[str, ...], runs: Path | None, as_json: bool, svg: str | None, metric: str, over: str) -> int:
     """List the runs that were recorded here, or those in DIR; no robot is asked.
 
-    That is what `apply`, `build`, `images prune` and `destroy` left, and runs of trials, also those that are under way.
+    That is what `apply`, `build`, `stop`, `start`, `restart`, `images prune` and `destroy` left, and runs of trials,
+    also those that are under way.
 
     `srprov runs show RUN` shows how the trials of one ended, with their parameters and metrics. RUN is a name of the
     list, or a folder.

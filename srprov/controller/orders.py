@@ -55,7 +55,7 @@ def make_order(order: Order, there: Whereabouts, snapshot: Snapshot, services: M
             steps.append(replace(step, number=len(steps) + 1))
     notes = [f"{one.where} has no container; `srprov apply` makes one" for one in gone]
     notes += _left_alone(order, here, services)
-    notes += [] if services else ["the EDF is not valid: services are taken in the order of their names"]
+    notes += [] if services else [_without_edf(order)]
     plan = Plan(
         instance=there.instance,
         source="",
@@ -107,6 +107,12 @@ def _step(
 
 def _has_ended(found: Observed) -> bool:
     return bool(found.state["job"]) and found.state["state"] == "exited"
+
+
+def _without_edf(order: Order) -> str:
+    """Return the note that nothing is known of order and jobs."""
+    ended = "; none that has ended is started: name those" if order.verb == "start" and not order.words else ""
+    return f"the EDF is not valid: services are taken in the order of their names{ended}"
 
 
 def _left_alone(order: Order, here: Sequence[Located], services: Mapping[str, Service]) -> list[str]:

@@ -1,6 +1,7 @@
 """The last recorded run of an instance, and the robots on which it did not do all that it should: `@failed`.
 
-Takes the folder of records and an instance; reads the newest record of it; gives a LastRun. A run that came to its end
+Takes the folder of records and an instance; reads the newest record of it that is of no `stop`, `start` or `restart`;
+gives a LastRun. A run that came to its end
 says so in `result.json`. Of one that was killed, plan and events tell how far it came.
 """
 
@@ -15,11 +16,13 @@ from typing import Any
 from srprov import regular_file
 from srprov.errors import UsageError
 from srprov.execution import Outcome
-from srprov.untrusted import parse_json
+from srprov.untrusted import mapping, parse_json, string
 
 _NAME = re.compile(r"(?P<time>\d{8}T\d{6}Z)-(?P<instance>.+)-[0-9a-f]{8}(?:-\d{1,2})?", re.ASCII)
 _LARGEST = 32 * regular_file.MIB
 """Bytes of one file of a record."""
+_HANDLING = frozenset({"stop", "start", "restart"})
+"""Verbs whose records tell nothing of what an instance should be."""
 _DONE = frozenset({Outcome.CHANGED.value, Outcome.UNCHANGED.value})
 
 
@@ -33,15 +36,14 @@ class LastRun:
 
 
 def last_run(root: Path, instance: str) -> LastRun | None:
-    """Read the newest record of an instance below `root`; None when there is none.
+    """Read the newest record of an instance below `root`, as `newest` has it; None when there is none.
 
     Raises:
         UsageError: It cannot be read, or is no record.
     """
-    found = records(root, instance)
-    if not found:
+    path = next(newest(records(root, instance).get(instance, [])), None)
+    if path is None:
         return None
-    path = found[instance][-1]
     try:
         return LastRun(path=path, failed=frozenset(_failed(path)))
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
@@ -66,6 +68,19 @@ def records(root: Path, only: str = "") -> dict[str, list[Path]]:
     except OSError as error:
         raise UsageError(f"{root}: {error.strerror}", hint="name another folder with --runs") from error
     return {instance: sorted(paths, key=_begun) for instance, paths in found.items()}
+
+
+def newest(folders: list[Path]) -> Iterator[Path]:
+    """Return records, the newest first, without those of `stop`, `start` and `restart`: they apply nothing."""
+    return (path for path in reversed(folders) if _verb(path) not in _HANDLING)
+
+
+def _verb(path: Path) -> str:
+    """Return what made a record; empty where it does not say."""
+    try:
+        return string(mapping(record_json(path / "environment.json")).get("verb"))
+    except (OSError, ValueError):
+        return ""
 
 
 def _begun(path: Path) -> tuple[str, int, str]:

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from srprov.errors import UsageError
-from srprov.record.last import record_json, records
+from srprov.record.last import newest, record_json, records
 from srprov.untrusted import mapping, mappings, string
 
 
@@ -20,8 +20,8 @@ def named_images(root: Path) -> dict[str, frozenset[str]]:
     """
     named: dict[str, set[str]] = {}
     for instance, folders in records(root).items():
-        newest = next((path for path in reversed(folders) if (path / "plan.json").exists()), None)
-        for image in _images(newest) if newest else ():
+        last = next((path for path in newest(folders) if (path / "plan.json").exists()), None)
+        for image in _images(last) if last else ():
             named.setdefault(image, set()).add(instance)
     return {image: frozenset(instances) for image, instances in named.items()}
 

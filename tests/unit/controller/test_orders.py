@@ -77,6 +77,8 @@ def test_a_service_that_is_named_is_stopped_and_started_alone() -> None:
     alone = ordered(w, "stop", "base", what=None)
     assert [one.service for one in alone.plan.steps] == ["base"]
     assert "the EDF is not valid: services are taken in the order of their names" in alone.plan.notes
+    (note,) = ordered(w, "start", what=None).plan.notes
+    assert note.endswith("; none that has ended is started: name those")
     with pytest.raises(UsageError, match="hello has no nobody"):
         ordered(w, "stop", "nobody", what=what)
 

@@ -12,7 +12,7 @@ import pytest
 from srprov.cli.inputs import failed_robots, selected
 from srprov.definitions.model import Host, Inventory
 from srprov.errors import UsageError
-from srprov.record import last_run
+from srprov.record import last_run, named_images
 
 
 def record(root: Path, name: str, **files: Any) -> Path:
@@ -54,6 +54,19 @@ def test_only_the_newest_record_of_the_instance_counts(tmp_path: Path) -> None:
     assert last is not None and last.failed == {"late"}
     assert last_run(tmp_path, "nobody") is None
     assert last_run(tmp_path / "none", "hello") is None
+
+
+def test_a_record_of_stop_start_or_restart_hides_neither_failures_nor_images(tmp_path: Path) -> None:
+    """Their plans want nothing, so what `build` and `apply` recorded before them still counts."""
+    step = {"number": 1, "robot": "r1", "module": "image", "name": "srprov/a:1", "want": {"tag": "1"}}
+    built = {"unreachable": {}, "steps": [step], "contexts": {}}
+    record(tmp_path, "20261121T090000Z-hello-aaaaaaaa", plan=built, result=result({"r1": "failed"}))
+    for second, verb in enumerate(("stop", "start", "restart")):
+        later = record(tmp_path, f"20261121T09010{second}Z-hello-bbbbbbbb", plan={"steps": []}, result=result({}))
+        (later / "environment.json").write_text(json.dumps({"verb": verb}))
+    last = last_run(tmp_path, "hello")
+    assert last is not None and last.failed == {"r1"}
+    assert named_images(tmp_path) == {"srprov/a:1": frozenset({"hello"})}
 
 
 def test_of_a_killed_run_events_tell_how_far_it_came(tmp_path: Path) -> None:
