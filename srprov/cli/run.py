@@ -58,8 +58,8 @@ def run(
     """Run the experiment's trials: every combination of its parameters, as often as the EDF says.
 
     Each trial makes its containers anew, waits until it has ended, brings logs and results home, and removes them.
-    Ctrl-C ends the run after the present trial, a second one at once; --resume goes on. All robots are needed: --unreachable can
-    only be `fail`.
+    Ctrl-C ends the run after the present trial, a second one at once; --resume goes on.
+    Trials need all their robots: --unreachable can only be `fail`.
     """
     from srprov.controller.secrets import read_secrets
     from srprov.controller.source import read_definitions

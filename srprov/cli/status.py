@@ -38,10 +38,9 @@ def status(
 ) -> int:  # fmt: skip
     """Show the running experiment; without FILE and --instance, every instance on the robots.
 
-    PROBLEM names what is missing or wrong, with FILE also services that were never placed. `srprov apply`
-    mends it, except for jobs that failed or were stopped and services that are unhealthy: `srprov restart` is for those.
-
-    Services that only trials have are not missing while none of them has a container.
+    PROBLEM names what is missing or wrong, with FILE also services that were never placed. `srprov apply` mends it,
+    except for jobs that failed or were stopped and unhealthy services: `srprov restart` is for those. Services that
+    only trials have are not missing while none of them has a container.
 
     With --watch, CPU is of one processor, and memory without the files that are cached.
 
