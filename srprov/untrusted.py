@@ -35,13 +35,15 @@ _CONTAINERS: frozenset[type] = frozenset({dict, list})
 _TOO_DEEP = f"it is nested more than {MAX_JSON_DEPTH} levels deep"
 
 
-def parse_json(source: str, *, max_characters: int = MAX_JSON_CHARACTERS, wide: bool = False) -> Any:  # noqa: ANN401 - JSON is any
+def parse_json(
+    source: str, *, max_characters: int = MAX_JSON_CHARACTERS, max_values: int = MAX_JSON_VALUES, wide: bool = False
+) -> Any:  # noqa: ANN401 - JSON is any
     """Return a file's JSON, with numbers that can be calculated with; with `wide`, fractions as large as floats are.
 
     Raises:
         ValueError: It is no JSON, is too long or nested too deeply, or has a number that is not finite or too large.
     """
-    return _parse(source, _WIDE_DECODER if wide else _FILE_DECODER, max_characters)
+    return _parse(source, _WIDE_DECODER if wide else _FILE_DECODER, max_characters, max_values)
 
 
 def json_or_none(source: str) -> Any:  # noqa: ANN401 - JSON is any; each caller checks the shape that it needs
@@ -58,11 +60,11 @@ def json_or_none(source: str) -> Any:  # noqa: ANN401 - JSON is any; each caller
         return None
 
 
-def _parse(source: str, decoder: json.JSONDecoder, max_characters: int) -> Any:  # noqa: ANN401 - JSON is any
+def _parse(source: str, decoder: json.JSONDecoder, max_characters: int, max_values: int = MAX_JSON_VALUES) -> Any:  # noqa: ANN401 - JSON is any
     if len(source) > max_characters:
         raise ValueError(f"it is longer than {max_characters} characters")
-    if sum(map(source.count, "[{,:")) > MAX_JSON_VALUES:
-        raise ValueError(f"it holds more than {MAX_JSON_VALUES} values")
+    if sum(map(source.count, "[{,:")) > max_values:
+        raise ValueError(f"it holds more than {max_values} values")
     try:
         value = decoder.decode(source)
     except RecursionError:

@@ -63,7 +63,8 @@ class Bringing:
         kept = self.once(entries)
         if any(one.note == _CHANGED for one in kept):
             (again,) = listings(self._robot, [self._place])
-            kept = self.once(again or [])
+            if again is not None:  # gone by now: what did not come is named
+                kept = self.once(again)
         return kept
 
     def once(self, entries: list[Entry]) -> list[Kept]:

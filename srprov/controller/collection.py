@@ -241,6 +241,6 @@ def _earlier(folder: Path) -> Mapping[str, Any]:
         return {}
     try:
         text = regular_file.read_text(path, _MOST_LISTED)
-        return mapping(parse_json(text, max_characters=_MOST_LISTED))
+        return mapping(parse_json(text, max_characters=_MOST_LISTED, max_values=_MOST_LISTED))
     except (OSError, ValueError) as error:
         raise UsageError(f"{path}: {error}", hint="name another folder with -o") from error

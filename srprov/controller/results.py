@@ -75,7 +75,7 @@ def bring_results(
             whole = places[result].path == "."
             below = folder / (result.path if whole else posixpath.dirname(result.path)).strip("/")
             bringing = Bringing(robot, places[result], below, home)
-            found[result] = checked(below, bringing.all(entries))
+            found[result] = checked(below, bringing.all(entries), home.parts)
             brought = Brought(brought.files + bringing.fetched_files, brought.bytes + bringing.fetched_bytes)
     return found, brought
 

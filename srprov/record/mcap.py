@@ -24,8 +24,8 @@ _CHUNK_HEAD = struct.Struct("<QQQII")
 _PIECE = 1 << 20
 
 
-def recover(path: Path, target: Path) -> bool:
-    """Write what can be read of a recording beside it; return whether there is anything.
+def recover(path: Path, target: Path, part: Path) -> bool:
+    """Write what can be read of a recording to a target, by way of a part; return whether there is anything.
 
     Raises:
         OSError: It cannot be written.
@@ -33,7 +33,6 @@ def recover(path: Path, target: Path) -> bool:
     with path.open("rb") as source:
         if source.read(len(MAGIC)) != MAGIC:
             return False
-        part = target.with_name(f"{target.name}.part")
         stream, _ = open_part(part)
         with stream:
             stream.write(MAGIC)

@@ -5,12 +5,13 @@ Takes files that were put in a folder right before, of somebody else's making; r
 
 from __future__ import annotations
 
+import errno
 import posixpath
 import re
 import struct
 from collections.abc import Sequence, Set
 from dataclasses import replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 
 from srprov.record.mcap import MAGIC, recover
 from srprov.record.results import Kept
@@ -18,17 +19,26 @@ from srprov.record.results import Kept
 _BAG = b"#ROSBAG V2.0\n"
 _BAG_HEADER = 4096 + 128
 _INDEX = re.compile(rb"\x12\x00\x00\x00index_pos=(.{8})", re.DOTALL)
+_IN_THE_WAY = {errno.EISDIR, errno.ENOTDIR, errno.EEXIST, errno.ENOTEMPTY, errno.ENAMETOOLONG}
 _KILLED = "its recorder did not close it"
 
 
-def checked(folder: Path, kept: Sequence[Kept]) -> list[Kept]:
+def checked(folder: Path, kept: Sequence[Kept], parts: Path) -> list[Kept]:
     """Return the entries of a result, with what is to be said of recordings among them.
+
+    Args:
+        folder: Where they are.
+        kept: The entries.
+        parts: A folder for what is not whole, on the same disk.
 
     Raises:
         OSError: A recovered file cannot be written.
     """
-    here = {one.name: one for one in kept if one.name}
-    return [_checked(folder, one, here.keys()) if one.name else one for one in kept]
+    names = {one.name for one in kept if one.name}
+    folders = {str(parent) for name in names for parent in PurePosixPath(name).parents}
+    taken = {name.casefold() for name in names | folders}
+    found = [_checked(folder, one, names) if one.name else one for one in kept]
+    return [_recovered(folder, one, taken, parts) if one.unclosed.startswith("MCAP") else one for one in found]
 
 
 def in_words(one: Kept) -> str:
@@ -51,12 +61,26 @@ def _checked(folder: Path, one: Kept, names: Set[str]) -> Kept:
     return one
 
 
+def _recovered(folder: Path, one: Kept, taken: Set[str], parts: Path) -> Kept:
+    """Recover a recording beside it, unless that takes the place of something that came home."""
+    name = f"{one.name.removesuffix('.mcap')}.recovered.mcap"
+    refused = replace(one, unclosed=f"{one.unclosed}; it was not recovered: {name} is in the way")
+    if name.casefold() in taken:
+        return refused
+    part = parts / "recovered"
+    try:
+        return replace(one, recovered=name) if recover(folder / one.name, folder / name, part) else one
+    except OSError as error:
+        if error.errno not in _IN_THE_WAY:
+            raise
+        part.unlink(missing_ok=True)
+        return refused
+
+
 def _mcap(folder: Path, one: Kept, names: Set[str]) -> Kept:
     path = folder / one.name
     if not _ends_with(path, MAGIC):
-        name = f"{one.name.removesuffix('.mcap')}.recovered.mcap"
-        recovered = name not in names and recover(path, folder / name)
-        return replace(one, unclosed=f"MCAP: {_KILLED}", recovered=name if recovered else "")
+        return replace(one, unclosed=f"MCAP: {_KILLED}")
     parent = path.parent.name
     if re.fullmatch(rf"{re.escape(parent)}_[0-9]+\.mcap", path.name) and _lacks_metadata(one.name, names):
         return replace(one, unclosed=f"rosbag2: no metadata.yaml, {_KILLED}; ros2 bag reindex makes it")

@@ -67,15 +67,19 @@ def write_log(lines: Iterator[str], path: Path) -> None:
         OSError: It cannot be written.
     """
     private.make_folder(path.parent)
-    path.unlink(missing_ok=True)
+    part = path.with_name(f"{path.name}.part")
+    part.unlink(missing_ok=True)
     left = MOST_LOG
-    with private.open_new(path) as stream:
+    with private.open_new(part) as stream:
         for line in redact_lines(lines):
             data = line.encode("utf-8", "replace") + b"\n"
             left -= len(data)
             if left < 0:
-                raise LogTooLong(f"its log has more than {MOST_LOG >> 20} MiB")
+                break
             stream.write(data)
+    part.replace(path)  # what an earlier call brought stays until there is a new one
+    if left < 0:
+        raise LogTooLong(f"its log has more than {MOST_LOG >> 20} MiB")
 
 
 def log_lines(path: Path) -> Iterator[tuple[str, str]]:

@@ -36,7 +36,7 @@ def recording(compression: CompressionType = CompressionType.ZSTD) -> bytes:
 
 def looked_at(folder: Path, names: Iterable[str]) -> dict[str, Kept]:
     kept = [Kept(path=name, name=name, size=(folder / name).stat().st_size) for name in names]
-    return {one.path: one for one in checked(folder, kept)}
+    return {one.path: one for one in checked(folder, kept, folder.with_name(f"{folder.name}.parts"))}
 
 
 def numbers(path: Path) -> list[int]:
@@ -121,3 +121,29 @@ def test_other_recordings_that_were_not_closed_are_named(tmp_path: Path) -> None
         "torn.bag", "empty.bag", "run.bag.active", "cut/cut_0.db3", "cut/cut_0.db3-wal", "two/two_0.mcap",
     }  # fmt: skip
     assert "rosbag reindex" in found["torn.bag"].unclosed and "metadata.yaml" in found["two/two_0.mcap"].unclosed
+
+
+@pytest.mark.parametrize("other", ["x.recovered.mcap/y", "X.Recovered.mcap", "x.recovered.mcap.part/y"])
+def test_what_came_home_is_never_replaced_by_what_is_recovered(tmp_path: Path, other: str) -> None:
+    (tmp_path / "x.mcap").write_bytes(recording()[:-100])
+    (tmp_path / other).parent.mkdir(exist_ok=True)
+    (tmp_path / other).write_bytes(b"RESULT")
+    one = looked_at(tmp_path, ["x.mcap", other])["x.mcap"]
+    free = ".part" in other
+    assert bool(one.recovered) == free
+    assert ("it was not recovered" in one.unclosed) != free
+    assert (tmp_path / other).read_bytes() == b"RESULT"
+
+
+def test_a_result_with_the_name_of_a_part_stays(tmp_path: Path) -> None:
+    (tmp_path / "x.mcap").write_bytes(recording()[:-100])
+    (tmp_path / "x.recovered.mcap.part").write_bytes(b"RESULT")
+    assert looked_at(tmp_path, ["x.mcap", "x.recovered.mcap.part"])["x.mcap"].recovered == "x.recovered.mcap"
+    assert (tmp_path / "x.recovered.mcap.part").read_bytes() == b"RESULT"
+
+
+def test_a_folder_of_an_earlier_call_is_not_replaced(tmp_path: Path) -> None:
+    (tmp_path / "x.mcap").write_bytes(recording()[:-100])
+    (tmp_path / "x.recovered.mcap").mkdir()
+    one = looked_at(tmp_path, ["x.mcap"])["x.mcap"]
+    assert not one.recovered and "it was not recovered" in one.unclosed

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
@@ -10,6 +10,7 @@ from typing import cast
 import pytest
 
 from srprov.controller.bringing import Bringing, Home
+from srprov.controller.collection import check_folder
 from srprov.execution.collect import CollectFailed, Place, Robot
 from srprov.execution.listing import Entry
 from srprov.record import results
@@ -61,3 +62,36 @@ def test_a_log_has_a_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
     assert path.stat().st_size == 5 << 20
     with pytest.raises(LogTooLong, match="its log has more than 5 MiB"):
         write_log(iter(["x" * 1023] * 5121), path)
+
+
+def test_a_log_stays_until_the_new_one_is_whole(tmp_path: Path) -> None:
+    def lost() -> Iterable[str]:
+        yield "the first line"
+        raise ConnectionError
+
+    path = tmp_path / "a.log"
+    write_log(iter(["the old log"]), path)
+    with pytest.raises(ConnectionError):
+        write_log(iter(lost()), path)
+    assert path.read_text() == "the old log\n"
+
+
+def test_what_is_gone_at_the_second_listing_is_no_empty_success(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def nothing(*_: object) -> Iterator[bytes]:
+        yield b"x"
+        raise CollectFailed("r1: it is gone")
+
+    monkeypatch.setattr("srprov.controller.bringing.fetch_file", nothing)
+    monkeypatch.setattr("srprov.controller.bringing.listings", lambda *_: [None])
+    robot = cast(Robot, SimpleNamespace(host="r1"))
+    bringing = Bringing(robot, Place(root="/v", path="data"), tmp_path / "to", Home(parts=tmp_path / "parts"))
+    (one,) = bringing.all([Entry("big", "f", 20 << 20, "0" * 64)])
+    assert one.failed and not one.name
+
+
+def test_an_own_list_of_many_files_or_odd_names_can_be_read_again(tmp_path: Path) -> None:
+    name = ":" * 2_000_001
+    (tmp_path / "collected.json").write_text(f'{{"instance": "x", "results": {{"a": [{{"path": "{name}"}}]}}}}')
+    check_folder(tmp_path, "x")
