@@ -11,7 +11,7 @@ import click
 from srprov.cli import inputs, options
 from srprov.cli.codes import FAILED, UNREACHABLE
 from srprov.cli.output import counted, err, out, out_json, tell_unreachable
-from srprov.errors import visible
+from srprov.errors import UsageError, visible
 
 
 @click.command()
@@ -41,7 +41,11 @@ def collect(
     name = inputs.named_instance(file, instance)[0]
     check_folder(target, name)
     with inputs.connect(inventory, timeout, forks) as fleet:
-        document = bring(fleet, experiment, name, target, lambda text: err(visible(text)))
+        try:
+            document = bring(fleet, experiment, name, target, lambda text: err(visible(text)))
+        except OSError as error:
+            hint = "what is in the folder is whole; collect again when that is mended"
+            raise UsageError(f"{error.filename or target}: {error.strerror or error}", hint=hint) from error
     if as_json:
         out_json({"folder": str(target), **document})
     else:

@@ -21,7 +21,7 @@ from srprov.controller.fleet import Fleet
 from srprov.controller.results import Brought, bring_log, bring_results
 from srprov.controller.status import containers_of
 from srprov.controller.trial_files import listed
-from srprov.controller.trial_folder import check_new, check_own
+from srprov.controller.trial_folder import alone, check_new, check_own
 from srprov.definitions.expand import expand
 from srprov.definitions.model import Experiment
 from srprov.definitions.trialsmodel import Result
@@ -86,22 +86,23 @@ def collect(fleet: Fleet, experiment: Experiment, instance: str, folder: Path, s
     """Bring home what there is, and return what `collected.json` says.
 
     Raises:
-        UsageError: Nothing of the instance is on the robots.
+        UsageError: Nothing of the instance is on the robots, or another srprov works in the folder.
         OSError: Something cannot be written here.
     """
     snapshot = fleet.gather(Detail.TRAFFIC, keep_mute=True)
     services = _services(snapshot, experiment, instance)
     private.make_folder(folder)
-    earlier = _earlier(folder)
-    if not earlier:  # from now on the folder is of this instance, also when this is killed
-        _keep(folder, "collected.json", {"instance": instance, "robots": {}, "results": {}})
-    facts = facts_document(snapshot.facts, snapshot.unreachable)
-    _keep(folder, "facts.json", facts)
-    found = _all(fleet, services, folder, say)
-    document = _document(instance, services, found, snapshot.unreachable, earlier)
-    inspected = {name: value for one in found.values() for name, value in one.inspected.items()}
-    _keep(folder, "containers.json", inspected)
-    _keep(folder, "collected.json", document)
+    with alone(folder):
+        earlier = _earlier(folder)
+        if not earlier:  # from now on the folder is of this instance, also when this is killed
+            _keep(folder, "collected.json", {"instance": instance, "robots": {}, "results": {}})
+        facts = facts_document(snapshot.facts, snapshot.unreachable)
+        _keep(folder, "facts.json", facts)
+        found = _all(fleet, services, folder, say)
+        document = _document(instance, services, found, snapshot.unreachable, earlier)
+        inspected = {name: value for one in found.values() for name, value in one.inspected.items()}
+        _keep(folder, "containers.json", inspected)
+        _keep(folder, "collected.json", document)
     return document
 
 

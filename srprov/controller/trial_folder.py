@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
 import os
 import stat
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from srprov import private
@@ -60,3 +62,23 @@ def check_own(folder: Path, inside: Sequence[str] = ("trials",)) -> None:
         if not stat.S_ISDIR(about.st_mode) or about.st_uid != os.geteuid() or about.st_mode & 0o022:
             hint = "go on only with what is your own, in a folder that nobody else can write to"
             raise RefusedError(f"{one} is a link, somebody else's, or writable by others", hint=hint)
+
+
+@contextlib.contextmanager
+def alone(folder: Path) -> Iterator[None]:
+    """Keep any other srprov out of a folder; whoever dies lets go of it.
+
+    Raises:
+        UsageError: Another one works in it.
+        OSError: It is gone.
+    """
+    descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        os.close(descriptor)
+        raise UsageError(f"another srprov works in {folder}", hint="wait until it has ended") from None
+    try:
+        yield
+    finally:
+        os.close(descriptor)
