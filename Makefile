@@ -10,7 +10,7 @@ WORKERS ?= 2
 FUZZ_SECONDS ?= 3600
 PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
-.PHONY: help setup demo test unit soak lint fmt type clean bench-assignment bench-transfer bench-images bench-provisioning bench-trials
+.PHONY: help setup demo test unit soak lint fmt type clean bench-assignment bench-transfer bench-images bench-provisioning bench-trials bench-network bench-containers
 
 help: ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | column -t -s '|' 2>/dev/null \
@@ -42,8 +42,10 @@ bench-assignment: setup ## the assignment: the paper's experiment, and how fast 
 	@$(BIN)/python -m benchmarks.assignment.paper
 	@$(BIN)/python -m benchmarks.assignment.whole
 	@$(BIN)/python -m benchmarks.assignment.scaling
+	@$(BIN)/python -m benchmarks.assignment.contours
+	@$(BIN)/python -m benchmarks.paper
 
-bench-images: setup ## srprov beside other ways to bring images to robots (needs root; 25 minutes, more of it in benchmarks/images)
+bench-images: setup ## srprov beside other ways to bring images to robots (needs root; an hour, more of it in benchmarks/images)
 	@$(BIN)/pip install -q -e '.[bench]'
 	@$(BIN)/python -m benchmarks.images.demo
 	@$(BIN)/python -m benchmarks.images.compare --robots 12 --tools thin,parallel,pull --cases fresh,nothing,two --repeat 1
@@ -63,6 +65,17 @@ bench-provisioning: setup ## srprov beside other tools on the lab (needs root; h
 	@$(BIN)/python -m benchmarks.provisioning.surface
 	@$(BIN)/python -m benchmarks.provisioning.hundred
 	@$(BIN)/python -m benchmarks.provisioning.thousand
+
+bench-network: setup ## what overlays cost: native, host network, srprov's, in WireGuard, Swarm's (needs root; installs iperf3, qperf; 40 minutes)
+	@$(BIN)/pip install -q -e '.[bench]'
+	@$(BIN)/python -m benchmarks.network.compare --links limited
+	@$(BIN)/python -m benchmarks.network.compare --links full --repeat 40 --more
+	@$(BIN)/python -m benchmarks.network.quote
+
+bench-containers: setup ## what a container costs beside native: CPU, memory, vision (needs root; 15 minutes)
+	@$(BIN)/pip install -q -e '.[bench]'
+	@$(BIN)/python -m benchmarks.containers.compare
+	@$(BIN)/python -m benchmarks.containers.quote
 
 bench-trials: setup ## what a trial costs beside its services' time, and what shell loops cost (needs root; half an hour)
 	@$(BIN)/python -m benchmarks.trials.compare

@@ -19,6 +19,7 @@ rooms stand in that order; `tests/test_rooms.py` holds them to it:
     execution/    Plan and sessions -> RunResult; the only room that changes robots
     trials/       which trials there are, and what came of them; pure
     record/       the folder on the controller that keeps a run: inputs, facts, plan, events, result
+    evidence/     a run of trials as one file, and whether such a file is true
     lab/          the embedded lab: robots on this machine
 
 Beside them stand values that rooms share: wire.py, session.py, resource.py, errors.py, names.py, private.py, secret.py,

@@ -1,10 +1,11 @@
-"""How many examples property tests take, and in which order two processes take the files.
+"""How many examples property tests take, in which order two processes take the files, and whose memory they have.
 
 Few examples by default, many with HYPOTHESIS_PROFILE=long, as `make soak` has it.
 """
 
 from __future__ import annotations
 
+import itertools
 import os
 from pathlib import Path
 
@@ -27,6 +28,21 @@ settings.load_profile(PROFILE)
 LONGEST = ["test_examples", "test_failures", "test_changes", "test_drift", "test_faults", "test_lab_faults"]
 """Files of tests/lab by how long they take; the others are shorter."""
 
+_COUNT = itertools.count()
+
+
+@pytest.fixture(autouse=True)
+def no_memory(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Begin every test without the memory of runs before it, or of those in another process beside it.
+
+    Those of the lab share what their own session remembers. The folder is there once something is written to it.
+    """
+    if not _in_lab(request.path):
+        state = tmp_path_factory.getbasetemp() / "states" / str(next(_COUNT))
+        monkeypatch.setenv("XDG_STATE_HOME", str(state))
+
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Leave out what is too long for every day, unless SRPROV_SOAK asks for it.
@@ -42,5 +58,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def _place(path: Path) -> tuple[bool, int]:
-    in_lab = path.parent.name == "lab" and path.parent.parent.name == "tests"
-    return not in_lab, LONGEST.index(path.stem) if path.stem in LONGEST else len(LONGEST)
+    return not _in_lab(path), LONGEST.index(path.stem) if path.stem in LONGEST else len(LONGEST)
+
+
+def _in_lab(path: Path) -> bool:
+    return path.parent.name == "lab" and path.parent.parent.name == "tests"

@@ -33,7 +33,13 @@ class Link:
     local: str = ""
     port: int = 0
     learning: bool = True
+    port_learning: bool = True
     snooping: int = 1
+    mac: str = "32:c9:e1:a4:4d:e8"
+    services: frozenset[str] = frozenset()
+    """Addresses with the label of services."""
+    notifies: bool = False
+    source_ports: tuple[int, int] = (0, 0)
 
 
 @dataclass
@@ -43,8 +49,12 @@ class Kernel:
     address: str
     links: dict[str, Link] = field(default_factory=dict)
     fdb: set[tuple[str, str, str]] = field(default_factory=set)
+    bridge_fdb: set[tuple[str, str]] = field(default_factory=set)
+    """Static entries of bridges, by port and MAC."""
     found: set[str] = field(default_factory=set)
     """Bridges that were there before their network: the engine never removes them."""
+    filters: dict[str, list[str]] = field(default_factory=dict)
+    """Name of a VXLAN filter -> its rules in nftables."""
 
     def add_bridge(self, name: str, mtu: int) -> None:
         """What the engine does when it makes a network."""
@@ -65,7 +75,23 @@ class Kernel:
         """Links that nobody makes anew are gone; the engine makes its bridges again."""
         bridges = [link for link in self.links.values() if link.kind == "bridge"]
         self.links = {link.name: Link(link.name, "bridge", mtu=link.mtu, up=True) for link in bridges}
-        self.fdb = set()
+        self.fdb, self.bridge_fdb = set(), set()
+        self.filters = {}
+
+    def show_filters(self) -> str:
+        """Print what the query of filters prints."""
+        return "".join(f"{rule}\n" for rules in self.filters.values() for rule in rules)
+
+    def filter(self, script: str) -> bool:
+        """Run a script of a filter, with an nft that works; return whether it was one."""
+        if not script.startswith(("if nft -f -", "nft -f -")):
+            return False
+        text = script.partition("_END_OF_RULES_'")[2].partition("\n_END_OF_RULES_\n")[0]
+        (name,) = set(re.findall(r"delete table \w+ (\w+)", text))
+        rules = [line.strip() for line in text.splitlines() if "comment" in line]
+        self.filters.pop(name, None)
+        self.filters |= {name: rules} if rules else {}
+        return True
 
     def show_addresses(self) -> str:
         """Print `ip -j -d addr show`."""
@@ -80,7 +106,7 @@ class Kernel:
                 "addr_info": [{"family": "inet", "local": self.address, "prefixlen": 24, "scope": "global"}],
             }
         ]
-        rest = [self._json(i, link) | {"addr_info": []} for i, link in enumerate(self.links.values(), start=3)]
+        rest = [self._json(i, link) for i, link in enumerate(self.links.values(), start=3)]
         return json.dumps(first + rest)
 
     def show_fdb(self) -> str:
@@ -92,6 +118,9 @@ class Kernel:
             if link.master:
                 own = {"mac": "32:c9:e1:a4:4d:e8", "ifname": link.name, "flags": [], "master": link.master}
                 shown.append({**own, "state": "permanent"})
+        for device, mac in sorted(self.bridge_fdb):
+            if device in self.links and (master := self.links[device].master):
+                shown.append({"mac": mac, "ifname": device, "flags": [], "master": master, "state": "static"})
         for device, mac, dst in sorted(self.fdb):
             shown.append({"mac": mac, "ifname": device, "dst": dst, "flags": ["self"], "state": "permanent"})
         return json.dumps(shown)
@@ -104,7 +133,11 @@ class Kernel:
         if link.kind == "vxlan":
             local = {"local6" if ":" in link.local else "local": link.local}
             data = {"id": link.vni, **local, "port": link.port, "learning": link.learning, "ttl": 0, "ageing": 300}
-        shown |= {"linkinfo": {"info_kind": link.kind, "info_data": data}, "link_type": "ether"}
+            data["port_range"] = dict(zip(("low", "high"), link.source_ports, strict=True))
+        port = {"info_slave_kind": "bridge", "info_slave_data": {"learning": link.port_learning}} if link.master else {}
+        shown |= {"linkinfo": {"info_kind": link.kind, "info_data": data, **port}, "link_type": "ether"}
+        label = {"family": "inet", "prefixlen": 32, "scope": "global", "label": f"{link.name}:s"}
+        shown |= {"address": link.mac, "addr_info": [{**label, "local": one} for one in sorted(link.services)]}
         return shown | ({"ifalias": link.alias} if link.alias else {})
 
     @staticmethod
@@ -127,6 +160,8 @@ class Kernel:
             return ""
         words = shlex.split(line)
         match words:
+            case ["{", "nft", "list", "table", "bridge", name, *_]:
+                return "" if name in self.filters else "no rules close the overlay"
             case ["ip", "link", "show", "dev", name, ">/dev/null", "2>&1", "||", "exit", "0;", *rest]:
                 return self.run(shlex.join(rest)) if name in self.links else ""
             case ["ip", "link", "show", "dev", name, "type", kind, "2>/dev/null", "|", "grep", "-q", ".", "||", *rest]:
@@ -136,17 +171,29 @@ class Kernel:
                 if self.links.pop(name, None) is None:
                     return f'Cannot find device "{name}"'
                 self.fdb = {entry for entry in self.fdb if entry[0] != name}
+                self.bridge_fdb = {entry for entry in self.bridge_fdb if entry[0] != name}
                 self.found.discard(name)
                 return ""
-            case ["ip", "link", "add", name, "type", "vxlan", "id", vni, "local", ip, "dstport", port, "nolearning"]:
+            case ["ip", "link", "add", name, "type", "vxlan", "id", vni, "local", ip, "dstport", port, *rest]:
+                assert [rest[0], rest[-1], len(rest)] == ["srcport", "nolearning", 4], rest
                 vxlans = [(one.vni, one.port) for one in self.links.values() if one.kind == "vxlan"]
                 same = (int(vni), int(port)) in vxlans
                 if name in self.links or same:
                     return "RTNETLINK answers: File exists"
-                self.links[name] = Link(name, "vxlan", vni=int(vni), local=ip, port=int(port), learning=False)
+                ports = (int(rest[1]), int(rest[2]))
+                self.links[name] = Link(
+                    name, "vxlan", vni=int(vni), local=ip, port=int(port), learning=False, source_ports=ports
+                )
                 return ""
             case ["ip", "link", "set", "dev", name, *rest] if name in self.links:
                 return self._set(self.links[name], rest)
+            case ["ip", "addr", verb, *rest]:
+                return self._address(verb, rest)
+            case ["echo", "1", path] if (name := path.split("/")[-2]) and path.endswith("/arp_notify"):
+                if name not in self.links:
+                    return f"cannot create {path}: Directory nonexistent"
+                self.links[name].notifies = True
+                return ""
             case ["bridge", *rest]:
                 return self._fdb(" ".join(rest))
         if words[:4] == ["ip", "link", "set", "dev"]:
@@ -160,11 +207,37 @@ class Kernel:
             case ["mtu", mtu, "master", master, "up"]:
                 if master not in self.links:
                     return f'Error: argument "{master}" is wrong: Device does not exist'
+                if master != link.master:
+                    link.port_learning = True
+                    self.bridge_fdb = {entry for entry in self.bridge_fdb if entry[0] != link.name}
                 link.mtu, link.master, link.up = int(mtu), master, True
+            case ["type", "bridge_slave", "learning", "off", "fdb_flush"] if link.master:
+                link.port_learning = False
             case ["type", "bridge", "mcast_snooping", value]:
                 link.snooping = int(value)
+            case ["address", mac]:
+                assert link.notifies, "the addresses would not be announced"
+                link.mac = mac
             case _:
                 raise AssertionError(f"the fake kernel knows no ip link set {words}")
+        return ""
+
+    def _address(self, verb: str, words: list[str]) -> str:
+        name = words[words.index("dev") + 1]
+        if name not in self.links:
+            return f'Cannot find device "{name}"'
+        link, one = self.links[name], words[0].removesuffix("/32")
+        match (verb, words):
+            case ("flush", ["dev", _, "label", label]) if label == f"{name}:s":
+                link.services = frozenset()
+            case ("replace", [_, "dev", _, "label", label]) if label == f"{name}:s":
+                link.services |= {one}
+            case ("del", [_, "dev", _]):
+                if one not in link.services:
+                    return "RTNETLINK answers: Cannot assign requested address"
+                link.services -= {one}
+            case _:
+                raise AssertionError(f"the fake kernel knows no ip addr {verb} {words}")
         return ""
 
     def _fdb(self, line: str) -> str:
@@ -182,6 +255,12 @@ class Kernel:
                     self.fdb = {e for e in self.fdb if e[:2] != (device, mac)} | {(device, mac, dst)}
                 else:
                     raise AssertionError(line)
+                return ""
+            case ["fdb", verb, mac, "dev", device, "master", *_]:
+                there = (device, mac) in self.bridge_fdb
+                if device not in self.links or not self.links[device].master or (verb == "del" and not there):
+                    return "RTNETLINK answers: No such file or directory"
+                self.bridge_fdb ^= {(device, mac)} if there == (verb == "del") else set()
                 return ""
         raise AssertionError(f"the fake kernel knows no bridge {line!r}")
 

@@ -8,6 +8,7 @@ know raises.
 
 from __future__ import annotations
 
+import hashlib
 import json
 import re
 import shlex
@@ -31,6 +32,7 @@ from tests.fake_kernel import Disk, Kernel, shell_reply
 __all__ = ["Behaviour", "Entry", "FakeRobot", "Fault", "World"]
 
 _THERE = re.compile(r"\[ -e (\S+) \] \|\| echo ([0-9]+)")
+_FILL = re.compile(r"to=\$\(docker volume .* (\S+)\) && tar -xf (\S+) .*--strip-components=1")
 _TAKE_PLACE = re.compile(r"from=\$\(docker volume .* (\S+)\) && to=\$\(docker volume .* (\S+)\) && sync")
 _LOGS = re.compile(r"docker logs --tail (\d+) (\S+) 2>&1")
 
@@ -183,6 +185,8 @@ class FakeRobot:
         self.commands = 0
         self.listening: list[str] = []
         """Lines of `ss`."""
+        self.spelled = ""
+        """What the probe of that name says."""
         self.gone = False
         self.holder: FakeLockChannel | None = None
         self.busy = False
@@ -242,6 +246,7 @@ class FakeRobot:
             "data": dict(sorted(self.engine.data.items())),
             "links": {n: vars(link).copy() for n, link in sorted(self.kernel.links.items())},
             "fdb": sorted(self.kernel.fdb),
+            "filters": dict(sorted(self.kernel.filters.items())),
             "files": dict(sorted(self.disk.files.items())),
             "modes": dict(sorted(self.disk.modes.items())),
             "trees": dict(sorted(self.disk.trees.items())),
@@ -283,6 +288,7 @@ class FakeRobot:
             MODULES["tree"].queries()[0].command: self.disk.list_trees(),  # type: ignore[union-attr]
             MODULES["secret"].queries()[0].command: self.disk.secrets(),  # type: ignore[union-attr]
             "bridge -j fdb show": self.kernel.show_fdb(),
+            MODULES["vxlan_filter"].queries()[0].command: self.kernel.show_filters(),  # type: ignore[union-attr]
         }
         assert command in answers, f"the fake robot knows no {command!r}"
         return Reply(status=0, out=answers[command])
@@ -301,6 +307,7 @@ class FakeRobot:
             "cpus": "4\n",
             "links": self.kernel.show_addresses(),
             "routes": routes,
+            "spelled": self.spelled,
             "disk": "Filesystem 1024-blocks Used Available Capacity Mounted on\n/dev/sda1 30000000 100 29999900 1% /\n",
         }.get(name, "")
 
@@ -380,8 +387,14 @@ class FakeRobot:
             for name in re.findall(r"srprov\.\S+", run.script)[: 1 if half else None]:
                 self.engine.call(EngineCall(method="POST", path=f"/containers/{name}/stop"))
             return shell_reply("")
+        if match := _FILL.match(run.script):
+            if not half:
+                self.engine.data[match[1]] = hashlib.sha256(self.disk.files.pop(match[2])).hexdigest()
+            return shell_reply("injected failure" if half else "")
         if match := _TAKE_PLACE.match(run.script):
             return shell_reply("injected failure" if half else self.engine.rename_data(match[1], match[2]))
+        if self.kernel.filter(run.script):
+            return shell_reply("")
         said = self.disk.run(run.script)
         if said is not None:
             return shell_reply(said)

@@ -241,8 +241,14 @@ def _date(words: Sequence[str]) -> bool:
 
 
 def _ip(words: Sequence[str]) -> bool:
-    plain = [word for word in words if not word.startswith("-")]
-    flags = [word for word in words if word.startswith("-")]
+    if list(words[:2]) == ["netns", "exec"]:
+        return list(words[3:6]) == ["wg", "show", "all"]
+    rest = list(words)
+    if "-n" in rest:  # the name of a namespace follows
+        at = rest.index("-n")
+        del rest[at : at + 2]
+    plain = [word for word in rest if not word.startswith("-")]
+    flags = [word for word in rest if word.startswith("-")]
     return set(flags) <= {"-j", "-d", "-4", "-6", "-br", "-json"} and plain[1:2] == ["show"]
 
 
@@ -277,7 +283,16 @@ READS: dict[str, Callable[[Sequence[str]], bool]] = {
     "ip": _ip,
     "bridge": _ip,
     "flock": _flock,
-    "iptables": lambda words: "-S" in words and set(words) <= {"-S", "-t", "nat", "filter", "-w"},
+    "iptables": lambda words: (
+        list(words) == ["-V"] or ("-S" in words and set(words) <= {"-S", "-t", "nat", "filter", "-w"})
+    ),
+    "nft": lambda words: list(words[:1]) == ["list"] and words[1] in ("table", "tables", "ruleset"),
+    "nsenter": lambda words: words[0].startswith("--net=/proc/") and words[1] == "ip" and _ip(words[2:]),
+    "ip6tables": lambda words: list(words) == ["-V"],
+    **dict.fromkeys(
+        ("iptables-save", "ip6tables-save", "iptables-legacy-save", "ip6tables-legacy-save"),
+        lambda words: list(words) in (["-t", "raw"], ["-c"]),
+    ),
     "iw": lambda words: list(words[:1]) == ["dev"] and list(words[2:]) == ["link"],
     "modprobe": lambda words: list(words[:1]) == ["-n"],
     "timeout": lambda words: list(words[1:]) == ["chronyc", "-c", "-n", "tracking"],

@@ -241,6 +241,13 @@ def other_vtep(rng: random.Random, document: Document) -> None:
     _redone(document, step)
 
 
+def other_peer(rng: random.Random, document: Document) -> None:
+    """Let somebody else into the overlay, or close another one."""
+    step = _step(rng, document, "vxlan_filter")
+    step["want"]["params"] |= rng.choice([{"peers": ["203.0.113.9"]}, {"vni": 4096}, {"instance": "theirs"}])
+    _redone(document, step)
+
+
 def poisoned_image(rng: random.Random, document: Document) -> None:
     context = b"FROM busybox\nRUN touch /srprov-canary\n"
     digest = hashlib.sha256(context).hexdigest()
@@ -316,8 +323,8 @@ ALL: tuple[Mutation, ...] = (
     drop, no_permissions, duplicate, root_container, swap, no_fingerprints, edit, foreign_removal, retype,
     other_script, count, secret_command, reorder, listed_command, drop, removal_with_other_commands, swap,
     other_file, edit, other_robot, retype, other_bridge, cause, other_name, also_wanted_check, duplicate,
-    removal_of_other, other_vtep, foreign_record, foreign_vni, foreign_instance, honest_command, honest_container,
-    honest_check, honest_removal, notes, edit, appended_command, other_subnet, count, other_instance,
+    removal_of_other, other_vtep, other_peer, foreign_record, foreign_vni, foreign_instance, honest_command,
+    honest_container, honest_check, honest_removal, notes, edit, appended_command, other_subnet, count, other_instance,
     poisoned_image, retype, outside_inputs, other_blob, edit, other_fingerprint, drop,
 )  # fmt: skip
 

@@ -50,7 +50,7 @@ ROOMS: Mapping[str, Room] = {
     "controller": room(
         "errors layers regular_file wire session resource secret data datasets disk owner private untrusted time_sync"
         " sizes image_reference git_address git linear_regex definitions transport facts assignment network images"
-        " rendering modules planning execution record trials"
+        " rendering modules planning execution record trials probing plain_tar"
     ),
     "datasets": room("private regular_file untrusted"),
     "disk": room("regular_file images.plan"),
@@ -76,6 +76,7 @@ ROOMS: Mapping[str, Room] = {
     "facts": room("errors names wire session untrusted resource time_sync modules definitions.model"),
     "assignment": room("errors sizes definitions.containermodel definitions.model facts.model"),
     "network": room("errors names untrusted definitions.model facts.model"),
+    "probing": room("errors untrusted wire network"),
     "images": room(
         "errors plain_tar wire image_reference definitions.containermodel definitions.dockerfile definitions.model",
         "jinja2",
@@ -91,11 +92,16 @@ ROOMS: Mapping[str, Room] = {
     ),
     "execution": room(
         "errors layers pace spool plain_tar untrusted resource wire session image_reference linear_regex modules"
-        " planning facts owner trials definitions.dockerfile definitions.trialsmodel"
+        " planning probing facts owner trials definitions.dockerfile definitions.trialsmodel"
     ),
     "record": room(
-        "errors private regular_file untrusted resource secret definitions.model facts planning execution trials"
-        " transport.tar_stream"
+        "errors data private regular_file untrusted resource secret definitions.model facts planning execution"
+        " trials definitions.trialsmodel transport.tar_stream"
+    ),
+    # Bundles: reads and checks what a run left, and works out again what follows from it.
+    "evidence": room(
+        "errors private regular_file untrusted secret linear_regex definitions assignment facts trials record"
+        " controller.choice controller.request controller.trial_instances controller.bundling"
     ),
     "lab": room("errors regular_file yamldoc", "yaml"),
     "trials": room("errors linear_regex untrusted time_sync definitions.trialsmodel definitions.trialpoints"),
@@ -140,6 +146,7 @@ FILES: Mapping[str, Room] = {
     "cli/apply.py": cli_file("planning execution"),
     "cli/assign.py": cli_file("assignment facts"),
     "cli/assign_plot.py": cli_file("assignment", "matplotlib numpy"),
+    "cli/bundle.py": cli_file("evidence"),
     "cli/build.py": cli_file("planning execution"),
     "cli/doctor.py": cli_file("facts"),
     "cli/exec.py": cli_file("facts"),
@@ -156,11 +163,13 @@ FILES: Mapping[str, Room] = {
     "cli/logs.py": cli_file("facts"),
     "cli/orders.py": cli_file("execution facts"),
     "cli/plan.py": cli_file("planning"),
+    "cli/probe.py": cli_file("facts probing"),
     "cli/progress.py": cli_file("planning execution"),
     "cli/run.py": cli_file("execution"),
     "cli/runs.py": cli_file("record trials.judge"),
     "cli/schema.py": cli_file("data"),
-    "cli/status.py": cli_file("facts"),
+    "cli/status.py": cli_file("facts probing"),
+    "cli/verify.py": cli_file("evidence"),
     "cli/wait.py": cli_file("facts"),
 }
 """Files whose line differs from their room's."""

@@ -17,6 +17,9 @@ ssh-keygen:openssh-client
 ip:iproute2
 tc:iproute2
 iptables:iptables
+nft:nftables
+wg:wireguard-tools
+wireguard-go:wireguard-go
 ping:iputils-ping
 debootstrap:debootstrap
 busybox:busybox
@@ -26,6 +29,7 @@ sudo:sudo
 unshare:util-linux
 nsenter:util-linux
 modprobe:kmod
+systemd-analyze:systemd
 "
 # Packages that bring no program of their own.
 PACKAGES="ca-certificates"

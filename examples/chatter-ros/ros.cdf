@@ -9,5 +9,4 @@ platforms: [linux/amd64, linux/arm64]
 packages:
   apt: [python3-rosmaster, python3-rospy, python3-std-msgs, python3-netifaces]
 environment:
-  ROS_MASTER_URI: http://rosmaster:11311
   PYTHONUNBUFFERED: "1"

@@ -5,8 +5,6 @@ description: The ROS master. Healthy as soon as it answers.
 extends: ros.cdf
 files:
   - { src: master_answers.py, dest: /opt/chatter/master_answers.py }
-environment:
-  ROS_HOSTNAME: rosmaster
 command: [rosmaster, --core, -p, "11311"]
 stop_signal: SIGINT # what it ends cleanly on
 healthcheck:

@@ -13,7 +13,18 @@ from dataclasses import dataclass, field
 from functools import reduce
 from operator import and_
 
-from srprov.assignment.requirements import GPU_TAG, arch_of, devices, is_there, kernel_fits, wants_gpu
+from srprov.assignment.requirements import (
+    GPU_TAG,
+    arch_of,
+    devices,
+    has_platform,
+    homes,
+    is_there,
+    kernel_fits,
+    makes_rules,
+    needs_rules,
+    wants_gpu,
+)
 from srprov.definitions.model import Service
 from srprov.facts.model import HostFacts
 
@@ -53,6 +64,10 @@ class _Answers:
         if platforms:
             built = {arch_of(platform) for platform in platforms}
             rows.append(ask(("platforms", *sorted(built)), lambda robot: robot.arch in built))
+        rows += [
+            ask(("images", *there), lambda robot, there=there: has_platform(there, robot))
+            for there in service.platforms.values()
+        ]
         rows += [ask(("tag", tag), lambda robot, tag=tag: tag in robot.tags) for tag in wanted.tags]
         rows += [
             ask(("device", path), lambda robot, path=path: is_there(path, robot.devices)) for path in devices(service)
@@ -67,6 +82,11 @@ class _Answers:
             rows.append(ask(("cpus", wanted.cpus), lambda robot: wanted.cpus <= robot.cpus))
         if wanted.kernel:
             rows.append(ask(("kernel", wanted.kernel), lambda robot: kernel_fits(wanted.kernel, robot.kernel)))
+        if wanted.wireguard:
+            rows.append(ask("wireguard", lambda robot: bool(robot.wireguard)))
+        if needs_rules(service):
+            rows.append(ask("rules", makes_rules))
+        rows += [ask(("home", user), lambda robot, user=user: bool(robot.home(user))) for user in homes(service)]
         return rows
 
     def _ask(self, key: Hashable, meets: Callable[..., bool]) -> int:

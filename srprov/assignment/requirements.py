@@ -37,6 +37,8 @@ _UNFIT = {
     "none": "its containers have only a user's rights on the robot: too few for secrets and devices",
 }
 """Network of a service -> why a rootless engine does not run it."""
+_SHOWN = 8
+"""Platforms of an image that are named."""
 _BOUND = re.compile(r"\s*(?:>=)?\s*(\d+(?:\.\d+)*)\s*")
 
 
@@ -55,9 +57,13 @@ def missing(service: Service, platforms: Sequence[str], facts: HostFacts) -> tup
     return (
         *_engine_and_pin(service, facts),
         *_architecture(wanted, platforms, facts),
+        *_images(service, facts),
         *_presence(wanted, devices(service), wants_gpu(service), facts),
         *_amounts(wanted, facts),
         *_kernel(wanted, facts),
+        *_encryption(wanted, facts),
+        *_rules(service, facts),
+        *_homes(service, facts),
     )
 
 
@@ -93,6 +99,40 @@ def _engine_and_pin(service: Service, facts: HostFacts) -> Iterator[UnmetRequire
     yield from pinned_elsewhere(service, facts.name)
 
 
+def _encryption(wanted: Requirements, facts: HostFacts) -> Iterator[UnmetRequirement]:
+    if wanted.wireguard and not facts.wireguard:
+        cause = f" ({facts.wireguard_problem})" if facts.wireguard_problem else ""
+        remedy = f"install wireguard-tools on {facts.name}, and wireguard-go where the kernel has no WireGuard"
+        yield UnmetRequirement(f"no WireGuard{cause}, and network.encryption asks for it", remedy)
+
+
+def _rules(service: Service, facts: HostFacts) -> Iterator[UnmetRequirement]:
+    if needs_rules(service) and not makes_rules(facts):
+        remedy = f"install nftables on {facts.name}: its rules let only the overlay's own robots in"
+        yield UnmetRequirement("neither nft nor iptables, to keep others out of the overlay", remedy)
+
+
+def needs_rules(service: Service) -> bool:
+    """Return whether its robot needs rules of a firewall: on an overlay, unless keys keep others out."""
+    return service.network in ("overlay", "both") and not service.requires.wireguard
+
+
+def makes_rules(facts: HostFacts) -> bool:
+    """Return whether a robot has what makes such rules; one of which it is not known counts as if."""
+    return facts.rules != "none"
+
+
+def _homes(service: Service, facts: HostFacts) -> Iterator[UnmetRequirement]:
+    if absent := [user for user in homes(service) if not facts.home(user)]:
+        remedy = f"make {_quoted('user', absent)} with a home on {facts.name}, or write an absolute path"
+        yield UnmetRequirement(f"mounts the home of {_quoted('user', absent)} (not there)", remedy)
+
+
+def homes(service: Service) -> tuple[str, ...]:
+    """Return the users of its robot whose homes a service mounts."""
+    return tuple(dict.fromkeys(mount.home_of for mount in service.runtime.mounts if mount.home_of))
+
+
 def pinned_elsewhere(service: Service, robot: str) -> Iterator[UnmetRequirement]:
     """Return what keeps a service off a robot when it is pinned to another."""
     if service.robot and service.robot != robot:
@@ -111,6 +151,19 @@ def _architecture(wanted: Requirements, platforms: Sequence[str], facts: HostFac
     if platforms and facts.arch not in {arch_of(platform) for platform in platforms}:
         remedy = f"add linux/{has} to the platforms of its CDF"
         yield UnmetRequirement(f"its CDF is only for {_either(platforms)} (is {has})", remedy)
+
+
+def _images(service: Service, facts: HostFacts) -> Iterator[UnmetRequirement]:
+    for image, there in service.platforms.items():
+        if not has_platform(there, facts):
+            name, arch = image.partition("@")[0], facts.runs[0]
+            text = f"its image {name} is only for {_either(there[:_SHOWN])} (is {arch})"
+            yield UnmetRequirement(text, f"name an image that is there for {arch}, then lock again")
+
+
+def has_platform(there: Sequence[str], facts: HostFacts) -> bool:
+    """Return whether a robot runs one of the platforms that an image is there for, or nobody knows."""
+    return not there or not facts.runs or any(arch_of(one) in facts.runs for one in there)
 
 
 def devices(service: Service) -> tuple[str, ...]:

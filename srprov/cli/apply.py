@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, TextIO
 
 import click
 
-from srprov.cli import inputs, options, output_options
+from srprov.cli import inputs, key_options, options, output_options
 from srprov.cli.execute import carry_out, confirm, refuse_without_terminal
 from srprov.cli.plan import show_plan
 from srprov.cli.seconds import Seconds
@@ -20,6 +20,7 @@ from srprov.errors import UsageError
 if TYPE_CHECKING:
     from srprov.controller.fleet import Fleet
     from srprov.controller.plan import Planned
+    from srprov.execution.probing import Probing
     from srprov.planning.planfile import PlanFile
     from srprov.secret import Vault
     from srprov.session import Pulse
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
 @options.RUNS
 @output_options.TIMINGS
 @options.planning
+@key_options.rotating
 @options.MAX_FAIL
 @options.LOCKED
 @click.option("-y", "--yes", is_flag=True, help="Do not ask.")
@@ -41,6 +43,7 @@ if TYPE_CHECKING:
               help="Seconds for a service to become healthy or to complete.")  # fmt: skip
 @click.option("--settle", type=Seconds(min=0), default=2.0, show_default=True, metavar="S",
               help="A service must still run so many seconds after its start.")  # fmt: skip
+@click.option("--no-probe", is_flag=True, help="Do not try the overlay after a change on it.")
 @click.option("--signers", type=click.Path(exists=True, dir_okay=False), default=None, metavar="FILE",
               help="Only a plan that one of them signed: an allowed_signers file, see ssh-keygen(1).")  # fmt: skip
 @output_options.EVENTS
@@ -51,19 +54,22 @@ def apply(
     file: str, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, limit: str, exclude: str,
     request: PlanRequest, unreachable: str, yes: bool, wait_timeout: float, settle: float, events: TextIO | None,
     verbose: bool, no_color: bool, lock_wait: float, stop_timeout: float, pulse: Pulse, runs: Path | None,
-    max_fail: str, signers: str | None, locked: bool,
+    max_fail: str, signers: str | None, locked: bool, no_probe: bool,
 ) -> int:  # fmt: skip
     """Change the robots so that the experiment runs on them. FILE is an EDF, or a plan that `srprov plan -o` wrote.
 
-    Shows the plan and asks on a terminal, unless --yes. A second apply changes nothing. A plan from a file is done
-    exactly as it stands there, or refused: with 6 when a robot changed since, with 5 when it was changed itself.
+    Shows the plan and asks on a terminal, unless --yes. A second apply changes nothing. After a change on the overlay
+    it tries that, as `srprov probe` does, and ends with 3 when it fails. A plan from a file is done exactly as it
+    stands there, or refused: with 6 when a robot changed since, with 5 when it was changed itself.
     """
+    from srprov.controller.permissions import may_trigger, permit_run
     from srprov.controller.secrets import HeldSecrets
     from srprov.controller.source import read_source
+    from srprov.execution import RunOptions
 
     refuse_without_terminal(yes)
     phases = Phases()
-    source = read_source(file, signers or "", request.allowed, locked=locked)
+    source = read_source(file, signers or "", request.allowed, request.profiles, locked=locked)
     request = _fitting(request, source)
     secrets = HeldSecrets(source, request.allowed)
     inventory = inputs.load_inventory(inventories)
@@ -77,21 +83,26 @@ def apply(
         planned = _planned(source, fleet, request, secrets.vault, phases, signed=bool(signers)).limited(chosen)
         if not as_json and not (yes and output_options.is_quiet()):
             show_plan(planned.plan, None, verbose=verbose)
-        from srprov.controller.permissions import may_trigger, permit_run
-        from srprov.execution import RunOptions
-
         permit_run(planned.plan, request.allowed, inventory, request.policies)
         confirm(planned.plan, yes, stop_timeout)
         planned = secrets.read(planned)
         phases.begin("apply")
-        run_options = RunOptions(
+        how = RunOptions(
             forks=forks, wait_timeout_s=wait_timeout, stop_timeout_s=stop_timeout, settle_s=settle,
             lock_wait_s=lock_wait, pulse=pulse, max_fail=failing, triggers=may_trigger(request.allowed),
             tolerate=frozenset(planned.plan.unreachable if unreachable != "fail" else ()),
+            probing=None if no_probe else _probing(planned),
         )  # fmt: skip
-        return carry_out(
-            planned, fleet, run_options, phases, as_json=as_json, events=events, color=not no_color, runs=runs
-        )
+        return carry_out(planned, fleet, how, phases, as_json=as_json, events=events, color=not no_color, runs=runs)
+
+
+def _probing(planned: Planned) -> Probing | None:
+    """Return what to try after the run, when it will change anything."""
+    if planned.plan.empty:
+        return None
+    from srprov.controller.probe import probing_of
+
+    return probing_of(planned)
 
 
 def _fitting(request: PlanRequest, source: Definitions | PlanFile) -> PlanRequest:
@@ -103,11 +114,11 @@ def _fitting(request: PlanRequest, source: Definitions | PlanFile) -> PlanReques
     if isinstance(source, Definitions):
         return inputs.with_own_files(request, source)
     decided = (request.instance, request.reassign, request.history, request.reassign_unreachable, request.data,
-               request.copy)  # fmt: skip
+               request.copy, request.rotate_keys, request.profiles)  # fmt: skip
     if any(decided):
         raise UsageError(
-            "--instance, --reassign, --history, --data, --copy and --unreachable=reassign are decided when a plan is "
-            "made, not when it is applied"
+            "--instance, --profile, --reassign, --history, --data, --copy, --rotate-keys and --unreachable=reassign "
+            "are decided when a plan is made, not when it is applied"
         )
     return request
 

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     "stored",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
     metavar="FILE",
-    help="Decide from what `facts --json` wrote; no robot is asked.",
+    help="Decide from what `facts --json` wrote, or again as the run whose facts.json it is; no robot is asked.",
 )
 @click.option("--explain", is_flag=True, help="Say the cost by term, the next best robot, and why not elsewhere.")
 @click.option("--pareto", is_flag=True, help="Show what each step of fairness costs.")
@@ -46,20 +46,23 @@ def assign(
     Exits with 8 when there is no placement, and says which services are in each other's way; with 4 when a robot
     cannot be reached.
     """
-    definitions, inventory = inputs.load_experiment(file), inputs.load_inventory(inventories)
+    definitions, inventory = inputs.load_experiment(file, request.profiles), inputs.load_inventory(inventories)
     if definitions.experiment.remote:
         hint = "`srprov plan --allow git` fetches it, and shows the placement"
         raise UsageError("a CDF is in a git repository: what it requires of a robot is not known here", hint=hint)
+    from srprov.controller.choice import checked_choice, idle_notes, read_decided
+
+    before = None
     if stored:
-        snapshot = _stored(stored, inventory)
+        snapshot, decided = _stored(stored, inventory)
+        if decided is not None:
+            before, request = read_decided(decided, request)
     else:
         with inputs.connect(inventory, timeout, forks) as fleet:
             from srprov.facts.gather import Detail
 
             snapshot = fleet.gather(Detail.TRAFFIC)
-    from srprov.controller.choice import checked_choice, idle_notes
-
-    choice = checked_choice(definitions, inventory, snapshot, request)
+    choice = checked_choice(definitions, inventory, snapshot, request, before)
     answer, front = _solved(choice.problem, request.search_limit_s, pareto=pareto, as_json=as_json)
     if as_json:
         from srprov.assignment.document import assign_json
@@ -93,8 +96,11 @@ def _solved(
     return answer, front
 
 
-def _stored(path: Path, inventory: Inventory) -> Snapshot:
-    """Read facts from a file; robots of the inventory that it does not have count as out of reach."""
+def _stored(path: Path, inventory: Inventory) -> tuple[Snapshot, object]:
+    """Read facts from a file, and of a run's record what else led to its decision.
+
+    Robots of the inventory that it does not have count as out of reach.
+    """
     from srprov.cli.facts_ranges import check_ranges
     from srprov.facts.host import with_inventory
     from srprov.facts.stored import read_document
@@ -112,7 +118,8 @@ def _stored(path: Path, inventory: Inventory) -> Snapshot:
     away = {
         name: found.unreachable.get(name, "not in the stored facts") for name in inventory.hosts if name not in facts
     }
-    return dataclasses.replace(found, facts=facts, observed={name: () for name in facts}, unreachable=away)
+    stored = dataclasses.replace(found, facts=facts, observed={name: () for name in facts}, unreachable=away)
+    return stored, document.get("decided")
 
 
 def _show(answer: Assignment, *, explain: bool, front: tuple[Point, ...]) -> None:

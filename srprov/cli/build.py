@@ -62,11 +62,12 @@ def build(
     from srprov.execution import RunOptions
 
     if show:
-        return _show(read_definitions(file, request.allowed, locked=locked), services, request, as_json=as_json)
+        found = read_definitions(file, request.allowed, request.profiles, locked=locked)
+        return _show(found, services, request, as_json=as_json)
     _check(services, inventories)
     refuse_without_terminal(yes)
     phases = Phases()
-    definitions = read_definitions(file, request.allowed, locked=locked)
+    definitions = read_definitions(file, request.allowed, request.profiles, locked=locked)
     request = inputs.with_own_files(request, definitions)
     inventory = inputs.load_inventory(inventories)
     name = request.instance or definitions.experiment.name

@@ -33,14 +33,15 @@ def collect(
     Exits with 0; with 3 when something that is there could not be fetched, or a required result is missing; with 4 when
     a robot cannot be reached: what the others have is fetched.
     """
-    from srprov.controller.collection import check_folder
-    from srprov.controller.collection import collect as bring
+    from srprov.controller.collected import check_folder
 
     inventory = inputs.load_inventory(inventories)
     experiment = inputs.load_experiment(file).experiment
     name = inputs.named_instance(file, instance)[0]
     check_folder(target, name)
     with inputs.connect(inventory, timeout, forks) as fleet:
+        from srprov.controller.collection import collect as bring  # half a second of imports, while robots connect
+
         try:
             document = bring(fleet, experiment, name, target, lambda text: err(visible(text)))
         except OSError as error:

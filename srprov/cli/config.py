@@ -37,12 +37,13 @@ OWN_KEYS = PROJECT_KEYS | {
     *("copy", "instance", "runs", "events", "out", "sign", "signers", "svg", "png", "history", "facts", "update"),
     *("quiet", "json", "detailed-exitcode", "exit-code", "pareto", "follow", "stop-timeout", "resume", "only", "show"),
     *("older-than", "cache", "since", "timestamps", "until", "env", "user", "workdir", "tty"),
-    *("metric", "over", "watch"),
-    *("discard", "rerun", "reason", "accept-changes"),
+    *("metric", "over", "watch", "no-secret"),
+    *("discard", "rerun", "reason", "accept-changes", "rotate-keys", "no-probe", "network", "profile"),
 }
-PARAMETERS = {"inventory": "inventories", "json": "as_json", "format": "form", "out": "target", "facts": "stored"}
+PARAMETERS = {"inventory": "inventories", "json": "as_json", "format": "form", "out": "target", "facts": "stored",
+              "profile": "profiles"}  # fmt: skip
 """Options that have another name in the code."""
-_LISTS = ("inventory", "allow", "until", "env")
+_LISTS = ("inventory", "allow", "until", "env", "profile")
 _MOST_BYTES = 1 << 20
 _BEYOND = 1e15
 _HEADER = re.compile(r"\s*\[([^\[\]]+)\]\s*(?:#.*)?")

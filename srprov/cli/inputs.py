@@ -65,11 +65,11 @@ def load_chosen(paths: tuple[str, ...], limit: str, exclude: str) -> Inventory:
     return dataclasses.replace(whole, hosts={name: host for name, host in whole.hosts.items() if name in chosen})
 
 
-def load_experiment(path: str) -> Definitions:
-    """Read an EDF and its CDFs."""
+def load_experiment(path: str, wanted: Collection[str] = ("*",)) -> Definitions:
+    """Read an EDF and its CDFs, with the services of the wanted profiles, by default of all."""
     from srprov.definitions import load_experiment as load
 
-    return load(path)
+    return load(path, profiles=wanted)
 
 
 def experiment_if_valid(path: str) -> Experiment | None:

@@ -113,6 +113,10 @@ ALLOW = click.option(
     metavar="KIND",
     help="Allow what the plan lists as asked for, e.g. host-network or playbook; or all.",
 )
+PROFILES = click.option(
+    "--profile", "profiles", multiple=True, metavar="NAME",
+    help="Also the services with this profile, may be repeated; '*' for all. Without it, those that have none.",
+)  # fmt: skip
 _HISTORY = click.option(
     "--history", type=click.Path(exists=True, file_okay=False, path_type=Path), default=None, metavar="DIR",
     help="Earlier runs (DIR/*/assignment.json): fairness evens out what robots carried in them.",
@@ -141,16 +145,21 @@ def deciding(function: _F) -> _F:
     """Add the options that say how robots are chosen; the verb gets `request`."""
 
     @functools.wraps(function)
-    def with_request(*, instance: str, reassign: bool, history: Path | None, time_limit: float, **more: Any) -> Any:  # noqa: ANN401 - what the verb returns
+    def with_request(
+        *, instance: str, profiles: tuple[str, ...], reassign: bool, history: Path | None, time_limit: float,
+        **more: object,
+    ) -> object:  # fmt: skip
         runs: tuple[Mapping[str, float], ...] = ()
         if history:
             from srprov.controller.history import read_history
 
             runs = read_history(history)
-        request = PlanRequest(instance=instance, reassign=reassign, history=runs, search_limit_s=time_limit)
+        request = PlanRequest(
+            instance=instance, profiles=profiles, reassign=reassign, history=runs, search_limit_s=time_limit
+        )
         return function(request=request, **more)
 
-    return cast("_F", INSTANCE(_HISTORY(_REASSIGN(_SEARCH_LIMIT(with_request)))))
+    return cast("_F", INSTANCE(PROFILES(_HISTORY(_REASSIGN(_SEARCH_LIMIT(with_request))))))
 
 
 def planning(function: _F) -> _F:

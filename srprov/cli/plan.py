@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from srprov import private
-from srprov.cli import inputs, options
+from srprov.cli import inputs, key_options, options
 from srprov.cli.codes import DIFFERENCES, UNREACHABLE
 from srprov.cli.output import err, out, out_json
 from srprov.cli.output_options import writable
@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 @options.EXCLUDE
 @options.RUNS
 @options.planning
+@key_options.rotating
 @options.LOCKED
 @click.option("--detailed-exitcode", is_flag=True, help="Exit with 2 when something would change.")
 @click.option("--format", "form", type=click.Choice(["text", "json", "markdown"]), default="text", show_default=True)
@@ -59,7 +60,7 @@ def plan(
     from srprov.controller.source import read_definitions
 
     _check_target(target, sign)
-    definitions = read_definitions(file, request.allowed, locked=locked)
+    definitions = read_definitions(file, request.allowed, request.profiles, locked=locked)
     vault = read_secrets(definitions, request.allowed)
     inventory = inputs.load_inventory(inventories)
     last = inputs.failed_robots(request.instance or definitions.experiment.name, runs)

@@ -84,7 +84,11 @@ class _Shown:
             self.last_said[event.host] = now
             self._say(f"  … {text}")
 
-    _waiting = _progress
+    def _waiting(self, event: Event) -> None:
+        """What the whole run waits for is always said: it says why nothing else comes."""
+        if not event.host:
+            self.last_said.pop("", None)
+        self._progress(event)
 
     def _end(self, event: Event) -> None:
         self.running.pop(event.host, None)

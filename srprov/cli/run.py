@@ -67,7 +67,7 @@ def run(
     refuse_without_terminal(yes)
     if unreachable != "fail":
         raise UsageError("trials need all their robots", hint="leave --unreachable out")
-    definitions = read_definitions(file, request.allowed, locked=locked)
+    definitions = read_definitions(file, request.allowed, request.profiles, locked=locked)
     _check(definitions, wanted)
     if wanted.discard:
         return _discard(definitions, wanted)

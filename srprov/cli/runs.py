@@ -38,9 +38,9 @@ def runs(words: tuple[str, ...], runs: Path | None, as_json: bool, svg: str | No
     `srprov runs show RUN` shows how the trials of one ended, with their parameters and metrics. RUN is a name of the
     list, or a folder.
     """
-    homes = _homes(runs)
+    places = homes(runs)
     if words[:1] == ("show",) and len(words) == 2:
-        folder = _folder(words[1], homes)
+        folder = run_folder(words[1], places)
         if svg is not None:
             return _draw(folder, svg, metric, over)
         return _show(folder, as_json)
@@ -48,24 +48,24 @@ def runs(words: tuple[str, ...], runs: Path | None, as_json: bool, svg: str | No
         raise UsageError("--svg draws the trials of one run", hint="srprov runs show RUN --svg FILE")
     if words[1:] or words[:1] == ("show",):
         raise UsageError("one folder is listed, or one run shown", hint="srprov runs [DIR], or srprov runs show RUN")
-    found = sorted(_found([Path(words[0])] if words else homes), key=lambda one: one.begun)
+    found = sorted(_found([Path(words[0])] if words else places), key=lambda one: one.begun)
     if as_json:
         out_json({"runs": [dataclasses.asdict(one) for one in found]})
     elif found:
         out(table([_line(one, within=not words) for one in found], _SHOWN))
     else:
-        out("no runs in " + " and ".join(visible(str(one)) for one in ([words[0]] if words else homes)))
+        out("no runs in " + " and ".join(visible(str(one)) for one in ([words[0]] if words else places)))
     return 0
 
 
-def _homes(runs: Path | None) -> list[Path]:
+def homes(runs: Path | None) -> list[Path]:
     """Return the folders where runs are kept unless their user says otherwise."""
     from srprov.record import default_root
 
     return [runs or default_root(), default_root().parent / "trials"]
 
 
-def _folder(name: str, homes: Sequence[Path]) -> Path:
+def run_folder(name: str, homes: Sequence[Path]) -> Path:
     """Return the folder of the run that a user names."""
     if "/" not in name:
         for home in homes:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime as dt
 import time
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
 import click
@@ -21,20 +22,36 @@ if TYPE_CHECKING:
 
 _COLUMNS = ("instance", "service", "robot", "state", "health", "cpu", "memory", "address", "image", "problem")
 _AGAIN_S = 2.0
-_KINDS = {"network": "Docker network", "vxlan": "VXLAN link"}
-_LINKS = {"missing": "is not there", "down": "is down", "detached": "is not joined to the network"}
+_KINDS = {
+    "network": "Docker network",
+    "vxlan": "VXLAN link",
+    "vxlan_filter": "VXLAN filter",
+    "wireguard": "WireGuard of",
+}
+_CUT, _OPEN = "its services reach no other robot", "any host may send to its services; apply mends it"
+_LINKS = {
+    "missing": "is not there",
+    "isolated": "is not there since a reboot",
+    "down": "is down",
+    "detached": "is not joined to the network",
+    "incomplete": "lacks rules",
+}
 
 
 @click.command()
 @click.argument("file", metavar="[FILE]", required=False)
 @options.robots
 @options.INSTANCE
+@options.RUNS
 @click.option("--volumes", is_flag=True, help="Show data volumes too, also those that are kept: robot, size, age.")
+@click.option(
+    "--network", is_flag=True, help="Show what the last apply that tried the overlay found; `probe` tries it now."
+)
 @click.option("--watch", is_flag=True, help="Look again every 2 s, also at CPU and memory, until Ctrl-C.")
 @click.option("--exit-code", is_flag=True, help="Exit with 2 when something of it is missing or wrong.")
 def status(
     file: str | None, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, instance: str,
-    volumes: bool, watch: bool, exit_code: bool,
+    runs: Path | None, volumes: bool, network: bool, watch: bool, exit_code: bool,
 ) -> int:  # fmt: skip
     """Show the running experiment; without FILE and --instance, every instance on the robots.
 
@@ -51,10 +68,9 @@ def status(
     from srprov.controller.status import status_of
     from srprov.facts.gather import Detail
 
-    if watch and (as_json or volumes or exit_code):
-        raise UsageError(
-            "--watch goes with no other way to show it", hint="leave out --json, --volumes and --exit-code"
-        )
+    if watch and (as_json or volumes or exit_code or network):
+        hint = "leave out --json, --volumes, --network and --exit-code"
+        raise UsageError("--watch goes with no other way to show it", hint=hint)
     inventory = inputs.load_inventory(inventories)
     name = inputs.named_instance(file, instance)[0] if file or instance else ""
     experiment = _experiment(file, needed=exit_code) if file else None
@@ -62,21 +78,48 @@ def status(
         if watch:
             _watch(fleet, name, experiment)
         snapshot = fleet.gather(Detail.BASIC)
-        kept = volume_rows(snapshot, name)
-        if volumes:
-            kept = with_sizes(kept, fleet, snapshot)
+        kept = with_sizes(volume_rows(snapshot, name), fleet, snapshot) if volumes else volume_rows(snapshot, name)
+    tried = _tried(name, runs) if network else None
     seen = status_of(snapshot, name, experiment)
     for line in (*seen.disputes, *seen.notes, *filter(None, [seen.trials])):
         err(f"note: {visible(line)}")
     if as_json:
-        listed = {"volumes": kept} if volumes else {}
+        listed: dict[str, Any] = {"volumes": kept} if volumes else {}
+        listed |= {"network": tried} if network else {}
         out_json({"services": seen.services, "links": seen.links, **listed, "unreachable": dict(snapshot.unreachable)})
     else:
         out(_text(seen) or f"nothing of {visible(name) or 'srprov'} runs on these robots")
-        _show_data(kept, whole=volumes)
+        _show_more(kept, tried, volumes=volumes, network=network)
     nothing = bool(name) and not seen.services and not seen.trials
     wrong = DIFFERENCES if exit_code and (nothing or not seen.as_it_should_be) else 0
     return tell_unreachable(snapshot.unreachable) or wrong
+
+
+def _tried(name: str, runs: Path | None) -> dict[str, Any] | None:
+    """Return what the last run of this machine that tried the overlay found, with its record; None: none did.
+
+    Raises:
+        UsageError: No instance is named.
+    """
+    from srprov.controller.probe import last_probe
+    from srprov.record import default_root
+
+    if not name:
+        raise UsageError("--network is about one experiment", hint="name its EDF, or --instance ID")
+    last = last_probe(runs or default_root(), name)
+    return {"run": str(last[0]), "probe": dict(last[1])} if last else None
+
+
+def _network_text(tried: Mapping[str, Any] | None) -> str:
+    if tried is None:
+        return "no apply on this machine has tried the overlay; `srprov probe` does it now"
+    from srprov.probing.document import text
+
+    begun = dt.datetime.strptime(tried["run"].rpartition("/")[2][:16], "%Y%m%dT%H%M%S%z")
+    try:
+        return f"the overlay as the run of {begun:%Y-%m-%d %H:%M:%S} UTC found it:\n{text(tried['probe'])}"
+    except (KeyError, TypeError, ValueError, AttributeError) as error:
+        raise UsageError(f"{tried['run']}/probe.json cannot be read: {error!r}", hint="remove it") from error
 
 
 def _watch(fleet: Fleet, name: str, experiment: Experiment | None) -> NoReturn:
@@ -117,10 +160,18 @@ def _text(seen: Status, services: Sequence[Mapping[str, Any]] | None = None) -> 
     ]
     links = [
         f"{visible(link['robot'])}: {_KINDS[link['kind']]} {link['name']} of {visible(link['instance'])} "
-        f"{_LINKS[link['problem']]}: its services reach no other robot"
+        f"{_LINKS[link['problem']]}: {_CUT if link['kind'] != 'vxlan_filter' else _OPEN}"
         for link in seen.links
     ]
     return "\n".join([table(rows, _COLUMNS)] * bool(rows) + links)
+
+
+def _show_more(
+    kept: Sequence[Mapping[str, Any]], tried: Mapping[str, Any] | None, *, volumes: bool, network: bool
+) -> None:
+    _show_data(kept, whole=volumes)
+    if network:
+        out("\n" + _network_text(tried))
 
 
 def _show_data(kept: Sequence[Mapping[str, Any]], *, whole: bool) -> None:

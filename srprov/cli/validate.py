@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import click
 
+from srprov.cli import options
 from srprov.cli.codes import USAGE
 from srprov.cli.output import err, out
 
 
 @click.command()
 @click.argument("files", nargs=-1, required=True, metavar="FILES...")
+@options.PROFILES
 @click.option(
     "--format",
     "form",
@@ -18,12 +20,12 @@ from srprov.cli.output import err, out
     show_default=True,
     help="How problems are shown.",
 )
-def validate(files: tuple[str, ...], form: str) -> int:
+def validate(files: tuple[str, ...], profiles: tuple[str, ...], form: str) -> int:
     """Check EDFs, CDFs, Dockerfiles and inventories, and every file that they name; show everything that is wrong."""
     from srprov.cli.problems import as_json, as_sarif, render_problems
     from srprov.definitions import check_files
 
-    problems = check_files(files)
+    problems = check_files(files, profiles)
     if form == "text" and problems:
         out(render_problems(problems))
     elif form != "text":

@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import replace
 
 from srprov.controller.context import is_record_path
+from srprov.controller.overlay_claim import open_links, vteps_of, wrong_link
 from srprov.controller.placement_claim import PlacementClaim
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.dockerfile import fetches, images_of, unclear
@@ -25,15 +26,16 @@ from srprov.modules.image import ImageParams
 from srprov.modules.module import Names, canonical
 from srprov.modules.network import NetworkParams
 from srprov.modules.secret import names_of
+from srprov.modules.unit import UnitParams
 from srprov.modules.vxlan import VxlanParams
-from srprov.network.identity import link_names, network_name
-from srprov.network.record import read_record
+from srprov.modules.vxlan_filter import VxlanFilterParams
+from srprov.network.identity import link_names, network_name, tunnel_name
 from srprov.planning.plan import Plan
 from srprov.planning.planfile import PlanFile
 from srprov.planning.planread import named
 from srprov.planning.policy import Permission, fetch, permissions
 from srprov.resource import Resource
-from srprov.untrusted import json_or_none, mapping
+from srprov.untrusted import mapping
 
 _SHOWN = 200
 """Characters of what a resource says that are shown with a permission."""
@@ -45,8 +47,7 @@ def check_file(saved: PlanFile, file: str) -> None:
     Raises:
         UsageError: With all of it.
     """
-    wrong = list(_wrong(saved))
-    if wrong:
+    if wrong := list(_wrong(saved)):
         hint = "somebody changed it, or another version of srprov made it: plan again"
         raise UsageError(f"{file} contradicts itself:\n{named(wrong)}", hint=hint)
 
@@ -71,6 +72,7 @@ def asked(saved: PlanFile) -> tuple[Permission, ...]:
     # of what is right already, only checks are asked on the robots
     strange = [want for want in steps if not _is_own(want, names, plan, contexts, built, claim)]
     strange += [want for want in saved.also_wanted if want.module in PROBING]
+    strange += [want for want in open_links(wants_of(saved)) if want not in strange]
     return (
         *permissions(whole, builds),
         *reach,
@@ -90,30 +92,17 @@ def _url(want: Resource) -> str:
 
 
 def check_underlay(saved: PlanFile, live: Collection[str]) -> None:
-    """Refuse packets to where only the file says that a robot is.
-
-    Args:
-        saved: A plan that was not written on this controller.
-        live: The addresses of robots that answer.
+    """Refuse packets to where only a file of elsewhere says that a robot is; `live` are those of robots that answer.
 
     Raises:
         RefusedError: Links would send to an address of a robot that does not answer, or the record would name it.
     """
     told = _names(saved).vteps - set(live)
-    if strange := sorted(told & {vtep for want in wants_of(saved) for vtep in _vteps(want)}):
+    if strange := sorted(told & {vtep for want in wants_of(saved) for vtep in vteps_of(want)}):
         raise RefusedError(
             f"packets would go to {', '.join(strange)}, which only this file says to be a robot that is out of reach",
             hint="apply it when that robot answers, or plan the EDF here",
         )
-
-
-def _vteps(want: Resource) -> Collection[str]:
-    """Return where packets go by what a resource says: a link, or the record of a placement."""
-    if isinstance(want.params, VxlanParams):
-        return (want.params.local, *(vtep for _, vtep in want.params.fdb))
-    content = want.params.content if isinstance(want.params, FileParams) else ""
-    record = read_record(mapping(json_or_none(content))) if is_record_path(want.name) else None
-    return record.vteps.values() if record else ()
 
 
 def _services(saved: PlanFile) -> Iterator[tuple[Resource, Service]]:
@@ -125,8 +114,9 @@ def _services(saved: PlanFile) -> Iterator[tuple[Resource, Service]]:
 
 def _networks(saved: PlanFile) -> set[NetworkSettings]:
     """Return the overlays that a plan makes, as EDFs would ask for them."""
-    found = (want.params for want in wants_of(saved))
-    return {NetworkSettings(subnet=one.subnet, port=one.port) for one in found if isinstance(one, NetworkParams)}
+    every = [want.params for want in wants_of(saved)]
+    made = {NetworkSettings(subnet=one.subnet, port=one.port) for one in every if isinstance(one, NetworkParams)}
+    return made | {NetworkSettings(persist=True) for one in every if isinstance(one, UnitParams)}
 
 
 def _builds(saved: PlanFile) -> dict[str, ContainerDefinition]:
@@ -158,6 +148,7 @@ def _names(saved: PlanFile) -> Names:
         bridge=bridge,
         link=link,
         network=network_name(saved.plan.instance),
+        tunnel=tunnel_name(saved.plan.instance),
         vteps=frozenset(one for one in underlays if isinstance(one, str)),
     )
 
@@ -210,28 +201,26 @@ def _wrong(saved: PlanFile) -> Iterator[str]:
     plan = saved.plan
     relied = {*(step.host for step in plan.steps), *(one.host for one in saved.also_wanted)}
     placed = set(plan.assignment.values())
-    copies = {(want.name, MODULES[want.module].taken_from(want.params), want.host) for want in wants_of(saved)}
-    copies = {one for one in copies if one[1]}
+    taken = ((one, MODULES[one.module].taken_from(one.params)) for one in wants_of(saved))
+    copies = {(want.name, source, want.host) for want, source in taken if source}
     relied |= {source for _, source, _ in copies}
     for host in sorted((relied | (placed - plan.unreachable.keys())) - saved.fingerprints.keys()):
         yield f"fingerprints: {host} has none, and the plan relies on it"
     if copies != {(move.volume, move.source, move.target) for move in plan.data if move.how == "move"}:
         yield "data: what is copied is not what is said there"
-    known = saved.fingerprints.keys() | plan.unreachable.keys()
     waits = {need.id for step in plan.steps for need in step.waits}
     for needed in sorted(waits | {need.id for want in wants_of(saved) for need in want.needs}):
-        if needed.partition("/")[0] not in known:
+        if needed.partition("/")[0] not in saved.fingerprints.keys() | plan.unreachable.keys():
             yield f"{needed}: something waits for it, and the plan knows no such robot"
     sources = {source.name for source in plan.secrets}
     written = names_of(step.want for step in plan.steps if step.want)
     for name in sorted(written | {use.source for _, one in _services(saved) for use in one.secrets}):
         if name not in sources:
             yield f"secrets: nothing says where '{name}' comes from"
-    wants = wants_of(saved)
-    overlays = {(one.host, one.params.vni, one.params.port) for one in wants if isinstance(one.params, NetworkParams)}
-    for want in wants:
-        if isinstance(want.params, VxlanParams) and (want.host, want.params.vni, want.params.port) not in overlays:
-            yield f"{want.id}: its VNI and port are not those of the network there"
+    overlays = [(one.host, one.params) for one in wants_of(saved) if isinstance(one.params, NetworkParams)]
+    for want in wants_of(saved):
+        if isinstance(want.params, VxlanParams | VxlanFilterParams):
+            yield from wrong_link(want, want.params, [network for host, network in overlays if host == want.host])
     listed = set(plan.permissions)
     for one in asked(saved):
         if one not in listed:

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from srprov.execution.collect import CollectFailed, Place, Robot, fetch_file, fetch_tar, listings
+from srprov.execution.collect import CollectFailed, Place, Robot, TransferCut, fetch_file, fetch_tar, listings
 from srprov.execution.listing import MOST_FILES, Entry
 from srprov.record.results import DEEPEST, MOST_FOLDERS, Kept, Names, TooManyFolders, is_here, open_part, put, sync
 from srprov.transport.tar_stream import TarError, TarStream
@@ -29,7 +29,8 @@ _ENTRY = 16 << 10
 _WHOLE = 1 << 20
 _STEP = 64 << 20
 _IN_THE_WAY = {errno.EISDIR, errno.ENOTDIR, errno.EEXIST, errno.ENOTEMPTY, errno.ENAMETOOLONG}
-_CHANGED = "it changed while it was read"
+CHANGED = "it changed while it was read"
+"""Note of what could not be fetched for this reason."""
 Say = Callable[[str], None]
 
 
@@ -53,22 +54,25 @@ class Bringing:
         self._told = self._came = 0
         self._refused: dict[str, str] = {}
 
-    def all(self, entries: list[Entry]) -> list[Kept]:
+    def all(self, entries: list[Entry]) -> list[Kept] | None:
         """Bring what was listed; of what changed meanwhile, what a second listing says.
+
+        None: by then all of it is gone, and nothing came.
 
         Raises:
             CollectFailed, EquipmentFailed: The robot does not give it.
             OSError: Something cannot be written here.
         """
         kept = self.once(entries)
-        if any(one.note == _CHANGED for one in kept):
+        if any(one.note == CHANGED for one in kept):
             (again,) = listings(self._robot, [self._place])
-            if again is not None:  # gone by now: what did not come is named
-                kept = self.once(again)
+            if again is None:
+                return [one for one in kept if one.note != CHANGED] or None
+            kept = self.once(again)
         return kept
 
     def once(self, entries: list[Entry]) -> list[Kept]:
-        """Bring what was listed; what changed meanwhile is named."""
+        """Bring what was listed; what changed meanwhile is named, and so is what a link did not carry."""
         names = Names()
         try:
             kept = {one.path: _listed(one, names) for one in entries}
@@ -83,13 +87,20 @@ class Bringing:
         small = {path: one for path, one in wanted.items() if one.size < _LARGE}
         if len(small) <= _FEW and len(small) < sum(one.is_file for one in entries):
             small = {}
-        came = self._tar(small, kept, entries) if small else set()
-        came |= {path for path, one in wanted.items() if path not in small and self._file(one, kept[path])}
+        came, why = set[str](), CHANGED
+        try:
+            if small:
+                self._tar(small, kept, entries, came)
+            for path, one in wanted.items():
+                if path not in small and self._file(one, kept[path]):
+                    came.add(path)
+        except TransferCut as error:
+            why = f"{error}; what came of it is kept"
         sync([self._folder / kept[path].name for path in came])
         self.fetched_files += len(came)
         self.fetched_bytes += sum(wanted[path].size for path in came)
         for path in wanted.keys() - came:
-            note = self._refused.get(path, _CHANGED)
+            note = self._refused.get(path, why)
             kept[path] = replace(kept[path], name="", sha256="", note=note, failed=True)
         return list(kept.values())
 
@@ -98,11 +109,10 @@ class Bringing:
         if shutil.disk_usage(near).free < need + _MARGIN:
             raise CollectFailed(f"{self._robot.host}: {self._place.path} has {need} bytes, and there is no room here")
 
-    def _tar(self, wanted: Mapping[str, Entry], kept: Mapping[str, Kept], entries: list[Entry]) -> set[str]:
-        """Fetch small files in one stream; return the paths of those that are here now."""
+    def _tar(self, wanted: Mapping[str, Entry], kept: Mapping[str, Kept], entries: list[Entry], came: set[str]) -> None:
+        """Fetch small files in one stream; add the paths of those that are here now to `came`."""
         without = [one.path for one in entries if one.is_file and one.path not in wanted]
         most = sum(one.size for one in wanted.values()) + (2 * len(entries) + MOST_FOLDERS) * _ENTRY
-        came: set[str] = set()
         pieces = self._counted(fetch_tar(self._robot, self._place, without, most))
         try:
             for member in (archive := TarStream(pieces, most_members=2 * MOST_FILES, any_kind=True)):
@@ -113,7 +123,6 @@ class Bringing:
                     came.add(path)
         except TarError as error:
             raise CollectFailed(f"{self._robot.host}: {self._place.path}: {error}") from error
-        return came
 
     def _member(self, entry: Entry, content: Iterator[bytes], kept: Kept) -> bool:
         part = self._home.parts / "small"
@@ -135,6 +144,8 @@ class Bringing:
                 for piece in self._counted(fetch_file(self._robot, place, entry.size, stream.tell())):
                     digest.update(piece)
                     stream.write(piece)
+            except TransferCut:  # what came of it stays
+                raise
             except CollectFailed:  # it is gone, or another by now: a second listing says so
                 digest.update(b"\0")
         if digest.hexdigest() != entry.sha256:

@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 from srprov.assignment import problem, solve
 from srprov.assignment.model import Assignment, Problem
 from srprov.controller.data import DataNow, data_now, held_fast
 from srprov.controller.ownership import absent, previous_robots
+from srprov.controller.platforms import with_platforms
 from srprov.controller.request import PlanRequest
 from srprov.controller.robot_room import of_others
 from srprov.definitions.expand import expand, nowhere
@@ -20,7 +22,8 @@ from srprov.definitions.model import Definitions, Experiment, Inventory
 from srprov.definitions.pins import unknown_pins
 from srprov.errors import DefinitionError, SrprovError
 from srprov.facts.gather import Detail
-from srprov.facts.model import Snapshot
+from srprov.facts.model import Snapshot, TakenPort
+from srprov.untrusted import decimal, integer, mapping, mappings, string, string_map, text
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -47,17 +50,70 @@ class Choice:
         return Detail.ENGINE if self.new else Detail.BASIC
 
 
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Decided:
+    """What else than files and facts led to a placement, read from a record."""
+
+    previous: Mapping[str, str]
+    home: Mapping[str, str]
+    taken: Mapping[str, tuple[TakenPort, ...]]
+
+
+def decided(choice: Choice, snapshot: Snapshot, instance: str, request: PlanRequest) -> dict[str, Any]:
+    """Return it for a record, with what the user asked for."""
+    return {
+        "instance": instance,
+        "previous": choice.previous,
+        "home": choice.data.home,
+        "taken": of_others(snapshot, instance, choice.experiment, choice.previous),
+        "reassign": request.reassign,
+        "reassign_unreachable": request.reassign_unreachable,
+        "history": request.history,
+        "data": request.data,
+    }
+
+
+def read_decided(value: object, request: PlanRequest) -> tuple[Decided, PlanRequest]:
+    """Return what a record says of a decision, and the request with what was asked for then."""
+    found = mapping(value)
+    taken = {
+        string(robot): tuple(
+            TakenPort(
+                address=string(one.get("address")), port=integer(one.get("port"), high=65535),
+                protocol=string(one.get("protocol")), by=text(one.get("by")), instance=string(one.get("instance")),
+            )
+            for one in mappings(ports)
+        )
+        for robot, ports in mapping(found.get("taken")).items()
+    }  # fmt: skip
+    history = tuple(
+        {string(robot): decimal(cost, low=0.0, high=1e9, default=0.0) for robot, cost in one.items()}
+        for one in mappings(found.get("history"))
+    )
+    asked = replace(
+        request,
+        instance=string(found.get("instance")),
+        reassign=found.get("reassign") is True,
+        reassign_unreachable=found.get("reassign_unreachable") is True,
+        history=history,
+        data=string(found.get("data")),
+    )
+    return Decided(previous=string_map(found.get("previous")), home=string_map(found.get("home")), taken=taken), asked
+
+
 def choice_of(
-    definitions: Definitions, inventory: Inventory, snapshot: Snapshot, instance: str, request: PlanRequest
-) -> Choice:
-    """Return what is to be decided, as far as this snapshot tells.
+    definitions: Definitions, inventory: Inventory, snapshot: Snapshot, instance: str, request: PlanRequest,
+    before: Decided | None = None,
+) -> Choice:  # fmt: skip
+    """Return what is to be decided, as far as this snapshot tells, or as a record has it of `before`.
 
     Raises:
         UsageError: Two instances would have one name, or relations contradict each other.
     """
-    previous = previous_robots(snapshot, instance)
-    experiment = _with_instances(definitions.experiment, snapshot, previous)
+    previous = before.previous if before else previous_robots(snapshot, instance)
+    experiment = with_platforms(_with_instances(definitions.experiment, snapshot, previous), definitions)
     data = data_now(experiment, snapshot, instance, previous, request)
+    data = replace(data, home=before.home) if before else data
     if not request.data:
         experiment = held_fast(experiment, data.home, snapshot)
     return Choice(
@@ -73,14 +129,17 @@ def choice_of(
             reassign=request.reassign,
             reassign_unreachable=request.reassign_unreachable,
             history=request.history,
-            taken=of_others(snapshot, instance, experiment, previous),
+            taken=before.taken if before else of_others(snapshot, instance, experiment, previous),
         ),
         free=request.reassign or request.reassign_unreachable or not experiment.placement.sticky,
         new=frozenset(absent(snapshot, instance, previous, experiment.services)),
     )
 
 
-def checked_choice(definitions: Definitions, inventory: Inventory, snapshot: Snapshot, request: PlanRequest) -> Choice:
+def checked_choice(
+    definitions: Definitions, inventory: Inventory, snapshot: Snapshot, request: PlanRequest,
+    before: Decided | None = None,
+) -> Choice:  # fmt: skip
     """Return the choice for who wants to know the assignment alone.
 
     Raises:
@@ -90,7 +149,7 @@ def checked_choice(definitions: Definitions, inventory: Inventory, snapshot: Sna
     if unknown := unknown_pins(definitions.experiment, inventory):
         raise DefinitionError(unknown)
     instance = request.instance or definitions.experiment.name
-    return choice_of(definitions, inventory, snapshot, instance, request)
+    return choice_of(definitions, inventory, snapshot, instance, request, before)
 
 
 def idle_notes(definitions: Definitions, experiment: Experiment, snapshot: Snapshot) -> tuple[str, ...]:

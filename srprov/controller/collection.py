@@ -6,26 +6,25 @@ fetched again. A robot that cannot be reached, or is lost meanwhile, is told: wh
 
 from __future__ import annotations
 
-import datetime as dt
-import json
+import contextlib
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
-from srprov import private, regular_file
+from srprov import private
 from srprov.controller.bringing import Home
+from srprov.controller.collected import Now, read_earlier
 from srprov.controller.fleet import Fleet
-from srprov.controller.results import Brought, bring_log, bring_results
+from srprov.controller.results import Brought, bring_log, bring_results, listed
 from srprov.controller.status import containers_of
-from srprov.controller.trial_files import listed
-from srprov.controller.trial_folder import alone, check_new, check_own
+from srprov.controller.trial_folder import alone
 from srprov.definitions.expand import expand
 from srprov.definitions.model import Experiment
 from srprov.definitions.trialsmodel import Result
-from srprov.errors import TransportError, UsageError
+from srprov.errors import TransportError
 from srprov.execution.collect import CollectFailed, place_of
 from srprov.execution.trial_patience import EquipmentFailed, Patience
 from srprov.facts.document import facts_document
@@ -33,13 +32,10 @@ from srprov.facts.gather import Detail
 from srprov.facts.model import Snapshot
 from srprov.record.recordings import in_words
 from srprov.record.results import Kept
-from srprov.secret import redacted
 from srprov.session import Session
-from srprov.untrusted import mapping, parse_json, string
 from srprov.wire import EngineQuery
 
 _T = TypeVar("_T")
-_MOST_LISTED = 256 << 20
 Say = Callable[[str], None]
 
 
@@ -67,47 +63,20 @@ class _Service:
     results: tuple[Result, ...]
 
 
-def check_folder(folder: Path, instance: str) -> None:
-    """Refuse a folder that is neither new nor of an earlier call for the same instance.
-
-    Raises:
-        UsageError, RefusedError: So it is.
-    """
-    if not (folder / "collected.json").exists():
-        check_new(folder, "name a new folder with -o, or one that `srprov collect` made")
-        return
-    check_own(folder, ())
-    before = string(_earlier(folder).get("instance"))
-    if before != instance:
-        raise UsageError(f"{folder} is of {before or 'something else'}", hint="name another folder with -o")
-
-
 def collect(fleet: Fleet, experiment: Experiment, instance: str, folder: Path, say: Say) -> dict[str, Any]:
     """Bring home what there is, and return what `collected.json` says.
 
     Raises:
-        UsageError: Nothing of the instance is on the robots, or another srprov works in the folder.
-        OSError: Something cannot be written here.
+        UsageError: Nothing of the instance is on the robots, or the folder is another srprov's, or not as it was left.
+        OSError: A document cannot be written here.
     """
     snapshot = fleet.gather(Detail.TRAFFIC, keep_mute=True)
     services = _services(snapshot, experiment, instance)
     private.make_folder(folder)
     with alone(folder):
-        earlier = _earlier(folder)
-        if not earlier:  # from now on the folder is of this instance, also when this is killed
-            _keep(folder, "collected.json", {"instance": instance, "robots": {}, "results": {}})
-        facts = facts_document(snapshot.facts, snapshot.unreachable)
-        _keep(folder, "facts.json", facts)
+        earlier = read_earlier(folder, instance)
         found = _all(fleet, services, folder, say)
-        document = _document(instance, services, found, snapshot.unreachable, earlier)
-        inspected = {name: value for one in found.values() for name, value in one.inspected.items()}
-        _keep(folder, "containers.json", inspected)
-        _keep(folder, "collected.json", document)
-    return document
-
-
-def _keep(folder: Path, name: str, document: object) -> None:
-    private.replace_file(folder / name, json.dumps(redacted(document), indent=2) + "\n")
+        return earlier.replaced(folder, _now(snapshot, services, found))
 
 
 def _services(snapshot: Snapshot, experiment: Experiment, instance: str) -> list[_Service]:
@@ -165,17 +134,24 @@ def _of_robot(robot: _Robot, services: Sequence[_Service], folder: Path, say: Sa
         )
         for one, reply in zip(services, replies, strict=True):
             found.inspected[one.label] = reply.json() if reply.ok else None
-            try:
+            with _told(one.label, found):
                 bring_log(robot, one.container, folder / "logs" / f"{one.host}.{one.label}.log")
-            except CollectFailed as error:
-                found.failed.append(str(error))
-            try:
+            with _told(one.label, found):
                 _of_service(robot, one, folder, found, say)
-            except CollectFailed as error:
-                found.failed.append(f"{one.label}: {error}")
     except (EquipmentFailed, TransportError) as error:
         found.lost = error.message if isinstance(error, TransportError) else str(error)
     return found
+
+
+@contextlib.contextmanager
+def _told(label: str, found: _Found) -> Iterator[None]:
+    """Note what of a service cannot be fetched, or be written here; the others go on."""
+    try:
+        yield
+    except CollectFailed as error:
+        found.failed.append(f"{label}: {error}")
+    except OSError as error:
+        found.failed.append(f"{label}: {error.filename or 'a file here'}: {error.strerror or error}")
 
 
 def _of_service(robot: _Robot, one: _Service, folder: Path, found: _Found, say: Say) -> None:
@@ -205,43 +181,19 @@ def _line(one: _Service, result: Result, entry: Kept, what: str) -> str:
     return f"{one.label} on {one.host}: {result.path}: {entry.path}: {what}"
 
 
-def _document(
-    instance: str,
-    services: Sequence[_Service],
-    found: Mapping[str, _Found],
-    unreachable: Mapping[str, str],
-    earlier: Mapping[str, Any],
-) -> dict[str, Any]:
-    """Return what is here now; what an earlier call listed of services that gave nothing now is here still."""
-    results = {key: value for one in found.values() for key, value in one.results.items()}
-    old = {key: value for key, value in mapping(earlier.get("results")).items() if key not in results}
-    away = {**unreachable, **{host: one.lost for host, one in found.items() if one.lost}}
-    document = {
-        "instance": instance,
-        "collected_utc": dt.datetime.now(dt.timezone.utc).isoformat(timespec="seconds"),
-        "robots": {**mapping(earlier.get("robots")), **{one.label: one.host for one in services}},
-        "results": dict(sorted({**old, **results}.items())),
-        "missing": sorted(line for one in found.values() for line in one.missing),
-        "failed": sorted(line for one in found.values() for line in one.failed),
-        "unclosed": sorted(line for one in found.values() for line in one.unclosed),
-        "unreachable": dict(sorted(away.items())),
-        "fetched_files": sum(one.fetched.files for one in found.values()),
-        "fetched_bytes": sum(one.fetched.bytes for one in found.values()),
-    }
-    return dict(mapping(redacted(document)))
-
-
-def _earlier(folder: Path) -> Mapping[str, Any]:
-    """Return what an earlier call wrote; nothing in a new folder.
-
-    Raises:
-        UsageError: It cannot be read.
-    """
-    path = folder / "collected.json"
-    if not path.exists():
-        return {}
-    try:
-        text = regular_file.read_text(path, _MOST_LISTED)
-        return mapping(parse_json(text, max_characters=_MOST_LISTED, max_values=_MOST_LISTED))
-    except (OSError, ValueError) as error:
-        raise UsageError(f"{path}: {error}", hint="name another folder with -o") from error
+def _now(snapshot: Snapshot, services: Sequence[_Service], found: Mapping[str, _Found]) -> Now:
+    """Return all that came."""
+    return Now(
+        robots={one.label: one.host for one in services},
+        results={key: value for one in found.values() for key, value in one.results.items()},
+        inspected={name: value for one in found.values() for name, value in one.inspected.items()},
+        facts=facts_document(snapshot.facts, snapshot.unreachable),
+        away={**snapshot.unreachable, **{host: one.lost for host, one in found.items() if one.lost}},
+        said={
+            "missing": sorted(line for one in found.values() for line in one.missing),
+            "failed": sorted(line for one in found.values() for line in one.failed),
+            "unclosed": sorted(line for one in found.values() for line in one.unclosed),
+            "fetched_files": sum(one.fetched.files for one in found.values()),
+            "fetched_bytes": sum(one.fetched.bytes for one in found.values()),
+        },
+    )

@@ -15,17 +15,19 @@ from typing import Any
 from srprov.controller.data_sets import data_set, used_data
 from srprov.controller.render_inputs import RenderInputs
 from srprov.controller.robot_images import robot_images
-from srprov.controller.services import hosts_path, service_context, tree_path
-from srprov.definitions.containermodel import Mount
+from srprov.controller.services import discovery_path, hosts_path, service_context, tree_path, with_robots_network
+from srprov.definitions.containermodel import Mount, Seed
 from srprov.definitions.hostnames import GATEWAY
 from srprov.definitions.model import Service
 from srprov.errors import UsageError
 from srprov.facts.model import HostFacts
 from srprov.modules.module import STATE_ROOT, canonical
 from srprov.modules.secret import secret_path
+from srprov.modules.unit import unit_name
 from srprov.modules.volume import volume_name
+from srprov.network.discovery import discovery_of
 from srprov.network.hosts import hosts_file
-from srprov.network.model import Overlay
+from srprov.network.model import Overlay, Tunnel
 
 _WITNESSES = 2
 """Robots without a service that keep the placement record."""
@@ -36,7 +38,9 @@ _FLOOD = "00:00:00:00:00:00"
 def contexts(inputs: RenderInputs) -> tuple[dict[str, dict[str, Any]], dict[str, bytes]]:
     """Return robot -> context, for reachable robots with a part in the experiment, and all blobs by sha256."""
     blobs: dict[str, bytes] = {}
-    trees = {mount.source: _tree(mount.source, blobs) for mount in _mounts(inputs, "tree")}
+    shipped = {mount.source for mount in _mounts(inputs, "tree")}
+    seeds = {mount.seed.path for mount in _mounts(inputs, "volume") if mount.seed}
+    trees = {path: _tree(path, blobs) for path in sorted(shipped | seeds)}
     images = robot_images(inputs, blobs)
     members = {robot for robot in inputs.placed.values() if robot in inputs.snapshot.facts}
     hosts = members | set(images) | set(_witnesses(inputs, members))
@@ -85,10 +89,11 @@ def _one(
     data: Mapping[Mount, Mapping[str, Any]],
 ) -> dict[str, Any]:
     services = [inputs.experiment.services[name] for name, robot in sorted(inputs.placed.items()) if robot == host]
-    overlay = _overlay(inputs.overlay, host)
+    both = [service.name for service in services if service.network == "both"]
+    overlay = _overlay(inputs.overlay, host, both, persist=inputs.experiment.network.persist)
     facts = inputs.snapshot.facts[host]
     used = {mount.source for service in services for mount in service.runtime.mounts if mount.kind == "tree"}
-    volumes = {m.source for service in services for m in service.runtime.mounts if m.kind == "volume"}
+    volumes = {m.source: m.seed for service in services for m in service.runtime.mounts if m.kind == "volume"}
     return {
         "host": host,
         "folder": f"{STATE_ROOT}/{inputs.instance}",
@@ -105,16 +110,25 @@ def _one(
             for source in sorted(used)
         ],
         "data": used_data(data, services),
-        "volumes": [_volume(inputs, host, volume_name(inputs.instance, name)) for name in sorted(volumes)],
+        "volumes": [
+            _volume(inputs, host, volume_name(inputs.instance, name), seed, trees)
+            for name, seed in sorted(volumes.items(), key=lambda one: one[0])
+        ],
         "secrets": _secrets(inputs.instance, services),
         "services": [service_context(inputs, service, overlay, trees, data) for service in services],
     }
 
 
-def _volume(inputs: RenderInputs, host: str, name: str) -> dict[str, str]:
+def _volume(
+    inputs: RenderInputs, host: str, name: str, seed: Seed | None, trees: Mapping[str, Mapping[str, str]]
+) -> dict[str, str]:
     owner = inputs.data.owner
     source, label = inputs.data.copies.get((host, name), ("", ""))
-    return {"name": name, "owner": owner.label(host, name) if owner else "", "from": source, "proof": label}
+    volume = {"name": name, "owner": owner.label(host, name) if owner else "", "from": source, "proof": label}
+    if source:  # a copy is what it is a copy of
+        there = (one for one in inputs.snapshot.observed.get(source, ()) if (one.module, one.name) == ("volume", name))
+        return {**volume, "seed": next((str(one.state.get("seed", "")) for one in there), ""), "blob": ""}
+    return {**volume, "blob": trees[seed.path]["blob"] if seed else "", "user": seed.user if seed else ""}
 
 
 def _robot(facts: HostFacts) -> dict[str, Any]:
@@ -130,11 +144,14 @@ def _files(inputs: RenderInputs, host: str, services: Sequence[Service]) -> list
     hostnames = {one.name: name for one in inputs.experiment.services.values() if (name := one.runtime.hostname)}
     names = {f"{STATE_ROOT}/{inputs.instance}/hosts": hosts_file(inputs.overlay, hostnames)} if services else {}
     for service in services:
-        if service.runtime.extra_hosts:
-            # what a container with the robot's network calls its robot is itself
-            robot = inputs.overlay.gateways.get(host, "") if service.network == "overlay" else "127.0.0.1"
-            extra = [(name, robot if at == GATEWAY else at) for name, at in service.runtime.extra_hosts]
-            names[hosts_path(inputs.instance, service)] = hosts_file(inputs.overlay, hostnames, extra)
+        own = inputs.snapshot.facts[host].hosts if with_robots_network(service) else ()
+        # what a container with the robot's network calls its robot is itself
+        robot = inputs.overlay.gateways.get(host, "") if service.network == "overlay" else "127.0.0.1"
+        extra = [(name, robot if at == GATEWAY else at) for name, at in service.runtime.extra_hosts]
+        if extra or with_robots_network(service):
+            names[hosts_path(inputs.instance, service)] = hosts_file(inputs.overlay, hostnames, extra, own)
+        found = discovery_of(inputs.experiment, inputs.overlay, service).files
+        names |= {discovery_path(inputs.instance, service, name): text for name, text in found.items()}
     files = [{"path": one, "content": text, "mode": "0644", "in_place": True} for one, text in names.items()]
     return [*files, record]
 
@@ -145,10 +162,12 @@ def _secrets(instance: str, services: Sequence[Service]) -> list[dict[str, str]]
     return [{"path": secret_path(instance, name, mode), "name": name, "mode": mode} for name, mode in sorted(wanted)]
 
 
-def _overlay(overlay: Overlay, host: str) -> dict[str, Any] | None:
+def _overlay(overlay: Overlay, host: str, both: Sequence[str], *, persist: bool) -> dict[str, Any] | None:
+    """Return a robot's end of the overlay; `both` are its services that have their address on its bridge."""
     if host not in overlay.vteps:
         return None
     fdb = [[_FLOOD, vtep] for vtep in overlay.flood[host]] + [list(entry) for entry in overlay.fdb[host]]
+    tunnel = overlay.tunnel
     return {
         "network": overlay.network,
         "bridge": overlay.bridge,
@@ -158,8 +177,28 @@ def _overlay(overlay: Overlay, host: str) -> dict[str, Any] | None:
         "mtu": overlay.mtu,
         "vni": overlay.vni,
         "port": overlay.port,
-        "vtep": overlay.vteps[host],
+        "vtep": overlay.gateways[host] if tunnel else overlay.vteps[host],
+        "peers": list(overlay.flood[host]),
         "fdb": sorted(fdb),
+        "bridge_mac": overlay.bridge_macs.get(host, ""),
+        "addresses": sorted(overlay.addresses[name] for name in both),
+        "unit": unit_name(overlay.instance) if persist else "",
+        "tunnel": _tunnel(overlay, tunnel, host) if tunnel else None,
+    }
+
+
+def _tunnel(overlay: Overlay, tunnel: Tunnel, host: str) -> dict[str, Any]:
+    """Return what encrypts the overlay on one robot."""
+    others = sorted(overlay.vteps.keys() - {host})
+    return {
+        "netns": tunnel.netns,
+        "interface": tunnel.interface,
+        "address": overlay.gateways[host],
+        "port": tunnel.port,
+        "mtu": tunnel.mtu,
+        "peers": [[other, tunnel.endpoints[other], overlay.gateways[other]] for other in others],
+        "to": sorted(overlay.gateways[other] for other in others),
+        "others": others,
     }
 
 

@@ -29,7 +29,7 @@ def dockerfiles(definitions: Definitions, services: Collection[str], allowed: Co
         allowed: Kinds of permission that the user gave.
 
     Raises:
-        DefinitionError: The files ask for what is not built yet, or a field cannot become an image.
+        DefinitionError: The files name what was not fetched, or a field cannot become an image.
         RefusedError: What goes into an image is not the experiment's own, and the user did not allow it.
         UsageError: There is no such service.
     """

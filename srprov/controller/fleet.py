@@ -44,6 +44,7 @@ class Fleet:
 
         engine = exact or any(service.requires.disk for service in experiment.services.values())
         ports = any(service.runtime.ports or service.runtime.expose for service in experiment.services.values())
+        ports = ports or experiment.network.encryption != "none"
         return Gathering(self.inventory, self.sessions.get, engine=engine, ports=ports, forks=self.forks)
 
     def gather(self, detail: Detail, *, keep_mute: bool = False) -> Snapshot:

@@ -13,7 +13,7 @@ from srprov.errors import RefusedError
 from srprov.facts.model import Snapshot
 from srprov.modules import RUNNING
 from srprov.network.belief import Belief, believe
-from srprov.network.identity import link_names
+from srprov.network.identity import link_names, tunnel_name
 from srprov.network.record import read_record
 from srprov.record.memory import digest, recall
 from srprov.resource import Observed
@@ -121,10 +121,11 @@ def owned(snapshot: Snapshot, instance: str) -> Mapping[str, tuple[Observed, ...
 
     So is a link with its name and no alias yet. What a build left is whoever's who comes next: he has the robot's lock.
     """
-    names = link_names(instance)
+    names, tunnels = link_names(instance), [tunnel_name(instance) + letter for letter in "ab"]
 
     def claimed(item: Observed) -> Observed:
-        half_made = item.name in names or bool(item.state.get("leftover"))
+        half_made = item.name in names or (item.name in tunnels and item.state.get("inside") is False)
+        half_made = half_made or bool(item.state.get("leftover"))
         return dataclasses.replace(item, instance=instance) if half_made and not item.instance else item
 
     return {host: tuple(claimed(item) for item in items) for host, items in snapshot.observed.items()}

@@ -19,7 +19,7 @@ from srprov.definitions.lockfile import Lock, Packages
 from srprov.errors import LockHeld, TransportError
 from srprov.execution.lock_set import LockOptions, LockSet
 from srprov.execution.locks import claim
-from srprov.execution.packages import KINDS, NoListing, packages_in
+from srprov.execution.packages import KINDS, NoListing, packages_in, remove_left
 from srprov.image_reference import parse_reference
 from srprov.record.memory import known_images
 from srprov.untrusted import mapping, string
@@ -34,6 +34,7 @@ MOST = 900
 MOST_IN_ALL = 5_000
 """Packages of a kind in one record, and of all records: a lock is read again with each plan."""
 _NO_BASE = ("", "scratch")
+_NOT_LISTED = "the packages in it are not in the lock: "
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,17 +71,17 @@ def with_records(lock: Lock, made: Draft, look: Gathering, sessions: Mapping[str
     engines = [robot for robot, facts in look.first().facts.items() if facts.docker]
     wanted = _wanted(bases, records, look.ask_each, engines)
     told = [
-        f"{tag}: no versions are recorded: no robot has it as it was built from here; see `srprov build`"
+        f"{tag}: {_NOT_LISTED}no robot has an image of it that was built from here; `srprov build`, then lock again"
         for tag in sorted(bases.keys() - {one.tag for one in wanted} - {image for image, _ in records})
     ]
     for one, found in _read_all(wanted, sessions):
         if isinstance(found, str):
-            words = f"no versions are recorded: {found}"
+            words = f"{_NOT_LISTED}{found}"
         elif sum(each.count for each in (*records.values(), found)) > MOST_IN_ALL:
-            words = f"no versions are recorded: a lock has at most {MOST_IN_ALL} of all images"
+            words = f"{_NOT_LISTED}it has at most {MOST_IN_ALL} of all images"
         else:
             records[(one.tag, one.platform)] = found
-            words = f"{found.count} package{'s' * (found.count != 1)} beyond those of its base recorded"
+            words = f"{found.count} package{'s' * (found.count != 1)} beyond those of its base are in the lock"
         told.append(f"{one.tag} on {one.robot}: {words}")
     return replace(lock, packages=tuple(records[key] for key in sorted(records))), told
 
@@ -119,6 +120,7 @@ def _read_on(session: Session, wanted: Sequence[_Read]) -> Iterator[tuple[_Read,
     with LockSet([robot], {robot: session}, claim("lock"), options, never, lambda _event: None).acquire() as held:
         if why := held.lost.get(robot):
             raise TransportError(robot, why)
+        remove_left(session)
         listed: dict[str, Mapping[str, frozenset[str]]] = {}
         for one in wanted:
             try:

@@ -112,8 +112,8 @@ def file_hashes(experiment: Experiment, containers: Iterable[ContainerDefinition
 def _shipped(experiment: Experiment, containers: Iterable[ContainerDefinition]) -> Iterator[str]:
     for service in experiment.services.values():
         for mount in service.runtime.mounts:
-            if mount.kind == "tree":
-                yield from _below(mount.source)
+            if mount.kind == "tree" or mount.seed:
+                yield from _below(mount.seed.path if mount.seed else mount.source)
     for one in containers:
         for file in one.files:
             yield from _below(file.source)

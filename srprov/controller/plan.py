@@ -10,18 +10,19 @@ import dataclasses
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from srprov import rendering
 from srprov.assignment import solve
 from srprov.assignment.model import Assignment
-from srprov.controller.choice import Choice, choice_of, idle_notes, settled
+from srprov.controller.choice import Choice, choice_of, decided, idle_notes, settled
 from srprov.controller.context import contexts
 from srprov.controller.copies import copies
 from srprov.controller.data_plan import plan_data
 from srprov.controller.image_layers import with_layers
 from srprov.controller.image_plans import images_alone, images_there, moved_tags, plan_images, with_fresh
 from srprov.controller.labpolicy import enforce, with_limits
+from srprov.controller.mtu_note import mtu_notes
 from srprov.controller.owners import Owner
 from srprov.controller.ownership import check_source, owned, trusting
 from srprov.controller.permissions import permit_planning
@@ -32,6 +33,7 @@ from srprov.controller.render_inputs import RenderInputs
 from srprov.controller.request import PlanRequest
 from srprov.controller.robot_images import BUILDERS, check_never
 from srprov.controller.robot_room import check_room, with_log_drivers
+from srprov.controller.robots_words import at_home, names_notes
 from srprov.controller.trial_values import at_first_point, design_notes
 from srprov.definitions.model import Definitions, Experiment, Inventory
 from srprov.definitions.pins import unknown_pins
@@ -47,7 +49,7 @@ from srprov.modules.secret import with_value
 from srprov.network.layout import layout
 from srprov.network.model import Overlay
 from srprov.network.record import record
-from srprov.planning.amiss import notes as amiss_notes
+from srprov.planning.amiss import told
 from srprov.planning.diff import diff
 from srprov.planning.limit import limited
 from srprov.planning.plan import Plan, PlaybookUse, Step
@@ -78,6 +80,8 @@ class Planned:
     """Tag -> what is built under it; a failed build can name the line of the CDF."""
     playbooks: tuple[Playbook, ...] = ()
     """Those that users wrote, the experiment's and the user's own."""
+    decided: Mapping[str, Any] | None = None
+    """What else than files and facts led to the placement: `choice.decided`. None: it was not decided here."""
     owner: Owner | None = None
     """Who owns its volumes, with those that the run takes over; None: it makes none."""
     amiss: tuple[str, ...] = ()
@@ -105,7 +109,7 @@ def make_plan(
     `look` has begun to ask them; `vault` has the values of the experiment's secrets; `phases` is the clock of the run.
 
     Raises:
-        DefinitionError: The files ask for what is not built yet, or for robots that are not in the inventory.
+        DefinitionError: The files name what was not fetched, or for robots that are not in the inventory.
         RefusedError: The instance belongs to another source, or asks for what the user or the lab does not allow.
         NoAssignment, UsageError, RenderError, PlanError: as their rooms say.
     """
@@ -122,20 +126,21 @@ def make_plan(
         phases.begin("assignment")
         placed = solve.solve(choice.problem, request.search_limit_s)
     phases.begin("plan")
-    overlay = layout(choice.experiment, placed.placed, snapshot, instance=instance)
+    choice = dataclasses.replace(choice, experiment=at_home(choice.experiment, placed.placed, snapshot.facts))
+    overlay = layout(choice.experiment, placed.placed, snapshot, instance=instance, rotate=request.rotate_keys)
     theirs = (*choice.experiment.playbooks, *request.playbooks)
     with together():
         inputs = with_layers(_inputs(definitions, choice, placed, overlay, snapshot, source, request, look), look)
         snapshot, desired, steps, unchanged = _compared(inputs, theirs, vault, look)
-    there = {(host, one.module, one.name): one for host, items in snapshot.observed.items() for one in items}
-    amiss = () if request.images_only else tuple(amiss_notes(desired, there))
-    notes = (*notes, *amiss, *check_room(steps, choice, instance, snapshot, look, playbooks=bool(theirs)))
+    amiss, alone = ((), ()) if request.images_only else told(desired, snapshot.observed)
+    room = check_room(steps, choice, instance, snapshot, look, playbooks=bool(theirs))
+    notes = (*notes, *amiss, *alone, *room, *mtu_notes(overlay, snapshot))
     made = _plan(definitions, dataclasses.replace(inputs, snapshot=snapshot), placed, theirs, steps, unchanged, notes)
     enforce(made, look.inventory, request.policies)
-    images = {image.tag: image for image in inputs.images.values()}
     return Planned(
         plan=made, snapshot=snapshot, definitions=definitions, experiment=choice.experiment, assignment=placed,
-        desired=desired, images=images, playbooks=theirs, owner=inputs.data.owner, amiss=amiss,
+        desired=desired, images={image.tag: image for image in inputs.images.values()}, playbooks=theirs,
+        owner=inputs.data.owner, amiss=amiss, decided=decided(choice, snapshot, instance, request),
     )  # fmt: skip
 
 
@@ -242,4 +247,4 @@ def _notes(inputs: RenderInputs, placed: Assignment) -> tuple[str, ...]:
     if placed.gap:
         stay.append(f"the search for the best placement was stopped; {placed.gap:.3f} less may be possible")
     moving = sorted({one for image in inputs.images.values() for one in image.moving})
-    return (*twice, *stay, *moving)
+    return (*twice, *stay, *moving, *names_notes(inputs.experiment, placed.placed, inputs.snapshot.facts))

@@ -29,12 +29,34 @@ def run_json(plan: Plan, result: RunResult, sessions: Mapping[str, Session], pha
         "robots": {host: _robot_json(result, host, session) for host, session in sorted(sessions.items())},
         "phases": phases.end(),
         "duration_s": round(phases.total, 3),
+        "probe": _probe_json(result),
         "run": None,
         "steps": [
             {"number": r.step.number, "id": r.step.id, "outcome": r.outcome.value, "message": r.message}
             for r in result.results
         ],
     }
+
+
+def _probe_json(result: RunResult) -> dict[str, Any] | None:
+    """Return what came of trying the overlay, without its pairs, which the record has; None: it was not tried."""
+    if result.probed is None:
+        return None
+    said = result.probed.json()
+    failed = sum(bool(one["failed"]) for one in said["pairs"])
+    kept = {key: said[key] for key in ("ok", "duration_s", "causes", "left_out", "unreachable")}
+    return {"pairs": len(said["pairs"]), "failed": failed, **kept}
+
+
+def overlay_failures(result: RunResult) -> list[str]:
+    """Return the lines on what of the overlay does not work, and on robots that did not take part in trying it."""
+    if result.probed is None:
+        return []
+    from srprov.probing.document import problems
+
+    lines = problems(result.probed.json())
+    failed = [] if result.probed.works else ["the overlay does not work between all robots and services:"]
+    return [*failed, *lines]
 
 
 def _robot_json(result: RunResult, host: str, session: Session) -> dict[str, Any]:

@@ -21,6 +21,8 @@ class PlanRequest:
 
     instance: str = ""
     """Empty: the experiment's name."""
+    profiles: tuple[str, ...] = ()
+    """Of services that are wanted beside those that always are; `*` stands for all."""
     reassign: bool = False
     """Let running services move when that is cheaper."""
     reassign_unreachable: bool = False
@@ -35,6 +37,8 @@ class PlanRequest:
     """How images get from one robot to another: `thin`, `whole`, or as it is possible."""
     owner: Owner | None = None
     """Who owns the instance's volumes; None: nobody asks, as nothing will be attached."""
+    rotate_keys: bool = False
+    """An encrypted overlay gets new keys on all of its robots."""
     exact: bool = False
     """Ask the engines of themselves even if nothing is new: a plan file holds robots to what they said."""
     playbooks: tuple[Playbook, ...] = ()

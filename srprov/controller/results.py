@@ -75,9 +75,17 @@ def bring_results(
             whole = places[result].path == "."
             below = folder / (result.path if whole else posixpath.dirname(result.path)).strip("/")
             bringing = Bringing(robot, places[result], below, home)
-            found[result] = checked(below, bringing.all(entries), home.parts)
+            if (kept := bringing.all(entries)) is not None:
+                found[result] = checked(below, kept, home.parts)
             brought = Brought(brought.files + bringing.fetched_files, brought.bytes + bringing.fetched_bytes)
     return found, brought
+
+
+def listed(one: Kept) -> dict[str, object]:
+    """Return what `collected.json` says of an entry."""
+    about = {"path": one.path, "name": one.name, "size": one.size, "sha256": one.sha256, "note": one.note}
+    about |= {"unclosed": one.unclosed, "recovered": one.recovered}
+    return {key: value for key, value in about.items() if value not in ("", 0) or key == "path"}
 
 
 def _has_some(kept: list[Kept]) -> bool:

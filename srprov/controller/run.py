@@ -7,6 +7,7 @@ that fails.
 from __future__ import annotations
 
 import datetime as dt
+import functools
 import threading
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -17,10 +18,13 @@ from srprov import __version__
 from srprov.controller import remembering
 from srprov.controller.data_owner import remember_owner
 from srprov.controller.fleet import Fleet
+from srprov.controller.input_commit import source_commit
+from srprov.controller.input_files import definition_files, texts
 from srprov.controller.phases import Phases
 from srprov.controller.plan import Planned
-from srprov.controller.report import failures, jobs_under_way, run_json
+from srprov.controller.report import failures, jobs_under_way, overlay_failures, run_json
 from srprov.controller.saved import plan_file
+from srprov.definitions.model import Inventory
 from srprov.execution import Event, Listener, RunOptions, RunResult, run_plan
 from srprov.execution.lock_set import LockSet
 from srprov.owner import owner
@@ -74,10 +78,12 @@ def run(
         result = run_plan(planned.plan, fleet.connected(), recorded, replace(options, run=folder.name), stop, held)
         forgetful = remembering.note_built(result) or remembering.end(planned, result, options.verb) or forgetful
         document = run_json(planned.plan, result, fleet.connected(), phases)
+        if result.probed is not None:
+            folder.put_json("probe.json", result.probed.json)
         folder.put_json("result.json", lambda: {**document, "run": str(folder.path)})
     return RunReport(
         document={**document, "run": str(folder.path) if folder.path.is_dir() else None},
-        failures=tuple(failures(result, planned.images)),
+        failures=(*failures(result, planned.images), *overlay_failures(result)),
         jobs=tuple(jobs_under_way(result)),
         record_problem=folder.problem or forgetful,
         result=result,
@@ -87,16 +93,28 @@ def run(
 def _recording(planned: Planned, fleet: Fleet, verb: str, runs: Path | None) -> RunFolder:
     """Begin the run's folder, with everything that is known before the first act; it is written meanwhile."""
     folder = RunFolder(runs or default_root(), run_id(planned.plan, dt.datetime.now(dt.timezone.utc)))
-    inputs = RunInputs(
+    write_inputs(folder, run_inputs(planned, fleet.inventory, verb))
+    return folder
+
+
+def run_inputs(planned: Planned, inventory: Inventory, verb: str) -> RunInputs:
+    """Return what is recorded of a run before its first act.
+
+    Its source's commit only where something is to be done: git takes longer than all else that then remains.
+    """
+    files = definition_files(planned)
+    changing = bool(planned.plan.steps) or verb == "run"
+    return RunInputs(
         verb=verb,
         owner=owner(),
         version=__version__,
         plan=planned.plan,
         file=plan_file(planned),
-        inventory=fleet.inventory,
+        inventory=inventory,
         snapshot=planned.snapshot,
         assignment=planned.assignment,
         desired=planned.desired,
+        files=texts(files) or None,
+        decided=planned.decided,
+        commit=functools.partial(source_commit, planned, files) if changing else lambda: None,
     )
-    write_inputs(folder, inputs)
-    return folder

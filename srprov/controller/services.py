@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from srprov.controller.render_inputs import RenderInputs
@@ -12,10 +12,12 @@ from srprov.definitions.containermodel import Mount, Runtime
 from srprov.definitions.model import Experiment, Service
 from srprov.definitions.trialsmodel import folder_of
 from srprov.modules.container import container_name
-from srprov.modules.module import STATE_ROOT
+from srprov.modules.module import OWN_HOSTS, STATE_ROOT
 from srprov.modules.network import network_hash
 from srprov.modules.secret import secret_path
 from srprov.modules.volume import volume_name
+from srprov.network.discovery import FOLDER, Discovery, discovery_of
+from srprov.network.layout import ON_OVERLAY
 from srprov.resource import resource_id
 from srprov.wire import DATA_STORE
 
@@ -39,16 +41,11 @@ def service_context(
     image = image_of(inputs, service)
     mounts = [_mount(inputs.instance, mount, trees, data) for mount in service.runtime.mounts]
     needs: list[Any] = [f"image:{image}"]
-    for use in service.secrets:
-        place = secret_path(inputs.instance, use.source, use.mode)
-        mounts.append({"Type": "bind", "Source": place, "Target": use.target, "ReadOnly": True})
-        needs.append(f"secret:{place}")
-    if service.network != "none" or service.runtime.extra_hosts:
-        hosts = hosts_path(inputs.instance, service)
-        mounts.append({"Type": "bind", "Source": hosts, "Target": "/etc/hosts", "ReadOnly": True})
-        needs.append(f"file:{hosts}")
-    if service.network == "overlay" and overlay:
-        needs += [f"network:{overlay['network']}", f"vxlan:{overlay['link']}"]
+    found = discovery_of(inputs.experiment, inputs.overlay, service)
+    for kind, path, target in _own_files(inputs.instance, service, found):
+        mounts.append({"Type": "bind", "Source": path, "Target": target, "ReadOnly": True})
+        needs.append(f"{kind}:{path}")
+    needs += _network_needs(service, overlay)
     needs += [f"tree:{tree_path(inputs.instance, trees[m.source])}" for m in service.runtime.mounts if m.kind == "tree"]
     needs += [f"data:{data[m]['path']}" for m in service.runtime.mounts if m.kind == "data"]
     needs += [f"volume:{volume_name(inputs.instance, m.source)}" for m in service.runtime.mounts if m.kind == "volume"]
@@ -58,13 +55,32 @@ def service_context(
         "container": container_name(inputs.instance, service.name),
         "image": image,
         # Docker refuses a hostname beside the host's network
-        "hostname": "" if service.network == "host" else service.runtime.hostname or service.name,
+        "hostname": "" if with_robots_network(service) else service.runtime.hostname or service.name,
         "job": service.runtime.job,
-        "run": _run(service.runtime),
+        "run": _run(service.runtime, found.environment),
+        "made_with": dict(found.made_with),
         "mounts": [*mounts, *_result_volumes(inputs.experiment, service, mounts)],
         "network": _network(inputs, service, overlay),
         "needs": needs,
     }
+
+
+def _own_files(instance: str, service: Service, found: Discovery) -> Iterator[tuple[str, str, str]]:
+    """Yield what srprov itself mounts: kind and path on the robot, and path in the container."""
+    for use in service.secrets:
+        yield "secret", secret_path(instance, use.source, use.mode), use.target
+    if service.network != "none" or service.runtime.extra_hosts:
+        yield "file", hosts_path(instance, service), "/etc/hosts"
+    for name in found.files:
+        yield "file", discovery_path(instance, service, name), f"{FOLDER}/{name}"
+
+
+def _network_needs(service: Service, overlay: Mapping[str, Any] | None) -> list[str]:
+    """Return what of the overlay a service needs; one of `both` has no end at Docker's network."""
+    if overlay is None or service.network not in ON_OVERLAY:
+        return []
+    network = [f"network:{overlay['network']}"] if service.network == "overlay" else []
+    return [*network, f"vxlan:{overlay['link']}"]
 
 
 def _result_volumes(
@@ -86,8 +102,23 @@ def _result_volumes(
 
 
 def hosts_path(instance: str, service: Service) -> str:
-    """Return where the hosts file of a service lies on its robot: one for all, unless it has names of its own."""
-    return f"{STATE_ROOT}/{instance}/hosts" + (f"-{service.name}" if service.runtime.extra_hosts else "")
+    """Return where the hosts file of a service lies on its robot: one for all, unless it has names of its own.
+
+    Those with the robot's network share another one.
+    """
+    shared = OWN_HOSTS if with_robots_network(service) else ""
+    return f"{STATE_ROOT}/{instance}/hosts" + (f"-{service.name}" if service.runtime.extra_hosts else shared)
+
+
+def with_robots_network(service: Service) -> bool:
+    """Return whether a service's container is in the robot's own network, and has the robot's names there."""
+    return service.network in ("host", "both")
+
+
+def discovery_path(instance: str, service: Service, name: str) -> str:
+    """Return where a file of `network.discovery` lies on its robot: one for all, unless it has a service's address."""
+    stem, dot, kind = name.partition(".")
+    return f"{STATE_ROOT}/{instance}/{stem}{f'-{service.name}' if service.network == 'both' else ''}{dot}{kind}"
 
 
 def tree_path(instance: str, tree: Mapping[str, str]) -> str:
@@ -101,6 +132,8 @@ def _dependency(inputs: RenderInputs, other: str, condition: str) -> dict[str, s
 
 
 def _network(inputs: RenderInputs, service: Service, overlay: Mapping[str, Any] | None) -> dict[str, str]:
+    if service.network == "both" and overlay:
+        return {"mode": "both", "ip": str(inputs.overlay.addresses[service.name])}
     if service.network != "overlay" or not overlay:
         return {"mode": service.network}
     return {
@@ -112,8 +145,11 @@ def _network(inputs: RenderInputs, service: Service, overlay: Mapping[str, Any] 
     }
 
 
-def _run(runtime: Runtime) -> dict[str, Any]:
-    """Return the run-time fields as JSON values; mounts are given apart, in the engine's form."""
+def _run(runtime: Runtime, more: Mapping[str, str]) -> dict[str, Any]:
+    """Return the run-time fields as JSON values; mounts are given apart, in the engine's form.
+
+    `more` are variables that srprov adds.
+    """
     plain = {
         field.name: getattr(runtime, field.name)
         for field in dataclasses.fields(runtime)
@@ -122,7 +158,7 @@ def _run(runtime: Runtime) -> dict[str, Any]:
     check, log = runtime.healthcheck, runtime.logging
     return {
         **plain,
-        "environment": dict(runtime.environment),
+        "environment": {**more, **runtime.environment},
         "sysctls": dict(runtime.sysctls),
         "labels": dict(runtime.labels),
         "logging": {"driver": log.driver, "options": dict(log.options)} if log else None,

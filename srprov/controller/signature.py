@@ -1,4 +1,4 @@
-"""Signatures of plan files, by `ssh-keygen -Y`: beside PLAN lies PLAN.sig.
+"""Signatures of plan files and of bundles, by `ssh-keygen -Y`: beside PLAN lies PLAN.sig.
 
 Who may sign stands in an `allowed_signers` file, see ssh-keygen(1). Runs ssh-keygen; reads the plan once, and checks
 those very bytes.
@@ -22,13 +22,13 @@ _MOST_SIGNATURE = 64 * 1024
 """Bytes; one has less than a thousand."""
 
 
-def signature(content: bytes, file: str, key: str) -> bytes:
-    """Return the signature of what a plan file is to hold, by an SSH key, or the agent's when `key` is a public one.
+def signature(content: bytes, file: str, key: str, namespace: str = NAMESPACE) -> bytes:
+    """Return the signature of what a file is to hold, by an SSH key, or the agent's when `key` is a public one.
 
     Raises:
         UsageError: It cannot be signed.
     """
-    done = _ssh_keygen("sign", "-f", key, given=content, limit_s=_SIGN_S)
+    done = _ssh_keygen("sign", "-n", namespace, "-f", key, given=content, limit_s=_SIGN_S)
     if done.returncode != 0:
         raise UsageError(f"cannot sign {file}: {_said(done)}", hint="name a private SSH key with --sign")
     return done.stdout
@@ -54,13 +54,19 @@ def _complaint(content: bytes, signature: str, signers: str) -> str:
         signed = regular_file.read(signature, _MOST_SIGNATURE)
     except OSError as error:
         return f"{signature}: {error.strerror}"
+    return signed_by(content, signed, signers, NAMESPACE)
+
+
+def signed_by(content: bytes, signed: bytes, signers: str, namespace: str) -> str:
+    """Return why `signed` is no signature of `content` by one of the signers, or nothing."""
     with tempfile.NamedTemporaryFile(prefix="srprov-", suffix=".sig") as copy:
         copy.write(signed)
         copy.flush()
         found = _ssh_keygen("find-principals", "-s", copy.name, "-f", signers)
         said = _said(found)
         for principal in found.stdout.decode("utf-8", "replace").splitlines() if found.returncode == 0 else ():
-            done = _ssh_keygen("verify", "-f", signers, "-I", principal, "-s", copy.name, given=content)
+            about = ("-n", namespace, "-f", signers, "-I", principal, "-s", copy.name)
+            done = _ssh_keygen("verify", *about, given=content)
             if done.returncode == 0:
                 return ""
             said = _said(done)
@@ -77,8 +83,7 @@ def _read(file: str) -> bytes:
 def _ssh_keygen(
     verb: str, *words: str, given: bytes = b"", limit_s: float = _VERIFY_S
 ) -> subprocess.CompletedProcess[bytes]:
-    namespace = () if verb == "find-principals" else ("-n", NAMESPACE)
-    command = ("ssh-keygen", "-Y", verb, *namespace, *words)
+    command = ("ssh-keygen", "-Y", verb, *words)
     try:
         return subprocess.run(command, input=given, capture_output=True, timeout=limit_s, check=False)
     except FileNotFoundError as error:

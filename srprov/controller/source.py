@@ -13,6 +13,7 @@ from srprov.definitions import load_experiment
 from srprov.definitions.lockfile import load as load_lock
 from srprov.definitions.lockfile import lock_path
 from srprov.definitions.model import Definitions
+from srprov.definitions.profiles import chosen
 from srprov.errors import UsageError
 
 EDF_ENDINGS = (".edf", ".yml", ".yaml")
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
 
 def read_source(
-    file: str, signers: str = "", allowed: Collection[str] = (), *, locked: bool = False
+    file: str, signers: str = "", allowed: Collection[str] = (), profiles: Collection[str] = (), *, locked: bool = False
 ) -> Definitions | PlanFile:
     """Read an EDF with every file that it names, or a plan that `plan -o` wrote.
 
@@ -39,22 +40,32 @@ def read_source(
     saved = _plan(file)
     if saved and locked:
         raise UsageError("--locked is for an EDF: what a plan in a file does was decided when it was made")
-    return saved or read_definitions(file, allowed, locked=locked)
+    return saved or read_definitions(file, allowed, profiles, locked=locked)
 
 
-def read_definitions(file: str, allowed: Collection[str], *, locked: bool = False) -> Definitions:
-    """Read an EDF with every file that it names, and put in what its lock says.
+def read_definitions(
+    file: str, allowed: Collection[str], profiles: Collection[str] = (), *, locked: bool = False
+) -> Definitions:
+    """Read an EDF with every file that it names, and put in what its lock says, which is of all services.
 
     Args:
         file: The EDF.
         allowed: Kinds of permission that the user gave.
+        profiles: Of services that are wanted beside those that always are.
         locked: Refuse when there is no lock, or when it is out of date.
 
     Raises:
         DefinitionError: With everything that is wrong with it, or with the lock.
-        UsageError: With all that the lock and the files differ in.
+        UsageError: With all that the lock and the files differ in; or no service has such a profile.
         RefusedError: A CDF is in a git repository, and the user did not allow to fetch it.
     """
+    found = chosen(_with_lock(file, allowed, locked=locked), profiles)
+    if not found.experiment.services:
+        raise UsageError("no service is wanted: all of them have profiles", hint="name one with --profile")
+    return found
+
+
+def _with_lock(file: str, allowed: Collection[str], *, locked: bool) -> Definitions:
     path = lock_path(file)
     lock = load_lock(path)
     found = fetched(file, allowed, functools.partial(_tree, lock.commits if lock else {}))

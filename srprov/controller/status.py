@@ -16,7 +16,8 @@ from srprov.definitions.model import Experiment
 from srprov.errors import UsageError
 from srprov.facts.model import Snapshot
 from srprov.modules import RUNNING
-from srprov.network.identity import link_names
+from srprov.modules.isolated import ISOLATED
+from srprov.network.identity import link_names, tunnel_name
 from srprov.network.record import PlacementRecord, read_record
 from srprov.resource import Observed, State
 
@@ -113,7 +114,8 @@ class _Look:
                 yield self._row(service, robot, {"status": state}, "unreachable")
             elif (service, robot) not in there and (self.wanted is None or service in self.wanted):
                 yield self._row(service, robot, {"status": "missing"}, "missing")
-        for service in sorted(set(self.wanted or ()) - {service for service, _ in there} - set(self.record.robots)):
+        never = {name for name, one in (self.wanted or {}).items() if not one.profiles}
+        for service in sorted(never - {service for service, _ in there} - set(self.record.robots)):
             yield self._row(service, "", {"status": "missing"}, "missing")
 
     def without_trials(self, rows: list[dict[str, Any]]) -> tuple[list[dict[str, Any]], str]:
@@ -144,7 +146,7 @@ class _Look:
             done = state["state"] == "exited" and state["exit_code"] == 0 and (not service or service.runtime.job)
             return "" if done else _STATES.get(state["state"], "stopped")
         address = self.record.addresses.get(item.service)
-        if address and str(address) != _address(state):
+        if address and str(address) != self._address(host, item.service, state):
             return "address"
         return "unhealthy" if state["health"] == "unhealthy" else ""
 
@@ -155,13 +157,21 @@ class _Look:
             "robot": host,
             "state": state.get("status", ""),
             "health": state.get("health", ""),
-            "address": _address(state),
+            "address": self._address(host, service, state),
             "image": state.get("image", ""),
             "container": state.get("id", ""),
             "problem": problem,
             "placed_on": self.record.robots.get(service, ""),
             "given_address": str(self.record.addresses.get(service, "")),
         }
+
+    def _address(self, host: str, service: str, state: Mapping[str, Any]) -> str:
+        """Return a container's address; one of `both` has none of its own, it is on its robot's bridge or missing."""
+        address = str(self.record.addresses.get(service, ""))
+        if not address or service in self.record.macs:
+            return next((one for one in state.get("addresses", {}).values() if one), "")
+        link = self.states[host].get(("vxlan", link_names(self.instance)[1]), {}) if host in self.states else {}
+        return address if state.get("state") == "running" and address in link.get("addresses", ()) else ""
 
     def links(self) -> Iterator[dict[str, Any]]:
         """Return what robots in reach lack of the overlay, by the kernel's and the engine's word."""
@@ -175,15 +185,26 @@ class _Look:
             state = seen.get(("vxlan", link))
             if state is None:
                 yield self._lack(robot, "vxlan", link, "missing")
+            elif ISOLATED in state:
+                yield self._lack(robot, "vxlan", link, "isolated")
             elif not state["up"] or state["bridge"] != bridge:
                 yield self._lack(robot, "vxlan", link, "down" if not state["up"] else "detached")
+            elif state.get("elsewhere") and not self._encrypts(robot):
+                yield self._lack(robot, "wireguard", tunnel_name(self.instance), "missing")
+            rules = seen.get(("vxlan_filter", link), {})
+            count = rules.get("rules", 0)
+            if state is not None and not state.get("elsewhere") and not 0 < count == rules["of"]:
+                yield self._lack(robot, "vxlan_filter", link, "incomplete" if count else "missing")
+
+    def _encrypts(self, robot: str) -> bool:
+        """Return whether a robot's packets of an encrypted overlay go through an interface that is there."""
+        netns, seen = tunnel_name(self.instance), self.states[robot]
+        links = {name for kind, name in seen if kind == "wireguard" and seen[kind, name]["up"]}
+        through = seen.get(("wireguard_routes", netns), {"through": {}})["through"].values()
+        return bool(links) and links.issuperset(through)
 
     def _lack(self, robot: str, kind: str, name: str, problem: str) -> dict[str, Any]:
         return {"instance": self.instance, "robot": robot, "kind": kind, "name": name, "problem": problem}
-
-
-def _address(state: Mapping[str, Any]) -> str:
-    return next((address for address in state.get("addresses", {}).values() if address), "")
 
 
 def containers_of(snapshot: Snapshot, instance: str, services: Sequence[str]) -> list[tuple[str, str, str]]:

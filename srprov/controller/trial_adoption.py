@@ -87,7 +87,7 @@ class _Here:
     """Robots' times by the controller's clock."""
 
     def __init__(self, plan: TrialPlan, offsets: Mapping[str, Offset | None]) -> None:
-        robots = {one.service: one.host for one in plan.services}
+        robots = plan.robots
         known = {host: one for host, one in offsets.items() if one}
         if missing := sorted(offsets.keys() - known.keys()):
             raise NotAdopted(f"the clock of {missing[0]} is not known")

@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from srprov import private, regular_file
-from srprov.controller.bringing import Home
-from srprov.controller.results import bring_log, bring_results
+from srprov.controller.bringing import CHANGED, Home
+from srprov.controller.results import bring_log, bring_results, listed
 from srprov.controller.trial_plan import TrialPlan
 from srprov.definitions.trialsmodel import Conditions, Metric, Result
 from srprov.execution.collect import CollectFailed
@@ -93,7 +93,8 @@ def _results(
     for result, some in found.items():
         if bad := [one for one in some if one.failed]:
             host = robots.by_service[service].host
-            raise CollectFailed(f"{host}: {result.path}: {bad[0].path}: {bad[0].note}: does something change it?")
+            doubt = ": does something change it?" if bad[0].note == CHANGED else ""
+            raise CollectFailed(f"{host}: {result.path}: {bad[0].path}: {bad[0].note}{doubt}")
     return found
 
 
@@ -141,13 +142,6 @@ def _summed(
         files=sum(bool(one.name) for one in every),
         bytes=sum(one.size for one in every if one.name),
     )
-
-
-def listed(one: Kept) -> dict[str, object]:
-    """Return what `collected.json` says of an entry."""
-    about = {"path": one.path, "name": one.name, "size": one.size, "sha256": one.sha256, "note": one.note}
-    about |= {"unclosed": one.unclosed, "recovered": one.recovered}
-    return {key: value for key, value in about.items() if value not in ("", 0) or key == "path"}
 
 
 def _patterns(conditions: Conditions | None) -> list[Match]:

@@ -16,7 +16,7 @@ _RESUME = "go on with the run in it by --resume, or name another folder"
 
 
 def check_new(folder: Path, used_hint: str = _RESUME) -> None:
-    """Refuse a folder for a new run that has something in it, or that cannot be made.
+    """Refuse a folder for a new run that has something in it, that leads elsewhere, or that cannot be made.
 
     Raises:
         UsageError: So it is.
@@ -29,6 +29,8 @@ def check_new(folder: Path, used_hint: str = _RESUME) -> None:
         raise UsageError(f"{folder}: {error.strerror}", hint="name another folder with -o") from None
     if used:
         raise UsageError(f"{folder} is not empty", hint=used_hint)
+    if folder.is_symlink():
+        raise UsageError(f"{folder} is a link", hint="name the folder itself with -o")
     if not usable:
         why = "you may not write there" if near.is_dir() else "it is no folder"
         raise UsageError(f"nothing can be kept in {near}: {why}", hint="name another folder with -o")
@@ -48,11 +50,13 @@ def make_folder(folder: Path) -> None:
 
 
 def check_own(folder: Path, inside: Sequence[str] = ("trials",)) -> None:
-    """Refuse to go on in a folder, and some in it, in which others may have put links: they would lead elsewhere.
+    """Refuse to go on in a folder in which others may have put links, or with links in it: they would lead elsewhere.
+
+    A folder that came by `git clone` or `tar` is the user's own, and its links are a stranger's. srprov makes none.
 
     Raises:
-        RefusedError: One of them is a link, another user's, or writable by others.
-        UsageError: There is none.
+        RefusedError: There is a link; or it, or a named folder in it, is another user's or writable by others.
+        UsageError: There is none, or it cannot be looked through.
     """
     for one in (folder, *(folder / name for name in inside)):
         try:
@@ -62,6 +66,24 @@ def check_own(folder: Path, inside: Sequence[str] = ("trials",)) -> None:
         if not stat.S_ISDIR(about.st_mode) or about.st_uid != os.geteuid() or about.st_mode & 0o022:
             hint = "go on only with what is your own, in a folder that nobody else can write to"
             raise RefusedError(f"{one} is a link, somebody else's, or writable by others", hint=hint)
+    try:
+        link = next(_links(folder), None)
+    except OSError as error:
+        raise UsageError(f"{error.filename}: {error.strerror}", hint="name a folder that srprov made") from None
+    if link:
+        raise RefusedError(f"{link} is a link, and srprov makes none", hint="remove it, or name another folder")
+
+
+def _links(folder: Path) -> Iterator[str]:
+    """Return what is a symbolic link below a folder, at any depth."""
+    left = [os.fspath(folder)]
+    while left:
+        with os.scandir(left.pop()) as entries:
+            for one in entries:
+                if one.is_symlink():
+                    yield one.path
+                elif one.is_dir(follow_symlinks=False):
+                    left.append(one.path)
 
 
 @contextlib.contextmanager

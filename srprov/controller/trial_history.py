@@ -43,6 +43,8 @@ class History:
     """Trial -> attempts that were begun, whether they ended or not."""
     lost: tuple[LostAttempt, ...] = ()
     events: int = 0
+    sessions: int = 0
+    """How often it was begun or gone on with."""
     same: Mapping[str, str] = field(default_factory=dict)
     """What must not have changed -> its value, or a hash of it."""
     segment: int = 1
@@ -83,6 +85,7 @@ def read_history(folder: Path) -> History:
         begun=begun,
         lost=tuple(lost.values()),
         events=len(events),
+        sessions=sum(one["event"] in ("run", "resume") for one in events),
         same={str(key): str(value) for key, value in mapping(stated[-1].get("same")).items()},
         segment=len(stated),
         discarded=discarded,

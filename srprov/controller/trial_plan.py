@@ -45,6 +45,11 @@ class TrialPlan:
         return frozenset(one.service for one in self.services if one.params.run.restart in ("", "no"))
 
     @property
+    def robots(self) -> dict[str, str]:
+        """Service of a trial -> the robot that it runs on."""
+        return {one.service: one.host for one in self.services}
+
+    @property
     def disks(self) -> dict[str, str]:
         """Robot -> where its Docker keeps its data."""
         facts = self.base.snapshot.facts if self.base.snapshot is not None else {}

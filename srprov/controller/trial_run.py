@@ -10,7 +10,7 @@ import datetime as dt
 import hashlib
 import json
 import threading
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,20 +22,25 @@ from srprov.controller.trial_connections import LockedRobots
 from srprov.controller.trial_folder import check_new, check_own, make_folder
 from srprov.controller.trial_history import ACCEPT, History, read_history
 from srprov.controller.trial_plan import TrialPlan
+from srprov.controller.trial_record import keep_session
 from srprov.controller.trial_report import TrialsReport
 from srprov.controller.trial_request import BY_HAND, TrialsRequest
-from srprov.controller.trial_sameness import differences, sameness
+from srprov.controller.trial_sameness import Sameness, as_far_as_known, containers_of, differences, sameness
 from srprov.controller.trials import Say, TrialRun, Trials
-from srprov.definitions.model import Experiment
+from srprov.definitions.model import Experiment, Inventory
 from srprov.definitions.trialsmodel import TrialDefinitions
 from srprov.errors import RefusedError, UsageError, did_you_mean
 from srprov.execution import Listener, RunOptions
 from srprov.execution.lock_set import LockSet, lock_options
 from srprov.execution.locks import claim
+from srprov.execution.trial_at_once import at_once
 from srprov.execution.trial_robots import Connections
 from srprov.facts.model import Snapshot
+from srprov.modules.image import ImageModule
 from srprov.record import default_root
 from srprov.record.journal import Journal
+from srprov.resource import Observed
+from srprov.session import Session
 from srprov.trials import Design, design
 from srprov.trials.marks import RERUN, discarded
 
@@ -88,14 +93,16 @@ def run_trials(
         UsageError: The folder cannot be used.
         OSError: The folder cannot be written any more; the trial under way is lost.
     """
-    same = sameness(plan, _robots(plan.base.snapshot))
+    assert plan.base.snapshot is not None  # of a plan that was made, not read from a file
+    robots = {one.host for one in plan.services} | {step.host for step in plan.base.plan.steps}
+    sessions = fleet.connected()
+    for host in sorted(robots - sessions.keys()):  # before it is compared: nothing is known of such a robot
+        raise UsageError(f"{host} cannot be reached, and trials run there", hint="see `srprov doctor`")
+    facts = _robots(plan.base.snapshot)
+    same = sameness(plan, facts, plan.base.snapshot.observed)
     folder, earlier = _folder(plan, same, request)
     whole = design(plan.given)
     made = chosen(whole, request.only)
-    robots = {one.host for one in plan.services} | {step.host for step in plan.base.plan.steps}
-    sessions = fleet.connected()
-    for host in sorted(robots - sessions.keys()):
-        raise UsageError(f"{host} cannot be reached, and trials run there", hint="see `srprov doctor`")
     fleet.sessions.prepare(sorted(robots))
     mine = claim(f"run {plan.base.plan.instance}", earlier.name)
     waiting = lock_options(plan.base.plan, options)
@@ -103,12 +110,18 @@ def run_trials(
         base = None
         if plan.base.plan.steps and not stop.is_set():
             base = run(plan.base, fleet, replace(options, verb="run"), Phases(), listener, stop, held=locks)
-        if base is not None and base.result.exit_code:
-            return TrialsReport(folder=folder, rows=earlier.rows, design=made, ended_early="", base=base)
+        if base is not None:
+            if base.result.exit_code:
+                return TrialsReport(folder=folder, rows=earlier.rows, design=made, ended_early="", base=base)
+            same = sameness(plan, facts, _images(plan, sessions))  # some may have come only now
+            _refuse_changes(folder, earlier, same, request)
         if not earlier.events:
             make_folder(folder)
         with LockedRobots(fleet, sessions, mine, waiting) as connections:
-            trials = _all(plan, whole, made, same, folder, earlier, request, connections, options, say, stop, pause)
+            trials = _all(
+                plan, fleet.inventory, whole, made, same, folder, earlier, request, connections, options, say, stop,
+                pause,
+            )  # fmt: skip
     return TrialsReport(
         folder=folder, rows=trials.rows, design=made, ended_early=trials.ended_early, base=base,
         discarded=trials.discarded,
@@ -116,12 +129,13 @@ def run_trials(
 
 
 def _all(
-    plan: TrialPlan, whole: Design, made: Design, same: Mapping[str, str], folder: Path, earlier: History,
-    request: TrialsRequest, connections: Connections, options: RunOptions, say: Say, stop: threading.Event,
-    pause: Callable[[float, str], None],
+    plan: TrialPlan, inventory: Inventory, whole: Design, made: Design, same: Mapping[str, str], folder: Path,
+    earlier: History, request: TrialsRequest, connections: Connections, options: RunOptions, say: Say,
+    stop: threading.Event, pause: Callable[[float, str], None],
 ) -> Trials:  # fmt: skip
     """Run what has not ended yet, with the journal open."""
     with Journal(folder, earlier.events + 1) as journal:
+        keep_session(folder, earlier.sessions + 1, plan, inventory)
         begun = {"version": __version__, "run": earlier.name, "same": same}
         journal.add("resume" if earlier.events else "run", **begun, trials=len(made.trials))
         earlier = _changed(journal, earlier, request, same, made)
@@ -162,8 +176,7 @@ def _changed(
     return replace(earlier, rows=rows, discarded=earlier.discarded - again)
 
 
-def _robots(snapshot: Snapshot | None) -> dict[str, dict[str, str]]:
-    facts = snapshot.facts if snapshot is not None else {}
+def _robots(snapshot: Snapshot) -> dict[str, dict[str, str]]:
     return {
         name: {
             "hostname": one.hostname,
@@ -171,8 +184,15 @@ def _robots(snapshot: Snapshot | None) -> dict[str, dict[str, str]]:
             "kernel": one.kernel,
             "docker": one.docker.version if one.docker else "",
         }
-        for name, one in facts.items()
+        for name, one in snapshot.facts.items()
     }
+
+
+def _images(plan: TrialPlan, sessions: Mapping[str, Session]) -> dict[str, Sequence[Observed]]:
+    """Return the images on each robot of a trial's container, as they are now."""
+    images = ImageModule()
+    hosts = sorted({one.host for one in containers_of(plan)})
+    return at_once(hosts, lambda host: images.parse(sessions[host].ask(images.queries())), threading.Event())
 
 
 def _folder(plan: TrialPlan, same: Mapping[str, str], request: TrialsRequest) -> tuple[Path, History]:
@@ -185,14 +205,19 @@ def _folder(plan: TrialPlan, same: Mapping[str, str], request: TrialsRequest) ->
         check_new(folder)
         return folder, History(name=name)
     folder, earlier = _resumed(request)
-    changed = differences(earlier.same, same)
+    _refuse_changes(folder, earlier, as_far_as_known(same, earlier.same), request)
+    return folder, earlier
+
+
+def _refuse_changes(folder: Path, earlier: History, same: Sameness, request: TrialsRequest) -> None:
+    """Refuse to go on with what is another experiment by now; a new run has nothing to be compared with."""
+    changed = differences(earlier.same, same) if earlier.events else ()
     final = any(one.startswith(_FINAL) for one in changed)
     if changed and (final or not request.accept_changes):
         lines = "\n".join(f"  {one}" for one in changed)
         hint = "run it as it was, or begin a new run in another folder"
         hint += "" if final else "; --accept-changes goes on all the same"
         raise RefusedError(f"this is not the experiment of {folder} any more:\n{lines}", hint=hint)
-    return folder, earlier
 
 
 def _root() -> Path:

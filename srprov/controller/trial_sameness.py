@@ -11,7 +11,7 @@ from srprov.controller.trial_plan import TrialPlan
 from srprov.errors import visible
 from srprov.modules.container_body import parts_of
 from srprov.modules.container_params import ContainerParams
-from srprov.resource import Resource
+from srprov.resource import Observed, Resource
 from srprov.secret import redacted
 from srprov.untrusted import mapping
 
@@ -24,22 +24,29 @@ _OURS = "/var/lib/srprov/"
 _ON_ROBOTS = ("command", "data", "file", "tree")
 _NOTHING = "nothing"
 
+_IMAGE_ID = ": image id"
+
 Sameness = Mapping[str, str]
 """What it is about -> its value as JSON, or a hash of it."""
 
 
-def sameness(plan: TrialPlan, facts: Mapping[str, Mapping[str, str]]) -> Sameness:
+def sameness(
+    plan: TrialPlan, facts: Mapping[str, Mapping[str, str]], there: Mapping[str, Sequence[Observed]]
+) -> Sameness:
     """Return what must be the same in all trials of a run.
 
     Args:
         plan: What is planned.
         facts: Robot -> what of it counts, in words.
+        there: Robot -> what is there; of it the images count: a tag may lead to another one by now.
     """
     given = plan.given
-    kept = [one for one in plan.base.desired if isinstance(one.params, ContainerParams)]
+    ids = {(host, one.name): one.state["id"] for host, some in there.items() for one in some if one.module == "image"}
     found: dict[str, object] = {}
-    for one in (*plan.services, *kept):
+    for one in containers_of(plan):
         found |= _of_service(one, {parameter.name for parameter in given.parameters})
+        if image := ids.get((one.host, one.params.image)):
+            found[f"{one.service}{_IMAGE_ID}"] = image
         found |= {f"{one.host}: {what}": value for what, value in facts.get(one.host, {}).items()}
     found |= {f"{service}: depends_on": dict(needs) for service, needs in plan.needs.items() if needs}
     found |= dict(_of_robots(plan.base.desired))
@@ -51,6 +58,16 @@ def sameness(plan: TrialPlan, facts: Mapping[str, Mapping[str, str]]) -> Samenes
     found |= {f"results: {service}": [asdict(one) for one in some] for service, some in given.results.items()}
     found |= {f"parameters: {one.name}": one.services or "all services" for one in given.parameters}
     return {str(key): _text(value) for key, value in mapping(redacted(found)).items()}
+
+
+def containers_of(plan: TrialPlan) -> list[Resource]:
+    """Return the containers of trials, and those that are kept over all of them."""
+    return [*plan.services, *(one for one in plan.base.desired if isinstance(one.params, ContainerParams))]
+
+
+def as_far_as_known(now: Sameness, before: Sameness) -> Sameness:
+    """Return what is so now; an image that is on no robot yet counts as the one that was there, until it is pulled."""
+    return {**{key: value for key, value in before.items() if key.endswith(_IMAGE_ID)}, **now}
 
 
 def _of_service(one: Resource, swept: set[str]) -> dict[str, object]:

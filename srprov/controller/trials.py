@@ -22,7 +22,6 @@ from srprov.controller.trial_history import LostAttempt
 from srprov.controller.trial_outcome import Attempt, outcome, unjudged
 from srprov.controller.trial_plan import TrialPlan, containers
 from srprov.controller.trial_report import in_words
-from srprov.controller.trial_tables import Tables
 from srprov.controller.trial_used import used
 from srprov.errors import TransportError
 from srprov.execution.collect import CollectFailed
@@ -30,6 +29,7 @@ from srprov.execution.trial import TrialEnd, TrialOrder, run_trial
 from srprov.execution.trial_patience import EquipmentFailed, RobotRestarted
 from srprov.execution.trial_robots import Connections, TrialRobots
 from srprov.record.journal import Journal
+from srprov.record.tables import Tables
 from srprov.secret import redacted
 from srprov.trials import Design, Trial
 from srprov.trials.judge import COUNTED, End
@@ -86,7 +86,7 @@ class Trials:
         """Take what is run, on locked robots, and whom to tell."""
         self._run, self._connections, self._journal, self._say = run, connections, journal, say
         self.rows: list[Mapping[str, object]] = list(run.rows)
-        self.tables = Tables(run.folder, run.plan, run.rows)
+        self.tables = Tables(run.folder, run.plan.given, run.plan.robots, run.rows)
         self._attempts = dict(run.begun)
         self.discarded = run.discarded
         self._orders = {trial.id: order for order, trial in enumerate(run.whole.trials, start=1)}

@@ -8,7 +8,7 @@ field means is in `schemas/` and in docs/definitions.md.
     paths, values, mounts  what a text stands for
     merging, runtime       one definition over another -> run-time part
     container, dockerfile, build, cdfs, remote  CDFs, also in git
-    service, envfile, checks, unsupported, experiment, pins  EDF
+    service, envfile, checks, experiment, pins  EDF
     template, playbook, playbookmodel  playbooks that users write
     taken                  what comes from outside of the experiment's folder
     secrets, secretmodel, secretvalues  where secrets come from, and what they are
@@ -30,22 +30,28 @@ if TYPE_CHECKING:
 
 
 def load_experiment(
-    path: str | Path, environ: Mapping[str, str] | None = None, fetch: Callable[[str, str], str] | None = None
+    path: str | Path,
+    environ: Mapping[str, str] | None = None,
+    fetch: Callable[[str, str], str] | None = None,
+    *,
+    profiles: Collection[str] = ("*",),
 ) -> Definitions:
     """Read an EDF and every file that it names; `environ` (default: the process's) gives bare names in `environment`.
 
     `fetch` gives a folder with the files of a repository's branch, tag or commit; without it no CDF is fetched.
+    Services that have profiles are left out unless one of theirs is among `profiles`, or `*`.
 
-    What validates but is not built yet is listed in `Definitions.unsupported`; whoever acts must refuse it.
+    What validates but could not be read is listed in `Definitions.unsupported`; whoever acts must refuse it.
 
     Raises:
         DefinitionError: With everything that is wrong.
     """
     from srprov.definitions import experiment, paths
+    from srprov.definitions.profiles import chosen
 
     folder = os.path.dirname(os.path.abspath(path))
     try:
-        return experiment.load(str(path), os.environ if environ is None else environ, fetch)
+        return chosen(experiment.load(str(path), os.environ if environ is None else environ, fetch), profiles)
     except DefinitionError as error:
         raise DefinitionError(paths.hide_outside(error.problems, folder)) from None
 
@@ -89,23 +95,29 @@ def select(inventory: Inventory, pattern: str, failed: Callable[[], Collection[s
     return patterns.select(inventory, pattern, **({"failed": failed} if failed else {}))
 
 
-def check_files(paths: Sequence[str | Path]) -> list[Diagnostic]:
-    """Return every problem of EDFs, CDFs, Dockerfiles and inventories, sorted; suffix or content tells the kind."""
+def check_files(paths: Sequence[str | Path], profiles: Collection[str] = ()) -> list[Diagnostic]:
+    """Return every problem of EDFs, CDFs, Dockerfiles and inventories, sorted; suffix or content tells the kind.
+
+    An EDF must also make sense without the services whose `profiles` are not named.
+
+    Raises:
+        UsageError: An EDF has no service with such a profile.
+    """
     found: set[Diagnostic] = set()
     for path in paths:
         try:
-            _check(str(path))
+            _check(str(path), profiles)
         except DefinitionError as error:
             found.update(error.problems)
     return sorted(found)
 
 
-def _check(path: str) -> None:
+def _check(path: str, wanted: Collection[str]) -> None:
     kind = file_kind(path)
     if kind == "edf":
         from srprov.definitions import lockfile
 
-        load_experiment(path)
+        load_experiment(path, profiles=wanted)
         lockfile.load(lockfile.lock_path(path))
     elif kind == "cdf":
         load_container(path)

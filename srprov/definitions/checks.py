@@ -10,7 +10,7 @@ import ipaddress
 from collections.abc import Mapping
 
 from srprov import names
-from srprov.definitions import hostnames, relations, sharing
+from srprov.definitions import discovery, hostnames, relations, sharing
 from srprov.definitions.container import Container
 from srprov.definitions.containermodel import HealthCheck
 from srprov.definitions.model import Service
@@ -56,6 +56,7 @@ def check(
     sharing.check(known, services, findings)
     hostnames.check(known, services, findings)
     relations.check(root, known, same_robot_groups(root), sharing.with_shared((), services), findings)
+    discovery.check(root, services, findings)
     _weights(root, findings)
     _subnet(root, len(known), findings)
 
@@ -84,7 +85,9 @@ def _references(root: Map, known: Mapping[str, Map], findings: Findings) -> None
         lists += [
             (group, ("relations", kind, i)) for i, group in enumerate(groups.items if isinstance(groups, Seq) else ())
         ]
-    for group, path in lists:
+    network = root.entries.get("network")
+    servers = network.entries.get("discovery_servers") if isinstance(network, Map) else None
+    for group, path in (*lists, (servers, ("network", "discovery_servers"))):
         for item in scalars(group):
             _known(item, known, findings, path)
 
@@ -131,11 +134,11 @@ def _dependency(entry: Map, name: str) -> Node:
 
 
 def _networks(entry: Map, one: Service, findings: Findings) -> None:
-    if one.runtime.ports and one.network in ("none", "host"):
+    if one.runtime.ports and one.network in ("none", "host", "both"):
         why = "has no network to publish from" if one.network == "none" else "is on the robot's network already"
         place = nodes.key_or_value(entry, "ports" if "ports" in entry.entries else "network")
         message = f"ports are published, but a service with 'network: {one.network}' {why}"
-        hint = "declare them with 'expose'" if one.network == "host" else ""
+        hint = "" if one.network == "none" else "declare them with 'expose'"
         findings.add(place, message, ("services", one.name, "ports"), hint)
 
 

@@ -12,7 +12,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from srprov.definitions import build, dockerfile, images, merging, paths, remote, requirements, runtime, schema
+from srprov.definitions import (
+    build,
+    dockerfile,
+    images,
+    merging,
+    paths,
+    remote,
+    requirements,
+    runtime,
+    schema,
+    unresolved,
+)
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.remote import Fetch
 from srprov.definitions.values import text, texts
@@ -112,6 +123,7 @@ class _ExtendsReader:
             return None
         schema.check(root, "cdf", own)
         schema.check_tags(root, own, _MERGED_TAGS)
+        unresolved.check(root, (), own)
         layer = merging.normalise(root, self.environ, own, ()) if not own.problems else root
         self.own = self.own or layer
         parent = self._parent(root, path, shown, trail, own)

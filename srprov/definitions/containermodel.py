@@ -45,6 +45,8 @@ class Requirements:
     """A version bound such as `>=5.10`, or empty."""
     disk: int = 0
     """bytes"""
+    wireguard: bool = False
+    """Its overlay is encrypted: of the EDF's `network`, not of `requires`."""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -59,6 +61,16 @@ class HealthCheck:
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class Seed:
+    """What a volume holds when it is made."""
+
+    path: str
+    """Absolute, of a folder on the controller."""
+    user: str = ""
+    """Whose it is in the volume: `UID` or `UID:GID`; empty: root's."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Mount:
     """One volume of a service.
 
@@ -68,8 +80,8 @@ class Mount:
 
     kind: str
     source: str
-    """Tree and data: absolute path on the controller; bind: absolute path on the robot; volume: its bare name; else
-    empty."""
+    """Tree and data: absolute path on the controller; bind: absolute path on the robot, or `~USER/…` until it is known
+    which robot; volume: its bare name; else empty."""
     target: str
     read_only: bool = False
     create_host_path: bool = False
@@ -80,6 +92,13 @@ class Mount:
     """Of a data set: what its file must have; empty: whatever it has."""
     url: str = ""
     """Of a data set: where it is downloaded, when it has no source."""
+    seed: Seed | None = None
+    """Of a volume: what it holds when it is made."""
+
+    @property
+    def home_of(self) -> str:
+        """Return the user of the robot in whose home the source lies; empty where it is an absolute path."""
+        return self.source[1:].partition("/")[0] if self.kind == "bind" and self.source.startswith("~") else ""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

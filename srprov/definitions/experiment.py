@@ -1,4 +1,4 @@
-"""EDF -> Definitions: the experiment, its containers, and what of it is not built yet.
+"""EDF -> Definitions: the experiment, its containers, and what of it was not fetched.
 
 Takes a path; gives values, or every problem of the EDF and of all files that it names. Touches files, for reading. A
 service whose entry breaks the schema is left out of the later checks, so that one mistake is told once.
@@ -26,11 +26,12 @@ from srprov.definitions import (
     sharing,
     taken,
     trials,
+    unresolved,
+    volumes,
 )  # fmt: skip
 from srprov.definitions.container import Container
 from srprov.definitions.model import Definitions, Experiment, NetworkSettings, Placement, Service, Weights
 from srprov.definitions.remote import Fetch
-from srprov.definitions.unsupported import note_unsupported
 from srprov.definitions.values import scalars, text, texts
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.yamldoc import loader, nodes
@@ -64,6 +65,8 @@ def _load(path: str, environ: Mapping[str, str], fetch: Fetch | None) -> Definit
     folder = os.path.dirname(os.path.abspath(path))
     schema.check(root, "edf", findings)
     schema.check_tags(root, findings, merging.RUNTIME_MERGED)
+    for name, entry in checks.service_maps(root).items():
+        unresolved.check(entry, ("services", name), findings)
     read = cdfs.read(checks.service_maps(root), folder, environ, fetch, findings, unsupported)
     known = findings.copy()
     try:
@@ -77,7 +80,6 @@ def _load(path: str, environ: Mapping[str, str], fetch: Fetch | None) -> Definit
             raise
         alone = functools.partial(_checked, root, path, known_files, environ)
         raise DefinitionError(paths.hide_merged(error.problems, alone, known, folder)) from None
-    note_unsupported(root, unsupported)
     elsewhere = taken.repositories(read.remote)
     return Definitions(
         experiment=replace(
@@ -102,6 +104,7 @@ def _checked(
     """
     folder = os.path.dirname(os.path.abspath(path))
     services, bare = _services(root, containers, folder, environ, findings)
+    services = volumes.seeded(root, services, folder, findings)
     sources = secrets.sources(root, folder, findings)
     playbooks = playbook.from_experiment(root, folder, findings)
     checks.check(root, services, containers, findings)
@@ -147,25 +150,41 @@ def _experiment(root: Map, path: str, services: Mapping[str, Service]) -> Experi
     get = root.entries.get
     waited_for = {name for one in services.values() for name, wanted in one.depends_on.items() if wanted == "completed"}
     absolute = os.path.abspath(path)
+    network = _network(get("network"))
+    kept = {n: service.as_job(one) if n in waited_for else one for n, one in services.items()}
     return Experiment(
         name=text(get("name")),
         file=absolute,
         folder=os.path.dirname(absolute),
         text=root.source.text,
-        services=MappingProxyType({n: service.as_job(one) if n in waited_for else one for n, one in services.items()}),
+        services=MappingProxyType({n: _encrypted(one, network) for n, one in kept.items()}),
         same_robot=sharing.with_shared(checks.same_robot_groups(root), services),
         different_robot=relations.different_robot(root),
         pools=relations.pools(root),
         weights=_weights(get("weights")),
         placement=Placement(**_settings(get("placement"))),
-        network=NetworkSettings(**{k: v for k, v in _settings(get("network")).items() if k in _NETWORK_FIELDS}),
+        network=network,
         description=text(get("description")),
         authors=texts(get("authors")),
         metadata=MappingProxyType({key: text(get(key)) for key in _METADATA if key in root.entries}),
     )
 
 
-_NETWORK_FIELDS = ("subnet", "mtu", "vni", "port")
+_NETWORK_FIELDS = ("subnet", "mtu", "vni", "port", "persist", "discovery", "encryption")
+
+
+def _network(node: Node | None) -> NetworkSettings:
+    servers = texts(node.entries.get("discovery_servers")) if isinstance(node, Map) else ()
+    return NetworkSettings(
+        **{key: value for key, value in _settings(node).items() if key in _NETWORK_FIELDS}, discovery_servers=servers
+    )
+
+
+def _encrypted(one: Service, network: NetworkSettings) -> Service:
+    """Return a service that only a robot runs which can encrypt, when it has a part in an encrypted overlay."""
+    if network.encryption == "none" or one.network not in ("overlay", "both"):
+        return one
+    return replace(one, requires=replace(one.requires, wireguard=True))
 
 
 def _settings(node: Node | None) -> dict[str, Any]:

@@ -73,6 +73,9 @@ def load(path: str) -> Lock | None:
     """
     if not os.path.lexists(path):
         return None
+    if os.path.islink(path):
+        hint = "put the lock itself there, or remove the link and write it: srprov lock EDF -i INVENTORY"
+        raise DefinitionError([Diagnostic(Location(path), "a lock is no link to another file", hint=hint)])
     try:
         return _load(path)
     except DefinitionError as error:

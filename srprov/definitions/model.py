@@ -83,11 +83,15 @@ class Service:
     """How many of it run; more than one become services of their own, see `expand`."""
     per_robot: tuple[str, ...] | None = None
     """Tags: one instance runs on each robot that has them all, and takes no slot. None: an ordinary service."""
+    profiles: tuple[str, ...] = ()
+    """It is wanted when the user names one of them; empty: always."""
     instance_of: str = ""
     """The name in the EDF, when this is one of several instances of it."""
     secrets: tuple[SecretUse, ...] = ()
     data_on: str = ""
     """The robot that has its data, when it stays there for that; empty: it has none, or may leave it."""
+    platforms: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    """Image that it needs -> the platforms that it is there for, such as `linux/arm64/v8`, where that is known."""
     location: Location = _NOWHERE
 
 
@@ -119,6 +123,14 @@ class NetworkSettings:
     mtu: int | None = None
     vni: int | None = None
     port: int = 4789
+    persist: bool = False
+    """A unit of systemd restores the robots' links when they boot."""
+    discovery: str = "multicast"
+    """`multicast`, `static-peers`, `discovery-server`, `ros1` or `zenoh`"""
+    discovery_servers: tuple[str, ...] = ()
+    """The services that are asked with the last three, in the EDF's order."""
+    encryption: str = "none"
+    """`none` or `wireguard`"""
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -171,7 +183,7 @@ class Experiment:
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Definitions:
-    """All that was read. `unsupported` lists what validates but is not built yet: plan and apply refuse it."""
+    """All that was read. `unsupported` lists what validates but was not fetched: plan and apply refuse it."""
 
     experiment: Experiment
     containers: Mapping[str, ContainerDefinition]

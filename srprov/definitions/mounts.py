@@ -13,6 +13,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import replace
 
+from srprov import names
 from srprov.definitions import paths
 from srprov.definitions.containermodel import TMPFS_OPTIONS, Mount
 from srprov.definitions.values import scalars, text
@@ -155,8 +156,8 @@ def _mount(source: Scalar, target: str, modes: set[str], folder: str, findings: 
         clean = posixpath.normpath("/" + name.lstrip("/"))  # POSIX keeps two slashes at the beginning
         return Mount(kind="bind", source=clean, target=target, read_only="ro" in modes)
     if name.startswith("~"):
-        findings.add(source, "a robot's home differs from the controller's", path, "write an absolute path")
-        return None
+        at_home = _at_home(source, findings, path)
+        return Mount(kind="bind", source=at_home, target=target, read_only="ro" in modes) if at_home else None
     if "/" not in name and name not in (".", ".."):
         if not _VOLUME_NAME.fullmatch(name):
             findings.add(
@@ -172,6 +173,19 @@ def _mount(source: Scalar, target: str, modes: set[str], folder: str, findings: 
         )
     real = paths.resolve(source, folder, findings, path, tree=True)
     return Mount(kind="tree", source=real, target=target, read_only=True) if real else None
+
+
+def _at_home(source: Scalar, findings: Findings, path: Path) -> str:
+    """Return `~USER/…` in one spelling; whose home it is, is asked for where the robot is known."""
+    user, _, below = source.text[1:].partition("/")
+    if not names.valid("user", user):
+        hint = "name the robot's user, as in ~robot/maps, or write an absolute path"
+        findings.add(source, "a robot's home differs from the controller's", path, hint)
+        return ""
+    if ".." in below.split("/"):
+        findings.add(source, f"'{source.text[:80]}' leaves the home", path, "write an absolute path")
+        return ""
+    return f"~{user}{posixpath.normpath('/' + below.lstrip('/')).rstrip('/')}"
 
 
 def _target(node: Node, target: str, findings: Findings, path: Path) -> str:

@@ -50,8 +50,8 @@ def parse(layer: Map, folder: str, findings: Findings, path: Path, *, init: bool
 
     return replace(
         _limits(get, read),
-        command=read("command", values.command_words, None),
-        entrypoint=read("entrypoint", values.command_words, None),
+        command=read("command", values.container_words, None),
+        entrypoint=read("entrypoint", values.container_words, None),
         environment=text_map(get("environment")),
         working_dir=text(get("working_dir")),
         user=text(get("user")),

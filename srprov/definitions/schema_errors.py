@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
+from srprov.definitions import unresolved
 from srprov.errors import did_you_mean
 from srprov.yamldoc import nodes
 from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar
@@ -35,6 +36,7 @@ def add_problem(error: Any, root: Node, prefix: Path, findings: Findings) -> Non
         hint = did_you_mean(str(value), map(str, limit))
     elif error.validator == "pattern":
         message = f"{shown} is not {error.schema.get('patternErrorMessage', f'of the form {limit}')}"
+        hint = unresolved.HINT if "${" in str(value) else ""
     elif error.validator in ("minItems", "minLength", "minProperties"):
         message = "must not be empty" if limit == 1 else f"needs at least {limit} entries"
     elif error.validator == "uniqueItems":

@@ -55,6 +55,7 @@ def build(
         robot=text(node.entries.get("robot")),
         replicas=int(_number(node, "replicas", 1)),
         per_robot=_per_robot(node.entries.get("per_robot")),
+        profiles=texts(node.entries.get("profiles")),
         location=nodes.location(key),
     )
     if built.runtime.pull_policy == "build" and (built.image or (container and container.definition.image)):

@@ -9,7 +9,7 @@ import re
 from collections.abc import Callable
 from typing import TypeVar
 
-from srprov.definitions import words
+from srprov.definitions import commandline, words
 from srprov.definitions.containermodel import Port
 from srprov.yamldoc import nodes
 from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq
@@ -81,15 +81,31 @@ def duration(written: str) -> float:
 
 
 def command_words(node: Node) -> tuple[str, ...]:
-    """Read a command: a list as it is, text split like a shell's command line."""
-    if isinstance(node, Scalar):
-        if len(node.text) > _LONGEST_COMMAND:
-            raise ValueError(f"is longer than {_LONGEST_COMMAND} characters")
-        try:
-            return words.split(node.text)
-        except ValueError as error:
-            raise ValueError(f"cannot be split into words: {str(error).lower()}") from None
-    return texts(node)
+    """Read a command that is run here: a list as it is, text split like a shell's command line."""
+    return _words(node, words.split)
+
+
+def container_words(node: Node) -> tuple[str, ...]:
+    """Read a container's command: a list as it is, text split as Compose does."""
+
+    def split(text: str) -> tuple[str, ...]:
+        found, rest = commandline.split(text)
+        if rest:
+            raise ValueError(f"ends at '{rest[0]}', as no shell runs it; write sh -c '...', or a list of words")
+        return found
+
+    return _words(node, split)
+
+
+def _words(node: Node, split: Callable[[str], tuple[str, ...]]) -> tuple[str, ...]:
+    if not isinstance(node, Scalar):
+        return texts(node)
+    if len(node.text) > _LONGEST_COMMAND:
+        raise ValueError(f"is longer than {_LONGEST_COMMAND} characters")
+    try:
+        return split(node.text)
+    except ValueError as error:
+        raise ValueError(f"cannot be split into words: {str(error)[:1].lower()}{str(error)[1:]}") from None
 
 
 def device(spec: str) -> Device:

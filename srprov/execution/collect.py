@@ -37,7 +37,7 @@ _TAR = (
 _LIST = (
     f"find . -prune -printf '' && sha256sum -z /dev/null >/dev/null || exit {_NO_TOOLS}; "
     "find \"$what\" -xdev ! -type d -printf '%y %s %p\\0%l\\0'; printf 'H\\0'; "
-    'find "$what" -xdev -type f -print0 | nice xargs -0 -r sha256sum -z --'
+    f'find "$what" -xdev -type f -print0 | nice xargs -0 -r timeout -k 9 {_HASHING_S + 60:.0f} sha256sum -z --'
 )
 _UNNAMEABLE = re.compile(r"\n|\s\Z")
 """Paths that cannot stand in the list of what tar leaves out: they come though nobody needs them."""
@@ -45,6 +45,10 @@ _UNNAMEABLE = re.compile(r"\n|\s\Z")
 
 class CollectFailed(Exception):
     """A result could not be read on its robot; the text says why."""
+
+
+class TransferCut(CollectFailed):
+    """The link carried next to nothing, or each connection ended at once; nothing is known to be wrong on the robot."""
 
 
 class Robot(Protocol):
@@ -120,7 +124,7 @@ def fetch_file(robot: Robot, place: Place, size: int, at: int) -> Iterator[bytes
     """Yield the file at a place from byte `at` on, on new connections when some are lost.
 
     Raises:
-        CollectFailed: It cannot be read, or nothing of it comes any more.
+        TransferCut, CollectFailed: Nothing of it comes any more; it cannot be read.
         EquipmentFailed: The robot stays away.
     """
 
@@ -135,7 +139,7 @@ def fetch_tar(robot: Robot, place: Place, without: Collection[str], most: int) -
     """Yield a place as a tar without some of its files, on new connections when some are lost.
 
     Raises:
-        CollectFailed: It has more than `most` bytes, or nothing of it comes any more.
+        TransferCut, CollectFailed: Nothing of it comes any more; it has more than `most` bytes, or cannot be read.
         EquipmentFailed: The robot stays away.
     """
     names = "".join(f"./{one}\n" for one in sorted(without) if not _UNNAMEABLE.search(one))
@@ -172,7 +176,7 @@ def _resumed(
             return
         except TransportError as error:
             if not pace.goes_on(0):
-                raise CollectFailed(f"{robot.host}: {place.path}: {error.message}") from error
+                raise TransferCut(error.message) from error
             time.sleep(_PAUSE_S)  # counted: who lets each connection end at once has so many of them
             pace.goes_on(0)
         finally:
@@ -203,8 +207,7 @@ def _give(host: str, streams: Streams, data: memoryview) -> None:
     """Send a shell what it reads, once it says that it is ready."""
     pace, said = Pace(), b""
     while not said.endswith(_READY) or data:
-        out, _ = streams.read()
-        said = (said + out)[-len(_READY) :]
+        said = (said + streams.read()[0])[-len(_READY) :]
         sent = streams.write(data) if said.endswith(_READY) else 0
         data = data[sent:]
         if streams.ended or not pace.goes_on(sent):

@@ -20,10 +20,12 @@ from srprov.execution.ending import CLOSING_S, LOOK_S, Ending
 from srprov.execution.lock_set import LockSet, lock_options
 from srprov.execution.locks import claim
 from srprov.execution.options import RunOptions
-from srprov.execution.outcome import Event, Listener, Outcome, RunResult, StepResult
+from srprov.execution.outcome import Event, Listener, Outcome, RunResult, StepResult, past
+from srprov.execution.probe_beside import probing_beside
 from srprov.execution.robot import RobotExecutor, round_trip_size
 from srprov.execution.settle import settle
 from srprov.execution.stopping import begins_with_stop
+from srprov.execution.told import told
 from srprov.planning.plan import Plan, Step
 from srprov.session import Session
 
@@ -41,7 +43,8 @@ def walk(
         reached = {host: session for host, session in sessions.items() if host not in locks.lost}
         run = _Run(reached, listener, options, stop, locks.lost)
         run.walk(cut(plan.steps))
-        results = settle(run.robots, run.results, options.settle_s, run.stop, listener)
+        with probing_beside(options.probing, run.results.values(), reached, run.stop, listener) as probing:
+            results = settle(run.robots, run.results, options.settle_s, run.stop, listener)
         if options.run:
             entry = AuditEntry(run=options.run, owner=mine.owner, verb=options.verb, instance=plan.instance)
             unaudited = audit(entry, run.robots, results.values())
@@ -54,6 +57,7 @@ def walk(
         unreachable={**away, **plan.unreachable, **run.lost},
         tolerated=options.tolerate,
         unaudited=unaudited,
+        probed=probing(),
     )
 
 
@@ -157,7 +161,7 @@ class _Run:
                 # a budget of failing robots is looked at before each step
                 beside = ahead[: round_trip_size([step, *ahead]) - 1] if self.options.max_fail is None else []
                 group = [step, *itertools.takewhile(lambda one: not self._blocked(one, acted), beside)]
-                ahead = ahead[len(group) - 1 :]
+                ahead, group = ahead[len(group) - 1 :], self._told(group, robot)
                 for one, result in zip(group, robot.act(group), strict=True):
                     if result is None:
                         acted.append(one)
@@ -167,6 +171,11 @@ class _Run:
             robot.refresh({step.module for step in acted})
         for step in acted:
             self._end(robot.verdict(step))
+
+    def _told(self, group: Sequence[Step], robot: RobotExecutor) -> list[Step]:
+        """Return steps with what all robots of this run said by now."""
+        there = {host: tuple((one.seen or {}).values()) for host, one in list(self.robots.items())}
+        return [told(step, robot.seen or {}, there) for step in group]
 
     def _stopping_next(self, step: Step, ahead: Sequence[Step], acted: list[Step]) -> list[Step]:
         """Return the steps right behind one that stops a container which stop one too, and wait for nothing."""
@@ -190,9 +199,7 @@ class _Run:
                 continue
             result = self.results.get(number)
             if result is None or result.outcome not in (Outcome.CHANGED, Outcome.UNCHANGED):
-                what = (
-                    f"#{number}" if result is None else f"#{number} ({result.step.id}), which {_past(result.outcome)}"
-                )
+                what = f"#{number}" if result is None else f"#{number} ({result.step.id}), which {past(result.outcome)}"
                 return f"needs {what}"
         for need in step.waits:
             host = need.id.split("/", 1)[0]
@@ -239,12 +246,3 @@ class _Run:
         for step in steps:
             if step.number not in self.results:
                 self._note(StepResult(step=step, outcome=outcome, message=reason))
-
-
-def _past(outcome: Outcome) -> str:
-    return {
-        Outcome.FAILED: "failed",
-        Outcome.SKIPPED: "was skipped",
-        Outcome.UNREACHABLE: "could not be reached",
-        Outcome.NOT_REACHED: "was not reached",
-    }.get(outcome, outcome.value)

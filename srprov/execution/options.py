@@ -9,6 +9,7 @@ from srprov.session import Pulse
 from srprov.wire import EngineCall
 
 if TYPE_CHECKING:
+    from srprov.execution.probing import Probing
     from srprov.planning.plan import Plan
 
 STOP_TIMEOUT_S = 60.0
@@ -40,6 +41,8 @@ class RunOptions:
     lock_wait_s: float = 0.0
     """How long to wait for a robot that somebody else holds."""
     pulse: Pulse = field(default_factory=Pulse)
+    probing: Probing | None = None
+    """What to try when something on the overlay changed; None: nothing."""
 
 
 def hurried(plan: Plan, stop_timeout_s: float) -> list[str]:

@@ -5,9 +5,13 @@ from __future__ import annotations
 import enum
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from srprov.planning.plan import Step
 from srprov.resource import State
+
+if TYPE_CHECKING:
+    from srprov.probing.verdict import Probed
 
 
 class Outcome(enum.Enum):
@@ -67,6 +71,8 @@ class RunResult:
     """Robots whose absence the user said is fine."""
     unaudited: Mapping[str, str] = field(default_factory=dict)
     """Robot that was changed -> why its audit log has no line of this run."""
+    probed: Probed | None = None
+    """Whether the overlay works; None: that was not tried."""
 
     def count(self, outcome: Outcome) -> int:
         """Count steps of one outcome."""
@@ -81,9 +87,19 @@ class RunResult:
         """Return the documented code: the first that applies of 130, 3, 4, 0."""
         if self.interrupted:
             return 130
-        if self.count(Outcome.FAILED):
+        if self.count(Outcome.FAILED) or (self.probed is not None and not self.probed.works):
             return 3
         if set(self.unreachable) - self.tolerated or self.count(Outcome.UNREACHABLE):
             return 4
         # a step that was skipped although nothing failed waits for a robot that is not there
         return 3 if self.count(Outcome.SKIPPED) or self.count(Outcome.NOT_REACHED) else 0
+
+
+def past(outcome: Outcome) -> str:
+    """Say what became of a step, in words."""
+    return {
+        Outcome.FAILED: "failed",
+        Outcome.SKIPPED: "was skipped",
+        Outcome.UNREACHABLE: "could not be reached",
+        Outcome.NOT_REACHED: "was not reached",
+    }.get(outcome, outcome.value)

@@ -14,8 +14,9 @@ import time
 from collections.abc import Iterator, Mapping
 
 from srprov.errors import TransportError
+from srprov.modules.container import ContainerModule
 from srprov.modules.container_commands import remove
-from srprov.modules.container_leftover import BUILD
+from srprov.modules.container_leftover import BUILD, LISTING
 from srprov.session import Session
 from srprov.untrusted import json_or_none, mapping, mappings, string, text
 from srprov.wire import EngineCall, Reply
@@ -73,10 +74,22 @@ def packages_in(session: Session, image_id: str) -> Mapping[str, frozenset[str]]
             raise NoListing(error.message) from error
 
 
+def remove_left(session: Session) -> None:
+    """Remove what a `lock` that was cut off left on a robot: what is in an image may run for ever.
+
+    Raises:
+        TransportError: The robot cannot be talked to any more.
+    """
+    containers = ContainerModule()
+    for one in containers.parse(session.ask(containers.queries())):
+        if one.name.startswith(LISTING):
+            session.execute(remove(one.name))
+
+
 @contextlib.contextmanager
 def _container(session: Session, image_id: str) -> Iterator[str]:
-    """Create a container, and remove it with its volumes. One that a kill leaves counts as left by a build."""
-    name = f"srprov..packages-{secrets.token_hex(6)}"
+    """Create a container, and remove it with its volumes. One that a kill leaves is what `remove_left` finds."""
+    name = f"{LISTING}{secrets.token_hex(6)}"
     body = {
         "Image": image_id,
         "Entrypoint": ["/bin/sh", "-c", _SCRIPT],

@@ -117,6 +117,11 @@ def parse_files(out: str) -> Files:
     return {path: tuple(lines) for path, lines in found.items()}
 
 
+def parse_processor(out: str) -> str:
+    """Read `model name : …`."""
+    return text(" ".join(out.partition("\n")[0].partition(":")[2].split()))
+
+
 def parse_count(out: str) -> int:
     """Read a count of processors; 0 when there is none."""
     return integer(out.strip(), low=0, high=4096, default=0)

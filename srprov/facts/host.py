@@ -8,6 +8,7 @@ Source: proc(5), sysfs-class-net, Docker Engine API 1.41 (`/_ping`, `/info`).
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -16,12 +17,14 @@ from typing import Any
 from srprov.definitions.model import Host
 from srprov.facts.answers import Files, OsIdentity
 from srprov.facts.engine import engine_disk, read_engine
+from srprov.facts.equipment import equipment
 from srprov.facts.hardware import detect_tags
 from srprov.facts.lifelines import lifelines
 from srprov.facts.links import find_underlay
 from srprov.facts.model import HostFacts
 from srprov.facts.probes import EMULATORS, ENGINE, PING, PROBES, counters
 from srprov.facts.speeds import traffic_mbit, with_speeds
+from srprov.facts.wireguard import WireguardAnswer
 from srprov.session import Measures
 from srprov.untrusted import decimal, integer, text
 from srprov.wire import EngineQuery, Query, Reply
@@ -98,7 +101,7 @@ def parse_host(
         name=host.name,
         arch=arch,
         emulates=_emulated(files, arch),
-        **_words(files),
+        **_words(files, said["wireguard"], said["processor"], said["rules"]) | dataclasses.asdict(said["spelled"]),
         tags=tuple(detect_tags(devices, files, links, tuple(said["wireless"]), arch)),
         devices=(*devices.known, *devices.aliases),
         docker=docker,
@@ -146,12 +149,17 @@ def _emulated(files: Files, arch: str) -> tuple[str, ...]:
     return tuple(sorted({EMULATORS[path] for path in kept} - {arch}))
 
 
-def _words(files: Files) -> dict[str, Any]:
-    """Return facts that are a word or a line of a file."""
+def _words(files: Files, wireguard: WireguardAnswer, processor: str, rules: str) -> dict[str, Any]:
+    """Return facts that are a word or a line, and what the machine is."""
     return {
+        **equipment(files, processor),
+        "wireguard": wireguard.by,
+        "wireguard_problem": wireguard.problem,
+        "rules": rules,
         "hostname": _first_line(files, "/proc/sys/kernel/hostname"),
         "kernel": _first_line(files, "/proc/sys/kernel/osrelease"),
         "os": _os_name(files),
+        "systemd": _first_line(files, "/proc/1/comm") == "systemd",
     }
 
 

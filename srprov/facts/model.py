@@ -66,6 +66,16 @@ class HostFacts:
     kernel: str = ""
     os: str = ""
     """PRETTY_NAME of os-release"""
+    processor: str = ""
+    """Its model, as the kernel names it; empty where it does not."""
+    board: str = ""
+    """What the machine is sold as."""
+    machine_id: str = ""
+    """Of this installation of its system; what it is made of is nobody else's business."""
+    usb: tuple[str, ...] = ()
+    """USB devices as `vendor:product name`, sorted, without hubs of the machine itself."""
+    serials: tuple[str, ...] = ()
+    """What tells this machine and its devices from others of their kind: `board SERIAL`, `vendor:product SERIAL`."""
     tags: tuple[str, ...] = ()
     """From the inventory and detected, sorted."""
     devices: tuple[str, ...] = ()
@@ -73,6 +83,12 @@ class HostFacts:
     docker: Docker | None = None
     docker_problem: str = ""
     """Why there is no engine, in words, when `docker` is None."""
+    wireguard: str = ""
+    """What encrypts an overlay there: `kernel` or `userspace`; empty: nothing."""
+    wireguard_problem: str = ""
+    """Why nothing does, in words."""
+    rules: str = ""
+    """What keeps others out of an overlay there: `nftables` or `iptables`; `none`: nothing; empty: not known."""
     disk_total: int = 0
     """bytes of the filesystem with Docker's root"""
     disk_free: int = 0
@@ -91,10 +107,22 @@ class HostFacts:
     """Traffic on it at the moment of asking; 0 when it was not sampled"""
     slots: int = 1
     clock_offset_s: float = 0.0
+    systemd: bool = False
+    """It is what the robot booted with, so that units of it are run."""
     user: str = ""
     """The user that reached it."""
     privileged: bool = True
     """False when commands do not run as root."""
+    hosts: tuple[str, ...] = ()
+    """Lines of its own /etc/hosts: an address and the names that it has."""
+    hosts_cut: bool = False
+    """There are more lines than are read."""
+    homes: tuple[str, ...] = ()
+    """`USER:FOLDER` of root and of the users that people are, sorted."""
+
+    def home(self, user: str) -> str:
+        """Return the home of a user; empty where it is not known."""
+        return next((home for name, _, home in (one.partition(":") for one in self.homes) if name == user), "")
 
     @property
     def runs(self) -> tuple[str, ...]:

@@ -27,6 +27,7 @@ _TOOLS = {
     "flock": "util-linux",
 }
 """Program -> Debian package."""
+_WIREGUARD = {"kernel": "in the kernel", "userspace": "wireguard-go"}
 _API = (1, 41)
 _DISK_MIB = 1024
 _CLOCK_S = 1.0
@@ -78,6 +79,10 @@ def precondition_queries() -> tuple[Query, ...]:
         ),
         Query(command="cat /proc/sys/net/ipv4/ip_forward"),
         Query(command="ip -j link show lo"),
+        Query(
+            command="nft list tables >/dev/null 2>&1 && echo nftables && exit; "
+            "iptables -V >/dev/null 2>&1 && echo iptables && exit; echo none"
+        ),
     )
 
 
@@ -89,12 +94,14 @@ def judge(facts: HostFacts, replies: Sequence[Reply], clock: Clock) -> tuple[Che
         replies: to `precondition_queries`, in its order.
         clock: its clock, as measured.
     """
-    programs, vxlan, forwarding, as_json = replies
+    programs, vxlan, forwarding, as_json, rules = replies
     return (
         _rights(facts),
         *_programs(programs, as_json),
         _engine(facts),
         *_network(facts, vxlan, forwarding),
+        _rules(rules),
+        _wireguard(facts),
         _disk(facts),
         _clock(clock),
     )
@@ -145,6 +152,18 @@ def _network(facts: HostFacts, vxlan: Reply, forwarding: Reply) -> Iterator[Chec
     on = forwarding.out.strip() == "1"
     remedy = "echo 1 > /proc/sys/net/ipv4/ip_forward (Docker does it when it starts)"
     yield _check("forwarding", on, "on" if on else "off", remedy, Verdict.WARNING)
+
+
+def _rules(rules: Reply) -> Check:
+    by = rules.out.strip()
+    found = by if by in ("nftables", "iptables") else "neither nft nor iptables works"
+    return _check("rules", found == by, found, "apt-get install nftables: rules keep others out of overlays")
+
+
+def _wireguard(facts: HostFacts) -> Check:
+    found = _WIREGUARD.get(facts.wireguard, facts.wireguard_problem or "cannot tell")
+    remedy = "apt-get install wireguard-tools wireguard-go; only experiments with network.encryption need it"
+    return _check("wireguard", bool(facts.wireguard), found, remedy, Verdict.WARNING)
 
 
 def _disk(facts: HostFacts) -> Check:

@@ -14,12 +14,14 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
+from srprov.facts import rules, spelled, wireguard
 from srprov.facts.answers import (
     parse_count,
     parse_devices,
     parse_disk,
     parse_files,
     parse_identity,
+    parse_processor,
     parse_wireless,
 )
 from srprov.facts.lifelines import NAME_FILES, TIME_FILES
@@ -43,7 +45,10 @@ _FILES = (
     "/proc/loadavg /proc/meminfo /proc/sys/kernel/hostname /proc/sys/kernel/osrelease /proc/sys/kernel/version "
     "/sys/kernel/realtime /sys/devices/system/cpu/online /etc/os-release /usr/lib/os-release "
     "/sys/firmware/devicetree/base/model /proc/device-tree/model /sys/class/net/*/speed /sys/class/video4linux/*/name "
-    f"/proc/uptime /proc/net/dev {' '.join(NAME_FILES + TIME_FILES)} "
+    "/sys/class/dmi/id/sys_vendor /sys/class/dmi/id/product_name /etc/machine-id "
+    "/sys/firmware/devicetree/base/serial-number /sys/bus/usb/devices/*/idVendor /sys/bus/usb/devices/*/idProduct "
+    "/sys/bus/usb/devices/*/product /sys/bus/usb/devices/*/serial "
+    f"/proc/1/comm /proc/uptime /proc/net/dev {' '.join(NAME_FILES + TIME_FILES)} "
     f"{' '.join(EMULATORS)}"
 )
 # The clock comes first: every later command would only add to its error. Linux 6.1 and later names its machine in
@@ -92,6 +97,9 @@ df -Pk / /var/lib/docker "${HOME:-/}" "${r:-/}" 2>/dev/null
 # the list of CPUs is among the files; only where there is none they are counted
 _COUNT_CPUS = "[ -r /sys/devices/system/cpu/online ] || grep -c '^processor[[:space:]]*:' /proc/cpuinfo"
 
+# its first lines are enough where a processor has a name; ARM's have none, and their boards do
+_PROCESSOR = "grep -sm1 '^model name' /proc/cpuinfo\n:"
+
 
 @dataclass(frozen=True, slots=True)
 class Probe:
@@ -106,11 +114,15 @@ PROBES = (
     Probe("identity", _IDENTITY, parse_identity),
     Probe("files", f"grep -sHa '' {_FILES}\n:", parse_files),
     Probe("cpus", _COUNT_CPUS, parse_count),
+    Probe("processor", _PROCESSOR, parse_processor),
     Probe("links", "ip -j -d addr show", parse_links),
     Probe("routes", "ip -j -4 route show table main", parse_routes),
     Probe("devices", _DEVICES, parse_devices),
     Probe("wireless", _WIRELESS, parse_wireless),
     Probe("disk", _DISK, parse_disk),
+    Probe("wireguard", wireguard.COMMAND, wireguard.parse_wireguard),
+    Probe("rules", rules.COMMAND, rules.parse_rules),
+    Probe("spelled", spelled.COMMAND, spelled.parse_spelled),
 )
 """In the order of asking."""
 PING = EngineQuery(path="/_ping", headers=True)

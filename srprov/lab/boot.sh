@@ -95,7 +95,7 @@ simulate_figures() {
     if [ -e "$LAB_DISK/figures/machine" ] && [ -e "$root/proc/sys/kernel/arch" ]; then
         mount --bind "$LAB_DISK/figures/machine" "$root/proc/sys/kernel/arch"
     fi
-    for figure in date uname arch; do # they call the real ones, which are then in /run/lab
+    for figure in date uname arch systemctl; do # they call the real ones, which are then in /run/lab
         if [ -e "$LAB_DISK/figures/$figure" ]; then
             program=$(command -v "$figure")
             : >"$root/run/lab/$figure"
@@ -131,6 +131,9 @@ start_network() {
     echo "$LAB_NAME" >/proc/sys/kernel/hostname
     ip link set lo up
     ip addr add "$LAB_ADDRESS" dev eth0
+    if [ -n "$LAB_ADDRESS6" ]; then
+        ip addr add "$LAB_ADDRESS6" dev eth0 nodad
+    fi
     ip link set eth0 up
     ip route add default via "$LAB_GATEWAY"
 }
@@ -142,6 +145,33 @@ start_services() {
     if [ "$LAB_DOCKER" = yes ]; then
         run_docker &
     fi
+    if [ "$LAB_SYSTEMD" = yes ]; then
+        echo systemd >/proc/1/comm
+        run_units &
+    fi
+}
+
+# What systemd would do with srprov's units that are enabled: run the commands of each, in order, after Docker.
+run_units() {
+    for unit in /etc/systemd/system/multi-user.target.wants/srprov-*.service; do
+        [ -e "$unit" ] || continue
+        left=600
+        until docker version >/dev/null 2>&1 || [ "$left" = 0 ]; do
+            left=$((left - 1))
+            sleep 0.1
+        done
+        sed -n 's/^ExecStart=//p' "$unit" | while IFS= read -r call; do
+            case $call in
+                '/bin/sh -c "'*) # in quotes a unit has $$ for $, %% for % and the escapes of printf
+                    call=$(printf '%s' "${call#/bin/sh -c }" | sed 's/^"//; s/"$//; s/[$][$]/$/g')
+                    # shellcheck disable=SC2059 # it is a format
+                    printf "$call" | $clean sh -s || break
+                    ;;
+                -*) $clean sh -c "${call#-}" || : ;;
+                *) $clean sh -c "$call" || break ;;
+            esac
+        done
+    done >>/var/log/units.log 2>&1
 }
 
 # As service managers do: an engine that ends is started again after two seconds, unless it shall stay down.

@@ -13,13 +13,15 @@ from pathlib import Path
 from srprov.errors import LabError
 from srprov.lab.machine import find, run, succeeds
 from srprov.lab.places import Site
+from srprov.lab.spec import Robot
 
 QUEUE_MS = 50
 """What waits longer than this for its turn is dropped, as in a modem."""
 
 
-def spoil(site: Site, name: str, init: int, rate_mbit: float | None, loss_percent: float | None) -> None:
-    """Make the cable of the robot with this PID 1 as bad as that."""
+def spoil(site: Site, robot: Robot, init: int) -> None:
+    """Make the cable of the robot with this PID 1 as bad as its options say."""
+    name, rate_mbit, loss_percent = robot.name, robot.rate_mbit, robot.loss_percent
     inside = ["nsenter", f"--net=/proc/{init}/ns/net", "--"]
     if rate_mbit:
         burst = max(6000, int(rate_mbit * 1e6 / 8 / 100))
@@ -27,7 +29,7 @@ def spoil(site: Site, name: str, init: int, rate_mbit: float | None, loss_percen
         run(["tc", "qdisc", "add", "dev", site.link(name), "root", *bucket])
         run([*inside, "tc", "qdisc", "add", "dev", "eth0", "root", *bucket])
     if loss_percent:
-        _let_bridge_ask_firewall(site)
+        _let_bridge_ask_firewall(site.bridge_of(robot.lan))
         run([*inside, "iptables", "-w", "-t", "mangle", "-I", "PREROUTING", *_loses(site, "-i eth0", loss_percent)])
         arriving = _loses(site, f"-m physdev --physdev-in {site.link(name)}", loss_percent)
         run(["iptables", "-w", "-t", "mangle", "-I", "PREROUTING", *arriving])
@@ -38,9 +40,9 @@ def _loses(site: Site, where: str, percent: float) -> list[str]:
     return f"{where} {chance} -m comment --comment {site.tag} -j DROP".split()
 
 
-def _let_bridge_ask_firewall(site: Site) -> None:
+def _let_bridge_ask_firewall(bridge: str) -> None:
     """The bridge shows its frames to iptables; the setting goes with the bridge."""
-    setting = Path(f"/sys/class/net/{site.bridge}/bridge/nf_call_iptables")
+    setting = Path(f"/sys/class/net/{bridge}/bridge/nf_call_iptables")
     try:
         setting.write_text("1")
     except OSError as error:

@@ -48,13 +48,22 @@ offset=%+f
 exec /run/lab/date -d "$offset seconds" "$@"
 """
 
+SYSTEMCTL = """\
+#!/bin/sh
+# No systemd runs on this robot: units are enabled by their links, and the next boot runs them.
+for word; do
+    case $word in daemon-reload | stop) exit 0 ;; esac
+done
+exec /run/lab/systemctl --root=/ "$@"
+"""
+
 NOISE_MARK = "# Written by the lab: the option bashrc.\n"
 
 
 def sshd(site: Site, robot: Robot) -> str:
     """/etc/ssh/sshd_config. The address behind the proxy is the robot's own: it is part of SSH_CONNECTION."""
     limits = robot.sshd or Sshd()
-    behind = f"ListenAddress {site.address(robot.name)}:{SSHD_BEHIND_PROXY}"
+    behind = f"ListenAddress {site.address(robot.name, robot.lan)}:{SSHD_BEHIND_PROXY}"
     # A provisioner opens many connections at once; sshd's own limits drop such bursts.
     return SSHD_CONFIG % {
         "listen": behind if robot.ssh_latency_ms else "Port 22",

@@ -165,6 +165,9 @@ def _write_figures(folder: Path, robot: Robot) -> None:
     if robot.clock_offset_s:
         (folder / "date").write_text(config.date(robot.clock_offset_s))
         (folder / "date").chmod(0o755)
+    if robot.systemd:
+        (folder / "systemctl").write_text(config.SYSTEMCTL)
+        (folder / "systemctl").chmod(0o755)
     if arm64.is_simulated(robot):
         arm64.figures(folder)
 

@@ -33,11 +33,14 @@ def heal(site: Site, name: str, other: str) -> bool:
 
 
 def _check(site: Site, name: str, other: str) -> None:
-    members.one(site, name)
+    one = members.one(site, name)
     if other == name:
         raise UsageError(f"{name} cannot be cut off from itself", hint="name two robots")
-    if other not in (partition.ALL, partition.CONTROLLER):
-        members.one(site, other)
+    if other not in (partition.ALL, partition.CONTROLLER) and members.one(site, other).lan != one.lan:
+        raise UsageError(
+            f"{name} and {other} are in different LANs: what they send passes the controller",
+            hint="name two robots of one LAN, or `--from controller`",
+        )
 
 
 def kill_engine(site: Site, name: str) -> None:

@@ -31,9 +31,11 @@ def as_text(site: Site, robots: Sequence[Robot], user: str | None) -> str:
 
 def _variables(site: Site, robot: Robot, user: str | None) -> dict[str, Any]:
     found: dict[str, Any] = {
-        "ansible_host": str(site.address(robot.name)),
+        "ansible_host": str(site.address(robot.name, robot.lan)),
         "ansible_user": user_of(robot, user),
     }
+    if robot.ipv6:
+        found["srprov_underlay"] = str(site.address6(robot.name, robot.lan))
     if robot.tags:
         found["srprov_tags"] = list(robot.tags)
     if robot.slots is not None:
@@ -43,6 +45,11 @@ def _variables(site: Site, robot: Robot, user: str | None) -> dict[str, Any]:
     return found
 
 
-def known_hosts(site: Site, keys: Mapping[str, str]) -> str:
-    """One line per robot, by address; `keys` maps robot -> public host key."""
-    return "".join(f"{site.address(name)} {key}\n" for name, key in keys.items())
+def known_hosts(site: Site, keys: Mapping[Robot, str]) -> str:
+    """One line per robot, by its addresses; `keys` maps robot -> public host key."""
+    return "".join(f"{','.join(_addresses(site, robot))} {key}\n" for robot, key in keys.items())
+
+
+def _addresses(site: Site, robot: Robot) -> list[str]:
+    ipv6 = [str(site.address6(robot.name, robot.lan))] if robot.ipv6 else []
+    return [str(site.address(robot.name, robot.lan)), *ipv6]

@@ -62,9 +62,11 @@ def up(name: str, wanted: Wanted, say: Say) -> list[str]:
         foreign = any(arm64.is_simulated(each) for each in robots)
         if foreign:
             machine.require(arm64.PACKAGES)
+        if any(each.systemd for each in robots):
+            machine.require({"systemctl": "systemd"})
         storage = images.ensure(registry.storages(sites.every()), say, foreign=foreign)
         site = sites.claim(name)
-        network.ensure(site)
+        network.ensure(site, robots)
         state.write_lab(site, lab)
         _make_key(site)
         registry.ensure(site, storage)
@@ -140,7 +142,7 @@ def _boot_missing(site: Site, robots: Sequence[spec.Robot], say: Say) -> list[st
 
 
 def _write_inventory(site: Site, lab: state.Lab, robots: Sequence[spec.Robot]) -> None:
-    keys = {each.name: disk.host_key(site, each.name) for each in robots}
+    keys = {each: disk.host_key(site, each.name) for each in robots}
     _write_if_other(site.known_hosts, inventory.known_hosts(site, keys))
     for path in lab.inventories:
         if Path(path) == site.inventory.absolute() or Path(path).exists():

@@ -1,4 +1,6 @@
-"""A lab's network: one bridge with the controller and every robot on it, and NAT to the world.
+"""A lab's network: a bridge with the controller and every robot on it, and NAT to the world.
+
+A second bridge, where some robots are to be in another subnet, is a second LAN; the controller routes between them.
 
 Changes links and firewall of this machine, each under the lab's name, so that `remove` finds them
 without a record. What has no name, because all labs share it, is in sites.py.
@@ -7,72 +9,106 @@ without a record. What has no name, because all labs share it, is in sites.py.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Iterator, Mapping
 from ipaddress import IPv4Network
 from pathlib import Path
 
 from srprov.errors import LabError
 from srprov.lab import cable, partition
-from srprov.lab.machine import run, succeeds
-from srprov.lab.places import REGISTRY_PORT, Site
+from srprov.lab.machine import find, run, succeeds
+from srprov.lab.places import LANS, REGISTRY_PORT, Site
+from srprov.lab.spec import Robot
 
 ANY_BRIDGE = "srlab+"
 """iptables' word for the bridges of all labs."""
 
 
-def rules(site: Site) -> list[tuple[str, str, list[str]]]:
-    """Return table, chain and words of each firewall rule; each is inserted before those that stand here above it."""
+Rule = tuple[str, str, str, list[str]]
+"""Program, table, chain and words of a firewall rule."""
+
+
+def rules(site: Site, lan: int = 1) -> list[Rule]:
+    """Return the firewall rules of a LAN; each is inserted before those that stand here above it."""
+    bridge, subnet = site.bridge_of(lan), str(site.subnet_of(lan))
     name = ["-m", "comment", "--comment", site.tag]
-    out = ["-s", str(site.subnet), "!", "-d", str(site.subnet)]
+    out = ["-s", subnet, "!", "-d", subnet]
     syn = ["-p", "tcp", "--tcp-flags", "SYN,RST", "SYN"]
-    mirror = ["-i", site.bridge, "-p", "tcp", "--dport", str(REGISTRY_PORT)]
-    return [
+    mirror = ["-i", bridge, "-p", "tcp", "--dport", str(REGISTRY_PORT)]
+    found = [
         ("nat", "POSTROUTING", [*out, *name, "-j", "MASQUERADE"]),
         # Docker and firewalls set FORWARD to DROP; br_netfilter makes robots' frames meet it.
-        ("filter", "FORWARD", ["-i", site.bridge, *name, "-j", "ACCEPT"]),
-        ("filter", "FORWARD", ["-o", site.bridge, *name, "-j", "ACCEPT"]),
+        ("filter", "FORWARD", ["-i", bridge, *name, "-j", "ACCEPT"]),
+        ("filter", "FORWARD", ["-o", bridge, *name, "-j", "ACCEPT"]),
         # Robots of two labs are strangers; frames within one bridge also meet this chain.
-        ("filter", "FORWARD", ["-i", site.bridge, "-o", ANY_BRIDGE, *name, "-j", "DROP"]),
-        ("filter", "FORWARD", ["-i", ANY_BRIDGE, "-o", site.bridge, *name, "-j", "DROP"]),
-        ("filter", "FORWARD", ["-i", site.bridge, "-o", site.bridge, *name, "-j", "ACCEPT"]),
+        ("filter", "FORWARD", ["-i", bridge, "-o", ANY_BRIDGE, *name, "-j", "DROP"]),
+        ("filter", "FORWARD", ["-i", ANY_BRIDGE, "-o", bridge, *name, "-j", "DROP"]),
+        ("filter", "FORWARD", ["-i", bridge, "-o", bridge, *name, "-j", "ACCEPT"]),
         ("filter", "INPUT", [*mirror, *name, "-j", "ACCEPT"]),
         # The machine's way out may have a smaller MTU than the lab's 1500.
         ("mangle", "FORWARD", [*out, *syn, *name, "-j", "TCPMSS", "--clamp-mss-to-pmtu"]),
     ]
+    for other in LANS[: lan - 1]:  # they come first in all chains: a later LAN's rules are inserted later
+        there, far = site.bridge_of(other), str(site.subnet_of(other))
+        found += [("filter", "FORWARD", ["-i", i, "-o", o, *name, "-j", "ACCEPT"]) for i, o in _both(bridge, there)]
+        found += [("nat", "POSTROUTING", ["-s", s, "-d", d, *name, "-j", "ACCEPT"]) for s, d in _both(subnet, far)]
+    return [("iptables", *rule) for rule in found]
 
 
-def ensure(site: Site) -> None:
-    """Make bridge, address and firewall rules."""
-    if not succeeds(["ip", "link", "show", site.bridge]):
-        _refuse_used_subnet(site)
-        run(["ip", "link", "add", site.bridge, "address", site.mac(1), "type", "bridge", "forward_delay", "0"])
-    run(["ip", "addr", "replace", f"{site.controller}/{site.subnet.prefixlen}", "dev", site.bridge])
-    run(["ip", "link", "set", site.bridge, "up"])
-    for table, chain, rule in rules(site):
-        if not succeeds(["iptables", "-w", "-t", table, "-C", chain, *rule]):
-            run(["iptables", "-w", "-t", table, "-I", chain, *rule])
+def rules6(site: Site, lan: int) -> list[Rule]:
+    """Return the firewall rules of a LAN with IPv6, as frames of robots meet FORWARD there too; where it is at all."""
+    bridge = site.bridge_of(lan)
+    words = ["-i", bridge, "-o", bridge, "-m", "comment", "--comment", site.tag, "-j", "ACCEPT"]
+    return [("ip6tables", "filter", "FORWARD", words)] if find("ip6tables") else []
+
+
+def _both(one: str, other: str) -> Iterator[tuple[str, str]]:
+    yield one, other
+    yield other, one
+
+
+def ensure(site: Site, robots: Collection[Robot]) -> None:
+    """Make the bridges that these robots need, addresses and firewall rules."""
+    for lan in LANS:
+        ipv6 = any(robot.ipv6 for robot in robots if robot.lan == lan)
+        if lan == 1 or any(robot.lan == lan for robot in robots):
+            _ensure_lan(site, lan, ipv6=ipv6)
+
+
+def _ensure_lan(site: Site, lan: int, *, ipv6: bool) -> None:
+    bridge, subnet = site.bridge_of(lan), site.subnet_of(lan)
+    if not succeeds(["ip", "link", "show", bridge]):
+        _refuse_used_subnet(site, subnet)
+        run(["ip", "link", "add", bridge, "address", site.mac(1, lan), "type", "bridge", "forward_delay", "0"])
+    run(["ip", "addr", "replace", f"{subnet.network_address + 1}/{subnet.prefixlen}", "dev", bridge])
+    run(["ip", "link", "set", bridge, "up"])
+    if ipv6:
+        run(["ip", "addr", "replace", f"{site.subnet6_of(lan).network_address + 1}/64", "dev", bridge, "nodad"])
+    for program, table, chain, rule in [*rules(site, lan), *(rules6(site, lan) if ipv6 else ())]:
+        if not succeeds([program, "-w", "-t", table, "-C", chain, *rule]):
+            run([program, "-w", "-t", table, "-I", chain, *rule])
 
 
 def remove(site: Site) -> None:
     """Nothing of `ensure` and `connect` is there afterwards, and no fault of a cable."""
     partition.heal_all(site)
     cable.repair(site)
-    for table, chain, rule in rules(site):
-        while succeeds(["iptables", "-w", "-t", table, "-D", chain, *rule]):
+    for program, table, chain, rule in [rule for lan in LANS for rule in (*rules(site, lan), *rules6(site, lan))]:
+        while succeeds([program, "-w", "-t", table, "-D", chain, *rule]):
             pass
-    for name in [*_links(site), site.bridge]:
+    for name in [*_links(site), *map(site.bridge_of, LANS)]:
         succeeds(["ip", "link", "del", name])
 
 
-def connect(site: Site, inits: Mapping[str, int]) -> None:
-    """Lay a cable from the bridge to eth0 of every robot; `inits` maps robot -> its PID 1."""
-    for name in inits:
-        disconnect(site, name)
+def connect(site: Site, inits: Mapping[Robot, int]) -> None:
+    """Lay a cable from its bridge to eth0 of every robot; `inits` maps robot -> its PID 1."""
+    for robot in inits:
+        disconnect(site, robot.name)
     batch = []
-    for name, pid in inits.items():
-        ours, mac = site.link(name), site.mac(int(site.address(name)) & 0xFF)
-        batch.append(f"link add {ours} type veth peer name eth0 address {mac} netns {pid}")
-        batch.append(f"link set {ours} master {site.bridge} up")
+    for robot, pid in inits.items():
+        ours, mac = site.link(robot.name), site.mac(int(site.address(robot.name)) & 0xFF, robot.lan)
+        mtu = f"mtu {robot.mtu}" if robot.mtu else ""
+        batch.append(f"link add {ours} {mtu} type veth peer name eth0 address {mac} {mtu} netns {pid}")
+        batch.append(f"link set {ours} master {site.bridge_of(robot.lan)} up")
     run(["ip", "-batch", "-"], stdin="\n".join(batch) + "\n")
 
 
@@ -95,9 +131,9 @@ def in_use(subnet: IPv4Network) -> str | None:
     return None
 
 
-def _refuse_used_subnet(site: Site) -> None:
-    user = in_use(site.subnet)
+def _refuse_used_subnet(site: Site, subnet: IPv4Network) -> None:
+    user = in_use(subnet)
     if user is not None:
         free = "take a lab with a name, which gets a free subnet: srprov lab --name NAME up"
         hint = f"{site.command} down, then up: it gets another one" if site.name else free
-        raise LabError(f"the lab's subnet {site.subnet} is in use here: {user}", hint=hint)
+        raise LabError(f"the lab's subnet {subnet} is in use here: {user}", hint=hint)

@@ -52,7 +52,7 @@ def robots(name: str) -> list[RobotStatus]:
 
 
 def _look(site: Site, each: spec.Robot, cuts: Set[partition.Rule]) -> RobotStatus:
-    where = str(site.address(each.name))
+    where = str(site.address(each.name, each.lan))
     booted = state.read_robot(site, each.name)
     if booted is None:
         return RobotStatus(each.name, where, "dead", None, None, faults.cuts_of(site, each.name, cuts))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from ipaddress import IPv4Address, IPv4Network
+from ipaddress import IPv4Address, IPv4Network, IPv6Address, IPv6Network
 from pathlib import Path
 
 from srprov.errors import UsageError
@@ -27,6 +27,8 @@ FIRST_HOST = 10
 MOST_ROBOTS = 200
 MOST_NUMBER = 99
 """The subnets of labs with names are 10.213.1.0/24 to 10.213.99.0/24."""
+LANS = (1, 2)
+"""Networks of a lab. The second one is there only with robots on it; the controller routes between them."""
 LONGEST_NAME = 20
 
 
@@ -89,18 +91,30 @@ class Site:
 
     @property
     def bridge(self) -> str:
-        """The bridge with the controller and every robot on it."""
-        return f"srlab{self._number}"
+        """The bridge with the controller and every robot of the first LAN on it."""
+        return self.bridge_of(1)
 
     @property
     def subnet(self) -> IPv4Network:
         """The network of the bridge."""
-        return subnet(self._number)
+        return self.subnet_of(1)
 
     @property
     def controller(self) -> IPv4Address:
         """This machine's address on the bridge."""
         return self.subnet.network_address + 1
+
+    def bridge_of(self, lan: int) -> str:
+        """Return the bridge of a LAN."""
+        return f"srlab{self._number}" + (f"-lan{lan}" if lan > 1 else "")
+
+    def subnet_of(self, lan: int) -> IPv4Network:
+        """Return the network of a LAN's bridge; the controller has the first address of it."""
+        return subnet(self._number, lan)
+
+    def subnet6_of(self, lan: int) -> IPv6Network:
+        """Return the IPv6 network of a LAN's bridge, for robots that have IPv6; likewise."""
+        return IPv6Network(f"fd73:7270:6c61:{self.subnet_of(lan).network_address.packed[2]:x}::/64")
 
     @property
     def link_prefix(self) -> str:
@@ -111,16 +125,17 @@ class Site:
         """Return the controller's end of the robot's cable."""
         return f"{self.link_prefix}{robot_number(robot)}"
 
-    def address(self, robot: str) -> IPv4Address:
-        """Return the robot's address on the bridge; `robot` must be a robot's name."""
-        number = robot_number(robot)
-        if number is None:
-            raise ValueError(f"{robot} is not the name of a lab robot")
-        return self.subnet.network_address + FIRST_HOST + number
+    def address(self, robot: str, lan: int = 1) -> IPv4Address:
+        """Return the robot's address on the bridge of its LAN; `robot` must be a robot's name."""
+        return self.subnet_of(lan).network_address + _host(robot)
 
-    def mac(self, last: int) -> str:
+    def address6(self, robot: str, lan: int = 1) -> IPv6Address:
+        """Return likewise the IPv6 address that a robot with IPv6 has."""
+        return self.subnet6_of(lan).network_address + _host(robot)
+
+    def mac(self, last: int, lan: int = 1) -> str:
         """Return an address that stays the same over reboots, so that nobody's ARP cache goes stale."""
-        return f"02:73:72:00:{self._number:02x}:{last:02x}"
+        return f"02:73:72:00:{self.subnet_of(lan).network_address.packed[2]:02x}:{last:02x}"
 
     def disk(self, robot: str) -> Path:
         """Return the robot's disk: kept by kill and restart, removed with the robot."""
@@ -132,9 +147,17 @@ class Site:
         return self.number
 
 
-def subnet(number: int) -> IPv4Network:
-    """Return the network of the lab with this number."""
-    return IPv4Network(f"10.213.{number}.0/24")
+def subnet(number: int, lan: int = 1) -> IPv4Network:
+    """Return the network of a LAN of the lab with this number."""
+    return IPv4Network(f"10.213.{number + (lan - 1) * (MOST_NUMBER + 1)}.0/24")
+
+
+def _host(robot: str) -> int:
+    """Return which address of its subnet a robot has."""
+    number = robot_number(robot)
+    if number is None:
+        raise ValueError(f"{robot} is not the name of a lab robot")
+    return FIRST_HOST + number
 
 
 def check_name(name: str) -> str:

@@ -57,13 +57,16 @@ def power_on(site: Site, robots: Sequence[Robot]) -> list[Waiting]:
 
 
 def _boot_settings(site: Site, robot: Robot, groups: Sequence[Path]) -> dict[str, str]:
+    subnet = site.subnet_of(robot.lan)
     return {
         "PATH": SYSTEM_PATH,
         "LAB_NAME": robot.name,
         "LAB_DISK": str(site.disk(robot.name)),
-        "LAB_ADDRESS": f"{site.address(robot.name)}/{site.subnet.prefixlen}",
-        "LAB_GATEWAY": str(site.controller),
+        "LAB_ADDRESS": f"{site.address(robot.name, robot.lan)}/{subnet.prefixlen}",
+        "LAB_ADDRESS6": f"{site.address6(robot.name, robot.lan)}/64" if robot.ipv6 else "",
+        "LAB_GATEWAY": str(subnet.network_address + 1),
         "LAB_DEVICES": " ".join(robot.devices),
+        "LAB_SYSTEMD": "yes" if robot.systemd else "no",
         "LAB_DOCKER": "yes" if robot.docker else "no",
         "LAB_DOCKERD": "-H unix:///run/lab/docker.sock" if arm64.is_simulated(robot) else "",
         "LAB_BINFMT": arm64.registration() if arm64.is_simulated(robot) else "",
@@ -87,9 +90,10 @@ def _first_process(site: Site, robot: Robot, launcher: subprocess.Popen[bytes]) 
 
 def go(site: Site, waiting: Sequence[Waiting]) -> None:
     """Lay the cables, note the robots and let them run."""
-    network.connect(site, {each.robot.name: each.init.pid for each in waiting})
-    for robot, init in [(each.robot, each.init.pid) for each in waiting]:
-        cable.spoil(site, robot.name, init, robot.rate_mbit, robot.loss_percent)
+    cables = {each.robot: each.init.pid for each in waiting}
+    network.connect(site, cables)
+    for robot, init in cables.items():
+        cable.spoil(site, robot, init)
     for each in waiting:
         cgroups.set_aside(site, each.robot.name, each.launcher.pid)
         state.write_robot(site, each.robot.name, state.Booted(each.init, each.robot.boot_digest))
@@ -97,7 +101,7 @@ def go(site: Site, waiting: Sequence[Waiting]) -> None:
         each.launcher.stdin.write(b"go\n")
         each.launcher.stdin.close()
         if each.robot.ssh_latency_ms:
-            latency.start(site, each.robot.name, each.init.pid, each.robot.ssh_latency_ms)
+            latency.start(site, each.robot, each.init.pid, each.robot.ssh_latency_ms)
         if each.robot.docker and arm64.is_simulated(each.robot):
             arm64.start_proxy(site, each.robot.name, each.init.pid)
 
@@ -156,7 +160,7 @@ def answers_ssh(site: Site, robot: Robot) -> bool:
     """Whether the robot's sshd greets, in the time that its latency asks for."""
     patience_s = 0.5 + 4 * (robot.ssh_latency_ms.rtt_ms if robot.ssh_latency_ms else 0) / 1000
     try:
-        with socket.create_connection((str(site.address(robot.name)), 22), timeout=patience_s) as connection:
+        with socket.create_connection((str(site.address(robot.name, robot.lan)), 22), timeout=patience_s) as connection:
             return connection.recv(4) == b"SSH-"
     except OSError:
         return False

@@ -14,7 +14,7 @@ from pathlib import Path
 from srprov.errors import LabError
 from srprov.lab import arm64, cgroups, network, state
 from srprov.lab.machine import write_setting
-from srprov.lab.places import MOST_NUMBER, NAMED_RUN, Site, subnet
+from srprov.lab.places import LANS, MOST_NUMBER, NAMED_RUN, Site, subnet
 
 SETTINGS = {Path("/proc/sys/net/ipv4/ip_forward"): "1"}
 NUMBER = "number.json"
@@ -61,7 +61,7 @@ def claim(name: str) -> Site:
 def _free_number() -> int:
     taken = {site.number for site in every()}
     for number in range(1, MOST_NUMBER + 1):
-        if number not in taken and network.in_use(subnet(number)) is None:
+        if number not in taken and all(network.in_use(subnet(number, lan)) is None for lan in LANS):
             return number
     what = f"no subnet from {subnet(1)} to {subnet(MOST_NUMBER)} is free here"
     raise LabError(what, hint="see `srprov lab list` and `ip route`; take a lab or a route away")

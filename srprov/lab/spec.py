@@ -14,13 +14,15 @@ from typing import Any
 
 from srprov.errors import DefinitionError
 from srprov.lab.figures import Amount
-from srprov.lab.places import MOST_ROBOTS, robot_name, robot_number
+from srprov.lab.places import LANS, MOST_ROBOTS, robot_name, robot_number
 from srprov.yamldoc.fields import FieldReader
 from srprov.yamldoc.nodes import Map, Node, is_null
 
 DEFAULT_COUNT = 4
 USERS = ("root", "robot")
 ARCHITECTURES = ("arm64",)
+LEAST_MTU, MOST_MTU = 1280, 9000
+"""bytes; less is no IPv6, and no network card does much more"""
 SSHD_LIMITS = ("max_startups", "max_sessions")
 
 
@@ -60,6 +62,10 @@ class Robot:
     docker: bool = True
     arch: str | None = None
     user: str | None = None
+    lan: int = 1
+    ipv6: bool = False
+    mtu: int | None = None
+    systemd: bool = False
     ssh_latency_ms: Latency | None = None
     rate_mbit: float | None = None
     loss_percent: float | None = None
@@ -208,6 +214,10 @@ OPTIONS: Mapping[str, Callable[[FieldReader, Node], Any]] = {
     "docker": FieldReader.boolean,
     "arch": lambda reader, node: reader.choice(node, ARCHITECTURES),
     "user": _user,
+    "lan": lambda reader, node: reader.integer(node, min(LANS), max(LANS)),
+    "ipv6": FieldReader.boolean,
+    "mtu": lambda reader, node: reader.integer(node, LEAST_MTU, MOST_MTU),
+    "systemd": FieldReader.boolean,
     "ssh_latency_ms": _latency,
     "rate_mbit": _number(0.1, 10_000),
     "loss_percent": _number(0, 100),

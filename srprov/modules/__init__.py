@@ -16,13 +16,23 @@ from srprov.modules.module import Module, Probing, Running
 from srprov.modules.network import NetworkModule
 from srprov.modules.secret import SecretModule
 from srprov.modules.tree import TreeModule
+from srprov.modules.unit import UnitModule
 from srprov.modules.volume import VolumeModule
 from srprov.modules.vxlan import VxlanModule
+from srprov.modules.vxlan_filter import VxlanFilterModule
+from srprov.modules.wireguard import WireguardModule
+from srprov.modules.wireguard_peers import WireguardPeersModule
+from srprov.modules.wireguard_routes import WireguardRoutesModule
 
 _ALL: tuple[Module[Any], ...] = (
     ImageModule(),
     NetworkModule(),
+    VxlanFilterModule(),
+    WireguardModule(),
+    WireguardPeersModule(),
+    WireguardRoutesModule(),
     VxlanModule(),
+    UnitModule(),
     FileModule(),
     TreeModule(),
     DataModule(),

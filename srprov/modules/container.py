@@ -77,9 +77,8 @@ class ContainerModule(Module[ContainerParams]):
         """Compare by hash, then by what the process does."""
         if found is None:
             return Change(action=Action.CREATE, cause="not there", commands=_create_and_start(name, want))
-        wanted_hash, wanted_parts = hashes(want)
-        if found["hash"] != wanted_hash:
-            return _replacement(name, want, found, differing(found["parts"], wanted_parts))
+        if found["hash"] != hashes(want)[0]:
+            return _replacement(name, want, found, differing(found["parts"], want))
         if cause := changed_limits(want, found["limits"]) or _wrong_address(want, found):
             return _replacement(name, want, found, cause)
         if found["state"] in _NEVER_RUN:

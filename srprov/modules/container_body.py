@@ -12,8 +12,8 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from srprov.definitions.containermodel import HealthCheck
-from srprov.modules.container_params import ContainerParams
-from srprov.modules.module import digest
+from srprov.modules.container_params import ContainerParams, NetworkPlace
+from srprov.modules.module import OWN_HOSTS, digest
 
 _SECOND_NS = 1_000_000_000
 _PERIOD_US = 100_000
@@ -34,7 +34,7 @@ def engine_body(want: ContainerParams) -> dict[str, Any]:
     run = want.run
     body: dict[str, Any] = {
         "Image": want.image,
-        "Env": [f"{key}={value}" for key, value in sorted(run.environment.items())],
+        "Env": [f"{key}={value}" for key, value in sorted({**want.made_with, **run.environment}.items())],
         "Tty": run.tty,
         **({"OpenStdin": True} if run.stdin_open else {}),
         "StopTimeout": round(run.stop_grace_s),
@@ -65,7 +65,7 @@ def parts_of(want: ContainerParams) -> dict[str, Any]:
     The MAC's place in the body depends on the engine's version, so the network part is the wish, not the body: an
     engine's upgrade restarts nothing.
     """
-    body = engine_body(dataclasses.replace(want, api="1.41"))
+    body = engine_body(dataclasses.replace(want, api="1.41", made_with={}))
     host, network = body["HostConfig"], want.network
     log = want.run.logging
     return {
@@ -73,7 +73,7 @@ def parts_of(want: ContainerParams) -> dict[str, Any]:
         "command": [body.get("Cmd"), body.get("Entrypoint")],
         "environment": body["Env"],
         "volumes": host.get("Mounts", []),
-        "network": [network.mode, network.name, network.ip, network.mac, network.hash],
+        "network": [_mode(network), network.name, network.ip if network.name else None, network.mac, network.hash],
         "ports": [body.get("ExposedPorts"), host.get("PortBindings")],
         "healthcheck": body.get("Healthcheck"),
         "devices": [host.get(key) for key in ("Devices", "DeviceRequests", "DeviceCgroupRules")],
@@ -91,13 +91,17 @@ def parts_of(want: ContainerParams) -> dict[str, Any]:
             *_given(body, ("OpenStdin",)),
         ],
         **({"init": host["Init"]} if "Init" in host else {}),
+        **({"kept variables": sorted(want.made_with)} if want.made_with else {}),
         **({"labels": dict(sorted(want.run.labels.items()))} if want.run.labels else {}),
     }
 
 
-def differing(found: Mapping[str, str], wanted: Mapping[str, str]) -> str:
-    """Return in words in which parts two containers differ; both are name -> short hash."""
+def differing(found: Mapping[str, str], want: ContainerParams) -> str:
+    """Return in words in which parts a container differs from the wanted one; `found` is name -> short hash."""
+    wanted = {name: digest(value, 8) for name, value in parts_of(want).items()}
     names = sorted(name for name in {*found, *wanted} if found.get(name) != wanted.get(name))
+    if names == ["volumes"] and found.get("volumes") == digest(_volumes_before(want), 8):
+        return "volumes differs (made by an older srprov; new by default: the robot's own names in /etc/hosts)"
     if not names:
         return "configuration differs"
     cause = f"{', '.join(names)} {'differs' if len(names) == 1 else 'differ'}"
@@ -105,6 +109,15 @@ def differing(found: Mapping[str, str], wanted: Mapping[str, str]) -> str:
         return cause
     new = [words for name, words in _NEW_DEFAULTS.items() if name in names]
     return f"{cause} (made by an older srprov; new by default: {', '.join(new)})"
+
+
+def _volumes_before(want: ContainerParams) -> list[Mapping[str, Any]]:
+    """Return the mounts of older versions, in which a hosts file never had the lines of the robot's own."""
+    return [
+        {**one, "Source": str(one["Source"]).removesuffix(OWN_HOSTS)} if "Source" in one else one
+        for one in want.mounts
+        if one["Type"] != "tmpfs"
+    ]
 
 
 def _given(body: dict[str, Any], keys: tuple[str, ...]) -> list[list[Any]]:
@@ -164,7 +177,7 @@ def _add_network(body: dict[str, Any], want: ContainerParams) -> None:
     network = want.network
     host = body["HostConfig"]
     if network.mode != "overlay":
-        host["NetworkMode"] = network.mode
+        host["NetworkMode"] = _mode(network)
         return
     host["NetworkMode"] = network.name
     endpoint: dict[str, Any] = {"IPAMConfig": {"IPv4Address": network.ip}}
@@ -173,6 +186,11 @@ def _add_network(body: dict[str, Any], want: ContainerParams) -> None:
     else:
         body["MacAddress"] = network.mac
     body["NetworkingConfig"] = {"EndpointsConfig": {network.name: endpoint}}
+
+
+def _mode(network: NetworkPlace) -> str:
+    """Return the engine's word: it joins the host's network and no other, so `both` is no difference to a container."""
+    return "host" if network.mode == "both" else network.mode
 
 
 def _healthcheck(check: HealthCheck) -> dict[str, Any]:

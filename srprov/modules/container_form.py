@@ -15,14 +15,14 @@ from srprov.definitions.containermodel import TMPFS_OPTIONS, Mount
 from srprov.definitions.model import Service
 from srprov.definitions.secretmodel import SecretUse
 from srprov.modules.container_params import ContainerParams
-from srprov.modules.module import MEMORY_ROOT, STATE_ROOT, Names
+from srprov.modules.module import DISCOVERY_FILE, MEMORY_ROOT, STATE_ROOT, Names
 from srprov.wire import DATA_STORE
 
 WORD = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
 """A name that is one part of a path, and neither `.` nor `..`."""
 _SECRET = re.compile(rf"({WORD.pattern})(?:@([0-7]{{4}}))?")
 _DATA = re.compile(rf"{re.escape(DATA_STORE)}/[0-9a-f]{{64}}/data")
-_HOSTS = re.compile(rf"hosts(-{WORD.pattern})?")
+_HOSTS = re.compile(rf"hosts(-{WORD.pattern})?|{DISCOVERY_FILE}")
 _TREE = re.compile(r"trees/[0-9a-f]{24}/(?!\.{1,2}\Z)[^/\0]+", re.DOTALL)
 
 

@@ -12,6 +12,8 @@ from srprov.wire import Command, Run
 
 BUILD = ".build"
 """The instance label of containers of a build, which `images/mark.py` sets; no instance has that name."""
+LISTING = "srprov..packages-"
+"""How the name of a container begins that lists an image's packages; one runs only under the lock of its robot."""
 _NAME = re.compile(r"[a-zA-Z0-9][a-zA-Z0-9_.-]{0,254}", re.ASCII)
 _END_PROCESS = r"""for p in /proc/[0-9]*; do
     case $(tr '\0' ' ' <"$p/cmdline") in
@@ -25,12 +27,16 @@ _ID = re.compile(r"[0-9a-f]{12,64}")
 
 
 def left_by_build(item: Mapping[str, Any], state: Mapping[str, Any]) -> Observed | None:
-    """Return a container of a build that is over; one that runs may belong to a build that is under way."""
+    """Return a container of a build that is over; one that runs may belong to a build that is under way.
+
+    One that lists packages counts also while it runs, and may do so for ever: who removes it has the robot's lock.
+    """
     names = item.get("Names")
     name = string(names[0]).removeprefix("/") if isinstance(names, list) and names else ""
-    if state["state"] == "running" or not _NAME.fullmatch(name):
+    listing = name.startswith(LISTING)
+    if (state["state"] == "running" and not listing) or not _NAME.fullmatch(name):
         return None
-    why = {"leftover": "left by a build that was cut off"}
+    why = {"leftover": f"left by a {'lock' if listing else 'build'} that was cut off"}
     return Observed(module="container", name=name, instance="", state={**state, **why})
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from types import MappingProxyType
 from typing import Any, Literal
 
 from srprov.definitions.containermodel import Runtime
@@ -13,9 +14,10 @@ from srprov.modules.params import ParameterError
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class NetworkPlace:
-    """Where the container is in the network; all but the mode are for `overlay` only."""
+    """Where the container is in the network; all but the mode are for `overlay` only, and for `both` its address."""
 
-    mode: Literal["overlay", "host", "none"]
+    mode: Literal["overlay", "host", "both", "none"]
+    """`both` is the host's network to the engine; its address on the overlay is on the robot's bridge."""
     name: str | None = None
     ip: str | None = None
     mac: str | None = None
@@ -41,6 +43,8 @@ class ContainerParams:
     network: NetworkPlace
     api: str
     """The version of the engine's API."""
+    made_with: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    """Variables of which a container keeps the values that it was made with: other ones make it no other container."""
     log_driver: str = ""
     """The engine's default; empty: not known."""
 
@@ -48,6 +52,8 @@ class ContainerParams:
         """Refuse what the engine's form cannot be made of."""
         if self.network.mode == "overlay" and None in (self.network.name, self.network.ip, self.network.mac):
             raise ParameterError("network", "network: an overlay needs 'name', 'ip' and 'mac'")
+        if self.network.mode == "both" and self.network.ip is None:
+            raise ParameterError("network", "network: both needs 'ip'")
         if self.run.mounts:
             raise ParameterError("run", "run: mounts stand beside it, in the engine's form")
         if wrong := next(run_limits.broken(self.run), ""):

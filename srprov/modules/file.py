@@ -11,13 +11,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from srprov.modules.module import STATE_ROOT, Module, Names
+from srprov.modules.module import DISCOVERY_FILE, STATE_ROOT, Module, Names
 from srprov.modules.params import AnyText, Mode
 from srprov.resource import Action, Change, Observed, State
 from srprov.wire import AnyQuery, Command, Put, Query, Reply, Run, quote
 
 _LIST = f"cd {STATE_ROOT} 2>/dev/null || exit 0; find . -mindepth 2 -maxdepth 2 -type f -exec sha256sum {{}} +"
-_OWN = re.compile(r"placement\.json|hosts(-[A-Za-z0-9_][A-Za-z0-9_.-]*)?")
+_OWN = re.compile(rf"placement\.json|hosts(-[A-Za-z0-9_][A-Za-z0-9_.-]*)?|{DISCOVERY_FILE}")
 _MIN_PARTS = 2
 _READABLE = Mode(0o644)
 

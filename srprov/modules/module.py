@@ -33,6 +33,10 @@ STOP_GRACE = "srprov.stop-grace"
 
 STATE_ROOT = "/var/lib/srprov"
 """Where rendered files live on a robot: STATE_ROOT/<instance>/."""
+OWN_HOSTS = "-robot.own"
+"""How the name of a hosts file ends that has the robot's own lines too; no service has a dot in its name."""
+DISCOVERY_FILE = r"(cyclonedds|fastdds)(-[A-Za-z0-9_][A-Za-z0-9_.-]*)?\.xml|zenoh(-[A-Za-z0-9_][A-Za-z0-9_.-]*)?\.json5"
+"""What files are called that tell middleware where its peers are, as a regular expression."""
 MEMORY_ROOT = "/run/srprov"
 """Where secrets live on a robot, in memory: MEMORY_ROOT/<instance>/secrets/."""
 
@@ -46,6 +50,8 @@ class Names:
     bridge: str
     link: str
     network: str
+    tunnel: str
+    """The network namespace of an encrypted overlay."""
     vteps: frozenset[str]
     """The robots' underlay addresses."""
 
@@ -74,6 +80,10 @@ class Module(ABC, Generic[P]):
         """Return whether one that was found holds data, which is removed only when the user asks for that."""
         return self.holds_data
 
+    def left_alone(self, want: P, found: State) -> str:
+        """Return, in words, how one that was found differs from the wanted one where no plan changes it; or nothing."""
+        return ""
+
     def taken_from(self, want: P) -> str:
         """Return the robot whose resource of the same name a wanted one replaces, or nothing.
 
@@ -85,6 +95,14 @@ class Module(ABC, Generic[P]):
     def is_copy(self, want: P, found: State) -> bool:
         """Return whether one that was found is the whole copy that is wanted, so that its source may be removed."""
         return False
+
+    def informed(self, name: str, host: str, want: P, there: Mapping[str, Collection[Observed]]) -> P:
+        """Return a wanted one with what only robots can say, such as their public keys.
+
+        No playbook states it and no plan file holds it. `there` is what was found on every robot in reach, or during a
+        run what was found of the kinds that it changes.
+        """
+        return want
 
     @abstractmethod
     def queries(self) -> tuple[AnyQuery, ...]:
@@ -104,6 +122,10 @@ class Module(ABC, Generic[P]):
 
     def removed_before(self, other: str) -> bool:
         """Return whether its removals on a robot come before those of another kind."""
+        return False
+
+    def removed_after_making(self, other: str, *, here: bool) -> bool:
+        """Return whether its removals come after changes of another kind: of those on its robot (`here`), or others."""
         return False
 
     def made_after_removal_of(self, other: str) -> bool:

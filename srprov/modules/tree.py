@@ -62,7 +62,7 @@ class TreeModule(Module[TreeParams]):
 
     def is_own(self, name: str, want: TreeParams, names: Names) -> bool:
         """Compare the name with the content's hash; and take only files and folders below one that is no link."""
-        digest = _plain_digest(want.blob)
+        digest = plain_digest(want.blob)
         return bool(digest) and name == f"{STATE_ROOT}/{names.instance}/trees/{digest}"
 
     def removal(self, found: Observed) -> tuple[Command, ...]:
@@ -71,8 +71,8 @@ class TreeModule(Module[TreeParams]):
 
 
 @functools.lru_cache(maxsize=4096)  # many robots of a plan file may have one tree
-def _plain_digest(blob: bytes) -> str:
-    """Return the hash that names a tree; "" for a tar that is not such as srprov ships.
+def plain_digest(blob: bytes) -> str:
+    """Return the hash that names a tree, or a volume's seed; "" for a tar that is not such as srprov ships.
 
     That is one file or folder, and nothing that could lie elsewhere: a mount of its top entry would follow a link there
     to any folder of the robot, and so would whatever lies below one.

@@ -3,7 +3,7 @@
 A volume carries who made it as a label (`owner`, which only the controller that made it can check), and one that was
 copied from another robot whose copy it is. Data is copied into a volume of another name first, the half copy: it takes
 the place of the real one in one rename after its hash was compared. While the half copy is there, whatever has the real
-name is worth nothing yet.
+name is worth nothing yet. A seed comes into a volume in the same way, once, when it is made.
 
 Source: Docker Engine API 1.41, "Create a volume".
 """
@@ -11,17 +11,24 @@ Source: Docker Engine API 1.41, "Create a volume".
 from __future__ import annotations
 
 import datetime as dt
+import hashlib
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 from srprov.modules.container_form import WORD
-from srprov.modules.module import INSTANCE, LABEL_FILTER, SOURCE, Module, Names, canonical
+from srprov.modules.module import INSTANCE, LABEL_FILTER, SOURCE, STATE_ROOT, Module, Names, canonical
+from srprov.modules.params import ParameterError
+from srprov.modules.tree import plain_digest
 from srprov.resource import Action, Change, Observed, State
 from srprov.untrusted import mappings, string, string_map
-from srprov.wire import AnyQuery, Command, CopyVolume, EngineCall, EngineQuery, Reply, Run, quote
+from srprov.wire import AnyQuery, Command, CopyVolume, EngineCall, EngineQuery, Put, Reply, Run, quote
 
 OWNER = "srprov.owner"
 COPY = "srprov.copy"
+SEED = "srprov.seed"
+_HASH = re.compile(r"[0-9a-f]{24}")
+_USER = re.compile(r"([0-9]{1,10}(:[0-9]{1,10})?)?")
 _HALF = "srprov-copy."
 _NAME = "srprov."
 
@@ -56,6 +63,24 @@ class VolumeParams:
     """The robot that the data is copied from, and then removed on."""
     copy: str = ""
     """Proof that it is a whole copy of what `from` has, for a label."""
+    blob: bytes | None = None
+    """What it holds when it is made: a tar whose single top entry is a folder."""
+    user: str = ""
+    """Whose that is: `UID` or `UID:GID`; empty: root's."""
+    seed: str = ""
+    """What the volume on `from` was made with, for a label."""
+
+    def __post_init__(self) -> None:
+        """Refuse what a plan file could make a shell do, or a label say."""
+        if not _USER.fullmatch(self.user):
+            raise ParameterError("user", "user: a number, or two with a colon")
+        if self.seed and not _HASH.fullmatch(self.seed):
+            raise ParameterError("seed", "seed: 24 digits of a hash")
+
+    @property
+    def made_with(self) -> str:
+        """Return the name of what it holds when it is made; empty: nothing, or nobody knows."""
+        return self.seed or (hashlib.sha256(self.blob).hexdigest()[:24] if self.blob else "")
 
 
 class VolumeModule(Module[VolumeParams]):
@@ -82,6 +107,7 @@ class VolumeModule(Module[VolumeParams]):
                     "source": labels.get(SOURCE, ""),
                     "owner": labels.get(OWNER, ""),
                     "copy": labels.get(COPY, ""),
+                    "seed": seed if _HASH.fullmatch(seed := labels.get(SEED, "")) else "",
                     "created": string(item.get("CreatedAt")),
                     "place": string(item.get("Mountpoint")),
                     "half": name.startswith(_HALF) or half_copy(name) in names,
@@ -94,28 +120,39 @@ class VolumeModule(Module[VolumeParams]):
         if found is not None and not found.get("half"):
             return None
         labels = {INSTANCE: want.instance, SOURCE: want.source}
-        labels |= {key: text for key, text in ((OWNER, want.owner), (COPY, want.copy)) if text}
+        labels |= {key: text for key, text in ((OWNER, want.owner), (COPY, want.copy), (SEED, want.made_with)) if text}
         half = half_copy(name)
         cleared = () if found is None else (_remove(name), _remove(half))
-        if not want.from_:
-            cause = "not there" if found is None else "only half copied"
+        cause = "not there" if found is None else "only half copied"
+        if not want.from_ and want.blob is None:
             return Change(action=Action.CREATE, cause=cause, commands=(*cleared, _create(name, labels)))
         commands = (
             *(cleared or (_remove(half),)),
             _create(half, {INSTANCE: want.instance, SOURCE: want.source}),
-            CopyVolume(volume=name, into=half, source_host=want.from_),
+            *((CopyVolume(volume=name, into=half, source_host=want.from_),) if want.from_ else _fill(half, want)),
             _create(name, labels),
             Run(script=_take_place(half, name)),
             _remove(half),
         )
+        if want.blob is not None and not want.from_:
+            cause = f"{cause}, made with its seed ({len(want.blob)} bytes)"
+            return Change(action=Action.CREATE, cause=cause, commands=commands)
         cause = f"copied from {want.from_}, compared by hash, then removed there"
         return Change(action=Action.RUN, cause=cause, commands=commands)
+
+    def left_alone(self, want: VolumeParams, found: State) -> str:
+        """Say so of one that was made with something else: what it holds since is its services' own."""
+        if not want.made_with or found.get("half") or found.get("seed") == want.made_with:
+            return ""
+        before = "another state of its seed" if found.get("seed") else "no seed"
+        return f"was made with {before}, and its data is kept as it is; it is made anew only once it was removed there"
 
     def is_own(self, name: str, want: VolumeParams, names: Names) -> bool:
         """Compare name and owner."""
         word = name.removeprefix(f"srprov.{names.instance}.")
         owner = (want.instance, want.source) == (names.instance, names.source)
-        return owner and word != name and WORD.fullmatch(word) is not None
+        plain = want.blob is None or plain_digest(want.blob) != ""
+        return owner and plain and word != name and WORD.fullmatch(word) is not None
 
     def removal(self, found: Observed) -> tuple[Command, ...]:
         """Remove it with its data."""
@@ -141,6 +178,16 @@ def _create(name: str, labels: dict[str, str]) -> EngineCall:
 
 def _remove(name: str) -> EngineCall:
     return EngineCall(method="DELETE", path=f"/volumes/{name}", accept=(204, 404))
+
+
+def _fill(half: str, want: VolumeParams) -> tuple[Command, ...]:
+    """Return what brings the seed into a volume that is not the real one yet."""
+    # beside the instance's files, where what a killed run leaves is seen and cleaned up
+    tar = f"{STATE_ROOT}/{want.instance}/seed-{want.made_with}"
+    place = f"to=$(docker volume inspect --format '{{{{.Mountpoint}}}}' {quote(half)})"
+    owner = f' && chown -hR {quote(want.user)} "$to"' if want.user else ""
+    unpack = f'{place} && tar -xf {quote(tar)} -C "$to" --strip-components=1{owner}; s=$?; rm -f {quote(tar)}; exit $s'
+    return Put(path=tar, content=want.blob or b"", mode=0o600, timeout_s=600), Run(script=unpack, timeout_s=600)
 
 
 def _take_place(half: str, name: str) -> str:

@@ -1,29 +1,31 @@
 """VXLAN links: the port of a robot's bridge to all other robots of the instance.
 
-Learning is off: the controller
-knows every entry. The link's alias carries the instance, and the bridge's multicast snooping is off, since no
-querier is there that would keep groups alive.
+Learning is off, of the link and of the bridge behind it: the controller knows every entry. A bridge that had learned
+a service on the link would send nothing to it once it has moved to that very robot, until it says something by itself.
+The link's alias carries the instance, and the bridge's multicast snooping is off, since no querier is there that would
+keep groups alive.
 
 Source: Linux `vxlan` documentation, iproute2's ip-link(8) and bridge(8).
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from srprov.modules import bridge_address
+from srprov.modules.ip_batch import batch
+from srprov.modules.isolated import ISOLATED, isolated
 from srprov.modules.module import Module, Names
+from srprov.modules.vxlan_fdb import entries_of, fdb_calls, known
+from srprov.modules.vxlan_rules import SOURCE_PORTS, closed_first
 from srprov.resource import Action, Change, Observed, State
 from srprov.untrusted import mappings, string
-from srprov.wire import AnyQuery, Command, Query, Reply, Run, quote, sh
+from srprov.wire import AnyQuery, Command, Query, Reply, Run, quote
 
-FLOOD = "00:00:00:00:00:00"
 _ALIAS = "srprov:"
 _PREFIX = "srpv"
-_END = "_END_OF_CALLS_"
-_PLAIN = re.compile(r"[\w.:@%+-]+", re.ASCII)
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -37,8 +39,23 @@ class VxlanParams:
     port: int
     bridge: str
     mtu: int
+    netns: str = ""
+    """The network namespace that its packets go through, where they are encrypted; empty: the robot's own."""
     fdb: tuple[tuple[str, str], ...]
     """Pairs of MAC and VTEP; the all-zero MAC stands for head-end replication of broadcast and multicast."""
+    bridge_mac: str = ""
+    """What the bridge's MAC must be, as other robots have an entry for it; empty: as it is."""
+    addresses: tuple[str, ...] = ()
+    """Addresses of the bridge beside its network's: those of services that are on the robot's own network too."""
+
+    @property
+    def vteps(self) -> tuple[str, ...]:
+        """Robots' addresses that its packets come from and go to; in a namespace of its own it has others."""
+        return () if self.netns else (self.local, *(vtep for _, vtep in self.fdb))
+
+    def __post_init__(self) -> None:
+        """Refuse what is no address: it goes into commands as it stands."""
+        bridge_address.check(self.bridge_mac, self.addresses)
 
 
 class VxlanModule(Module[VxlanParams]):
@@ -59,35 +76,43 @@ class VxlanModule(Module[VxlanParams]):
         """Return our links with their entries; a link of our name without alias is one that was half made."""
         every, entries = (mappings(_json(reply)) for reply in replies)
         links, bridges = ([item for item in every if _kind(item) == kind] for kind in ("vxlan", "bridge"))
-        snooping = {string(item.get("ifname")): _data(item).get("mcast_snooping") for item in bridges}
+        bridge = {string(item.get("ifname")): item for item in bridges}
         found = []
         for item in links:
             name, alias = string(item.get("ifname")), string(item.get("ifalias"))
             if not (alias.startswith(_ALIAS) or name.startswith(_PREFIX)):
                 continue
             state = _link_state(item, entries)
-            state["snooping"] = bool(snooping.get(state["bridge"], 1))
+            on = bridge.get(state["bridge"], {})
+            state["snooping"] = bool(_data(on).get("mcast_snooping", 1))
+            state |= bridge_address.found(state["bridge"], on)
             instance = alias.removeprefix(_ALIAS) if alias.startswith(_ALIAS) else ""
             found.append(Observed(module="vxlan", name=name, instance=instance, state={**state, "instance": instance}))
-        return tuple(found)
+        return (*found, *isolated(every, bridge))
 
     def check(self, name: str, want: VxlanParams, found: State | None) -> Change | None:
         """Compare; what the kernel cannot change in place makes it a replacement."""
-        if found is None:
-            return Change(action=Action.CREATE, cause="not there", commands=_script(name, want, new=True))
+        if found is None or ISOLATED in found:
+            cause = "not there" if found is None else "isolated since reboot"
+            return Change(action=Action.CREATE, cause=cause, commands=_script(name, want, new=True))
         fixed = [
             f"{key} is {found[key] or 'not set'}, not {getattr(want, key)}"
             for key in ("vni", "local", "port", "instance")
             if found[key] != getattr(want, key)
         ]
+        if found["elsewhere"] != bool(want.netns):
+            through = "another network namespace" if found["elsewhere"] else "the robot's own network"
+            fixed.append(f"its packets go through {through}")
         if found["learning"]:
             fixed.append("learning is on")
+        if found["source_ports"] != list(SOURCE_PORTS):
+            fixed.append("it sends from ports that any user may take, which closed overlays do not let in")
         if fixed:
             remove = ["link", "del", "dev", name]
-            commands = _script(name, want, remove, new=True)
+            commands = _script(name, want, remove, new=True, had=found["addresses"])
             return Change(action=Action.REPLACE, cause="; ".join(fixed), before=found, commands=commands)
         if loose := _loose_differences(want, found):
-            commands = _script(name, want, new=False, known=[(mac, vtep) for mac, vtep in found["fdb"]])
+            commands = _script(name, want, new=False, known=known(want.bridge, found), had=found["addresses"])
             return Change(action=Action.UPDATE, cause="; ".join(loose), before=found, commands=commands)
         return None
 
@@ -97,39 +122,52 @@ class VxlanModule(Module[VxlanParams]):
         return (Run(script=f"ip link show dev {name} >/dev/null 2>&1 || exit 0; ip link del dev {name}"),)
 
     def is_own(self, name: str, want: VxlanParams, names: Names) -> bool:
-        """Compare names, and where packets go: to robots of the plan."""
+        """Compare names, and where packets go: to robots of the plan, or where only those are."""
         own = (name, want.bridge, want.instance) == (names.link, names.bridge, names.instance)
-        return own and {want.local, *(vtep for _, vtep in want.fdb)} <= names.vteps
+        return own and want.netns in ("", names.tunnel) and {*want.vteps} <= names.vteps
 
     def removed_before(self, other: str) -> bool:
-        """Go before the bridge that it is a port of."""
-        return other == "network"
+        """Go before the bridge that it is a port of, and before what encrypts its packets."""
+        return other in ("network", "wireguard")
+
+
+def link_calls(name: str, want: VxlanParams) -> list[list[str]]:
+    """Return the calls of ip(8) and bridge(8) that make a link which is not there, and its entries."""
+    links = [["ip", *call] for call in _ip_calls(name, want, new=True, had=())]
+    return [*links, *(["bridge", *call] for call in fdb_calls(name, (), want.fdb))]
 
 
 def _script(
-    name: str, want: VxlanParams, *first: list[str], new: bool, known: Sequence[tuple[str, str]] = ()
+    name: str,
+    want: VxlanParams,
+    *first: list[str],
+    new: bool,
+    known: Collection[tuple[str, str]] = (),
+    had: Sequence[str] | None = None,
 ) -> tuple[Command, ...]:
-    """Return the one script that makes the link, or mends what differs; `known` are the entries that are there."""
-    links = [*first]
+    """Return the one script that makes the link, or mends what differs.
+
+    `known` are the entries that are there, `had` the addresses of services on the bridge, where they are known.
+    """
+    links = [*first, *_ip_calls(name, want, new=new, had=had)]
+    entries = fdb_calls(name, known, want.fdb)
+    guard = [closed_first(name)] if new and not want.netns and name.startswith(_PREFIX) else []
+    notify = bridge_address.announcing(want.bridge, want.addresses)
+    return (Run(script="\n".join([*guard, *notify, *batch(["ip"], links), *batch(["bridge"], entries)])),)
+
+
+def _ip_calls(name: str, want: VxlanParams, *, new: bool, had: Sequence[str] | None) -> list[list[str]]:
+    links = []
     if new:
         kind = ["type", "vxlan", "id", str(want.vni), "local", want.local]
-        links.append(["link", "add", name, *kind, "dstport", str(want.port), "nolearning"])
+        where = ["link-netns", want.netns] if want.netns else []
+        sending = ["srcport", *map(str, SOURCE_PORTS)]
+        links.append(["link", "add", name, *where, *kind, "dstport", str(want.port), *sending, "nolearning"])
         links.append(["link", "set", "dev", name, "alias", _ALIAS + want.instance])
     links.append(["link", "set", "dev", name, "mtu", str(want.mtu), "master", want.bridge, "up"])
+    links.append(["link", "set", "dev", name, "type", "bridge_slave", "learning", "off", "fdb_flush"])
     links.append(["link", "set", "dev", want.bridge, "type", "bridge", "mcast_snooping", "0"])
-    entries = _fdb_calls(name, known, want.fdb)
-    return (Run(script="\n".join([*_calls("ip", links), *_calls("bridge", entries)])),)
-
-
-def _calls(program: str, calls: Sequence[Sequence[str]]) -> list[str]:
-    """Return shell lines for calls of one program of iproute2, up to the first that fails.
-
-    One process does them all. A line of its batch cannot quote everything, so words that are not plain get a process
-    per call, and the shell's quotes.
-    """
-    if all(_PLAIN.fullmatch(word) for call in calls for word in call):
-        return [f"{program} -batch - <<'{_END}' || exit", *(" ".join(call) for call in calls), _END] if calls else []
-    return [f"{sh(program, *call)} || exit" for call in calls]
+    return [*links, *bridge_address.calls(want.bridge, want.bridge_mac, want.addresses, had)]
 
 
 def _json(reply: Reply) -> object:
@@ -141,29 +179,33 @@ def _kind(item: Mapping[str, Any]) -> str:
     return string(info.get("info_kind")) if isinstance(info, Mapping) else ""
 
 
-def _data(item: Mapping[str, Any]) -> Mapping[str, Any]:
+def _data(item: Mapping[str, Any], of: str = "info_data") -> Mapping[str, Any]:
     info = item.get("linkinfo")
-    data = info.get("info_data") if isinstance(info, Mapping) else None
+    data = info.get(of) if isinstance(info, Mapping) else None
     return data if isinstance(data, Mapping) else {}
 
 
 def _link_state(item: Mapping[str, Any], entries: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     data, name = _data(item), string(item.get("ifname"))
     flags = item.get("flags")
-    fdb = sorted(
-        [string(entry.get("mac")), string(entry.get("dst"))]
-        for entry in entries
-        if entry.get("ifname") == name and entry.get("dst")
-    )
+    bridge = string(item.get("master"))
+    mine = [entry for entry in entries if entry.get("ifname") == name]
+    fdb = sorted([string(entry.get("mac")), string(entry.get("dst"))] for entry in mine if entry.get("dst"))
+    fixed = [one for one in mine if bridge and one.get("master") == bridge and one.get("state") == "static"]
+    ports = data.get("port_range")
     return {
         "vni": data.get("id", 0),
         "local": string(data.get("local") or data.get("local6")),
         "port": data.get("port", 0),
         "learning": bool(data.get("learning", False)),
-        "bridge": string(item.get("master")),
+        "source_ports": [ports.get("low"), ports.get("high")] if isinstance(ports, Mapping) else [],
+        "port_learning": bool(_data(item, "info_slave_data").get("learning", False)),
+        "elsewhere": "link_netnsid" in item or "link_netns" in item,
+        "bridge": bridge,
         "mtu": item.get("mtu", 0),
         "up": "UP" in flags if isinstance(flags, list) else False,
         "fdb": fdb,
+        "bridge_fdb": sorted(string(entry.get("mac")) for entry in fixed),
     }
 
 
@@ -176,16 +218,12 @@ def _loose_differences(want: VxlanParams, found: State) -> list[str]:
             causes.append(f"{word} is {found[key] or 'not set'}, not {getattr(want, key)}")
     if found["snooping"]:
         causes.append("multicast snooping is on")
-    wanted, there = set(want.fdb), {tuple(e) for e in found["fdb"]}
-    if wanted != there:
-        causes.append(f"FDB: {len(wanted - there)} to add, {len(there - wanted)} to remove")
-    return causes
-
-
-def _fdb_calls(name: str, known: Sequence[tuple[str, str]], wanted: Sequence[tuple[str, str]]) -> list[list[str]]:
-    """Return calls of bridge(8). All-zero entries are appended (several may stand side by side), others replaced."""
-    calls = [["fdb", "del", mac, "dev", name, "dst", vtep, "self"] for mac, vtep in sorted(set(known) - set(wanted))]
-    for mac, vtep in sorted(set(wanted) - set(known)):
-        verb = "append" if mac == FLOOD else "replace"
-        calls.append(["fdb", verb, mac, "dev", name, "dst", vtep, "self", "permanent"])
-    return calls
+    if found["port_learning"]:
+        causes.append("the bridge learns what is behind it")
+    wanted, there = entries_of(want.fdb), known(want.bridge, found)
+    for where, ours in (("FDB", True), ("the bridge's FDB", False)):
+        add, remove = (sum(bool(vtep) is ours for _, vtep in few) for few in (wanted - there, there - wanted))
+        if (add or remove) and (ours or found["bridge"] == want.bridge):
+            causes.append(f"{where}: {add} to add, {remove} to remove")
+            break  # the bridge's follow those of the link
+    return [*causes, *bridge_address.differences(want.bridge_mac, want.addresses, found)]

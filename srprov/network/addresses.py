@@ -10,7 +10,7 @@ administered (IEEE 802).
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv4Network
 
@@ -67,6 +67,26 @@ def allocate(
         gateways={name: ip for (kind, name), ip in address.items() if kind == "gateway"},
         macs={name: _mac(slot) for (_, name), slot in _spread(instance, macs, kept_macs, 1 << 40).items()},
     )
+
+
+def is_free(address: str, subnet: str, gateway: str) -> bool:
+    """Return whether a service may have an IPv4 address on a robot's bridge; nothing may that is out of form."""
+    try:
+        network, wanted = IPv4Network(subnet), IPv4Address(address)
+    except ValueError:
+        return False
+    return wanted in network and address not in (gateway, str(network[0]), str(network[-1]))
+
+
+def bridge_macs(instance: str, robots: Iterable[str], taken: Collection[str]) -> dict[str, str]:
+    """Return a MAC for the bridge of each robot, none of which is taken: a hash of its name, and the next free one."""
+    found: dict[str, str] = {}
+    for robot in sorted(set(robots)):
+        slot = number("bridge", instance, robot) % (1 << 40)
+        while (mac := _mac(slot)) in taken or mac in found.values():
+            slot = (slot + 1) % (1 << 40)
+        found[robot] = mac
+    return found
 
 
 def _spread(

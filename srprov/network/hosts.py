@@ -1,15 +1,17 @@
 """The hosts file: every service's name with its address, one text for all robots.
 
 Takes an Overlay, gives the text that is mounted over /etc/hosts in the instance's containers. Pure. Docker's own DNS
-knows only the containers of its robot, so names across robots come from this file.
+knows only the containers of its robot, so names across robots come from this file. A container with its robot's network
+has that robot's own lines as well, as Docker alone would give it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from ipaddress import ip_address
 from types import MappingProxyType
 
+from srprov import names
 from srprov.network.model import Overlay
 
 _NONE: Mapping[str, str] = MappingProxyType({})
@@ -22,7 +24,8 @@ ff02::2\tip6-allrouters
 
 
 def hosts_file(
-    overlay: Overlay, hostnames: Mapping[str, str] = _NONE, extra: Iterable[tuple[str, str]] = ()
+    overlay: Overlay, hostnames: Mapping[str, str] = _NONE, extra: Iterable[tuple[str, str]] = (),
+    own: Iterable[str] = (),
 ) -> str:  # fmt: skip
     """Return the hosts file: localhost, one line per service, then one per instance of what runs several times.
 
@@ -32,6 +35,7 @@ def hosts_file(
         overlay: Who has which address.
         hostnames: Service -> a second name of it.
         extra: (name, address) of further lines.
+        own: Lines of the robot's own file, which come last; of a name that stands above, none of them counts.
     """
     lines = [f"{ip_address(address)}\t{name}\n" for name, address in sorted(overlay.names.items())]
     lines += [
@@ -41,4 +45,12 @@ def hosts_file(
     ]
     second = sorted((name, overlay.names[service]) for service, name in hostnames.items() if service in overlay.names)
     lines += [f"{ip_address(address)}\t{name}\n" for name, address in (*second, *extra)]
-    return _LOCAL + "".join(lines)
+    taken = {*names.RESERVED, *(line.split()[1] for line in lines)}
+    return _LOCAL + "".join([*lines, *_without(taken, own)])
+
+
+def _without(taken: Collection[str], own: Iterable[str]) -> Iterator[str]:
+    """Yield a robot's lines without names that mean something else: a resolver gives all addresses of a name."""
+    for address, *named in map(str.split, own):
+        if kept := [name for name in named if name.lower() not in taken]:
+            yield f"{address}\t{' '.join(kept)}\n"

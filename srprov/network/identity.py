@@ -64,6 +64,11 @@ def link_names(instance: str) -> tuple[str, str]:
     return f"srpb{digits}", f"srpv{digits}"
 
 
+def tunnel_name(instance: str) -> str:
+    """Return the name of the network namespace of an encrypted overlay; its interfaces have a letter more."""
+    return f"srpw{number('link', instance) >> 32:08x}"
+
+
 def network_name(instance: str) -> str:
     """Return the name of an instance's Docker network."""
     return f"srprov.{instance}"

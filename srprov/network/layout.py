@@ -10,15 +10,18 @@ carries broadcast and multicast, and one entry per remote service. What VXLAN ad
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from ipaddress import ip_address
 
-from srprov.definitions.model import Experiment
+from srprov.definitions.model import Experiment, NetworkSettings
 from srprov.errors import UsageError
 from srprov.facts.model import Snapshot
-from srprov.network.addresses import allocate
+from srprov.network.addresses import allocate, bridge_macs
 from srprov.network.identity import identify
-from srprov.network.model import Overlay
+from srprov.network.model import Overlay, Tunnel
 from srprov.network.record import PlacementRecord, read_record
+from srprov.network.tunnel import OVERHEAD as ENCRYPTED
+from srprov.network.tunnel import tunnel_of
 
 OVERHEAD = {4: 50, 6: 70}
 """Bytes that VXLAN adds, by IP version of the underlay."""
@@ -28,7 +31,9 @@ ON_OVERLAY = ("overlay", "both")
 """Network modes of services that have an address there."""
 
 
-def layout(experiment: Experiment, placed: Mapping[str, str], snapshot: Snapshot, *, instance: str = "") -> Overlay:
+def layout(
+    experiment: Experiment, placed: Mapping[str, str], snapshot: Snapshot, *, instance: str = "", rotate: bool = False
+) -> Overlay:
     """Return the overlay for a placement.
 
     Args:
@@ -36,6 +41,7 @@ def layout(experiment: Experiment, placed: Mapping[str, str], snapshot: Snapshot
         placed: Service -> robot, also robots that cannot be reached and keep their services.
         snapshot: All robots as they are, with the placement records they hold.
         instance: The instance id; the experiment's name when empty.
+        rotate: An encrypted overlay gets new keys.
 
     Raises:
         UsageError: A wish that can't be met, or robots that have no address, the same one, or different IP versions.
@@ -47,32 +53,36 @@ def layout(experiment: Experiment, placed: Mapping[str, str], snapshot: Snapshot
     members = sorted({placed[name] for name in on_overlay})
     vteps = {robot: underlays[robot] for robot in members if robot in underlays}
     if not on_overlay:
-        plain = _names(experiment, placed, underlays, {})
-        return Overlay(instance=instance, underlays=underlays, names=plain, aliases=_aliases(experiment, plain))
-    _check_vteps(members, vteps, snapshot)
+        return _named(instance, experiment, placed, underlays, {})
+    _check_vteps(members, vteps, snapshot, persist=experiment.network.persist)
     identity = identify(instance, experiment.network, snapshot, record)
     given = allocate(instance, identity.subnet, on_overlay, members, record)
-    macs = {name: mac for name, mac in given.macs.items() if experiment.services[name].network == "overlay"}
-    names = _names(experiment, placed, underlays, given.services)
-    return Overlay(
-        instance=instance,
-        names=names,
-        aliases=_aliases(experiment, names),
-        underlays=underlays,
+    macs, bridges = _macs(instance, experiment, placed, given.macs, vteps)
+    plain = replace(
+        _named(instance, experiment, placed, underlays, given.services),
         vni=identity.vni,
         port=identity.port,
         bridge=identity.bridge,
         link=identity.link,
         network=identity.network,
         subnet=str(identity.subnet),
-        mtu=_mtu(experiment.network.mtu, vteps, snapshot, record),
+        mtu=_mtu(experiment.network, vteps, snapshot, record),
         addresses=given.services,
         macs=macs,
+        bridge_macs=bridges,
         gateways=given.gateways,
         vteps=vteps,
-        flood={robot: tuple(sorted(vtep for other, vtep in vteps.items() if other != robot)) for robot in vteps},
-        fdb={robot: _entries(robot, placed, macs, vteps) for robot in vteps},
     )
+    tunnel = tunnel_of(instance, experiment, vteps, snapshot, mtu=plain.mtu + OVERHEAD[4], rotate=rotate)
+    return _joined(plain, placed, tunnel)
+
+
+def _joined(plain: Overlay, placed: Mapping[str, str], tunnel: Tunnel | None) -> Overlay:
+    """Return an overlay with its robots' forwarding entries: to each other's underlay address, or through a tunnel."""
+    ends = {robot: plain.gateways[robot] for robot in plain.vteps} if tunnel else plain.vteps
+    flood = {robot: tuple(sorted(end for other, end in ends.items() if other != robot)) for robot in ends}
+    fdb = {robot: _entries(robot, placed, plain.macs, plain.bridge_macs, ends) for robot in ends}
+    return replace(plain, flood=flood, fdb=fdb, tunnel=tunnel)
 
 
 def _underlays(placed: Mapping[str, str], snapshot: Snapshot, record: PlacementRecord | None) -> dict[str, str]:
@@ -85,8 +95,10 @@ def _underlays(placed: Mapping[str, str], snapshot: Snapshot, record: PlacementR
     }
 
 
-def _check_vteps(members: list[str], vteps: Mapping[str, str], snapshot: Snapshot) -> None:
-    """Refuse what cannot be one VXLAN segment."""
+def _check_vteps(members: list[str], vteps: Mapping[str, str], snapshot: Snapshot, *, persist: bool) -> None:
+    """Refuse what cannot be one VXLAN segment, or not restore it."""
+    if persist:
+        _check_systemd(members, snapshot)
     hint = "set srprov_underlay in the inventory to the interface or address that the other robots reach"
     for robot in members:
         if robot in snapshot.facts and robot not in vteps:
@@ -101,14 +113,26 @@ def _check_vteps(members: list[str], vteps: Mapping[str, str], snapshot: Snapsho
         raise UsageError(f"{versions[4]} has an IPv4 underlay address, {versions[6]} an IPv6 one", hint=hint)
 
 
-def _mtu(wish: int | None, vteps: Mapping[str, str], snapshot: Snapshot, record: PlacementRecord | None) -> int:
-    """Return the overlay's MTU: what the smallest underlay MTU leaves, or less if the EDF says so.
+def _check_systemd(members: list[str], snapshot: Snapshot) -> None:
+    """Refuse robots on which nothing would run a unit."""
+    lacking = [robot for robot in members if robot in snapshot.facts and not snapshot.facts[robot].systemd]
+    if lacking:
+        message = f"network.persist needs systemd, which does not run on {', '.join(lacking)}"
+        raise UsageError(message, hint="leave network.persist out, or place the services elsewhere")
 
-    The MTU of a robot out of reach is not known; the last placement's stands for it, so that losing a robot changes
-    nothing.
+
+def _mtu(
+    settings: NetworkSettings, vteps: Mapping[str, str], snapshot: Snapshot, record: PlacementRecord | None
+) -> int:
+    """Return the overlay's MTU: what the EDF says, else what the smallest underlay MTU leaves, and no more than it has.
+
+    For another MTU every container is made anew. So it is not raised when its narrowest robot leaves, or is away.
     """
+    wish = settings.mtu
+    # inside of a tunnel VXLAN's own packets are of IPv4
+    added = {ip: OVERHEAD[4] + more for ip, more in ENCRYPTED.items()} if settings.encryption != "none" else OVERHEAD
     possible = {
-        robot: snapshot.facts[robot].underlay_mtu - OVERHEAD[ip_address(vtep).version]
+        robot: snapshot.facts[robot].underlay_mtu - added[ip_address(vtep).version]
         for robot, vtep in vteps.items()
         if robot in snapshot.facts
     }
@@ -118,29 +142,47 @@ def _mtu(wish: int | None, vteps: Mapping[str, str], snapshot: Snapshot, record:
             message = f"network.mtu {wish} is more than {narrow}'s underlay leaves: {possible[narrow]}"
             raise UsageError(message, hint="lower it, or leave it out")
         return wish
-    remembered = [record.mtu] if record and record.mtu >= _LEAST_MTU and len(possible) < len(vteps) else []
-    return min([*possible.values(), *remembered], default=1500 - max(OVERHEAD.values()))
+    remembered = [record.mtu] if record and record.mtu >= _LEAST_MTU else []
+    return min([*possible.values(), *remembered], default=1500 - max(added.values()))
+
+
+def _macs(
+    instance: str,
+    experiment: Experiment,
+    placed: Mapping[str, str],
+    given: Mapping[str, str],
+    vteps: Mapping[str, str],
+) -> tuple[dict[str, str], dict[str, str]]:
+    """Return the MACs of services with an interface of their own, and of the bridges that have those of `both`."""
+    macs = {name: mac for name, mac in given.items() if experiment.services[name].network == "overlay"}
+    bridged = {placed[name] for name in given if name not in macs}
+    return macs, bridge_macs(instance, bridged & vteps.keys(), macs.values())
 
 
 def _entries(
-    robot: str, placed: Mapping[str, str], macs: Mapping[str, str], vteps: Mapping[str, str]
+    robot: str,
+    placed: Mapping[str, str],
+    macs: Mapping[str, str],
+    bridges: Mapping[str, str],
+    vteps: Mapping[str, str],
 ) -> tuple[tuple[str, str], ...]:
     remote = {name for name in macs if placed[name] != robot and placed[name] in vteps}
-    return tuple(sorted((macs[name], vteps[placed[name]]) for name in remote))
+    found = [(macs[name], vteps[placed[name]]) for name in remote]
+    found += [(mac, vteps[other]) for other, mac in bridges.items() if other != robot]
+    return tuple(sorted(found))
 
 
-def _names(
-    experiment: Experiment,
-    placed: Mapping[str, str],
-    underlays: Mapping[str, str],
+def _named(
+    instance: str, experiment: Experiment, placed: Mapping[str, str], underlays: Mapping[str, str],
     addresses: Mapping[str, str],
-) -> dict[str, str]:
-    """Return service -> address; a service on the host's network answers at its robot's underlay address."""
+) -> Overlay:  # fmt: skip
+    """Return the names alone; a service on the host's network answers at its robot's underlay address."""
     names = dict(addresses)
     for name, robot in placed.items():
         if experiment.services[name].network == "host" and robot in underlays:
             names[name] = underlays[robot]
-    return dict(sorted(names.items()))
+    names = dict(sorted(names.items()))
+    return Overlay(instance=instance, underlays=underlays, names=names, aliases=_aliases(experiment, names))
 
 
 def _aliases(experiment: Experiment, names: Mapping[str, str]) -> dict[str, tuple[str, ...]]:

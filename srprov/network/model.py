@@ -8,6 +8,20 @@ from types import MappingProxyType
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
+class Tunnel:
+    """What is between the members of an encrypted overlay."""
+
+    netns: str
+    interface: str
+    """Of the two, the one that carries the overlay."""
+    port: int
+    """UDP, of that interface, on every robot."""
+    mtu: int
+    endpoints: Mapping[str, str]
+    """Member robot -> its underlay address, a colon, and the port."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
 class Overlay:
     """One instance's network. With no service on the overlay, only the first three fields say anything."""
 
@@ -31,14 +45,19 @@ class Overlay:
     """Service on the overlay -> its address there."""
     macs: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     """Service with an interface of its own -> its MAC; `both` has none, its address is on the robot's bridge."""
+    bridge_macs: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    """Member robot with a service of `both` -> the MAC that its bridge is given, which others have entries for."""
     gateways: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     """Member robot -> its bridge's address."""
     vteps: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
     """Member robot -> its underlay address."""
     flood: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
-    """Member robot -> the VTEPs of all other members: its all-zero forwarding entries."""
+    """Member robot -> the VTEPs of all other members, inside of a tunnel: its all-zero forwarding entries."""
     fdb: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=lambda: MappingProxyType({}))
-    """Member robot -> (MAC, VTEP) of every service on another member."""
+    """Member robot -> (MAC, VTEP, inside of a tunnel) of every service on another member; for those of `both`, of their
+    robot's bridge."""
+    tunnel: Tunnel | None = None
+    """What encrypts it, if anything does. Then packets come from and go to the robots' `gateways`, inside of it."""
 
     @property
     def active(self) -> bool:

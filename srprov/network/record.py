@@ -94,7 +94,8 @@ def read_record(value: Mapping[str, Any] | None) -> PlacementRecord | None:
     """Return what a record says; None when there is none."""
     if value is None:
         return None
-    services, robots = _maps(value, "services"), _maps(value, "robots")
+    robots = _maps(value, "robots")
+    services = {name: entry for name, entry in _maps(value, "services").items() if names.valid("service", name)}
     placed = {name: string(entry.get("robot")) for name, entry in services.items()}
     return PlacementRecord(
         robots={name: robot for name, robot in placed.items() if names.valid("robot", robot)},

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 
-from srprov.modules import RUNNING
+from srprov.modules import MODULES, RUNNING
 from srprov.planning.steps import There, due_step
 from srprov.resource import Action, Observed, Resource
 
@@ -21,6 +21,22 @@ def amiss(resource: Resource, item: Observed | None) -> str:
         return ""
     due = due_step(resource, item)
     return why if due is None or due.change.action is Action.UPDATE else ""
+
+
+def told(
+    wanted: Iterable[Resource], observed: Mapping[str, Iterable[Observed]]
+) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return the notes on what is not as it should be, and on what differs from what is wanted and is right so."""
+    there = {(host, one.module, one.name): one for host, items in observed.items() for one in items}
+    ordered = sorted(wanted, key=lambda one: one.id)
+    return tuple(notes(ordered, there)), tuple(_left_alone(ordered, there))
+
+
+def _left_alone(wanted: Iterable[Resource], there: There) -> Iterator[str]:
+    for one in wanted:
+        item = there.get((one.host, one.module, one.name))
+        if item and (why := MODULES[one.module].left_alone(one.params, item.state)):
+            yield f"{one.name} on {one.host} {why}"
 
 
 def notes(wanted: Iterable[Resource], there: There) -> Iterator[str]:

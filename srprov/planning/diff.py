@@ -20,7 +20,7 @@ from srprov.planning.amiss import amiss
 from srprov.planning.plan import Step
 from srprov.planning.reach import Reach
 from srprov.planning.rebuild import rebuild_stranded, rebuild_users
-from srprov.planning.steps import Key, There, due_step, new_step, order_key, removal_step
+from srprov.planning.steps import Key, There, due_step, informed, new_step, order_key, removal_step, waits
 from srprov.resource import Action, Condition, Need, Observed, Resource, resource_id
 
 ObservedByRobot = Mapping[str, Sequence[Observed]]
@@ -47,7 +47,7 @@ def diff(
     Raises:
         PlanError: Two resources with one id, or needs that form a circle.
     """
-    wanted = _by_id(desired)
+    wanted = {key: informed(one, observed) for key, one in _by_id(desired).items()}
     there = {(host, item.module, item.name): item for host, items in observed.items() for item in items}
     found = {one.id: there.get((one.host, one.module, one.name)) for one in wanted.values() if one.id not in settled}
     left = {key for key, item in found.items() if amiss(wanted[key], item)}
@@ -190,21 +190,9 @@ def _in_order(steps: Sequence[Step], wanted: Mapping[str, Resource]) -> tuple[St
             by_key[key],
             number=number,
             needs=tuple(sorted(numbers[one] for one in needs[key])),
-            waits=_waits(by_key[key].want, wanted),
+            waits=waits(by_key[key].want, wanted),
         )
         for key, number in numbers.items()
-    )
-
-
-def _waits(want: Resource | None, wanted: Mapping[str, Resource]) -> tuple[Need, ...]:
-    """Return the needs that take time; or a look, since what is on a robot out of reach is not among the wanted."""
-    slow = (Condition.HEALTHY.value, Condition.COMPLETED.value)
-    return tuple(
-        sorted(
-            need
-            for need in (want.needs if want else ())
-            if need.condition in slow or (need.condition == Condition.STARTED.value and need.id not in wanted)
-        )
     )
 
 
@@ -218,7 +206,11 @@ class _Before:
         self._removals: dict[tuple[str, ...], set[Key]] = {}
         """Keys of removals by robot and kind, by id, and by service."""
         self._shared: dict[tuple[str, str], frozenset[Key]] = {}
+        self._made: dict[tuple[str, str], set[Key]] = {}
+        """Keys of all other steps by robot and kind."""
         for key, one in by_key.items():
+            if one.want is not None:
+                self._made.setdefault((one.host, one.module), set()).add(key)
             if one.change.action is Action.DELETE:
                 for at in ((one.host, one.module), (one.id,), ("", "", one.service)):
                     self._removals.setdefault(at, set()).add(key)
@@ -242,7 +234,9 @@ class _Before:
         place = step.host, step.module
         if place not in self._shared:  # a robot may have very many, and all wait for the same
             first = (self._gone(step.host, kind) for kind, one in MODULES.items() if one.removed_before(step.module))
-            self._shared[place] = frozenset[Key]().union(*first)
+            after = MODULES[step.module].removed_after_making
+            made = (keys for (host, kind), keys in self._made.items() if after(kind, here=host == step.host))
+            self._shared[place] = frozenset[Key]().union(*first, *made)
         # what was copied goes last: after the copy, and after what needs the copy was made
         if (heir := self._taken.get(step.id)) is None:
             return self._shared[place]

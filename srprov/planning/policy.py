@@ -10,12 +10,13 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
-from srprov.definitions.containermodel import ContainerDefinition, Logging, Port, Runtime
+from srprov.definitions.containermodel import ContainerDefinition, Port, Runtime
 from srprov.definitions.model import Experiment, NetworkSettings, Service
 from srprov.errors import RefusedError
 from srprov.image_reference import parse_reference
 from srprov.network.identity import is_for_overlays
 from srprov.planning.image_origin import not_from_a_registry
+from srprov.planning.log_options import of_logging
 from srprov.planning.mount_kind import mount_kind
 
 KINDS = (
@@ -33,6 +34,7 @@ KINDS = (
     "realtime",
     "low-port",
     "restart-always",
+    "unit",
     *("runtime", "logging"),
     "built-image",
     "engine-fetch",
@@ -47,10 +49,6 @@ ASKED_FIRST = ("git", "outside", "env", "secret", "playbook")
 """Kinds that `plan` must not serve without permission either: to plan is to fetch, read, render or ask for it."""
 _REALTIME = ("memlock", "nice", "rtprio", "rttime")
 """Limits that take memory or the processor away from everything else on the robot."""
-_LOGS = ("", "json-file", "local", "none")
-"""Log drivers that write what only the engine reads; the empty one is what the robot's owner chose."""
-_LOG_OPTIONS = ("max-size", "max-file", "compress", "mode", "labels", "env", "tag")
-"""Options that say how much such a driver keeps, and what it writes beside the lines."""
 _FIRST_FREE_PORT = 1024
 _NONE: Mapping[str, ContainerDefinition] = MappingProxyType({})
 
@@ -127,6 +125,9 @@ def _of_network(settings: NetworkSettings) -> Iterator[Permission]:
         yield Permission(kind="host-network", service="network.subnet", what=what)
     if settings.port < _FIRST_FREE_PORT:
         yield Permission(kind="low-port", service="network.port", what=f"{settings.port}/udp, on every robot")
+    if settings.persist:
+        what = "a unit of systemd on every robot makes the overlay's link when it boots, as root"
+        yield Permission(kind="unit", service="network.persist", what=what)
 
 
 def _of_service(service: Service) -> Iterator[Permission]:
@@ -208,20 +209,9 @@ def _lasting(run: Runtime) -> Iterator[tuple[str, str]]:
     if run.oom_score_adj < 0:
         yield "realtime", f"oom_score_adj: {run.oom_score_adj}, when memory is short others are killed first"
     yield from (("low-port", what) for what in _low_ports(run.ports))
-    yield from (("logging", what) for what in _logs(run.logging))
+    yield from (("logging", what) for what in of_logging(run.logging))
     if run.restart not in ("", "no"):  # Docker starts on-failure:N too: a container that the boot ended has failed
         yield "restart-always", f"restart: {run.restart}, also when the robot boots after the experiment"
-
-
-def _logs(log: Logging | None) -> Iterator[str]:
-    """Return what the engine itself, as root and from the robot's own network, would do with what is printed."""
-    plain = log is None or log.driver in _LOGS
-    if log and not plain:
-        place = "into the robot's own journal" if log.driver == "journald" else "perhaps off the robot"
-        yield f"driver {log.driver}: the engine sends what is printed {place}"
-    for name, value in sorted(log.options.items()) if log else ():
-        if not plain or name not in _LOG_OPTIONS:
-            yield f"option {name}={value}"
 
 
 def _low_ports(ports: Collection[Port]) -> Iterator[str]:

@@ -3,15 +3,34 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 from srprov.modules import MODULES, RANK
 from srprov.planning.plan import Step
-from srprov.resource import Action, Change, Observed, Resource
+from srprov.resource import Action, Change, Condition, Need, Observed, Resource
 
 Key = tuple[str, int, int, str]
 There = Mapping[tuple[str, str, str], Observed]
 """Robot, kind and name -> what was found."""
+
+
+def informed(resource: Resource, there: Mapping[str, Collection[Observed]]) -> Resource:
+    """Return a wanted resource with what only robots can say of it; `there` is what was found on them."""
+    module = MODULES[resource.module]
+    params = module.informed(resource.name, resource.host, resource.params, there)
+    return resource if params is resource.params else dataclasses.replace(resource, params=params)
+
+
+def waits(want: Resource | None, wanted: Mapping[str, Resource]) -> tuple[Need, ...]:
+    """Return the needs that take time; or a look, since what is on a robot out of reach is not among the wanted."""
+    slow = (Condition.HEALTHY.value, Condition.COMPLETED.value)
+    return tuple(
+        sorted(
+            need
+            for need in (want.needs if want else ())
+            if need.condition in slow or (need.condition == Condition.STARTED.value and need.id not in wanted)
+        )
+    )
 
 
 def due_step(resource: Resource, item: Observed | None) -> Step | None:

@@ -11,12 +11,13 @@ installed libraries, and the newest records: for `@failed`, and for the images t
 from __future__ import annotations
 
 from srprov.record.documents import RunInputs, event_json, run_id, write_inputs
-from srprov.record.folder import RunFolder, default_root
+from srprov.record.folder import PlainFolder, RunFolder, default_root
 from srprov.record.last import LastRun, last_run
 from srprov.record.wanted import named_images
 
 __all__ = [
     "LastRun",
+    "PlainFolder",
     "RunFolder",
     "RunInputs",
     "default_root",

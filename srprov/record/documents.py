@@ -16,7 +16,7 @@ import json
 import os
 import sys
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import PurePosixPath
 from typing import Any
@@ -28,7 +28,7 @@ from srprov.facts.model import Snapshot
 from srprov.planning.plan import Plan, plan_json
 from srprov.planning.planfile import PlanFile, document
 from srprov.planning.text import plan_text
-from srprov.record.folder import RunFolder
+from srprov.record.folder import Sink
 from srprov.resource import Resource
 from srprov.secret import MASK, Hidden
 
@@ -53,6 +53,12 @@ class RunInputs:
     assignment: object = None
     """The decision with its costs and reasons, when this run made one."""
     desired: Sequence[Resource] = ()
+    files: Mapping[str, str] | None = None
+    """Path -> text of the definition files with all that they name; None: those of the plan's file."""
+    decided: Mapping[str, Any] | None = None
+    """What else than files and facts led to the placement, when this run decided it."""
+    commit: Callable[[], object] = lambda: None
+    """What a repository has of the definition files; asked while the record is written."""
 
 
 def run_id(plan: Plan, now: dt.datetime) -> str:
@@ -61,7 +67,7 @@ def run_id(plan: Plan, now: dt.datetime) -> str:
     return f"{now.astimezone(dt.timezone.utc):%Y%m%dT%H%M%SZ}-{plan.instance}-{digest[:8]}"
 
 
-def write_inputs(folder: RunFolder, run: RunInputs) -> None:
+def write_inputs(folder: Sink, run: RunInputs) -> None:
     """Hand everything that is known before the first act to the folder's writer."""
     begun = dt.datetime.now(dt.timezone.utc)
     folder.put_json("environment.json", lambda: environment(run, begun))
@@ -70,17 +76,25 @@ def write_inputs(folder: RunFolder, run: RunInputs) -> None:
     folder.put_json("assignment.json", lambda: decision(run.plan, run.assignment))
     if run.snapshot is not None:
         found = run.snapshot
-        folder.put_json("facts.json", lambda: facts_document(found.facts, found.unreachable))
+        folder.put_json("facts.json", lambda: facts_record(found, run.decided))
     folder.put_json("inputs/inventory.yml", lambda: inventory_document(run.inventory))
-    for name, text in inputs(run.file.inputs):
+    for name, text in inputs(run.file.inputs if run.files is None else run.files):
         folder.put(f"inputs/{name}", lambda text=text: text)  # type: ignore[misc]
     for host in sorted({resource.host for resource in run.desired}):
         folder.put_json(f"rendered/{host.replace('/', '_')}.yml", lambda host=host: rendered(run.desired, host))  # type: ignore[misc]
 
 
 _DEEPEST = 20
+_WHEN_ASKED = frozenset({"matrix", "why_not", "runner_up"})
+"""Parts of a decision that follow from the facts: `assign --facts --explain` shows them."""
 _LONGEST_NAME = 200
 """Bytes; a file is written beside its place first, under a longer name."""
+
+
+def facts_record(found: Snapshot, decided: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Return the robots' facts, and what else `assign --facts` needs to decide as this run did."""
+    document = facts_document(found.facts, found.unreachable)
+    return document if decided is None else {**document, "decided": plain(decided)}
 
 
 def inputs(files: Mapping[str, str]) -> Iterable[tuple[str, str]]:
@@ -107,8 +121,14 @@ def decision(plan: Plan, assignment: object) -> dict[str, Any]:
         "assignment": dict(sorted(plan.assignment.items())),
         "costs": {service: round(cost, 6) for service, cost in sorted(plan.costs.items())},
         "cost": round(plan.cost, 6),
-        **({"decision": plain(assignment)} if assignment is not None else {}),
+        **({"decision": plain(_known(assignment))} if assignment is not None else {}),
     }
+
+
+def _known(assignment: object) -> dict[str, object]:
+    """Return a decision without what is worked out only when somebody asks why."""
+    every = dataclasses.fields(assignment)  # type: ignore[arg-type]  # an Assignment, of a room that this one doesn't know
+    return {one.name: getattr(assignment, one.name) for one in every if one.name not in _WHEN_ASKED}
 
 
 def environment(run: RunInputs, begun: dt.datetime) -> dict[str, Any]:
@@ -120,6 +140,7 @@ def environment(run: RunInputs, begun: dt.datetime) -> dict[str, Any]:
         "owner": run.owner,
         "srprov": run.version,
         **this_machine(),
+        **({"source": source} if (source := run.commit()) is not None else {}),
     }
 
 

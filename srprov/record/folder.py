@@ -14,6 +14,7 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 from types import TracebackType
+from typing import Protocol
 
 from srprov import private
 from srprov.secret import redact, redacted
@@ -37,6 +38,32 @@ def in_lines(value: object, depth: int = 2) -> str:
     if depth and value and isinstance(value, list):
         return "[\n" + ",\n".join(in_lines(item, depth - 1) for item in value) + "\n]"
     return json.dumps(value)
+
+
+class Sink(Protocol):
+    """Where a record is written."""
+
+    def put(self, name: str, make: Callable[[], str]) -> None:
+        """Write a file without secrets."""
+
+    def put_json(self, name: str, make: Callable[[], object]) -> None:
+        """Write a JSON document without secrets."""
+
+
+class PlainFolder:
+    """A folder whose files are written at once, without secrets; OSError where one cannot be."""
+
+    def __init__(self, path: Path) -> None:
+        """Take where they lie; it is made with the first."""
+        self.path = path
+
+    def put(self, name: str, make: Callable[[], str]) -> None:
+        """Write a file; secrets are taken out of it."""
+        private.replace_file(self.path / name, redact(make()))
+
+    def put_json(self, name: str, make: Callable[[], object]) -> None:
+        """Write a JSON document; secrets are taken out of its texts, so that it stays JSON."""
+        private.replace_file(self.path / name, in_lines(redacted(make())) + "\n")
 
 
 class RunFolder:

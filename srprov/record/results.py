@@ -9,9 +9,10 @@ import hashlib
 import os
 import stat
 from collections.abc import Collection, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO
+from typing import BinaryIO, TextIO
 
 from srprov import private
 from srprov.secret import redact_lines
@@ -19,6 +20,8 @@ from srprov.secret import redact_lines
 MOST_LOG = 1 << 30
 """Bytes of a container's log that come home, with the engine's times."""
 _PIECE = 1 << 20
+_LONGEST_LINE = 1 << 20
+"""Characters; nobody looks at more of one."""
 _UNSAFE = frozenset('%\\:*?"<>|')
 """What some file system has no name with; `%` begins what stands for another character."""
 DEEPEST = 100
@@ -27,6 +30,8 @@ MOST_FOLDERS = 100_000
 """Of one result; each costs about a KiB of memory."""
 _MOST_SYNCED = 1000
 """Files that are synced one by one; with more, the whole disk is quicker."""
+_SYNCED_AT_ONCE = 16
+"""The disk writes down together what is waited for at the same time: 500 small files take a tenth of the time."""
 _LONGEST_NAME = 200
 """Bytes; file systems take 255, and `.part` and a number may be added."""
 
@@ -85,9 +90,17 @@ def write_log(lines: Iterator[str], path: Path) -> None:
 def log_lines(path: Path) -> Iterator[tuple[str, str]]:
     """Return the engine's time and the text of each line of a log that was written here."""
     with path.open(encoding="utf-8", errors="replace", newline="\n") as stream:
-        for line in stream:
-            when, _, text = line.rstrip("\n").partition(" ")
+        yield from timed_lines(stream)
+
+
+def timed_lines(stream: TextIO) -> Iterator[tuple[str, str]]:
+    """Return the same of an open log; of a line that is very long, only how it begins."""
+    begins = True
+    while part := stream.readline(_LONGEST_LINE):
+        if begins:
+            when, _, text = part.rstrip("\n").partition(" ")
             yield when, text
+        begins = part.endswith("\n")
 
 
 def is_safe_name(path: str) -> bool:
@@ -211,6 +224,11 @@ def sync(places: Collection[Path]) -> None:
     if len(places) > _MOST_SYNCED:
         os.sync()
         return
-    for place in places:
-        with place.open("rb") as stream:
-            os.fsync(stream.fileno())
+    with ThreadPoolExecutor(_SYNCED_AT_ONCE) as pool:
+        for done in [pool.submit(_sync, place) for place in places]:
+            done.result()
+
+
+def _sync(place: Path) -> None:
+    with place.open("rb") as stream:
+        os.fsync(stream.fileno())

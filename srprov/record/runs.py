@@ -46,6 +46,11 @@ class TrialsRun:
     """Why it ended before its last trial, or has no end; or nothing."""
 
     @property
+    def killed(self) -> bool:
+        """Whether it has no end: it is under way, or was killed."""
+        return self.ended_early == _NOT_ENDED
+
+    @property
     def done(self) -> int:
         """How many trials ended in a way that counts."""
         return len({one["trial"] for one in self.rows if one["status"] in COUNTED})

@@ -181,7 +181,7 @@ def test_what_is_fetched_has_a_size_and_a_time(server: Server, tmp_path: Path, m
     begin = time.monotonic()
     with pytest.raises(GitError, match=r"not done after 0\.3 s"):
         program.run(["x"], most=1, seconds=0.3)
-    assert time.monotonic() - begin < 5
+    assert time.monotonic() - begin < 40
 
 
 def test_nothing_of_the_users_settings_or_of_a_repository_runs(

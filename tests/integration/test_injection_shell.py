@@ -51,6 +51,8 @@ PRELUDE = "\n".join(
             f'{name}() {{ case $* in "-batch -") batch {name};; *) _said {name} "$@";; esac; }}'
             for name in ("ip", "bridge")
         ),
+        'nft() { _said nft "$@"; }',
+        "grep() { while IFS= read -r _l; do :; done; }",
         'stat() { _said stat "$@"; echo tmpfs; }',
         "sh() { _said sh; }; touch() { _said CANARY; }; reboot() { _said CANARY; }; id() { _said CANARY; }",
     ]
@@ -136,15 +138,23 @@ def meant(step: Step) -> Iterator[list[str]]:
         part, tar = name + ".part", name + ".tar"
         yield from (["rm", "-rf", part], ["mkdir", "-p", part], ["tar", "-xf", tar, "-C", part], ["rm", "-f", tar])
         yield from (["chmod", "0755", part], ["mv", part, name])
+    if step.module == "vxlan_filter":
+        yield ["nft", "-f", "-"]
     if step.module == "vxlan":
-        new = f"type vxlan id {params.vni} local {params.local} dstport {params.port} nolearning"
+        yield ["nft", "list", "table", "bridge", name]
+        new = f"type vxlan id {params.vni} local {params.local} dstport {params.port} srcport 768 1023 nolearning"
         yield ["ip", "link", "add", name, *new.split()]
         yield ["ip", "link", "set", "dev", name, "alias", f"srprov:{params.instance}"]
         yield ["ip", "link", "set", "dev", name, "mtu", str(params.mtu), "master", params.bridge, "up"]
+        yield ["ip", "link", "set", "dev", name, "type", "bridge_slave", "learning", "off", "fdb_flush"]
         yield ["ip", "link", "set", "dev", params.bridge, "type", "bridge", "mcast_snooping", "0"]
-        for mac, vtep in sorted(params.fdb):
-            verb = "append" if mac == "00:00:00:00:00:00" else "replace"
-            yield ["bridge", *f"fdb {verb} {mac} dev {name} dst {vtep} self permanent".split()]
+        flood = "00:00:00:00:00:00"
+        for mac, vtep in sorted({*params.fdb, *((mac, "") for mac, _ in params.fdb if mac != flood)}):
+            verb, place = (
+                "append" if mac == flood else "replace",
+                f"dst {vtep} self permanent" if vtep else "master static",
+            )
+            yield ["bridge", *f"fdb {verb} {mac} dev {name} {place}".split()]
 
 
 def script_of(command: Put | Run) -> str:
@@ -179,7 +189,7 @@ def test_steps_do_what_they_mean(shell: str, instance: str, volume: str, value: 
     if plan is None:
         return
     shelled = [s for s in plan.steps if any(isinstance(c, Put | Run) for c in s.commands)]
-    assert {s.module for s in shelled} == {"file", "tree", "vxlan"}
+    assert {s.module for s in shelled} == {"file", "tree", "vxlan", "vxlan_filter"}
     scripts = [script_of(c) for s in shelled for c in s.commands if isinstance(c, Put | Run)]
     same(told(shell, scripts), [call for s in shelled for call in meant(s)])
 

@@ -46,7 +46,9 @@ ANNA = Claim(owner="anna@desk", pid=7, purpose="apply hello", run="4711")
 BOB = Claim(owner="bob@lab", pid=8, purpose="destroy hello", run="4712")
 NAPS = [str(random.randrange(10**7, 10**8)) for _ in range(12)]
 """Seconds to sleep, by which processes are known: others than those of an earlier run."""
-SHORT = Pulse(beat_s=0.2, controller_s=1.0, robot_s=2)
+CALM = Pulse(beat_s=0.2, controller_s=60.0, robot_s=90)
+"""For all that is not about silence: a busy machine may keep a process waiting for seconds."""
+SHORT = Pulse(beat_s=0.2, controller_s=3.0, robot_s=8)
 
 
 @pytest.fixture(params=SHELLS, autouse=True)
@@ -81,7 +83,7 @@ def opened() -> Iterator[Callable[[], Session]]:
         session.close()
 
 
-def taken(session: Session, claim: Claim = ANNA, pulse: Pulse = SHORT, wait_s: float = 0.0) -> LockSet:
+def taken(session: Session, claim: Claim = ANNA, pulse: Pulse = CALM, wait_s: float = 0.0) -> LockSet:
     patience = LockOptions(wait_s=wait_s, pulse=pulse)
     locks = LockSet(["here"], {"here": session}, claim, patience, threading.Event(), lambda _event: None).acquire()
     assert locks.lost == {}
@@ -177,7 +179,7 @@ def test_waiting_gets_it_soon_after_it_is_free(opened: Callable[[], Session]) ->
     begun = time.monotonic()
     threading.Timer(1.5, locks.release).start()
     with taken(second, BOB, wait_s=20):
-        assert 1.4 < time.monotonic() - begun < 4
+        assert 1.4 < time.monotonic() - begun < 15
 
 
 def test_a_holder_file_without_a_lock_is_no_lock(opened: Callable[[], Session]) -> None:
@@ -185,7 +187,7 @@ def test_a_holder_file_without_a_lock_is_no_lock(opened: Callable[[], Session]) 
     first, second = opened(), opened()
     taken(first, pulse=Pulse())
     os.kill(script_of(first), signal.SIGKILL)
-    wait_until(lambda: holder(second) is None, 2)
+    wait_until(lambda: holder(second) is None, 30)
     folder = Path(locks_room.PLACES[0])
     assert json.loads((folder / "holder").read_text())["owner"] == "anna@desk"
     with taken(second, BOB):
@@ -249,7 +251,7 @@ class Bare:
             ["sh", "-c", SCRIPT, *words], env=environment, stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0
         )
         assert self.answer() == "locked"
-        wait_until(lambda: len(self.alive()) >= 5, 10)
+        wait_until(lambda: len(self.alive()) >= 5, 30)
 
     def answer(self) -> str:
         assert self.script.stdout
@@ -291,18 +293,18 @@ def bare(tmp_path: Path) -> Iterator[Callable[..., Bare]]:
 
 def test_without_a_word_the_work_ends_before_the_lock(bare: Callable[..., Bare]) -> None:
     """On beats all goes on; without one for its time, the script kills what the session runs, and then lets go."""
-    one = bare(quiet_s=2)
+    one = bare(quiet_s=4)
     for _ in range(10):
         time.sleep(0.3)
         assert one.say("b") == "b"
     assert one.work.poll() is None and not one.free()
     silent = time.monotonic()
-    one.work.wait(10)
-    assert 1.8 < time.monotonic() - silent < 4
-    wait_until(one.free, 4)
+    one.work.wait(60)
+    assert 3.8 < time.monotonic() - silent < 30
+    wait_until(one.free, 30)
     assert one.alive() == []
     assert one.stranger.poll() is None, "another session's process must not be touched"
-    assert one.script.wait(5) == 0
+    assert one.script.wait(30) == 0
     assert not (one.folder / "holder").exists()
 
 
@@ -313,7 +315,9 @@ def test_a_closed_channel_ends_it_at_once(bare: Callable[..., Bare]) -> None:
     one.script.stdout.close()
     one.script.stdin.write(b"b")  # a beat that was on its way; its echo meets a closed pipe
     one.script.stdin.close()
-    assert wait_until(one.free, 10) < 5, "a fraction of a second on a machine that has nothing else to do"
+    assert wait_until(one.free, 60) < 20, (
+        "a fraction of a second on a machine that has nothing else to do; not after 60 s"
+    )
     assert one.alive() == [] and one.work.wait(1) == -signal.SIGKILL
     assert one.stranger.poll() is None
 
@@ -326,13 +330,13 @@ def test_giving_back_touches_no_process(bare: Callable[..., Bare]) -> None:
     assert one.say("t") == "locked"
     assert not one.free()
     assert one.say("e") == ""
-    assert one.script.wait(5) == 0 and one.free()
+    assert one.script.wait(30) == 0 and one.free()
     assert len(one.alive()) >= 5
 
 
 def test_signals_do_not_free_the_lock_before_the_work_ended(bare: Callable[..., Bare]) -> None:
     """TERM, HUP and INT leave the script alive; only its input tells it to end."""
-    one = bare(quiet_s=3)
+    one = bare(quiet_s=60)
     for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT):
         os.kill(one.script.pid, number)
     assert one.say("b") == "b"
@@ -350,14 +354,14 @@ def test_a_clock_that_jumps_has_no_effect(bare: Callable[..., Bare], tmp_path: P
     jump = f"n=$(($(cat {count}) + {direction} * 10)); echo $n >{count}"
     (folder / "date").write_text(f'#!/bin/sh\n{jump}\nexec {real} -d @$((n * 31536000)) "$@"\n')
     (folder / "date").chmod(0o755)
-    one = bare(quiet_s=2, path=str(folder))
+    one = bare(quiet_s=4, path=str(folder))
     assert count.read_text().strip() != "60", "the stand-in was not asked"
     for _ in range(8):
         time.sleep(0.4)
         assert one.say("b") == "b"
     silent = time.monotonic()
-    one.work.wait(10)
-    assert 1.8 < time.monotonic() - silent < 4
+    one.work.wait(60)
+    assert 3.8 < time.monotonic() - silent < 30
 
 
 # --- the controller's end ---------------------------------------------------------------------------------------------
@@ -365,12 +369,12 @@ def test_a_clock_that_jumps_has_no_effect(bare: Callable[..., Bare], tmp_path: P
 
 def test_a_controller_that_hears_nothing_stops(opened: Callable[[], Session]) -> None:
     """Without an echo the session is closed before the robot's end gives up: the step ends, no other begins."""
-    session, pulse = opened(), Pulse(beat_s=0.2, controller_s=1.0, robot_s=4)
+    session, pulse = opened(), SHORT
     taken(session, pulse=pulse)
     script = script_of(session)
     stopped: list[float] = []
     threading.Timer(0.5, lambda: (os.kill(script, signal.SIGSTOP), stopped.append(time.monotonic()))).start()
-    with pytest.raises(TransportError, match="lost contact: no sign of life for 1 s"):
+    with pytest.raises(TransportError, match="lost contact: no sign of life for 3 s"):
         session.execute(Run(script="sleep 30"))
     assert 0.5 < time.monotonic() - stopped[0] < pulse.robot_s
     with pytest.raises(TransportError, match="lost contact"):
@@ -384,7 +388,7 @@ def test_a_script_that_is_gone_is_noticed_before_the_next_step(opened: Callable[
     session = opened()
     taken(session, pulse=Pulse())
     os.kill(script_of(session), signal.SIGKILL)
-    wait_until(lambda: holder(opened()) is None, 2)
+    wait_until(lambda: holder(opened()) is None, 30)
     time.sleep(0.1)
     with pytest.raises(TransportError, match="lost contact"):
         session.execute(Run(script="true"))
@@ -407,11 +411,11 @@ def test_a_bug_ends_what_runs_before_its_lock_is_free(opened: Callable[[], Sessi
     thread = threading.Thread(target=lambda: failed.append(failure_of(session, f"sleep {NAPS[11]}")))
     with pytest.raises(RuntimeError, match="a bug"), taken(session):
         thread.start()
-        wait_until(lambda: running("sleep", NAPS[11]), 5)
+        wait_until(lambda: running("sleep", NAPS[11]), 30)
         raise RuntimeError("a bug")
-    wait_until(lambda: holder(other) is None, 10)
+    wait_until(lambda: holder(other) is None, 30)
     assert running("sleep", NAPS[11]) == []
-    thread.join(10)
+    thread.join(30)
     assert len(failed) == 1 and failed[0]
 
 
@@ -450,12 +454,12 @@ def test_a_killed_controller_frees_the_lock_at_once(opened: Callable[[], Session
         env={**os.environ, "PYTHONPATH": str(ROOT)}, stdout=subprocess.PIPE, text=True,
     )  # fmt: skip
     assert controller.stdout and controller.stdout.readline() == "locked\n"
-    wait_until(lambda: running("sleep", NAPS[8]), 5)
+    wait_until(lambda: running("sleep", NAPS[8]), 30)
     session = opened()
     assert (holder(session) or Holder()).purpose == "apply hello"
     controller.kill()
     controller.wait()
-    assert wait_until(lambda: holder(session) is None, 10) < 3
+    assert wait_until(lambda: holder(session) is None, 60) < 20
     assert running("sleep", NAPS[7]) + running("sleep", NAPS[8]) == []
 
 
@@ -473,7 +477,7 @@ def server(tmp_path: Path, shell: str) -> Iterator[Sshd]:
 
 
 def over_ssh(server: Sshd, *, warm: bool = True) -> Session:
-    options = ConnectOptions(connect_timeout_s=5.0, warm_engine=False, ssh_config=Path("/dev/null"))
+    options = ConnectOptions(connect_timeout_s=60.0, warm_engine=False, ssh_config=Path("/dev/null"))
     session = connect(server.host(name="here"), options=options)
     if warm:
         session.engine.warm_client = lambda: None  # type: ignore[attr-defined]  # what it asks would be counted too
@@ -511,9 +515,9 @@ def test_a_connection_that_ends_frees_the_lock(server: Sshd, opened: Callable[[]
     failed: list[str] = []
     thread = threading.Thread(target=lambda: failed.append(failure_of(session, f"sleep {NAPS[9]}")))
     thread.start()
-    wait_until(lambda: running("sleep", NAPS[9]), 5)
+    wait_until(lambda: running("sleep", NAPS[9]), 30)
     session.connection.wire.close()  # type: ignore[attr-defined]
-    assert wait_until(lambda: holder(local) is None, 10) < 3
+    assert wait_until(lambda: holder(local) is None, 60) < 20
     assert running("sleep", NAPS[9]) == []
     thread.join(5)
     assert len(failed) == 1 and "lost" in failed[0], failed
@@ -558,22 +562,22 @@ def test_a_network_that_is_cut_frees_the_lock(
     """
     other, before = over_ssh(server), server.connections()
     session, local = over_ssh(server), opened()
-    taken(session)
+    taken(session, pulse=SHORT)
     _ours, engine = to_engine(session, listening)
     frozen = sorted(set(server.connections()) - set(before))
     assert frozen and not over(engine)
     failed: list[str] = []
     thread = threading.Thread(target=lambda: failed.append(failure_of(session, f"sleep {NAPS[10]}")))
     thread.start()
-    wait_until(lambda: running("sleep", NAPS[10]), 5)
+    wait_until(lambda: running("sleep", NAPS[10]), 30)
     for pid in frozen:
         os.kill(pid, signal.SIGSTOP)
     begun = time.monotonic()
-    thread.join(10)
+    thread.join(30)
     assert 0.5 < time.monotonic() - begun < SHORT.robot_s, "the controller stops first"
-    assert failed == ["lost contact: no sign of life for 1 s"]
+    assert failed == ["lost contact: no sign of life for 3 s"]
     assert holder(local) is not None
-    took = wait_until(lambda: holder(local) is None, 10)
+    took = wait_until(lambda: holder(local) is None, 60)
     assert took < 2 * SHORT.robot_s
     assert running("sleep", NAPS[10]) == []
     assert over(engine), "what is still on its way reaches no engine"

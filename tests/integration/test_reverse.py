@@ -25,7 +25,7 @@ from .sshd import Sshd, usable
 
 pytestmark = pytest.mark.skipif(not usable(), reason="needs root and openssh-server")
 
-QUICK = ConnectOptions(connect_timeout_s=5.0, warm_engine=False, ssh_config=Path("/dev/null"))
+QUICK = ConnectOptions(connect_timeout_s=60.0, warm_engine=False, ssh_config=Path("/dev/null"))
 
 
 @pytest.fixture
@@ -83,7 +83,7 @@ def test_the_port_is_closed_with_the_session(robot: Callable[..., SshSession]) -
     with session.connection.forwards.open(echo, 5) as port:
         assert listens(port)
         session.close()
-        until = time.monotonic() + 5
+        until = time.monotonic() + 60
         while listens(port):
             assert time.monotonic() < until, "the port is still open"
             time.sleep(0.01)
@@ -147,7 +147,7 @@ def test_more_connections_than_there_is_room_for_are_closed(
             assert sock.recv(9) == b"here"
         assert said(port, b"hello") == b""
         held.pop().close()
-        until = time.monotonic() + 5
+        until = time.monotonic() + 60
         while said(port, b"hello") != b"hello":
             assert time.monotonic() < until, "its room is not free again"
             time.sleep(0.01)
@@ -162,7 +162,7 @@ def test_hundreds_of_connections_at_once_leave_the_session_alive(robot: Callable
         assert threading.active_count() - before < reverse._MOST_CHANNELS + 10
         for sock in flood:
             sock.close()
-        until = time.monotonic() + 10
+        until = time.monotonic() + 60
         while said(port, b"hello") != b"hello":
             assert time.monotonic() < until, "nobody answers any more"
             time.sleep(0.01)

@@ -53,7 +53,7 @@ def server(make: Make) -> Sshd:
 
 
 def quick(**more: object) -> ConnectOptions:
-    values = {"connect_timeout_s": 5.0, "warm_engine": False, "ssh_config": Path("/dev/null"), **more}
+    values = {"connect_timeout_s": 60.0, "warm_engine": False, "ssh_config": Path("/dev/null"), **more}
     return ConnectOptions(**values)  # type: ignore[arg-type]
 
 
@@ -167,7 +167,7 @@ def test_a_run_streams_its_lines(session: Session) -> None:
     reply = session.execute(Run(script=script), lambda line: seen.append((time.monotonic() - start, line)))
     assert [line for _, line in seen if line.startswith("line")] == ["line1", "line2", "line3"]
     assert [line for _, line in seen if line.startswith("warn")] == ["warn1", "warn2", "warn3"]
-    assert seen[-1][1] == "tail" and seen[0][0] < 0.3
+    assert seen[-1][1] == "tail" and seen[-1][0] - seen[0][0] > 0.3, "not all at the end"
     assert reply.out == "line1\n\nline2\n\nline3\n\ntail"
 
 
@@ -190,14 +190,14 @@ def test_a_late_answer_names_the_command_and_ends_the_session(session: Session) 
     start = time.monotonic()
     with pytest.raises(DeadlineError, match=r"0\.3 s from `sleep 30 # and a long") as caught:
         session.ask([Query(command="true"), Query(command="sleep 30 # and a long comment " + "x" * 100, timeout_s=0.3)])
-    assert time.monotonic() - start < 2
+    assert time.monotonic() - start < 15
     assert len(caught.value.message) < 120
     with pytest.raises(TransportError, match="closed"):
         session.ask([Query(command="true")])
 
 
 def test_each_command_has_its_own_time(session: Session) -> None:
-    replies = session.ask([Query(command=f"sleep 0.4; echo {i}", timeout_s=0.8) for i in range(4)])
+    replies = session.ask([Query(command=f"sleep 1; echo {i}", timeout_s=3.5) for i in range(4)])
     assert [r.out for r in replies] == ["0\n", "1\n", "2\n", "3\n"]
 
 
@@ -206,7 +206,7 @@ def test_a_robot_that_dies_in_the_middle_is_noticed_at_once(server: Sshd, sessio
     start = time.monotonic()
     with pytest.raises(TransportError, match="lost during `sleep 20`"):
         session.execute(Run(script="sleep 20"))
-    assert time.monotonic() - start < 3
+    assert time.monotonic() - start < 12
     with pytest.raises(TransportError):
         session.execute(EngineCall(method="POST", path="/x"))
 
@@ -216,7 +216,7 @@ def test_close_from_another_thread_ends_a_wait(session: Session) -> None:
     start = time.monotonic()
     with pytest.raises(TransportError):
         session.ask([Query(command="sleep 20")])
-    assert time.monotonic() - start < 3
+    assert time.monotonic() - start < 12
     session.close()
 
 
@@ -243,8 +243,8 @@ def test_a_noisy_login_is_ignored(make: Make, opened: Callable[..., Session]) ->
 def test_a_login_that_never_gives_a_shell(make: Make) -> None:
     with pytest.raises(ConnectError, match="ended at once: This account is not available"):
         connect(make(login="echo This account is not available >&2; exit 1").host(), options=quick())
-    with pytest.raises(DeadlineError, match="not ready within 1 s"):
-        connect(make(login="sleep 20").host(), options=quick(connect_timeout_s=1.0))
+    with pytest.raises(DeadlineError, match="not ready within 5 s"):
+        connect(make(login="sleep 60").host(), options=quick(connect_timeout_s=5.0))
 
 
 def test_sudo_that_wants_a_password(make: Make) -> None:
@@ -406,7 +406,7 @@ def test_a_server_that_never_speaks(server: Sshd) -> None:
         start = time.monotonic()
         with pytest.raises(DeadlineError, match="SSH banner within 1 s"):
             connect(server.host(port=mute.getsockname()[1]), options=quick(connect_timeout_s=1.0))
-        assert time.monotonic() - start < 2
+        assert time.monotonic() - start < 10
 
 
 def test_a_server_that_stops_after_its_banner(server: Sshd) -> None:
@@ -417,14 +417,14 @@ def test_a_server_that_stops_after_its_banner(server: Sshd) -> None:
         def speak() -> None:
             taken, _ = half.accept()
             taken.sendall(b"SSH-2.0-Half\r\n")
-            time.sleep(3)
+            time.sleep(30)
             taken.close()
 
         threading.Thread(target=speak, daemon=True).start()
         start = time.monotonic()
-        with pytest.raises(DeadlineError, match="key exchange within 1 s"):
-            connect(server.host(port=half.getsockname()[1]), options=quick(connect_timeout_s=1.0))
-        assert time.monotonic() - start < 2
+        with pytest.raises(DeadlineError, match="key exchange within 3 s"):
+            connect(server.host(port=half.getsockname()[1]), options=quick(connect_timeout_s=3.0))
+        assert time.monotonic() - start < 20
 
 
 def test_something_else_listens(server: Sshd) -> None:
@@ -479,7 +479,7 @@ def test_a_connection_dropped_before_its_banner_is_tried_again(server: Sshd) -> 
 def test_max_startups_one_still_lets_all_in(make: Make) -> None:
     server = make(options={"MaxStartups": "1"})
     hosts = {f"r{n}": server.host(f"r{n}") for n in range(4)}
-    with Sessions(hosts, options=quick(connect_timeout_s=15.0, attempts=8)) as sessions:
+    with Sessions(hosts, options=quick(connect_timeout_s=60.0, attempts=8)) as sessions:
         assert set(sessions.connected()) == set(hosts), sessions.failures()
 
 
@@ -500,7 +500,7 @@ def test_max_sessions_one_is_no_engine_though_sshd_would_forward_to_its_socket(
     with socket.socket(socket.AF_UNIX) as listening:
         listening.bind(path)
         listening.listen()
-        reply = opened(make(options={"MaxSessions": "1"})).ask([EngineQuery(path="/version", timeout_s=5)])[0]
+        reply = opened(make(options={"MaxSessions": "1"})).ask([EngineQuery(path="/version", timeout_s=60)])[0]
     assert (reply.status, reply.ok) == (0, False)
     assert reply.err.startswith("sshd opens no session: ") and "MaxSessions" in reply.err
 
@@ -538,15 +538,15 @@ def test_include_and_match_are_resolved_by_openssh(server: Sshd, tmp_path: Path)
 
 def test_a_dial_counts_against_the_timeout(server: Sshd, monkeypatch: pytest.MonkeyPatch) -> None:
     def slow(*args: Any) -> socket.socket:
-        time.sleep(0.4)
+        time.sleep(3)
         return dial(*args)
 
     with socket.create_server(("127.0.0.1", 0)) as silent:
         monkeypatch.setattr("srprov.transport.openssh.sockets.dial", slow)
         begun = time.monotonic()
-        with pytest.raises(DeadlineError, match=r"within 0\.8 s"):
-            connect(server.host(port=silent.getsockname()[1]), options=quick(connect_timeout_s=0.8))
-        assert time.monotonic() - begun < 1.15
+        with pytest.raises(DeadlineError, match=r"within 4 s"):
+            connect(server.host(port=silent.getsockname()[1]), options=quick(connect_timeout_s=4.0))
+        assert time.monotonic() - begun < 6.9, "not the dial and four seconds"
 
 
 def test_to_connect_imports_neither_fabric_nor_what_it_needs(server: Sshd) -> None:
@@ -604,7 +604,7 @@ def test_two_jump_hosts_each_with_its_own_keys(make: Make, tmp_path: Path) -> No
     assert session.ask([Query(command="echo behind")])[0].out == "behind\n"
     assert len(near.connections()) == len(far.connections()) == len(robot.connections()) == 1
     session.close()
-    deadline = time.monotonic() + 5
+    deadline = time.monotonic() + 60
     while near.connections() or far.connections() or robot.connections():
         assert time.monotonic() < deadline, "a jump host's connection was left open"
         time.sleep(0.05)
@@ -656,7 +656,7 @@ def test_one_dead_robot_does_not_hold_up_the_others(server: Sshd) -> None:
         hosts = {f"r{n}": server.host(f"r{n}") for n in range(9)}
         hosts["dead"] = server.host("dead", port=mute.getsockname()[1])
         start = time.monotonic()
-        with Sessions(hosts, options=quick(connect_timeout_s=5.0), forks=10) as sessions:
+        with Sessions(hosts, options=quick(connect_timeout_s=20.0), forks=10) as sessions:
             for n in range(9):
                 assert sessions.get(f"r{n}").ask([Query(command="echo up")])[0].out == "up\n"
             alive_after = time.monotonic() - start
@@ -664,14 +664,14 @@ def test_one_dead_robot_does_not_hold_up_the_others(server: Sshd) -> None:
                 sessions.get("dead")
             assert set(sessions.failures()) == {"dead"}
             assert len(sessions.connected()) == 9
-        assert alive_after < 5.0 < time.monotonic() - start < 8.0
+        assert alive_after < 20.0 < time.monotonic() - start < 60.0
 
 
 def test_closing_while_connecting_leaves_no_connection(server: Sshd) -> None:
     sessions = Sessions({f"r{n}": server.host(f"r{n}") for n in range(6)}, options=quick())
     sessions.close()
     sessions.close()
-    deadline = time.monotonic() + 8
+    deadline = time.monotonic() + 60
     while server.connections():
         assert time.monotonic() < deadline, "a connection was left open"
         time.sleep(0.05)

@@ -22,6 +22,7 @@ from tests.resources import resource
 pytestmark = [
     pytest.mark.skipif(os.geteuid() != 0, reason="network namespaces need root"),
     pytest.mark.skipif(not all(map(shutil.which, ("ip", "bridge", "nsenter"))), reason="needs iproute2 and nsenter"),
+    pytest.mark.skipif(shutil.which("nft") is None, reason="needs nft"),
 ]
 
 MODULE = MODULES["vxlan"]
@@ -63,6 +64,7 @@ class Robot:
         """Do what is due, and check that nothing is due then."""
         change = self.check(want)
         assert change is not None
+        assert self.sh(f"nft add table bridge {want.name}").ok, "a link is made only where its rules are"
         for command in change.commands:
             assert isinstance(command, Run)
             reply = self.sh(command.script)
@@ -106,7 +108,19 @@ def test_a_link_is_made(robot: Robot) -> None:
     state = robot.see()["srpv00000001"].state
     assert state["fdb"] == PARAMS["fdb"]
     assert (state["bridge"], state["mtu"], state["up"]) == ("srpb00000001", 1450, True)
-    assert (state["snooping"], state["learning"]) == (False, False)
+    assert (state["snooping"], state["learning"], state["port_learning"]) == (False, False, False)
+    assert state["bridge_fdb"] == ["02:aa:bb:cc:dd:01"]
+
+
+def test_what_a_bridge_learned_of_a_link_is_forgotten(robot: Robot) -> None:
+    """A bridge that learned where a service was, as those of older versions do, learns no more and has forgotten it."""
+    robot.make(link())
+    learn = (
+        "ip link set dev srpv00000001 type bridge_slave learning on; bridge fdb add 02:aa:bb:cc:dd:03 dev srpv00000001"
+    )
+    assert robot.sh(f"{learn} master dynamic").ok
+    robot.make(link())
+    assert "02:aa:bb:cc:dd:03" not in robot.sh("bridge fdb show").out
 
 
 def test_a_link_over_ipv6_is_made(robot: Robot) -> None:
@@ -154,6 +168,9 @@ def test_a_link_is_changed_in_place(robot: Robot, params: dict[str, Any], cause:
         ("bridge fdb del 02:aa:bb:cc:dd:01 dev srpv00000001 dst 192.0.2.2 self", "FDB: 1 to add, 0 to remove"),
         ("bridge fdb append 00:00:00:00:00:00 dev srpv00000001 dst 192.0.2.66 self", "FDB: 0 to add, 1 to remove"),
         ("bridge fdb replace 02:aa:bb:cc:dd:01 dev srpv00000001 dst 192.0.2.66 self", "FDB: 1 to add, 1 to remove"),
+        ("ip link set dev srpv00000001 type bridge_slave learning on", "the bridge learns what is behind it"),
+        ("bridge fdb del 02:aa:bb:cc:dd:01 dev srpv00000001 master", "the bridge's FDB: 1 to add, 0 to remove"),
+        ("bridge fdb add 02:aa:bb:cc:dd:02 dev srpv00000001 master static", "the bridge's FDB: 0 to add, 1 to remove"),
         ("ip link del srpb00000001; ip link add srpb00000001 type bridge; ip link set srpb00000001 up", "bridge is"),
     ],
 )
@@ -178,7 +195,7 @@ def test_what_the_kernel_cannot_change_is_made_anew(robot: Robot, params: dict[s
 def test_a_link_that_learns_is_made_anew(robot: Robot) -> None:
     """A link of our name that somebody made with learning on is replaced."""
     robot.sh(
-        "ip link add srpv00000001 type vxlan id 1048577 local 192.0.2.1 dstport 4789; "
+        "ip link add srpv00000001 type vxlan id 1048577 local 192.0.2.1 dstport 4789 srcport 768 1023; "
         "ip link set srpv00000001 alias srprov:hello"
     )
     change = robot.make(link())

@@ -36,11 +36,13 @@ ROBOTS = int(os.environ.get("SRPROV_LAB_ROBOTS", "13"))
 """`tools/soak` asks for fewer where its tests need fewer."""
 NAME = "-".join(filter(None, [os.environ.get("SRPROV_LAB") or "test", os.environ.get("PYTEST_XDIST_WORKER")]))
 """The lab of this process."""
+# where other machines take the processors, a robot that is well is silent for longer than the usual 20 s
+os.environ.setdefault("SRPROV_HEARTBEAT", "5,60,90")
 os.environ["SRPROV_LAB"] = NAME  # for every `srprov lab` that a test starts
 GUARDS = "/run/lock/srprov-lab-tests-"
 GUARD = Path(os.environ.get("SRPROV_LAB_GUARD", GUARDS + NAME))
 """Who has the lab holds a lock on it. `tools/soak` has the lab already when it starts tests, and names another file."""
-COMMAND_LIMIT_S = 280
+COMMAND_LIMIT_S = 560
 WARM = Warm()
 
 
@@ -129,7 +131,10 @@ class Lab:
             "docker ps -a --format {{.Names}} --filter label=srprov.instance; echo --; "
             "docker network ls --format {{.Name}} --filter label=srprov.instance; echo --; "
             "docker volume ls --format {{.Name}} --filter label=srprov.instance; echo --; "
-            "ls /sys/class/net | grep ^srp; echo --; find /var/lib/srprov -mindepth 1 2>/dev/null; true"
+            "{ ls /sys/class/net /run/netns /run/wireguard | grep ^srp; "
+            "{ nft list tables; iptables-save; ip6tables-save; } | grep srpv; } 2>/dev/null; echo --; "
+            "find /var/lib/srprov -mindepth 1 2>/dev/null; "
+            "find /etc/systemd/system -name 'srprov-*' 2>/dev/null; true"
         )
         parts = self.shell(robot, "sh", "-c", script).out.split("--\n")
         return dict(
@@ -173,6 +178,10 @@ def lab_session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Lab]:
         up = lab.srprov("lab", "up", "-n", str(ROBOTS))
         assert up.code == 0, up
         os.environ.setdefault("SRPROV_RUNS", str(folder / "runs"))  # not among the user's own
+        os.environ["XDG_CONFIG_HOME"] = str(folder / "config")  # nor by the user's own settings
+        settings = folder / "config" / "srprov" / "srprov.toml"
+        settings.parent.mkdir(parents=True)
+        settings.write_text("timeout = 30\n", encoding="utf-8")  # as for SRPROV_HEARTBEAT
         os.environ.setdefault("XDG_STATE_HOME", str(folder / "state"))
         os.environ.setdefault("XDG_CACHE_HOME", str(folder / "cache"))
         yield lab
@@ -208,7 +217,10 @@ def scrub(lab: Lab) -> None:
         'c=$(docker ps -aq); test -z "$c" || docker rm -f $c >/dev/null; '
         'n=$(docker network ls -q --filter type=custom); test -z "$n" || docker network rm $n >/dev/null; '
         'v=$(docker volume ls -q); test -z "$v" || docker volume rm -f $v >/dev/null; '
-        "for l in $(ls /sys/class/net | grep ^srp); do ip link del $l; done; rm -rf /var/lib/srprov /run/srprov/*/"
+        "for l in $(ls /sys/class/net | grep ^srp); do ip link del $l; done; "
+        "nft list tables | grep ' srpv' | while read -r t; do nft delete $t; done; "
+        "for n in $(ls /run/netns 2>/dev/null | grep ^srpw); do ip netns del $n; done; "
+        "rm -rf /var/lib/srprov /run/srprov/*/; rm -f $(find /etc/systemd/system -name 'srprov-*')"
     )
     site = lab.site
     robots = [each.name for each in members.of(members.require_up(site))]
@@ -226,7 +238,9 @@ def is_clean(site: Site, robot: str) -> bool:
     links = Path(f"/proc/{booted.init.pid}/net/dev").read_text(encoding="utf-8")
     if (
         (root / "var/lib/srprov").exists()
+        or any(root.glob("etc/systemd/system/srprov-*"))
         or any(root.glob("run/srprov/*/"))
+        or any(root.glob("run/netns/srpw*"))
         or re.search("^ *srp", links, re.MULTILINE)
     ):
         return False

@@ -23,7 +23,7 @@ from tests.lab.looks import begin, wait_until
 ROBOTS = ("robot1", "robot2", "robot3", "robot4")
 INSTANCE = "survive"
 APPLY_LIMIT_S = 120.0
-HEARTBEAT = "1,6,9"
+HEARTBEAT = "1,10,15"
 """Seconds: beat, controller gives up, robot's end gives up. Long enough for a fault that is made while it is frozen."""
 
 _LOOK = r"""

@@ -149,6 +149,6 @@ def test_an_image_that_is_not_there_for_a_robot_is_refused_when_it_is_pulled_or_
     assert mixed.shell("robot2", "docker", "images", "-q", "debian:bookworm").out == ""
     assert mixed.run("lock", file).code == 0
     refused = mixed.run("plan", file)
-    assert refused.code == 5 and "is for linux/amd64; robot2 is arm64" in refused.err, refused
+    assert refused.code == 8 and "its image debian is only for linux/amd64 (is arm64)" in refused.err, refused
     assert mixed.run("lock", mixed.edf).code == 0
     assert '"platforms": ["linux/amd64", "linux/arm64"]' in Path(mixed.folder, "both.lock").read_text(encoding="utf-8")

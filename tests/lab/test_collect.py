@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
@@ -63,8 +64,12 @@ def test_what_an_applied_experiment_left_comes_home(lab: Lab, tmp_path: Path) ->
     def collect(*more: str) -> Any:
         return lab.srprov("collect", str(file), "-i", inventory, "-o", str(home), *more)
 
-    first = collect("--json")
-    assert first.code == 3 and "grows: it changed while it was read" in first.err + str(first.json["failed"]), first
+    for _ in range(5):  # on a busy machine the writer may stand still for long enough, and its file comes whole
+        first = collect("--json")
+        if first.code != 0:
+            break
+        shutil.rmtree(home)
+    assert first.code == 3, first
     assert first.json["failed"] == ["writer on robot1: /bags: grows: it changed while it was read"], first
     assert list(Draft202012Validator(data.schema("collect")).iter_errors(first.json)) == []
     listed = {one["path"]: one for one in first.json["results"]["writer/bags"]}
@@ -94,13 +99,18 @@ def test_what_an_applied_experiment_left_comes_home(lab: Lab, tmp_path: Path) ->
     second = collect("--json")
     assert second.code == 0, second
     assert (second.json["fetched_files"], second.json["fetched_bytes"]) == (2, 6), "what is missing or has changed"
+    second_containers = json.loads((home / "containers.json").read_text())
     lab.srprov("lab", "partition", "robot2", "--from", "controller")
     try:
         third = collect("--timeout", "2")
     finally:
         lab.srprov("lab", "heal", "robot2")
     assert third.code == 4 and "unreachable: robot2" in third.err and "0 files fetched" in third.out, third
-    assert "job/out/result.json" in json.loads((home / "collected.json").read_text())["results"], "it is here still"
+    files = {name: json.loads((home / f"{name}.json").read_text()) for name in ("collected", "containers", "facts")}
+    assert "job/out/result.json" in files["collected"]["results"], "it is here still"
+    assert files["containers"]["job"] == second_containers["job"] and "robot2" in files["facts"]["robots"]
+    assert files["collected"]["brought_utc"]["robot2"] == second.json["brought_utc"]["robot2"]
+    assert files["collected"]["brought_utc"]["robot1"] > second.json["brought_utc"]["robot2"]
     assert bags(lab) and hashes(lab, bags(lab)), "nothing was deleted there"
     other = lab.srprov("collect", str(file), "-i", inventory, "-o", str(home), "--instance", "other")
     assert other.code == 5 and "is of kept" in other.err, other

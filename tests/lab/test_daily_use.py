@@ -70,12 +70,12 @@ def test_wait_ends_when_all_that_is_awaited_holds(running: Running) -> None:
     begun = time.monotonic()
     done = running.run(
         "wait", "--until", "completed:worker", "--until", r"log:talker=^ready after \d+", "--until", "healthy",
-        "--wait-timeout", "60",
+        "--wait-timeout", "200",
     )  # fmt: skip
     assert done.code == 0, done
-    assert time.monotonic() - begun < 15
+    assert time.monotonic() - begun < 60
     first, *others = done.err.splitlines()
-    assert first.startswith("waiting up to 60 s for completed:worker (worker on robot2); log:talker=^ready")
+    assert first.startswith("waiting up to 200 s for completed:worker (worker on robot2); log:talker=^ready")
     assert {line.partition(" holds after")[0] for line in others} == {
         "completed:worker", r"log:talker=^ready after \d+", "healthy",
     }  # fmt: skip
@@ -103,9 +103,9 @@ def test_wait_is_ended_by_ctrl_c(running: Running) -> None:
     time.sleep(1.5)  # whatever it is at, it ends
     wait.send_signal(signal.SIGINT)
     begun = time.monotonic()
-    _, said = wait.communicate(timeout=30)
+    _, said = wait.communicate(timeout=120)
     assert wait.returncode == 130 and "Traceback" not in said, said
-    assert time.monotonic() - begun < 10
+    assert time.monotonic() - begun < 60
 
 
 def test_exec_passes_words_streams_and_the_exit_code_on(running: Running) -> None:
@@ -181,7 +181,7 @@ def test_exec_lends_its_terminal(running: Running) -> None:
     there.says("\x03", "^C")
     there.says("echo still $((40 + 2))\n", "still 42")
     os.write(there.end, b"exit 5\n")
-    assert there.run.wait(timeout=20) == 5
+    assert there.run.wait(timeout=120) == 5
     os.close(there.end)
 
 
@@ -265,6 +265,6 @@ def test_wait_outlasts_a_robot_that_is_cut_off_for_a_while(running: Running) -> 
         lab.shell("robot1", "docker", "exec", "srprov.daily.talker", "sh", "-c", "echo later >/proc/1/fd/1")
     finally:
         assert lab.srprov("lab", "heal", "robot1").code == 0
-    _, said = wait.communicate(timeout=100)
+    _, said = wait.communicate(timeout=120)
     assert wait.returncode == 0 and "waiting for robot1, up to 120 s: " in said, said
     assert "log:talker=^later$ holds after" in said

@@ -134,11 +134,11 @@ def kill_at(home: Home, file: str, kind: str, count: int, of: str = "", then_s: 
     events = home.folder / "events.jsonl"
     events.unlink(missing_ok=True)
     words = ["apply", file, "-i", home.inventory, "--yes", "--settle", "0", "--data", "move", "--events", str(events)]
-    env = {**os.environ, "XDG_STATE_HOME": str(home.state), "PYTHONPATH": str(ROOT), "SRPROV_HEARTBEAT": "1,4,6"}
+    env = {**os.environ, "XDG_STATE_HOME": str(home.state), "PYTHONPATH": str(ROOT), "SRPROV_HEARTBEAT": "1,10,15"}
     run = subprocess.Popen(
         [sys.executable, "-m", "srprov", *words], env=env, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
     )
-    until = time.monotonic() + 60
+    until = time.monotonic() + 300
     while run.poll() is None and counted(events, kind, of) < count:
         assert time.monotonic() < until
         time.sleep(0.002)

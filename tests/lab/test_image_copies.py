@@ -98,7 +98,9 @@ class Job:
 
     def apply(self, *robots: str, more: tuple[str, ...] = ()) -> Any:
         """Apply it there, and give what was reported."""
-        words = ("apply", self.on(*robots), "-i", self.inventory, "--yes", "--settle", "0", "--reassign", "--json")
+        # bytes are counted: none of the probe's
+        words = ("apply", self.on(*robots), "-i", self.inventory, "--yes", "--settle", "0", "--no-probe", "--json")
+        words = (*words, "--reassign")
         applied = self.lab.srprov(*words, *more, env=self.env)
         assert applied.code == 0, applied
         return applied.json

@@ -32,7 +32,7 @@ def sent(lab: Lab, robot: str) -> int:
 def inside(lab: Lab, robot: str, *words: str) -> None:
     """Run a command of this machine's root in a robot's view of the disk: robots may not mount."""
     pid = root(lab, robot).parts[2]
-    subprocess.run(["nsenter", "-t", pid, "-m", *words], check=True, timeout=30)
+    subprocess.run(["nsenter", "-t", pid, "-m", *words], check=True, timeout=100)
 
 
 class Heavy:
@@ -50,7 +50,7 @@ class Heavy:
             f"cdf: 1\nname: {self.name}\nbase: {self.name}:1\ncommand: [sleep, '86400']\n", encoding="utf-8"
         )
         self.inventory = part_of_lab(lab, ROBOTS, folder / "lab.yml")
-        self.env = {**os.environ, "PYTHONPATH": str(ROOT), "SRPROV_HEARTBEAT": "1,4,6"}
+        self.env = {**os.environ, "PYTHONPATH": str(ROOT), "SRPROV_HEARTBEAT": "1,10,15"}
         self.env |= {"XDG_STATE_HOME": str(folder / "state"), "XDG_CACHE_HOME": str(folder / "cache")}
         self.edf = str(folder / "heavy.edf")
         self.on("robot1")
@@ -170,7 +170,7 @@ def test_a_builder_that_is_cut_off_while_it_is_read_is_read_anew(heavy: Heavy) -
         assert run.poll() is None and time.monotonic() < end, run.communicate()
         time.sleep(0.02)
     assert lab.srprov("lab", "partition", "robot1").code == 0
-    _, err = run.communicate(timeout=60)
+    _, err = run.communicate(timeout=120)
     assert run.returncode != 0 and "robot1: lost contact" in err, err
     assert lab.srprov("lab", "heal", "robot1").code == 0
     assert not list(cache.glob("*.part")) and sum(one.stat().st_size for one in cache.iterdir()) < 32 * MIB
@@ -192,7 +192,7 @@ def test_a_disk_that_is_50_mib_short_is_refused_before_the_first_byte(heavy: Hea
         lab.shell("robot2", "docker", "run", "-d", "--name", "old", "busybox", "sleep", "86400")
         before = received(lab, "robot2")
         run = heavy.begin()
-        _, err = run.communicate(timeout=100)
+        _, err = run.communicate(timeout=120)
         assert run.returncode == 3 and received(lab, "robot2") - before < MIB, err
         told = re.search(rf"the disk of {place} is too small: (\d+) MiB are needed, (\d+) MiB are free", err)
         assert told and 48 <= int(told[1]) - int(told[2]) <= 52, err

@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from tests.lab.conftest import NOTHING, Lab, busybox, edf, only_the_record, part_of_lab
+from tests.lab.injection import TOOL
 from tests.lab.looks import address_of, begin_on, ids, networks, reached, vxlans, wait_until
 
 pytestmark = pytest.mark.lab
@@ -50,6 +51,36 @@ def look(lab: Lab, name: str, service: str, addresses: dict[str, dict[str, str]]
     return reached(lab, HOMES[name][service], f"srprov.{name}.{service}", own | strange), own
 
 
+def frames_stay_inside(lab: Lab) -> None:
+    """Have each container send a frame to all, to a group, and to the MAC of every container: none leaves its own."""
+    everybody = [(name, service, robot) for name, homes in HOMES.items() for service, robot in homes.items()]
+    inside, macs = {}, {}
+    for name, service, robot in everybody:
+        found = lab.inspect(robot, f"srprov.{name}.{service}")
+        inside[name, service] = ("nsenter", "-t", str(found["State"]["Pid"]), "-n", "python3", "-c", TOOL)
+        (network,) = found["NetworkSettings"]["Networks"].values()
+        macs[name, service] = network["MacAddress"]
+    listeners = {
+        (name, service): begin_on(lab, robot, *inside[name, service], "listen") for name, service, robot in everybody
+    }
+    for one in listeners.values():
+        assert one.stdout is not None and one.stdout.readline() == "ready\n"
+    group = "01:00:5e:00:00:fb"
+    for name, service, robot in everybody:
+        to = ("ff:ff:ff:ff:ff:ff", group, *macs.values())
+        lab.shell(robot, *inside[name, service], "plain", f"{name}-{service}", macs[name, service], *to)
+    for name, service, robot in everybody:
+        lab.shell(robot, *inside[name, service], "plain", "end", macs[name, service])
+    for (name, service), listener in listeners.items():
+        out, err = listener.communicate(timeout=120)
+        assert listener.returncode == 0, err
+        words = {line for line in out.splitlines() if line != "end"}
+        others = [f"{name}-{other}" for other in HOMES[name] if other != service]
+        own = {f"{other} {to}" for other in others for to in ("ff:ff:ff:ff:ff:ff", group, macs[name, service])}
+        assert own <= words, f"{service} of {name} gets all that is for it"
+        assert {word.partition(" ")[0] for word in words} == set(others), f"{service} of {name}"
+
+
 def run(lab: Lab, *words: str) -> Any:
     done = lab.srprov(*words, "--json")
     assert done.code == 0, done
@@ -57,7 +88,7 @@ def run(lab: Lab, *words: str) -> Any:
 
 
 def test_two_experiments_share_robots_and_do_not_see_each_other(lab: Lab, tmp_path: Path) -> None:
-    """Neither an address nor a name of the other answers; names that both have mean each one's own; ids differ."""
+    """Neither an address nor a name of the other answers, nor a frame; names of both are each one's own."""
     inventory = part_of_lab(lab, ROBOTS, tmp_path / "lab.yml")
     for name in HOMES:
         run(lab, "apply", experiment(name, tmp_path / name), "-i", inventory, "--yes", "--settle", "0")
@@ -73,6 +104,7 @@ def test_two_experiments_share_robots_and_do_not_see_each_other(lab: Lab, tmp_pa
     for name, homes in HOMES.items():
         assert who_is_web(lab, homes["client"], f"srprov.{name}.client") == name
 
+    frames_stay_inside(lab)
     for robot in ("robot1", "robot2"):
         there = networks(lab, robot)
         assert set(there) == {"srprov.left", "srprov.right"}
@@ -110,7 +142,7 @@ def test_destroying_one_leaves_the_other_as_it_was(lab: Lab, tmp_path: Path) -> 
     assert pings.poll() is None, "the pings were to go on until after the destroy"
     answered = answers()
     lab.shell("robot2", *enter, "sh", "-c", "kill $(cat /tmp/pid)")
-    pings.communicate(timeout=30)
+    pings.communicate(timeout=120)
     assert answered == list(range(len(answered))), f"lost: {set(range(answered[-1])) - set(answered)}"
 
     assert ids(lab, ROBOTS, "left") == before

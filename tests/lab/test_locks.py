@@ -23,8 +23,8 @@ from tests.lab.looks import begin
 
 pytestmark = pytest.mark.lab
 
-RACES = int(os.environ.get("SRPROV_RACES", "5"))
-HEARTBEAT = "0.5,3,5"
+RACES = int(os.environ.get("SRPROV_RACES", "3"))
+HEARTBEAT = "1,8,12"
 """Seconds: beat, controller gives up, robot's end gives up."""
 LOGINS = "grep -laE '^sshd(-session)?: (root|robot)' /proc/[0-9]*/cmdline 2>/dev/null; true"
 OURS = "grep -la SRPROV_SESSION= /proc/[0-9]*/environ 2>/dev/null; true"
@@ -46,7 +46,7 @@ def wait_until(holds: Callable[[], bool], seconds: float) -> float:
     return time.monotonic() - begun
 
 
-def until_said(run: subprocess.Popen[str], words: str, seconds: float = 60) -> str:
+def until_said(run: subprocess.Popen[str], words: str, seconds: float = 300) -> str:
     """Read stderr up to a line with these words; give all of it."""
     assert run.stderr is not None
     said, until = "", time.monotonic() + seconds
@@ -72,7 +72,7 @@ def slow(path: Path, name: str, robots: Sequence[str], build_s: int) -> str:
 def until_it_builds(lab: Lab, robots: Sequence[str]) -> tuple[str, str]:
     """Wait until a `slow` build runs on one of its robots; return that robot, and the build's container."""
     building: list[tuple[str, str]] = []
-    until = time.monotonic() + 60
+    until = time.monotonic() + 300
     while not building:
         assert time.monotonic() < until, f"nothing is built on {robots}"
         building = [(robot, one) for robot in robots for one in lab.containers(robot, running=True).values()]
@@ -168,9 +168,9 @@ def test_locks_tells_who_and_waiting_finds_the_work_done(lab_of_module: Lab, tmp
     until_said(impatient, "waiting up to")
     impatient.send_signal(signal.SIGTERM)
     begun = time.monotonic()
-    _, err = impatient.communicate(timeout=30)
+    _, err = impatient.communicate(timeout=120)
     assert impatient.returncode == 130 and "interrupted" in err, err
-    assert time.monotonic() - begun < 5
+    assert time.monotonic() - begun < 60
 
     release(lab, robots)
     _, err = first.communicate(timeout=120)
@@ -195,12 +195,13 @@ def test_a_killed_controller_leaves_no_lock(lab_of_module: Lab, tmp_path: Path) 
     assert not free(lab, "robot7")
     assert lab.shell("robot7", "sh", "-c", LOGINS).out != "", "the pattern sees what it shall see"
     run.send_signal(signal.SIGKILL)
-    run.communicate(timeout=10)
-    assert wait_until(lambda: all(free(lab, robot) for robot in robots), 15) < 6, "a second, and the time to look"
+    run.communicate(timeout=120)
+    took_s = wait_until(lambda: all(free(lab, robot) for robot in robots), 60)
+    assert took_s < 25, "long before a silent controller is given up"
     assert [lab.shell(robot, "sh", "-c", OURS).out for robot in robots] == ["", ""]
     assert nobody(lab, inventory)
     # Docker ends a build whose client is gone
-    wait_until(lambda: not any(lab.containers(robot) for robot in robots), 10)
+    wait_until(lambda: not any(lab.containers(robot) for robot in robots), 60)
 
     again = lab.srprov(*common, "--json")
     assert again.code == 0, again
@@ -225,13 +226,13 @@ def test_a_cut_network_leaves_no_lock(lab_of_module: Lab, tmp_path: Path, monkey
             assert done.code == 0, done
         begun = time.monotonic()
         assert not free(lab, "robot10")
-        out, err = run.communicate(timeout=60)
-        assert time.monotonic() - begun < 20, err
+        out, err = run.communicate(timeout=120)
+        assert time.monotonic() - begun < 60, err
         assert run.returncode == 4, err
         report = json.loads(out)
         assert report["unreachable"] == sorted(robots), err
         assert "lost contact" in err, err
-        wait_until(lambda: all(free(lab, robot) for robot in robots), 20 - (time.monotonic() - begun))
+        wait_until(lambda: all(free(lab, robot) for robot in robots), 90 - (time.monotonic() - begun))
         assert [lab.shell(robot, "sh", "-c", OURS).out for robot in robots] == ["", ""]
         # sshd has streams to the engine: a request that is late must find none
         assert [lab.shell(robot, "sh", "-c", LOGINS).out for robot in robots] == ["", ""]
@@ -257,7 +258,7 @@ def test_ctrl_c_once_frees_all(lab_of_module: Lab, tmp_path: Path) -> None:
     with pytest.raises(subprocess.TimeoutExpired):  # it waits for the step
         run.wait(1)
     release(lab, robots)
-    out, err = run.communicate(timeout=60)
+    out, err = run.communicate(timeout=120)
     assert run.returncode == 130, err
     report = json.loads(out)
     ends = {step["outcome"] for step in report["steps"]}

@@ -95,11 +95,11 @@ def test_following_ends_when_all_have_ended_or_nobody_reads(talk: Talk) -> None:
     left.stdout.close()
     assert interrupted.stdout.readline().startswith("talker | tick ")
     interrupted.send_signal(signal.SIGINT)
-    out, err = interrupted.communicate(timeout=20)
+    out, err = interrupted.communicate(timeout=120)
     assert (interrupted.returncode, err.strip()) == (130, "interrupted")
     assert all(line.startswith("talker | tick ") for line in out.splitlines())
     assert (left.wait(20), left.stderr.read()) == (0, "")
-    out, err = ended.communicate(timeout=20)
+    out, err = ended.communicate(timeout=120)
     assert (ended.returncode, err, len(out.splitlines())) == (0, "", 3)
 
 

@@ -56,7 +56,7 @@ def test_without_terminal_and_without_yes_nothing_is_done(lab_of_module: Lab, he
         refused = lab.srprov(verb, str(hello), "-i", inventory)
         assert refused.code == 9, refused
         assert "--yes" in refused.err
-        assert time.monotonic() - begun < 5
+        assert time.monotonic() - begun < 60
     assert traces(lab, robots) == before
 
 

@@ -10,6 +10,7 @@ import pytest
 
 from srprov.lab.places import NAMED_RUN, Site
 from tests.lab.conftest import NAME, NOTHING, ROOT, Done, Lab, run_srprov
+from tests.lab.looks import wait_until
 
 pytestmark = pytest.mark.lab
 
@@ -42,6 +43,11 @@ def pair(lab_session: Lab, tmp_path: Path) -> Iterator[tuple[OtherLab, OtherLab]
             lab.succeed("lab", "down")
 
 
+def ready(lab: Lab) -> bool:
+    """Return whether a lab's first robot is there, whole."""
+    return bool(lab.srprov("lab", "status", "--json").json["robots"]["robot1"]["state"] == "ready")
+
+
 def traces(site: Site) -> list[str]:
     """Give whatever this machine still has of a lab, by the kernel's own word."""
     rules = [line for table in ("iptables-save", "ebtables-save") for line in said(table).splitlines()]
@@ -59,7 +65,7 @@ def traces(site: Site) -> list[str]:
 
 
 def said(*command: str) -> str:
-    return subprocess.run(command, capture_output=True, text=True, check=True, timeout=20).stdout
+    return subprocess.run(command, capture_output=True, text=True, check=True, timeout=100).stdout
 
 
 def test_two_labs_with_the_same_experiment_do_not_meet(pair: tuple[OtherLab, OtherLab], lab_session: Lab) -> None:
@@ -97,7 +103,7 @@ def test_two_labs_with_the_same_experiment_do_not_meet(pair: tuple[OtherLab, Oth
     assert other.apply().json["changed"] == 0
     assert other.everywhere(ROBOTS) == kept
     assert other.shell("robot3", "docker", "pull", "-q", "debian:bookworm").code == 0, "its mirror serves on"
-    assert lab_session.srprov("lab", "status", "--json").json["robots"]["robot1"]["state"] == "ready"
+    wait_until(lambda: ready(lab_session), 20, "the lab of all other tests is there")
     gone = other.succeed("destroy", EXPERIMENT, "-i", str(other.inventory), "--yes")
     assert [other.leftovers(robot) for robot in ROBOTS] == [NOTHING] * len(ROBOTS), gone
 

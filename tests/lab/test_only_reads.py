@@ -10,6 +10,7 @@ from __future__ import annotations
 import base64
 import contextlib
 import os
+import re
 import socket
 import threading
 from collections.abc import Iterator
@@ -180,10 +181,23 @@ def test_what_plans_only_reads_and_what_applies_does_not(listening: Listening, t
     listening.told()
     applied = lab.srprov("apply", str(path), "-i", inventory, "--yes", "--settle", "0")
     assert applied.code == 0, applied
-    acts = listening.told().violations()
-    assert any("ip -batch" in act and "link add srp" in act for act in acts), acts
+    heard = listening.told()
+    acts = heard.violations()
+    assert any(b"ip -batch" in text and b"link add srp" in text for text in heard.shell), acts
     assert any(act.startswith("mkdir -p /var/lib/srprov/read") for act in acts), acts
     assert any(act.startswith("POST ") and "/containers/create" in act for act in acts), acts
+
+    listening.told()
+    probed = lab.srprov("probe", str(path), "-i", inventory)
+    assert probed.code == 0, probed
+    heard = listening.told()
+    # the program's own bytes are in a here-document, which the judge does not read
+    program = re.compile(rb"<<'_END_OF_FILE_' ([^\n]*)\n.*?\n_END_OF_FILE_\n", re.DOTALL)
+    heard.shell = [program.sub(rb"\1\n", text) for text in heard.shell]
+    own = ("/.probe.", "/proc/self/fd/9 ", "mkdir -p /var/lib/srprov", "base64 -d")
+    acts = heard.violations()
+    assert acts and [act for act in acts if not any(word in act for word in own)] == []
+    assert ".probe." not in lab.shell(ROBOT, "ls", "-A", "/var/lib/srprov").out
 
     lab.shell(ROBOT, "docker", "stop", "srprov.read.one")  # so that a plan has something to say
     look(

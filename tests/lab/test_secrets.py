@@ -196,7 +196,7 @@ def test_no_canary_is_seen_anywhere(stage: Stage) -> None:
 def test_a_bug_and_a_talkative_service_show_no_value(stage: Stage) -> None:
     """A traceback whose text holds the value, from a thread and from the main one, and the dying words of a service."""
     stage.define(reader=busybox("sh", "-c", "cat /run/secrets/by-*; exit 3", robot="robot1", secrets=EVERY))
-    dying = stage.apply(code=3)
+    dying = stage.apply("--settle", "5", code=3)
     assert "its last lines" in dying.err and "***" in dying.err
     hook = stage.folder / "hook"
     hook.mkdir()
@@ -296,8 +296,8 @@ def test_the_record_and_the_audit_log(stage: Stage) -> None:
     assert re.fullmatch(r"\d{8}T\d{6}Z-canary-[0-9a-f]{8}", folder.name)
     names = {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
     assert names == {
-        "assignment.json", "environment.json", "events.jsonl", "facts.json", "plan.json", "plan.txt", "result.json",
-        "inputs/experiment.edf", "inputs/inventory.yml", "rendered/robot1.yml", "rendered/robot2.yml",
+        "assignment.json", "environment.json", "events.jsonl", "facts.json", "plan.json", "plan.txt", "probe.json",
+        "result.json", "inputs/experiment.edf", "inputs/inventory.yml", "rendered/robot1.yml", "rendered/robot2.yml",
     }  # fmt: skip
     assert {stat.S_IMODE(path.stat().st_mode) for path in folder.rglob("*")} == {0o600, 0o700}
     assert json.loads((folder / "result.json").read_text()) == first

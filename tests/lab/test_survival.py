@@ -111,7 +111,7 @@ def test_what_a_killed_build_leaves_is_removed_by_whoever_comes_next(lab_of_modu
     running = (*built, "--filter", "status=running")
     named = wait_until(lambda: lab.shell(robot, *running).out.split(), 60, "the build runs a container")  # noqa: PLW0108 - asks again
     assert lab.srprov("lab", "kill", robot, "--docker").code == 0
-    run.communicate(timeout=60)
+    run.communicate(timeout=120)
     wait_for_engine(lab, robot)
     assert lab.shell(robot, *built).out.split() == named, "the engine itself forgets it"
     planned = lab.srprov("plan", str(other), "-i", inventory)

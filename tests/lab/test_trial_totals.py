@@ -95,7 +95,7 @@ def test_what_a_trial_used_is_counted(counting: Lab, tmp_path: Path) -> None:
     assert WRITTEN <= int(burner["disk_written_bytes"]) <= WRITTEN + MIB, burner
     assert received <= int(burner["net_received_bytes"]) <= received + 2000
     assert SENT <= int(server["net_sent_bytes"]) <= 1.1 * SENT
-    assert float(burner["unread_s"]) < 0.7
+    assert float(burner["unread_s"]) < 5
     assert [key for key, value in short.items() if value] == ["trial", "attempt", "robot", "service"], short
 
     hosts = table(home / "hosts.csv", "robot")
@@ -121,7 +121,7 @@ def test_status_shows_what_services_use_at_the_moment(lab: Lab, tmp_path: Path) 
     running = begin(lab, "status", *words, "--watch")
     time.sleep(12)
     running.send_signal(signal.SIGINT)
-    out, said = running.communicate(timeout=20)
+    out, said = running.communicate(timeout=120)
     looks = [look.strip().splitlines() for look in out.split("\n\n") if "hog" in look]
     assert len(looks) >= 2, (out, said)
     assert "CPU" not in looks[0][0], "one look says nothing of speed"

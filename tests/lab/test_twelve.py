@@ -173,7 +173,7 @@ def talkers(lab: Lab, found: dict[str, dict[str, str]]) -> Iterator[dict[str, su
     finally:
         for process in processes.values():
             process.kill()
-            process.communicate(timeout=10)
+            process.communicate(timeout=120)
 
 
 def line_of(process: subprocess.Popen[bytes], patience_s: float) -> str:

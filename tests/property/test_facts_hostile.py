@@ -60,6 +60,11 @@ paths = st.sampled_from(
         "/sys/devices/system/cpu/online",
         "/etc/os-release",
         "/sys/class/net/eth0/speed",
+        "/etc/machine-id",
+        "/sys/class/dmi/id/product_name",
+        "/sys/bus/usb/devices/1-3/idVendor",
+        "/sys/bus/usb/devices/1-3/idProduct",
+        "/sys/bus/usb/devices/1-3/serial",
     ]
 )
 file_lines = st.lists(
@@ -86,6 +91,7 @@ plausible = {
     ).map(lambda words: "\n".join(f"{key} {value}" for key, value in words.items())),
     "files": file_lines,
     "cpus": number,
+    "processor": raw.map("model name\t: {}".format),
     "links": st.lists(link, max_size=4).map(json.dumps),
     "routes": st.lists(route, max_size=4).map(json.dumps),
     "devices": st.lists(raw, max_size=4).map(lambda names: "\n".join(f"dev /dev/{name}" for name in names)),
@@ -95,6 +101,11 @@ plausible = {
     "disk": st.lists(st.tuples(number, number, number), max_size=4).map(
         lambda rows: "\n".join(f"/dev/x {a} {b} {c} 1% /" for a, b, c in rows)
     ),
+    "wireguard": st.lists(st.sampled_from(["tools", "kernel", "userspace"]) | raw, max_size=4).map("\n".join),
+    "rules": st.lists(st.sampled_from(["nftables", "iptables", "none"]) | raw, max_size=4).map("\n".join),
+    "spelled": st.lists(
+        st.tuples(st.sampled_from(["host", "home 0", "home 1000"]), raw, raw).map(" ".join), max_size=8
+    ).map("\n".join),
     "traffic": counters,
 }
 engine = shaped(("Version", "ApiVersion", "Arch", "Driver", "DockerRootDir", "SecurityOptions")) | json_values

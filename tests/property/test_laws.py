@@ -96,7 +96,7 @@ def experiments(draw: st.DrawFn) -> Experiment:
             service(
                 name,
                 robot=draw(st.sampled_from(ROBOTS)),
-                network=draw(st.sampled_from(["overlay", "overlay", "overlay", "host", "none"])),
+                network=draw(st.sampled_from(["overlay", "overlay", "overlay", "both", "host", "none"])),
                 depends_on=depends,
                 job=name in jobs,
                 healthcheck=CHECK if name in checked else None,
@@ -150,6 +150,11 @@ def _kernel(change: str) -> Drift:
                 kernel.fdb.add((link.name, "02:00:00:00:00:99", "10.9.9.9"))
             elif change == "no entries":
                 kernel.fdb.clear()
+            elif change == "addresses":
+                bridge = kernel.links.get(link.master)
+                if bridge is not None:
+                    bridge.services ^= {"10.9.9.9", *sorted(bridge.services)[:1]}
+                    bridge.mac = "32:00:00:00:00:01"
             else:
                 setattr(link, change, LINK_DRIFTS[change])
 
@@ -187,7 +192,7 @@ def _engine(change: str) -> Drift:
 
 DRIFTS: dict[str, Drift] = {
     **{f"container {c}": _container(c) for c in CONTAINER_DRIFTS},
-    **{f"link {c}": _kernel(c) for c in ("reboot", "deleted", "entry", "no entries", *LINK_DRIFTS)},
+    **{f"link {c}": _kernel(c) for c in ("reboot", "deleted", "entry", "no entries", "addresses", *LINK_DRIFTS)},
     **{f"file {c}": _file(c) for c in ("stray", "half tree", "removed", "edited")},
     **{f"engine {c}": _engine(c) for c in ("images", "network")},
 }  # fmt: skip

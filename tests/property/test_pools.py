@@ -270,10 +270,12 @@ def test_capabilities_agree_with_what_is_said_to_be_missing() -> None:
                 gpu=random.random() < 0.2,
                 kernel=random.choice(("", ">=5.10", ">=6.2,>=5")),
                 disk=random.choice((0, 64 * GIB)),
+                wireguard=random.random() < 0.2,
             ),
             runtime=Runtime(
                 devices=random.choice(((), (("/dev/video0", "/dev/video0", "rwm"),))), gpus=random.choice(("", "all"))
             ),
+            platforms=random.choice(({}, {"x": ()}, {"x": ("linux/arm64/v8",)}, {"x": ("linux/386",), "y": ()})),
         )
         for i in range(60)
     }
@@ -286,6 +288,8 @@ def test_capabilities_agree_with_what_is_said_to_be_missing() -> None:
             cpus=random.choice((2, 8)),
             kernel=random.choice(("6.1.0", "6.8.0-31", "4.19")),
             disk_total=random.choice((32, 128)) * GIB,
+            wireguard=random.choice(("", "kernel", "userspace")),
+            rules=random.choice(("", "nftables", "iptables", "none")),
             docker=None if random.random() < 0.1 else robot("x").docker,
         )
         for i in range(12)

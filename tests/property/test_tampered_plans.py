@@ -63,6 +63,8 @@ def written(folder: Path, name: str, version: int) -> Definitions:
     document = {"edf": 1, "name": name, "services": services(version), "secrets": {"token": {"env": "TOKEN"}}}
     if version == 1:
         del document["secrets"]
+    else:
+        document["volumes"] = {"far": {"seed": "./www", "user": "1000"}}
     (folder / "experiment.edf").write_text(json.dumps(document))
     return load_experiment(str(folder / "experiment.edf"))
 
@@ -129,7 +131,7 @@ def test_a_plan_file_that_nobody_changed_is_done(tmp_path: Path, monkeypatch: py
     """It makes, changes and removes, with an image that is built, a secret, a shipped folder and a volume."""
     stage = Stage(tmp_path, monkeypatch)
     plan = stage.apply(stage.text)
-    kinds = {"container", "file", "image", "network", "secret", "tree", "volume", "vxlan"}
+    kinds = {"container", "file", "image", "network", "secret", "tree", "volume", "vxlan", "vxlan_filter"}
     assert {step.module for step in plan.steps} == kinds
     assert {step.change.action.name for step in plan.steps} >= {"CREATE", "REPLACE", "DELETE"}
     assert stage.world.running() == [

@@ -117,6 +117,9 @@ def test_what_a_robot_says_of_an_instance_that_cannot_be_counts_for_nothing(name
     assert parse_placements(Reply(status=0, out=record)) == {}
     known = read_record({"services": {"a": {"robot": name.replace("x", "/")}}})
     assert known is not None and not known.robots
+    there = {"robot": "r1", "ip": "10.128.0.9", "mac": "02:00:00:00:00:01"}
+    known = read_record({"services": {one: there for one in (name, "a/json", "a b\r\n", "ok")}})
+    assert known is not None and known.robots.keys() == known.addresses.keys() == {"ok"} - {name}
 
 
 def patterns() -> Iterator[tuple[str, str]]:

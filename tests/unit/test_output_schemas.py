@@ -19,6 +19,7 @@ from tests.unit.facts.test_preconditions import GOOD, RIGHT, WELL, replies
 
 OUTPUTS = (
     "assign",
+    "bundle",
     "collect",
     "doctor",
     "facts",
@@ -26,11 +27,13 @@ OUTPUTS = (
     "locks",
     "logs",
     "plan",
+    "probe",
     "run",
     "runs",
     "status",
     "trials",
     "trials-run",
+    "verify",
 )
 
 
@@ -84,7 +87,7 @@ def test_doctor_prints_what_its_schema_says() -> None:
     """With all verdicts, and with a robot that cannot be reached."""
     well, bad = (
         judge(WELL, replies(*GOOD), RIGHT),
-        judge(dataclasses.replace(WELL, docker=None), replies("", "", "0", ""), RIGHT),
+        judge(dataclasses.replace(WELL, docker=None), replies("", "", "0", "", "none"), RIGHT),
     )
     document = doctor_json({"r1": well, "r2": bad}, {"r3": "no route"})
     assert {check["verdict"] for checks in document["robots"].values() for check in checks} == {

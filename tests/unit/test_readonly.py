@@ -11,11 +11,14 @@ from srprov.facts.observe import observe_queries
 from srprov.facts.placements import PLACEMENTS
 from srprov.facts.preconditions import precondition_queries
 from srprov.facts.probes import counters
+from srprov.probing import look
+from srprov.probing.script import run, upload
 from srprov.transport.shell.frames import batch, start_command
 from srprov.trials import hosts
 from srprov.wire import Query
 from tests.fakes import World
 from tests.readonly import READS, commands, engine_requests, engine_violations, shell_violations
+from tests.unit.probing.worlds import request
 from tests.worlds import experiment, plan_for, service
 
 QUESTIONS = [
@@ -25,6 +28,8 @@ QUESTIONS = [
     PLACEMENTS,
     *precondition_queries(),
     who_holds(),
+    *look.queries(request(), "r1", {6: 4711}),
+    *look.queries(request(tunnel=20000), "r2", {}),
     Query(command=time_sync.SCRIPT),
     Query(command=hosts.SCRIPT),
 ]
@@ -59,17 +64,31 @@ def test_every_step_of_a_plan_is_seen_to_change_something() -> None:
         assert shell_violations(batch("0" * 32, [script]).decode()), script
 
 
+def test_a_probe_changes_nothing_but_its_own_file() -> None:
+    """It is written, run, and gone before it begins; all else that `srprov probe` asks is a question."""
+    own = "/var/lib/srprov/.probe.0a1b2c3d"
+    brought = shell_violations(upload("0a1b2c3d", "amd64").script("printf x"))
+    assert {act for act in brought if own not in act} == {"mkdir -p /var/lib/srprov", "base64 -d"}
+    acts = shell_violations(run(request(), "r1", "0a1b2c3d", {6: 4711}).script)
+    others = [act for act in acts if own not in act]
+    assert others[0] == "find /var/lib/srprov -maxdepth 1 -name .probe.* -mmin +2 -delete"
+    assert [act.split()[0] for act in others[1:]] == ["/proc/self/fd/9"]
+    assert f"rm -f {own} {own}.gz" in acts
+
+
 @pytest.mark.parametrize(
     "script",
     [
         "touch /tmp/x", "cat /etc/passwd > /tmp/x", "cat x >> y", "echo x | tee y", "cat $(touch /tmp/x)",
         'printf "%s" "$(rm -rf /tmp/x)"', "`id`", "ip link add x type dummy", "ip link set x up", "ip -j link del x",
+        "ip -n x link del y", "ip netns exec x reboot", "ip netns exec x wg set y private-key z",
         "bridge fdb append 00:00:00:00:00:00 dev x", "bridge -batch -", "iptables -A INPUT -j DROP", "iptables -F",
         "modprobe vxlan", "docker run x", "docker system prune", "find . -delete", "find . -exec rm {} +",
         "sed -i s/a/b/ x", "sed -n 's/a/b/w x' y", "date -s 10:00", "eval \"$x\"", "$x", "sh -c 'touch x'", "sh x",
         "if true; then mkdir x; fi", "for f in a b; do rm $f; done", "case x in y) kill 1;; esac", "(reboot)",
         "true && reboot", "x=$(reboot)", "PATH=/tmp ls", "LD_PRELOAD=x ls", "cat <<E\nE", "f() { rm x; }",
-        "flock x rm",
+        "flock x rm", "nsenter --net=/proc/7/ns/net reboot", "nsenter -t 7 -a ip link", "nft flush ruleset",
+        "nsenter --net=/proc/7/ns/net ip link del x", "iptables-save -f /tmp/x",
         "exec reboot", "while read l; do dd of=$l; done", "sort -o x y", "test -e x || mkdir x", "ls\nrm x",
         "cat x 2>/tmp/y", "echo 'unterminated", "case x in a) ls;; *) touch y;; esac", "export LD_PRELOAD=x",
         "\\rm x", "r'm' x", "(eval 'rm x')", "command rm x", "r[m] x", "PATH=/usr/local/evil ls",

@@ -77,9 +77,9 @@ def test_text_that_is_too_long_is_refused_unread() -> None:
 @pytest.mark.parametrize("piece", ['"\\', '"', "[", '\\"', '["', "\\", '"\\"', "]["])
 def test_no_text_takes_long(piece: str) -> None:
     source = "[" * 61 + piece * (1_000_000 // len(piece))
-    began = time.monotonic()
+    began = time.process_time()
     json_or_none(source)
-    assert time.monotonic() - began < 2
+    assert time.process_time() - began < 4
 
 
 def test_a_number_that_is_too_large_is_named() -> None:

@@ -151,8 +151,15 @@ def _tokens(address: str, hostname: str, port: str, user: str, alias: str | None
 
 
 def expand(text: str, tokens: Mapping[str, str], *, tilde: bool = True) -> str:
-    """Expand %-tokens, `${NAME}` of the environment (as ssh_config knows it) and a leading `~`."""
-    text = re.sub(r"%.", lambda m: tokens.get(m.group(), m.group()), text)
-    if not tilde:
-        return text
-    return os.path.expanduser(re.sub(r"\$\{(\w+)\}", lambda m: os.environ.get(m.group(1), m.group()), text))
+    """Expand %-tokens, `${NAME}` of the environment (as ssh_config knows it) and a leading `~`.
+
+    In one pass: what a token stands for may be a stranger's word, such as a user in an inventory; it is taken
+    as it is.
+    """
+
+    def value(found: re.Match[str]) -> str:
+        if found[1] is None:
+            return tokens.get(found[0], found[0])
+        return os.environ.get(found[1], found[0]) if tilde else found[0]
+
+    return re.sub(r"%.|\$\{(\w+)\}", value, os.path.expanduser(text) if tilde else text)

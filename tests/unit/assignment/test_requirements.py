@@ -36,6 +36,15 @@ from tests.unit.assignment.worlds import GIB, robot, service
         ({"kernel": ">=6.6"}, {}, ["needs kernel >=6.6 (has 6.1.0-18-amd64)"]),
         ({"kernel": ">=6.6"}, {"kernel": ""}, ["needs kernel >=6.6 (has unknown)"]),
         ({}, {"docker": None}, ["no Docker"]),
+        ({"wireguard": True}, {"wireguard": "userspace"}, []),
+        (
+            {"wireguard": True},
+            {"wireguard_problem": "no wg"},
+            ["no WireGuard (no wg), and network.encryption asks for it"],
+        ),
+        ({}, {"rules": "iptables"}, []),
+        ({}, {"rules": "none"}, ["neither nft nor iptables, to keep others out of the overlay"]),
+        ({"wireguard": True}, {"wireguard": "kernel", "rules": "none"}, []),
         ({}, {"docker": None, "docker_problem": "not installed"}, ["no Docker (not installed)"]),
         ({"tags": ("a",), "cpus": 9.0}, {}, ["needs tag 'a' (has: none)", "needs 9 CPUs (has 4)"]),
     ],
@@ -45,6 +54,27 @@ def test_reasons(wants: dict[str, Any], has: dict[str, Any], texts: list[str]) -
     lacks = missing(service("s", requires=Requirements(**wants)), (), robot("r", **has))
     assert [miss.text for miss in lacks] == texts
     assert all(miss.remedy for miss in lacks)
+
+
+def test_an_image_that_is_not_there_for_a_robots_architecture_keeps_the_service_off_it() -> None:
+    """Neither emulation nor a smaller architecture of the same processor does; what nobody knows does not either."""
+    image = "debian@sha256:" + "1" * 64
+    one = service("s", platforms={image: ("linux/arm/v7", "linux/386"), "other": ()})
+    emulating = robot("qemu", arch="riscv64", emulates=("arm",))
+    robots = [robot("arm64", arch="arm64"), robot("riscv", arch="riscv64"), emulating, robot("unknown", arch="")]
+    assert matrix({"s": one}, {}, robots) == {"s": 0b1101}
+    (miss,) = missing(one, (), robots[1])
+    assert miss.text == "its image debian is only for linux/arm/v7 or linux/386 (is riscv64)"
+    assert miss.remedy == "name an image that is there for riscv64, then lock again"
+    assert not any(missing(one, (), able) for able in (robots[0], *robots[2:]))
+
+
+@pytest.mark.parametrize(("network", "needs"), [("overlay", 1), ("both", 1), ("host", 0), ("none", 0)])
+def test_rules_are_needed_where_there_is_an_overlay_to_close(network: str, needs: int) -> None:
+    bare, able = robot("bare", rules="none"), robot("able", rules="nftables")
+    one = service("s", network=network)
+    assert len(missing(one, (), bare)) == needs
+    assert matrix({"s": one}, {}, [bare, able]) == {"s": 0b10 if needs else 0b11}
 
 
 ROOTLESS = Docker(version="24.0.5", api_version="1.43", rootless=True)

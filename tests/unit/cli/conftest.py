@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from srprov.controller import probe
 from srprov.transport import pool
 from tests.fakes import World
 from tests.unit.cli import faked
@@ -44,4 +45,5 @@ def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> World:
 
     monkeypatch.setattr(faked, "WORLD", world)
     monkeypatch.setattr(pool, "Sessions", Sessions)
+    monkeypatch.setattr(probe, "probing_of", faked.nothing_to_try)
     return world

@@ -13,6 +13,7 @@ from types import TracebackType
 from typing import Any
 
 from srprov.cli.main import entry
+from srprov.controller import probe
 from srprov.transport import pool
 from tests.fakes import FakeRobot, Fault, World
 
@@ -43,10 +44,15 @@ class FakeSessions:
         pass
 
 
+def nothing_to_try(_planned: object) -> None:
+    """Stand for `probe.probing_of`: robots in memory carry no packets."""
+
+
 if __name__ == "__main__":
     if at := os.environ.get("FAKED_FAULT"):
         WORLD.fault = Fault(int(at))
     pool.Sessions = FakeSessions  # type: ignore[assignment,misc]
+    probe.probing_of = nothing_to_try  # type: ignore[assignment]
     try:
         entry()
     finally:

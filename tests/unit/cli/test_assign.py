@@ -213,7 +213,7 @@ def test_the_inventory_counts_on_top_of_stored_facts(lab: Path, capsys: pytest.C
     (lab / "inv.yml").write_text(f"all: {{hosts: {{r1: {{}}, r2: {own}, r3: {{}}}}}}\n")
     assert assign("--json") == 0
     assert json.loads(capsys.readouterr().out)["assignment"] == {"a": "r2"}
-    found = _stored(lab / "facts.json", load_inventory(("inv.yml",)))
+    found, _ = _stored(lab / "facts.json", load_inventory(("inv.yml",)))
     assert found.facts["r2"].speed_mbit == 10.0
     assert found.facts["r3"].tags == ("camera",)
 

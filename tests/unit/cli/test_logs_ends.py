@@ -76,7 +76,7 @@ def test_a_reader_that_leaves_is_noticed_without_a_line(capsys: pytest.CaptureFi
         threading.Timer(0.3, pipe.leave).start()
         began = time.monotonic()
         assert shown(source("quiet", silent)) is False
-        assert 0.2 < time.monotonic() - began < 5 and not silent.ended.is_set()
+        assert 0.2 < time.monotonic() - began < 30 and not silent.ended.is_set()
         assert isinstance(lost(pipe.stream), BrokenPipeError)
     silent.closed.set()
     assert capsys.readouterr().err == ""

@@ -100,12 +100,27 @@ def test_a_pipe_or_device_of_the_users_own_is_written_to(shared: Path, write: Ca
     assert got and got[0] and pipe.is_fifo()
 
 
-def test_the_users_own_link_to_a_device_is_followed(tmp_path: Path, saved: PlanFile) -> None:
-    """As `/dev/stdout` is one."""
-    (tmp_path / "out").symlink_to("/dev/null")
-    write_plan(str(tmp_path / "out"), saved, Vault())
-    events_to(str(tmp_path / "out"))
-    assert (tmp_path / "out").is_symlink()
+def test_the_kernels_link_to_what_is_open_is_followed(tmp_path: Path, saved: PlanFile) -> None:
+    """As /dev/stdout is one, and /dev/fd/63 of a shell's `>(…)`."""
+    with (tmp_path / "out").open("wb") as stream:
+        write_plan(f"/proc/self/fd/{stream.fileno()}", saved, Vault())
+        written = (tmp_path / "out").read_bytes()
+        assert written == dump(saved).encode()
+        events_to(f"/dev/fd/{stream.fileno()}")
+    assert sorted(one.name for one in tmp_path.iterdir()) == ["out"]
+
+
+@pytest.mark.parametrize("aim", ["file", "device", "nothing"])
+def test_a_link_in_the_users_own_folder_is_replaced(tmp_path: Path, write: Callable[[Path], None], aim: str) -> None:
+    """It may have come with a project that was cloned."""
+    aims = {"file": tmp_path / ".bashrc", "device": Path("/dev/null"), "nothing": tmp_path / "new"}
+    (tmp_path / ".bashrc").write_text("precious")
+    target = tmp_path / "project" / "p.sig"
+    target.parent.mkdir()
+    target.symlink_to(aims[aim])
+    write(target)
+    assert target.is_file() and not target.is_symlink() and target.stat().st_size
+    assert (tmp_path / ".bashrc").read_text() == "precious" and not (tmp_path / "new").exists()
 
 
 def test_what_was_made_is_signed_whatever_lies_in_the_file_by_then(

@@ -8,9 +8,13 @@ import sys
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
+from srprov.cli.progress import progress
+from srprov.execution import Event
 from tests.unit.cli import player
 from tests.unit.cli.terminal import Terminal
 
@@ -123,3 +127,12 @@ def test_the_word_of_an_interrupt_in_the_middle_stays_too(columns: int) -> None:
     assert terminal.close() == 0
     check(terminal, [12], columns)
     assert terminal.rows().count(INTERRUPTED, columns) == 1
+
+
+def test_everything_that_a_whole_run_waits_for_is_said(capsys: pytest.CaptureFixture[str]) -> None:
+    """Also when two waits begin at once; what one robot says comes a line every few seconds."""
+    plan: Any = SimpleNamespace(steps=())
+    with progress(plan, events=None, color=False, lines_only=True) as listener:
+        for host, text in (("", "trying"), ("", "checking"), ("r1", "layer 1"), ("r1", "layer 2")):
+            listener(Event(kind="progress" if host else "waiting", host=host, text=text))
+    assert capsys.readouterr().err.splitlines() == ["  … trying", "  … checking", "  … r1: layer 1"]

@@ -102,14 +102,15 @@ def test_a_silent_log_holds_up_the_others_for_a_moment_only() -> None:
             if len(came) == 2:
                 break
     over.set()
-    assert came["a"] < 1.5, "a second at the beginning"
-    assert came["b"] < 2.1, "a third of one later"
+    assert came["a"] < LIMIT_S / 2, "a second at the beginning"
+    assert came["b"] - came["a"] < LIMIT_S / 2, "a third of one later"
 
 
 def test_a_lost_log_is_told_and_the_others_go_on() -> None:
     lost, well = Played([at(1, "a"), "LOST"]), Played([0.3, at(2, "b"), 0.3, at(3, "c")])
     found = told(source("x", lost), source("y", well), follow=True)
-    assert sorted(found) == ["a", "b", "c", "lost x"] and found[-1] == "c"
+    assert sorted(found) == ["a", "b", "c", "lost x"]
+    assert [one for one in found if one in "bc"] == ["b", "c"]
 
 
 def test_what_nobody_takes_is_not_read() -> None:

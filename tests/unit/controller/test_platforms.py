@@ -8,8 +8,12 @@ from typing import Any
 import pytest
 
 from srprov.controller.platforms import check_platforms
-from srprov.errors import UsageError
+from srprov.definitions.model import Definitions
+from srprov.errors import NoAssignment, UsageError
 from srprov.facts.model import HostFacts
+from srprov.planning.plan import Plan
+from tests.fakes import World
+from tests.worlds import experiment, made, service
 
 BASE = "debian@sha256:" + "1" * 64
 
@@ -23,6 +27,20 @@ def check(platforms: tuple[str, ...], arch: str, *, image: str = "", robot: str 
     containers = {"x.cdf": SimpleNamespace(images=("other", BASE))}
     definitions: Any = SimpleNamespace(platforms={BASE: platforms} if platforms else {}, containers=containers)
     check_platforms(inputs, definitions)
+
+
+def test_a_service_goes_where_there_is_an_image_for_it_or_the_reasons_say_that_there_is_none() -> None:
+    world = World().add("r1", "r2", arch="x86_64").add("r3", arch="aarch64")
+    what = experiment(service("one", image=BASE), service("two", image=BASE))
+
+    def plan(*platforms: str) -> Plan:
+        return made(world, Definitions(experiment=what, containers={}, platforms={BASE: platforms})).plan
+
+    assert set(plan("linux/arm64/v8", "linux/riscv64").assignment.values()) == {"r3"}
+    assert set(plan("linux/amd64").assignment.values()) <= {"r1", "r2"}
+    with pytest.raises(NoAssignment) as none:
+        plan("linux/riscv64")
+    assert "its image debian is only for linux/riscv64 (is amd64)" in str(none.value.misses)
 
 
 @pytest.mark.parametrize("image", ["", BASE])

@@ -8,7 +8,7 @@ from unittest import mock
 
 import pytest
 
-from srprov.controller.authority import check_file
+from srprov.controller.authority import check_file, wants_of
 from srprov.controller.owners import owners_folder, read_owner
 from srprov.controller.plan import Planned
 from srprov.controller.request import PlanRequest
@@ -19,6 +19,7 @@ from srprov.planning.planfile import PlanFile, dump
 from srprov.planning.planread import load
 from srprov.resource import Need
 from tests.fakes import World
+from tests.resources import resource
 from tests.worlds import Experiment, apply, experiment, fleet, made, run, service
 
 FIRST = experiment(service("one", robot="r1"), service("two", robot="r2"), service("old", robot="r3"))
@@ -157,3 +158,32 @@ def test_a_step_of_a_kind_that_there_is_not_and_a_wait_that_cannot_end_are_refus
             read(waits=(Need(wrong, "healthy"),))
     with pytest.raises(UsageError, match="the plan knows no such robot"):
         read(waits=(Need("nosuch/container:srprov.x.y", "healthy"),))
+
+
+def test_a_unit_in_a_plan_file_asks_for_its_permission(world: World) -> None:
+    """What restores a link is made of the link's parameters; a file that adds one contradicts its permissions."""
+    saved = reread(planned(world))
+    link = next(want for want in wants_of(saved) if want.module == "vxlan")
+    written = {**link.written, "link": link.name}
+    unit = resource("unit", f"srprov-{saved.plan.instance}.service", written, host=link.host)
+    with pytest.raises(UsageError, match=r"network.persist asks for unit \(.*\), which is not among them"):
+        check_file(dataclasses.replace(saved, also_wanted=(*saved.also_wanted, unit)), "plan.json")
+
+
+@pytest.mark.parametrize("wrong", ["gone", "more", "other"])
+def test_a_link_in_a_plan_file_without_its_own_filter_asks_for_a_permission(world: World, wrong: str) -> None:
+    """Who takes a filter out of a file, or lets one more robot in, says so: srprov itself states no open overlay."""
+    saved = reread(planned(world))
+    closed = next(want for want in wants_of(saved) if want.module == "vxlan_filter" and want.host == "r1")
+    written = dict(closed.written)
+    if wrong == "more":
+        written["peers"] = [*written["peers"], "192.0.2.99"]
+    changed = {"gone": (), "more": (resource("vxlan_filter", closed.name, written, host="r1"),),
+               "other": (resource("vxlan_filter", "srpv00000001", written, host="r1"),)}[wrong]  # fmt: skip
+    also = tuple(one for one in saved.also_wanted if one != closed)
+    steps = tuple(one for one in saved.plan.steps if one.want != closed)
+    tampered = dataclasses.replace(
+        saved, plan=dataclasses.replace(saved.plan, steps=steps), also_wanted=(*also, *changed)
+    )
+    with pytest.raises(UsageError, match=r"r1/vxlan:srpv\w+ asks for playbook"):
+        check_file(tampered, "plan.json")

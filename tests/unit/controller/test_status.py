@@ -67,6 +67,17 @@ def test_a_service_that_was_never_placed_is_missing_by_the_edf() -> None:
     assert problems(seen(w)) == {}
 
 
+def test_a_service_with_a_profile_is_missing_only_where_it_was_placed() -> None:
+    """Nobody may have wanted it; once somebody has, its container should be there."""
+    world = World().add("r1")
+    what = experiment(service("a"), service("b", profiles=("debug",)))
+    apply(world, experiment(service("a")))
+    assert problems(seen(world, what=what)) == {}
+    apply(world, what)
+    del world.robots["r1"].engine.containers["srprov.hello.b"]
+    assert problems(seen(world, what=what)) == {("b", "r1"): "missing"}
+
+
 def test_what_only_trials_have_is_not_missing_while_none_is_under_way() -> None:
     """`run` makes these containers and removes them; what it keeps, what `apply` brought up, is looked at as ever."""
     w = World().add("r1", "r2")
@@ -99,6 +110,19 @@ def test_a_rebooted_robot_lacks_its_link() -> None:
     (link,) = status.links
     assert (link["robot"], link["kind"], link["problem"]) == ("r2", "vxlan", "missing")
     assert not status.as_it_should_be
+
+
+def test_rules_that_are_gone_are_named() -> None:
+    """Without them any host may send into the overlay, as after a firewall was reloaded."""
+    w = World().add("r1", "r2")
+    apply(w, two())
+    (name,) = w.robots["r1"].kernel.filters
+    del w.robots["r1"].kernel.filters[name]
+    w.robots["r2"].kernel.filters[name].pop()
+    links = [(one["robot"], one["kind"], one["problem"]) for one in seen(w).links]
+    assert links == [("r1", "vxlan_filter", "missing"), ("r2", "vxlan_filter", "incomplete")]
+    w.robots["r1"].kernel.filters[name] = [f"table bridge {name} {{", "}"]
+    assert [(one["robot"], one["problem"]) for one in seen(w).links] == [("r1", "missing"), ("r2", "incomplete")]
 
 
 def test_a_link_that_is_down_or_joined_to_nothing_is_named() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import threading
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -12,13 +13,15 @@ import pytest
 
 from srprov.controller.trial_history import read_history
 from srprov.controller.trial_plan import in_words, trial_plan
-from srprov.controller.trial_run import chosen
+from srprov.controller.trial_run import TrialsRequest, chosen, run_trials
+from srprov.controller.trial_sameness import Sameness, as_far_as_known, differences, sameness
 from srprov.controller.trials import TrialRun, Trials
 from srprov.definitions.model import Definitions
 from srprov.definitions.trialsmodel import Parameter, TrialDefinitions, TrialSettings
 from srprov.errors import UsageError
+from srprov.execution import RunOptions
 from srprov.record.journal import Journal, read
-from srprov.resource import Need
+from srprov.resource import Need, Observed
 from srprov.trials import Design, design
 from tests.fakes import World
 from tests.worlds import AS_IT_IS, apply, experiment, inventory, made, service
@@ -60,10 +63,50 @@ def test_an_image_that_an_earlier_run_built_stands_in_nobodys_way() -> None:
     assert [one.service for one in plan.services] == ["racer"]
 
 
+def test_an_image_whose_tag_leads_elsewhere_by_now_is_another_experiment() -> None:
+    """Of services that are kept, too. One that is on no robot any more counts as the same until it is pulled again."""
+    what = experiment(
+        service("racer", robot="r2", image="race:1"), service("cam", robot="r1", image="race:1"), trials=GIVEN
+    )
+    world = World().add("r1", "r2")
+    plan = trial_plan(made(world, Definitions(experiment=what, containers={})), inventory(world), ())
+
+    def same(**ids: str) -> Sameness:
+        there = {
+            robot: [Observed(module="image", name="race:1", instance="", state={"id": id_})]
+            for robot, id_ in ids.items()
+        }
+        return sameness(plan, {}, there)
+
+    before = same(r1="sha256:aa", r2="sha256:bb")
+    assert differences(before, same(r1="sha256:aa", r2="sha256:bb")) == []
+    assert differences(before, same(r1="sha256:cc", r2="sha256:dd")) == [
+        "cam: image id: sha256:aa -> sha256:cc",
+        "racer: image id: sha256:bb -> sha256:dd",
+    ]
+    assert differences(before, as_far_as_known(same(r1="sha256:aa"), before)) == []
+    assert differences(before, as_far_as_known(same(r1="sha256:cc"), before)) == [
+        "cam: image id: sha256:aa -> sha256:cc"
+    ]
+
+
+def test_a_robot_that_is_out_of_reach_is_named_before_it_is_compared(tmp_path: Path) -> None:
+    """Nothing is known of it, which is no change of the experiment."""
+    what = experiment(service("racer", robot="r2", image="race:1"), trials=replace(GIVEN, settings=TrialSettings()))
+    world = World().add("r2")
+    plan = trial_plan(made(world, Definitions(experiment=what, containers={})), inventory(world), ())
+    with Journal(tmp_path) as journal:
+        journal.add("run", run="r", same={"r2: kernel": "6.1"})
+    fleet: Any = SimpleNamespace(connected=dict)
+    request = TrialsRequest(folder=tmp_path, resume=True)
+    with pytest.raises(UsageError, match="r2 cannot be reached, and trials run there"):
+        run_trials(plan, fleet, request, RunOptions(), print, print, threading.Event(), lambda *_: None)
+
+
 def gone_on_with(folder: Path, whole: Design, only: Design) -> list[tuple[object, ...]]:
     """Go on with a run whose journal is in a folder, as far as its lost attempts; return the rows."""
     earlier = read_history(folder)
-    plan: Any = SimpleNamespace(given=GIVEN, services=(), disks={})
+    plan: Any = SimpleNamespace(given=GIVEN, services=(), robots={}, disks={})
     about = TrialRun(
         plan=plan, whole=whole, design=only, folder=folder, name=earlier.name, rows=earlier.rows, begun=earlier.begun,
         lost=earlier.lost,

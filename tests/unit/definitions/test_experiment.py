@@ -8,7 +8,7 @@ import pytest
 
 from srprov.definitions import check_files, load_container, load_experiment
 from srprov.definitions.containermodel import HealthCheck, Mount, Runtime
-from srprov.definitions.model import Definitions, Placement, Service, Weights
+from srprov.definitions.model import Definitions, NetworkSettings, Placement, Service, Weights
 from srprov.errors import DefinitionError
 from tests.unit.definitions.examples import write_full
 
@@ -245,24 +245,50 @@ def test_same_robot_groups_with_a_common_service_are_one(tmp_path: Path) -> None
     assert load_experiment(path).experiment.same_robot == (("a", "b", "c"), ("d", "e"))
 
 
-@pytest.mark.parametrize(
-    ("service", "top", "line", "message"),
-    [
-        ("{image: x, network: both}", "", 4, "'network: both'"),
-        ("{image: x}", "network: {encryption: wireguard}\n", 6, "'encryption: wireguard'"),
-        ("{image: x}", "network: {discovery: zenoh}\n", 6, "'discovery: zenoh'"),
-    ],
-)
-def test_what_is_not_built_yet_is_listed_at_its_line(
-    tmp_path: Path, service: str, top: str, line: int, message: str
+@pytest.mark.parametrize(("encryption", "needed"), [("none", []), ("wireguard", ["a", "both"])])
+def test_encryption_is_required_of_robots_whose_services_are_on_the_overlay(
+    tmp_path: Path, encryption: str, needed: list[str]
 ) -> None:
     path = tmp_path / "e.edf"
-    path.write_text(f"edf: 1\nname: a\nservices:\n  a: {service}\n  b: {{image: x}}\n{top}")
-    (problem,) = load_experiment(path).unsupported
-    assert problem.location.line == line
-    assert message in problem.message
-    assert problem.message.endswith("is not supported yet")
-    assert check_files([path]) == []
+    path.write_text(
+        f"edf: 1\nname: a\nnetwork: {{encryption: {encryption}}}\nservices:\n  a: {{image: x}}\n"
+        "  both: {image: x, network: both}\n  host: {image: x, network: host}\n  none: {image: x, network: none}\n"
+    )
+    found = load_experiment(path)
+    assert found.experiment.network.encryption == encryption
+    assert found.unsupported == ()
+    assert [name for name, one in found.experiment.services.items() if one.requires.wireguard] == needed
+
+
+@pytest.mark.parametrize(
+    ("network", "message"),
+    [
+        ("{discovery: zenoh}", "'discovery: zenoh' needs 'discovery_servers'"),
+        ("{discovery: ros1, discovery_servers: c}", "there is no service 'c'"),
+        ("{discovery: ros1, discovery_servers: [a, b]}", "there is one ROS master, not several"),
+        ("{discovery: ros1, discovery_servers: two}", "several instances of 'two' cannot be one ROS master"),
+        ("{discovery: zenoh, discovery_servers: alone}", "nobody reaches 'alone', which has 'network: none'"),
+        ("{discovery: static-peers, discovery_servers: a}", "'discovery: static-peers' has no servers"),
+        ("{discovery_servers: a}", "'discovery: multicast' has no servers"),
+    ],
+)
+def test_servers_of_discovery_must_be_such(tmp_path: Path, network: str, message: str) -> None:
+    path = tmp_path / "e.edf"
+    services = "{a: {image: x}, b: {image: x}, two: {image: x, replicas: 2}, alone: {image: x, network: none}}"
+    path.write_text(f"edf: 1\nname: a\nservices: {services}\nnetwork: {network}\n")
+    (problem,) = check_files([path])
+    assert message in problem.message and problem.location.line == 4
+
+
+def test_servers_of_discovery_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "e.edf"
+    path.write_text(
+        "edf: 1\nname: a\nservices: {a: {image: x}, two: {image: x, replicas: 2}}\n"
+        "network: {discovery: discovery-server, discovery_servers: [two, a]}\n"
+    )
+    found = load_experiment(path)
+    assert found.unsupported == ()
+    assert found.experiment.network == NetworkSettings(discovery="discovery-server", discovery_servers=("two", "a"))
 
 
 @pytest.mark.parametrize(

@@ -16,8 +16,11 @@ import pytest
 
 from srprov.controller import bringing
 from srprov.controller.bringing import Bringing, Home
+from srprov.controller.results import bring_results
+from srprov.definitions.trialsmodel import Result
 from srprov.execution.collect import CollectFailed, Place, fetch_file, fetch_tar, listings, place_of
 from srprov.execution.listing import Entry, Listing, ListingError
+from srprov.pace import Pace
 from srprov.record.results import Kept
 from srprov.session import Session, Traffic
 from srprov.transport.shell.pipes import PipeStreams
@@ -86,6 +89,7 @@ def brought(root: Path, home: Path, path: str = ".", machine: Machine | None = N
     (entries,) = listings(machine, [place])
     assert entries is not None
     kept = Bringing(machine, place, home, Home(parts=home.parent / "parts")).all(entries)
+    assert kept is not None
     return {one.path: one for one in kept}
 
 
@@ -223,6 +227,60 @@ def test_a_large_file_goes_on_at_whole_mebibytes_when_the_controller_died(
     assert list((tmp_path / "parts").iterdir()) == []
 
 
+class Trickle(Machine):
+    """A robot whose connections end after a few bytes from some stream on, until its link is mended."""
+
+    def __init__(self, *cuts: int) -> None:
+        super().__init__(*cuts)
+        self.slow = True
+
+    def open_shell(self, script: str) -> Any:
+        if self.slow and not self.cuts:
+            self.cuts = [1]
+        return super().open_shell(script)
+
+
+@pytest.mark.parametrize("large", [True, False])
+def test_what_came_over_a_link_that_trickles_stays_and_the_next_call_goes_on(
+    root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, large: bool
+) -> None:
+    """Nothing is wrong on the robot, so neither a part of a large file nor whole small ones are given up."""
+    monkeypatch.setattr("srprov.execution.collect.Pace", lambda: Pace(0.5))
+    names = ["bag"] if large else [f"{number:02d}" for number in range(40)]
+    for name in names:
+        (root / name).write_bytes(os.urandom(3_500_000 if large else 10_000))
+    monkeypatch.setattr(bringing, "_LARGE", 1 << 20)
+    machine = Trickle(2_500_000 if large else 200_000)
+    found = brought(root, tmp_path / "home", machine=machine)
+    came = [name for name in names if found[name].name]
+    notes = {one.note for one in found.values() if one.failed}
+    assert len(notes) == 1 and "what came of it is kept" in notes.pop()
+    assert len(came) == 0 if large else 10 < len(came) < 30
+    machine.slow, machine.sent, machine.cuts = False, 0, []
+    again = brought(root, tmp_path / "home", machine=machine)
+    assert not any(one.failed for one in again.values())
+    assert all((tmp_path / "home" / name).read_bytes() == (root / name).read_bytes() for name in names)
+    assert machine.sent == 3_500_000 - (2 << 20) if large else machine.sent < 300_000
+
+
+def test_a_result_that_changed_and_then_went_is_nothing(root: Path, tmp_path: Path) -> None:
+    """Whoever needs it misses it; whoever does not goes on."""
+    (root / "state").write_text("1")
+    machine = Machine()
+
+    def change(script: str) -> None:
+        if "sha256sum" not in script:
+            (root / "state").write_text("22")
+        elif len(machine.scripts) > 1:
+            (root / "state").unlink()
+
+    machine.before = change
+    mounts = {"Mounts": [{"Destination": "/out", "Source": str(root)}]}
+    wanted, home = (Result(path="/out/state"),), Home(parts=tmp_path / "parts")
+    found, brought_now = bring_results(machine, mounts, wanted, tmp_path / "home", home)
+    assert found == {} and brought_now.files == 0 and len(machine.scripts) == 3
+
+
 def test_a_part_that_was_damaged_here_is_fetched_anew(
     root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -273,10 +331,16 @@ def test_a_file_that_grows_is_named_and_the_others_come(root: Path, tmp_path: Pa
                 stream.write("a line\n")
                 stream.flush()
 
+    def write_once(_script: str) -> None:  # on a busy machine the thread may stand still meanwhile
+        with (root / "log").open("a") as stream:
+            stream.write("one more\n")
+
+    machine = Machine()
+    machine.before = write_once
     writer = threading.Thread(target=write)
     writer.start()
     try:
-        found = brought(root, tmp_path / "home")
+        found = brought(root, tmp_path / "home", machine=machine)
     finally:
         over.set()
         writer.join()

@@ -11,7 +11,8 @@ import pytest
 
 from srprov.errors import TransportError
 from srprov.execution import packages
-from srprov.execution.packages import NoListing, packages_in, parsed
+from srprov.execution.packages import NoListing, packages_in, parsed, remove_left
+from srprov.modules.container import ContainerModule
 from srprov.wire import EngineCall, Reply
 
 SAID = [
@@ -64,6 +65,27 @@ def test_the_container_has_no_network_no_rights_and_nothing_of_the_robot() -> No
     assert [call.path.rpartition("/")[2] for call in robot.calls[:3]] == ["create", "start", "wait"]
 
 
+def test_what_a_lock_that_was_killed_left_is_removed_by_the_next_one_and_is_nobodys_for_an_apply() -> None:
+    """Also while it runs: what is in an image may run for ever. Builds under way, and others' containers, stay."""
+    labels = {"srprov.instance": ".build"}
+    there = [
+        {"Id": "a" * 64, "Names": ["/srprov..packages-0123456789ab"], "State": "running", "Labels": labels},
+        {"Id": "b" * 64, "Names": ["/srprov..packages-ba9876543210"], "State": "exited", "Labels": labels},
+        {"Id": "c" * 64, "Names": ["/eager_turing"], "State": "running", "Labels": labels},
+        {"Id": "d" * 64, "Names": ["/srprov..packages-mine"], "State": "running", "Labels": {}},
+    ]
+    robot: Any = Robot()
+    robot.ask = lambda queries: [Reply(status=200, ok=True, out=json.dumps(there)) for _ in queries]
+    remove_left(robot)
+    gone = ["/containers/srprov..packages-0123456789ab", "/containers/srprov..packages-ba9876543210"]
+    assert [(call.method, call.path) for call in robot.calls] == [("DELETE", path) for path in gone]
+    found = ContainerModule().parse(robot.ask(ContainerModule().queries()))
+    assert [(one.name, one.state["leftover"]) for one in found] == [
+        ("srprov..packages-0123456789ab", "left by a lock that was cut off"),
+        ("srprov..packages-ba9876543210", "left by a lock that was cut off"),
+    ]
+
+
 @pytest.mark.parametrize("fails", ["create", "start", "wait", "log"])
 def test_it_is_removed_whatever_happens(fails: str) -> None:
     robot = Robot(fails)
@@ -98,9 +120,9 @@ def test_an_image_that_never_stops_to_talk_is_not_listened_to() -> None:
             number += 1
             yield f"apt ii  package-{number} 1"
 
-    began = time.monotonic()
+    began = time.process_time()
     assert 1000 < len(parsed(endless())["apt"]) <= 50_000
-    assert time.monotonic() - began < 2
+    assert time.process_time() - began < 4
 
     def wide() -> Iterator[str]:
         while True:

@@ -424,7 +424,7 @@ def test_a_stop_lets_the_running_step_end() -> None:
     plan = plan_for(w, experiment(service("a")))
     w.robots["r1"].before_command = lambda _command: stop.set()
     result = run_plan(plan, w.sessions(), lambda _event: None, QUICK, stop)
-    assert [one.outcome for one in result.results] == [Outcome.CHANGED] + [Outcome.NOT_REACHED] * 5
+    assert [one.outcome for one in result.results] == [Outcome.CHANGED] + [Outcome.NOT_REACHED] * 6
     assert (result.exit_code, result.interrupted) == (130, True)
     assert result.results[1].message == "interrupted"
 
@@ -577,7 +577,7 @@ def test_an_empty_plan_touches_no_robot() -> None:
 
 
 def test_no_round_trip_per_step() -> None:
-    """A robot is asked as often for eleven steps as for six: before and after a batch, never per step."""
+    """A robot is asked as often for twelve steps as for seven: before and after a batch, never per step."""
     asked = {}
     for names in ("a", "abcdef"):
         w = world("r1")
@@ -585,8 +585,8 @@ def test_no_round_trip_per_step() -> None:
         before = w.robots["r1"].traffic.round_trips
         run(w, plan)
         asked[len(plan.steps)] = w.robots["r1"].traffic.round_trips - before - len(w.done())
-    assert list(asked) == [6, 11]
-    assert asked[6] == asked[11] <= 4
+    assert list(asked) == [7, 12]
+    assert asked[7] == asked[12] <= 4
 
 
 def test_a_failure_says_what_was_said_in_short(monkeypatch: pytest.MonkeyPatch) -> None:

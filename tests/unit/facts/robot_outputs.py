@@ -107,6 +107,19 @@ connection 192.0.2.1 5 192.0.2.2 22
 /proc/sys/kernel/osrelease:6.1.0-37-amd64
 /proc/sys/kernel/version:#1 SMP PREEMPT_DYNAMIC Debian 6.1.140-1
 /sys/devices/system/cpu/online:0-1
+/sys/class/dmi/id/sys_vendor:Intel(R) Client Systems
+/sys/class/dmi/id/product_name:NUC11TNHi5
+/etc/machine-id:0f1e2d3c4b5a69788796a5b4c3d2e1f0
+/sys/bus/usb/devices/usb1/idVendor:1d6b
+/sys/bus/usb/devices/usb1/idProduct:0002
+/sys/bus/usb/devices/usb1/serial:0000:00:14.0
+/sys/bus/usb/devices/1-3/idVendor:046d
+/sys/bus/usb/devices/1-3/idProduct:0825
+/sys/bus/usb/devices/1-3/product:Webcam C270
+/sys/bus/usb/devices/1-3/serial:B1DA5A20
+/sys/bus/usb/devices/1-2/idVendor:10c4
+/sys/bus/usb/devices/1-2/idProduct:ea60
+/sys/bus/usb/devices/1-2/serial:0
 /etc/os-release:PRETTY_NAME="Debian GNU/Linux 12 (bookworm)"
 /etc/os-release:NAME="Debian GNU/Linux"
 /usr/lib/os-release:PRETTY_NAME="not this one"
@@ -115,6 +128,7 @@ connection 192.0.2.1 5 192.0.2.2 22
     + f"/proc/uptime:{_BEFORE[0]}\n"
     + "".join(f"/proc/net/dev:{line}\n" for line in _BEFORE[1].splitlines()),
     "cpus": "2\n",
+    "processor": "model name\t: 11th Gen Intel(R) Core(TM) i5-1135G7 @ 2.40GHz\n",
     "links": json.dumps([LO, ETH0, DOCKER0, VXLAN]),
     "routes": json.dumps(ROUTES),
     "devices": "dev /dev/kvm\ndev /dev/net/tun\ndev /dev/video0\nalias /dev/stderr\nalias /dev/rplidar\n",
@@ -126,6 +140,9 @@ Filesystem     1024-blocks     Used Available Capacity Mounted on
 /dev/vda1        264212084 24175904  82215008      23% /
 /dev/vda1        264212084 24175904  82215008      23% /
 """,
+    "wireguard": "tools\nuserspace\n",
+    "rules": "nftables\niptables\nnone\n",
+    "spelled": "home 0 root /root\nhome 1000 robot /home/robot\n",
 }
 
 PI = {
@@ -149,11 +166,14 @@ user pi
 /proc/sys/kernel/version:#1 SMP PREEMPT_RT Debian 1:6.6.31-1+rpt1 (2024-05-29)
 /etc/os-release:PRETTY_NAME="Debian GNU/Linux 12 (bookworm)"
 /proc/device-tree/model:Raspberry Pi 4 Model B Rev 1.4\0
+/sys/firmware/devicetree/base/serial-number:10000000a1b2c3d4\0
+/etc/machine-id:not one
 /sys/class/video4linux/video0/name:UVC Camera (046d:0825)
 /sys/class/video4linux/video10/name:bcm2835-codec-decode
 /sys/class/video4linux/video13/name:bcm2835-isp-output0
 """,
     "cpus": "4\n",
+    "processor": "",
     "links": json.dumps([LO, {**ETH0, "addr_info": [], "flags": ["BROADCAST"]}, WLAN0]),
     "routes": json.dumps([{"dst": "default", "gateway": "10.0.0.1", "dev": "wlan0", "metric": 600}]),
     "devices": """\
@@ -176,6 +196,23 @@ Filesystem     1024-blocks    Used Available Capacity Mounted on
 /dev/root         30358728 5120644  23966784      18% /
 /dev/root         30358728 5120644  23966784      18% /
 """,
+    "wireguard": "tools\nkernel\nuserspace\n",
+    "rules": "iptables\nnone\n",
+    "spelled": """\
+host 127.0.0.1 localhost
+host 127.0.1.1\tturtle7
+host 10.0.0.9   camera.lab camera  # on the mast
+host fd00::9 camera6 \\bad name;
+host fe80::1%wlan0 zone
+host cafe of no address
+home 0 root /root
+home 1000 pi /home/pi
+home 1001 pi /home/second
+home 65534 nobody /nonexistent
+home 1002 odd home/odd
+home 1003 up /home/../etc
+home 1004 Upper /home/Upper
+""",
 }
 
 BUSYBOX = {
@@ -186,6 +223,9 @@ Filesystem           1024-blocks    Used Available Capacity Mounted on
 /dev/mmcblk0p2       264212084 24175900  82215012  23% /
 """,
     "devices": "",
+    "wireguard": "",
+    "rules": "none\n",
+    "spelled": "",
 }
 
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+import subprocess
 
 import pytest
 from robot_outputs import (
@@ -21,6 +22,7 @@ from robot_outputs import (
 
 from srprov.definitions.model import Host
 from srprov.facts.host import docker_arch, host_queries, parse_host
+from srprov.facts.spelled import COMMAND, MOST_LINES, parse_spelled
 from srprov.session import Measures
 from srprov.wire import EngineQuery, Query, Reply
 
@@ -31,7 +33,7 @@ KIB = 1024
 def test_the_questions_are_one_batch_with_the_engine_in_it() -> None:
     plain = host_queries()
     assert [q.path for q in plain if isinstance(q, EngineQuery)] == ["/_ping", "/info"]
-    assert sum(isinstance(q, Query) for q in plain) <= 10
+    assert sum(isinstance(q, Query) for q in plain) <= 12
     assert "date" in plain[0].command
 
 
@@ -41,6 +43,11 @@ def test_a_computer() -> None:
     assert (facts.memory_total, facts.memory_available) == (24684096 * KIB, 24307996 * KIB)
     assert (facts.swap_total, facts.swap_free) == (0, 0)
     assert (facts.kernel, facts.os) == ("6.1.0-37-amd64", "Debian GNU/Linux 12 (bookworm)")
+    assert facts.processor == "11th Gen Intel(R) Core(TM) i5-1135G7 @ 2.40GHz"
+    assert facts.board == "Intel(R) Client Systems NUC11TNHi5"
+    assert facts.machine_id == "0f1e2d3c4b5a69788796a5b4c3d2e1f0"
+    assert facts.usb == ("046d:0825 Webcam C270", "10c4:ea60")
+    assert facts.serials == ("046d:0825 B1DA5A20",)
     assert facts.docker is not None
     assert (facts.docker.version, facts.docker.api_version) == ("20.10.24+dfsg1", "1.41")
     assert (facts.docker.root, facts.docker.storage_driver) == ("/var/lib/docker", "overlay2")
@@ -74,6 +81,23 @@ def test_what_a_robot_relies_on() -> None:
     relies_on = parse_host(HOST, replies(robot), None).relies_on
     last = ("10.0.0.2", "10.0.0.53", "10.0.0.77", "10.0.0.123", "10.0.0.124", "10.0.0.125")
     assert relies_on == last
+
+
+def test_a_robots_own_files_say_what_it_calls_things() -> None:
+    """Comments, names that are none, addresses of one interface, and homes that are no plain path are left out."""
+    facts = parse_host(HOST, replies(PI), None)
+    assert facts.hosts == ("127.0.0.1 localhost", "127.0.1.1 turtle7", "10.0.0.9 camera.lab camera", "fd00::9 camera6")
+    assert facts.homes == ("pi:/home/pi", "root:/root")
+    assert (facts.home("pi"), facts.home("nobody"), facts.hosts_cut) == ("/home/pi", "", False)
+
+
+def test_a_long_hosts_file_is_read_to_its_limit_which_is_said() -> None:
+    """What the shell does with more lines than are read."""
+    many = "".join(f"10.0.0.1 a{number}\n" for number in range(MOST_LINES + 9))
+    words = ["sh", "-c", COMMAND.replace("/etc/hosts", "/dev/stdin")]
+    done = subprocess.run(words, input=many, capture_output=True, text=True, check=True)
+    said = parse_spelled(done.stdout)
+    assert (len(said.hosts), said.hosts_cut) == (MOST_LINES, True)
 
 
 def test_links_say_what_the_overlay_must_know() -> None:
@@ -162,6 +186,12 @@ def test_an_emulator_counts_where_containers_have_it_too(
     identity = f"clock 1.0\nmachine {machine}\nbits 64\nid uid=0(root) gid=0(root)\n"
     facts = parse_host(HOST, replies({**PI, "identity": identity, "files": files}), None)
     assert (facts.arch, facts.emulates, " ".join(facts.runs)) == (arch, emulates, runs)
+
+
+def test_a_board_says_what_it_is_where_its_processor_has_no_name() -> None:
+    facts = parse_host(HOST, replies(PI), None)
+    assert (facts.processor, facts.board) == ("", "Raspberry Pi 4 Model B Rev 1.4")
+    assert (facts.machine_id, facts.usb, facts.serials) == ("", (), ("board 10000000a1b2c3d4",))
 
 
 def test_busybox_knows_no_fractions_of_a_second() -> None:

@@ -18,10 +18,11 @@ WELL = HostFacts(
     underlay_link="eth0",
     underlay_address="10.0.0.1",
     underlay_mtu=1500,
+    wireguard="kernel",
     user="root",
 )
 RIGHT = Clock(offset_s=0.0004, error_s=0.0015, kept_by=None)
-GOOD = ("", "loaded\n", "1\n", '[{"ifname":"lo"}]')
+GOOD = ("", "loaded\n", "1\n", '[{"ifname":"lo"}]', "nftables\n")
 
 
 def replies(*texts: str) -> list[Reply]:
@@ -52,8 +53,9 @@ def test_a_robot_that_has_all_is_well() -> None:
     [
         ({"privileged": False, "user": "pi"}, GOOD, "root", Verdict.FAILED, "sudo"),
         ({}, ("bridge\nflock\n", *GOOD[1:]), "programs", Verdict.FAILED, "apt-get install iproute2 util-linux"),
-        ({}, (*GOOD[:3], "1: lo: <LOOPBACK>"), "iproute2", Verdict.FAILED, "iproute2 5.0"),
+        ({}, (*GOOD[:3], "1: lo: <LOOPBACK>", GOOD[4]), "iproute2", Verdict.FAILED, "iproute2 5.0"),
         ({"docker": None, "docker_problem": "docker: not found"}, GOOD, "docker", Verdict.FAILED, "docker.io"),
+        ({"wireguard": "", "wireguard_problem": "it has no wg"}, GOOD, "wireguard", Verdict.WARNING, "wireguard-tools"),
         ({"docker": Docker(version="19.03", api_version="1.40")}, GOOD, "docker", Verdict.FAILED, "update"),
         (
             {"docker": Docker(version="24.0", api_version="1.43", rootless=True)},
@@ -65,7 +67,8 @@ def test_a_robot_that_has_all_is_well() -> None:
         ({}, (GOOD[0], "unknown\n", *GOOD[2:]), "vxlan", Verdict.WARNING, "linux-modules-extra-raspi"),
         ({"underlay_address": ""}, GOOD, "underlay", Verdict.FAILED, "srprov_underlay"),
         ({"underlay_mtu": 576}, GOOD, "mtu", Verdict.WARNING, "1280"),
-        ({}, (*GOOD[:2], "0\n", GOOD[3]), "forwarding", Verdict.WARNING, "ip_forward"),
+        ({}, (*GOOD[:2], "0\n", *GOOD[3:]), "forwarding", Verdict.WARNING, "ip_forward"),
+        ({}, (*GOOD[:4], "none\n"), "rules", Verdict.FAILED, "apt-get install nftables"),
         ({"disk_free": 2**20}, GOOD, "disk", Verdict.WARNING, "prune"),
     ],
 )

@@ -9,7 +9,7 @@ import pytest
 
 from srprov.errors import LabError, UsageError
 from srprov.lab import cgroups, network, places, sites
-from srprov.lab.places import LONGEST_NAME, MOST_NUMBER, MOST_ROBOTS, Site, check_name, robot_name, subnet
+from srprov.lab.places import LANS, LONGEST_NAME, MOST_NUMBER, MOST_ROBOTS, Site, check_name, robot_name, subnet
 
 LAST_ROBOT = robot_name(MOST_ROBOTS)
 LONGEST_INTERFACE = 15
@@ -30,8 +30,11 @@ def test_the_lab_without_a_name_keeps_its_names_and_addresses() -> None:
 def test_nothing_of_two_labs_has_the_same_name() -> None:
     def names(site: Site) -> set[str]:
         robots = [robot_name(number) for number in range(1, MOST_ROBOTS + 1)]
-        own = {site.tag, str(site.run), str(site.disks), str(site.inventory), site.bridge, str(site.subnet)}
-        return own | {site.link(robot) for robot in robots} | {str(site.address(robot)) for robot in robots}
+        own = {site.tag, str(site.run), str(site.disks), str(site.inventory), *map(site.bridge_of, LANS)}
+        own |= {str(subnet(lan)) for lan in LANS for subnet in (site.subnet_of, site.subnet6_of)}
+        addresses = {str(site.address(robot, lan)) for robot in robots for lan in LANS}
+        addresses |= {site.mac(11, lan) for lan in LANS}
+        return own | {site.link(robot) for robot in robots} | addresses
 
     labs = [Site(), Site("lab", 1), Site("robot1", 11), Site("srprov-lab", 2), Site("a-1", MOST_NUMBER)]
     every = [names(site) for site in labs]
@@ -41,7 +44,7 @@ def test_nothing_of_two_labs_has_the_same_name() -> None:
 
 def test_the_longest_names_fit_the_kernel() -> None:
     site = Site("x" * LONGEST_NAME, MOST_NUMBER)
-    assert max(len(site.bridge), len(site.link(LAST_ROBOT))) <= LONGEST_INTERFACE
+    assert max(len(site.bridge_of(2)), len(site.link(LAST_ROBOT))) <= LONGEST_INTERFACE
     assert site.address(LAST_ROBOT) in site.subnet
 
 
@@ -114,5 +117,5 @@ def test_a_used_subnet_is_an_error_that_says_what_to_do(monkeypatch: pytest.Monk
     monkeypatch.setattr(network, "run", lambda command: '[{"dst": "10.213.0.0/16", "dev": "eth1"}]')
     monkeypatch.setattr(network, "succeeds", lambda command: False)
     with pytest.raises(LabError, match=r"subnet 10.213.0.0/24 is in use here: 10.213.0.0/16 on eth1") as error:
-        network.ensure(Site())
+        network.ensure(Site(), [])
     assert error.value.hint is not None and "srprov lab --name NAME up" in error.value.hint

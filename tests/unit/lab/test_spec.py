@@ -54,6 +54,22 @@ robots:
     ]
 
 
+def test_options_of_the_network_are_read_and_bounded() -> None:
+    text = "robots: {robot1: {lan: 2, mtu: 9000}, robot2: {ipv6: true, mtu: 1280}}"
+    assert parse(text, "lab-spec.yml").build(2) == [
+        Robot("robot1", lan=2, mtu=9000),
+        Robot("robot2", ipv6=True, mtu=1280),
+    ]
+    found = problems("defaults: {mtu: 1279}\nrobots: {robot1: {lan: 0}, robot2: {lan: 3}, robot3: {mtu: 9001}}")
+    ranges = [
+        "from 1280 to 9000, not '1279'",
+        "from 1 to 2, not '0'",
+        "from 1 to 2, not '3'",
+        "from 1280 to 9000, not '9001'",
+    ]
+    assert [message for _, _, message in found] == [f"expected a whole number {each}" for each in ranges]
+
+
 def test_an_empty_file_is_a_lab_without_options() -> None:
     assert parse("# nothing\n", "lab-spec.yml").build(1) == [Robot("robot1")]
 
@@ -136,6 +152,23 @@ def test_inventory_says_only_what_the_spec_says() -> None:
         "robot2": {"ansible_host": "10.213.0.12", "ansible_user": "robot"},
     }
     assert found["vars"]["ansible_ssh_common_args"].startswith("-o UserKnownHostsFile=/")
+
+
+def test_robots_of_other_networks_have_addresses_of_these() -> None:
+    """The inventory and the host keys go by LAN, and IPv6 is the underlay where a robot has it."""
+    robots = [Robot("robot1", lan=2), Robot("robot2", ipv6=True)]
+    hosts = yaml.safe_load(inventory.as_text(Site("a", 7), robots, None))["all"]["hosts"]
+    assert hosts["robot1"] == {"ansible_host": "10.213.107.11", "ansible_user": "root"}
+    assert hosts["robot2"] == {
+        "ansible_host": "10.213.7.12",
+        "ansible_user": "root",
+        "srprov_underlay": "fd73:7270:6c61:7::c",
+    }
+    keys = dict.fromkeys(robots, "ssh-ed25519 AAAA")
+    assert inventory.known_hosts(Site("a", 7), keys).splitlines() == [
+        "10.213.107.11 ssh-ed25519 AAAA",
+        "10.213.7.12,fd73:7270:6c61:7::c ssh-ed25519 AAAA",
+    ]
 
 
 def test_the_user_of_the_command_line_wins() -> None:

@@ -28,7 +28,10 @@ from srprov.wire import Reply
 from tests.resources import resource
 
 CASES = Path(__file__).parents[2] / "cases"
-KINDS = ("container", "data", "file", "image", "network", "tree", "volume", "vxlan")
+KINDS = (
+    *("container", "data", "file", "image", "network", "tree", "unit", "volume", "vxlan"),
+    *("vxlan_filter", "wireguard", "wireguard_routes"),
+)
 FILES = sorted(path for kind in KINDS for path in (CASES / kind).glob("*.yml"))
 KEYS = {"says", "want", "replies", "change", "commands", "found", "removal"}
 

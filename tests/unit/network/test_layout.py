@@ -66,7 +66,21 @@ def test_both_has_an_address_but_no_interface_of_its_own() -> None:
     assert overlay.names["talker"] == overlay.addresses["talker"]
     assert sorted(overlay.macs) == ["listener", "map"]
     assert "r2" in overlay.vteps
-    assert [vtep for _, vtep in overlay.fdb["r1"]] == ["192.168.0.3"]
+    # what goes to its address goes to the bridge of its robot
+    assert list(overlay.bridge_macs) == ["r2"] and overlay.bridge_macs["r2"] not in overlay.macs.values()
+    assert set(overlay.fdb["r1"]) == {
+        (overlay.bridge_macs["r2"], "192.168.0.2"),
+        (overlay.macs["listener"], "192.168.0.3"),
+    }
+    assert overlay.bridge_macs["r2"] not in dict(overlay.fdb["r2"])
+
+
+def test_two_services_of_both_on_one_robot_share_the_mac_of_its_bridge() -> None:
+    """Two services of both on one robot share the MAC of its bridge."""
+    what = experiment(service("map"), service("talker", network="both"), service("listener", network="both"))
+    overlay = layout(what, {"map": "r1", "talker": "r2", "listener": "r2"}, lab())
+    assert overlay.addresses["talker"] != overlay.addresses["listener"]
+    assert overlay.fdb["r1"] == ((overlay.bridge_macs["r2"], "192.168.0.2"),)
 
 
 def test_without_the_overlay_names_remain() -> None:
@@ -166,6 +180,17 @@ def test_hosts_file() -> None:
     )
 
 
+def test_a_robots_own_lines_stand_below_without_names_that_mean_something_else() -> None:
+    """A resolver gives all addresses of a name, so a second one would be a service elsewhere."""
+    overlay = Overlay(instance="x", underlays={}, names={"talker": "10.0.0.9"})
+    own = ("127.0.0.1 localhost", "10.6.6.6 Talker talker.lab", "10.6.6.7 extra", "127.0.1.1 robot1", "fd00::1 cam")
+    text = hosts_file(overlay, {"talker": "turtle"}, [("extra", "10.0.0.7")], own)
+    assert text.splitlines()[4:] == [
+        "10.0.0.9\ttalker", "10.0.0.9\tturtle", "10.0.0.7\textra",
+        "10.6.6.6\ttalker.lab", "127.0.1.1\trobot1", "fd00::1\tcam",
+    ]  # fmt: skip
+
+
 def test_the_record_holds_the_whole_placement() -> None:
     """The record holds the whole placement."""
     what = experiment(service("map"), service("talker", network="host"))
@@ -248,6 +273,18 @@ def test_the_mtu_of_a_robot_out_of_reach_is_the_last_placements(wish: int | None
     rest = [one for name, one in lab().facts.items() if name != "r2"]
     there = found(*rest, unreachable={"r2": ""}, placements={"hello": value})
     assert layout(what, PLACED, there).mtu == mtu
+
+
+def test_the_mtu_stays_when_the_robot_with_the_narrowest_link_is_no_member_any_more() -> None:
+    """And goes down with one that joins: nothing larger would get through to it."""
+    what, narrow = three(), lab(r2={"underlay_mtu": 1400})
+    first = layout(what, PLACED, narrow)
+    kept = {"hello": record(first, what, PLACED, "here")}
+    without = {**PLACED, "talker": "r1"}
+    assert (first.mtu, layout(what, without, narrow).mtu) == (1350, 1450)
+    assert layout(what, without, found(*narrow.facts.values(), placements=kept)).mtu == 1350
+    wide = {"hello": record(layout(what, without, narrow), what, without, "here")}
+    assert layout(what, PLACED, found(*narrow.facts.values(), placements=wide)).mtu == 1350
 
 
 def test_the_name_of_a_replicated_service_resolves_to_all_instances() -> None:

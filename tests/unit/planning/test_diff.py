@@ -193,8 +193,8 @@ def test_a_replaced_network_counts_what_it_rebuilds() -> None:
     apply(world, experiment(service("a")))
     before = plan_for(world, experiment(service("a")))
     after = plan_for(world, experiment(service("a"), network=NetworkSettings(mtu=1300)))
-    assert before.unchanged == 6
-    assert after.unchanged + len({step.id for step in after.steps}) == 6
+    assert before.unchanged == 7
+    assert after.unchanged + len({step.id for step in after.steps}) == 7
 
 
 def test_permuted_inputs_give_the_same_steps() -> None:
@@ -290,7 +290,7 @@ def test_a_robot_cannot_write_lines_of_the_plan() -> None:
 
 def test_summary_counts_actions_in_words() -> None:
     """The last line counts what is done by its kind, and leaves out what does not occur."""
-    assert summary(two_robots()).startswith("Plan: 12 to add; 0 unchanged.")
+    assert summary(two_robots()).startswith("Plan: 14 to add; 0 unchanged.")
     assert summary(Plan(instance="i", source="s", steps=(), unchanged=3)).startswith("Nothing to do")
 
 
@@ -301,10 +301,11 @@ def test_plan_json_is_canonical_and_holds_only_json() -> None:
     assert json.loads(json.dumps(first)) == first
     by_module = {step["module"]: step for step in first["steps"]}
     assert by_module["container"]["robot"] == "r2"
-    assert by_module["container"]["needs"] == [6, 7, 8, 9, 10]
+    assert by_module["container"]["needs"] == [7, 8, 9, 11, 12]
     assert by_module["image"]["commands"] == [
         {"engine": "POST", "path": "/images/create", "params": {"fromImage": "busybox", "tag": "latest"}}
     ]
     assert set(by_module["file"]["commands"][0]) == {"put", "bytes", "sha256", "mode", "in_place"}
-    assert by_module["vxlan"]["commands"][0]["run"].startswith("ip -batch - <<'_END_OF_CALLS_' || exit\nlink add")
-    assert first["counts"] == {"create": 12, "update": 0, "replace": 0, "delete": 0, "run": 0}
+    guard, _, calls = by_module["vxlan"]["commands"][0]["run"].partition("\n")
+    assert guard.endswith("exit 1; }") and calls.startswith("ip -batch - <<'_END_OF_CALLS_' || exit\nlink add")
+    assert first["counts"] == {"create": 14, "update": 0, "replace": 0, "delete": 0, "run": 0}

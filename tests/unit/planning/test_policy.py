@@ -79,6 +79,15 @@ ASKS: list[tuple[dict[str, Any], list[tuple[str, str]]]] = [
      [("logging", "driver journald: the engine sends what is printed into the robot's own journal")]),
     *[({"logging": Logging(driver=one, options={"fluentd-address": "x"})}, [("logging", "option fluentd-address=x")])
       for one in ("", "local")],
+    *[({"logging": Logging(driver="json-file", options={name: value})}, [("logging", f"option {name}={value}")])
+      for name, value in [("tag", '{{pad "x" 300000000000 0}}'), ("tag", "{{.Name}}{{.Name | printf}}"), ("tag", ""),
+                          ("max-size", "10"), ("max-size", "63k"), ("max-size", "-1"), ("max-file", "2000000000"),
+                          ("max-file", "101"), ("max-file", "0"), ("mode", "x"), ("labels-regex", "(a*)*"),
+                          ("max-file", "2\n")]],
+    *[({"logging": Logging(driver="json-file", options={name: value})}, [])
+      for name, value in [("tag", "{{.ImageName}}/{{ .Name }}"), ("max-size", "64k"), ("max-size", "10MiB"),
+                          ("max-size", "1000000"), ("max-file", "100"), ("compress", "true"), ("env", "A,B"),
+                          ("labels", "org.x/y,z"), ("mode", "non-blocking")]],
     *[({"logging": Logging(driver=one, options={"max-size": "1m", "max-file": "2"})}, [])
       for one in ("", "json-file", "local", "none")],
     ({"oom_score_adj": 5, "labels": {"a": "b"}, "hostname": "h", "extra_hosts": (("x", "host-gateway"),), "init": True,
@@ -99,6 +108,7 @@ def test_every_kind_is_asked_by_something() -> None:
     """The list of kinds that a user can allow holds nothing that is never asked."""
     of_images = {"fetch", "built-image", "engine-fetch"}
     assert {kind for _, asked in ASKS for kind, _ in asked} | of_images | {
+        "unit",
         "secret",
         "playbook",
         "env",
@@ -118,6 +128,7 @@ def test_every_kind_is_asked_by_something() -> None:
         (NetworkSettings(subnet="10.200.0.0/19"), [("host-network", "network.subnet")]),
         (NetworkSettings(subnet="10.0.0.0/8"), [("host-network", "network.subnet")]),
         (NetworkSettings(port=123), [("low-port", "network.port")]),
+        (NetworkSettings(persist=True), [("unit", "network.persist")]),
     ],
 )
 def test_an_overlay_asks_for_what_it_takes_from_the_robots_own_network(
@@ -126,7 +137,8 @@ def test_an_overlay_asks_for_what_it_takes_from_the_robots_own_network(
     """The kernel sends packets to such a subnet into the overlay, whoever has the addresses in the lab's network."""
     found = permissions(dataclasses.replace(experiment(service("a")), network=network))
     assert [(one.kind, one.service) for one in found] == asked
-    assert all((network.subnet or "") in one.what or str(network.port) in one.what for one in found)
+    said = {"host-network": network.subnet or "", "low-port": str(network.port), "unit": "as root"}
+    assert all(said[one.kind] in one.what for one in found)
 
 
 IMAGES: list[tuple[str, str]] = [

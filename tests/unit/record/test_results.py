@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import time
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from types import SimpleNamespace
@@ -10,11 +12,11 @@ from typing import cast
 import pytest
 
 from srprov.controller.bringing import Bringing, Home
-from srprov.controller.collection import check_folder
+from srprov.controller.collected import check_folder
 from srprov.execution.collect import CollectFailed, Place, Robot
 from srprov.execution.listing import Entry
 from srprov.record import results
-from srprov.record.results import LogTooLong, Names, write_log
+from srprov.record.results import LogTooLong, Names, sync, write_log
 from tests.bounded import bounded
 
 
@@ -76,6 +78,27 @@ def test_a_log_stays_until_the_new_one_is_whole(tmp_path: Path) -> None:
     assert path.read_text() == "the old log\n"
 
 
+def test_each_file_reaches_the_disk_and_many_are_waited_for_together(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    places = [tmp_path / str(number) for number in range(64)]
+    for place in places:
+        place.write_text("x")
+    done = list[str]()
+
+    def fsync(descriptor: int) -> None:
+        time.sleep(0.1)
+        done.append(os.readlink(f"/proc/self/fd/{descriptor}"))
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    began = time.monotonic()
+    sync(places)
+    assert sorted(done) == sorted(map(str, places)) and time.monotonic() - began < 64 * 0.1 / 2
+    places[5].unlink()
+    with pytest.raises(FileNotFoundError):
+        sync(places)
+
+
 def test_what_is_gone_at_the_second_listing_is_no_empty_success(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -87,8 +110,7 @@ def test_what_is_gone_at_the_second_listing_is_no_empty_success(
     monkeypatch.setattr("srprov.controller.bringing.listings", lambda *_: [None])
     robot = cast(Robot, SimpleNamespace(host="r1"))
     bringing = Bringing(robot, Place(root="/v", path="data"), tmp_path / "to", Home(parts=tmp_path / "parts"))
-    (one,) = bringing.all([Entry("big", "f", 20 << 20, "0" * 64)])
-    assert one.failed and not one.name
+    assert bringing.all([Entry("big", "f", 20 << 20, "0" * 64)]) is None, "it is missing, as if it had never been"
 
 
 def test_an_own_list_of_many_files_or_odd_names_can_be_read_again(tmp_path: Path) -> None:

@@ -112,7 +112,9 @@ def test_the_schema_says_what_the_module_takes(kind: str) -> None:
     fields = {field.name.rstrip("_"): field for field in dataclasses.fields(MODULES[kind].params)}
     fields = {name: field for name, field in fields.items() if field.metadata != NOT_WRITTEN}
     assert set(stated["properties"]) == {kind, *fields, "needs"}
-    assert set(stated["required"]) == {kind, *(n for n, one in fields.items() if one.default is dataclasses.MISSING)}
+    none = dataclasses.MISSING
+    must = {name for name, one in fields.items() if one.default is none and one.default_factory is none}
+    assert set(stated["required"]) == {kind, *must}
     for name, field in fields.items():
         rule = stated["properties"][name]
         types = {one["type"] for one in rule.get("anyOf", [rule]) if "type" in one}

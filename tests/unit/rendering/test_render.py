@@ -294,7 +294,8 @@ def test_the_shipped_playbooks_render() -> None:
     """The playbooks of the wheel give every kind of resource that an ordinary experiment has."""
     assert sorted(playbooks()) == ["10-images.yml", "20-overlay.yml", "30-files.yml", "40-services.yml"]
     plan = plan_for(World().add("r1"), experiment(service("a", healthcheck=CHECK, command=("{{ 1 }}", "yes", "0x10"))))
-    assert [step.module for step in plan.steps] == ["image", "network", "vxlan", "file", "file", "container"]
+    kinds = ["image", "network", "vxlan_filter", "vxlan", "file", "file", "container"]
+    assert [step.module for step in plan.steps] == kinds
     wanted = next(step.want for step in plan.steps if step.module == "container")
     assert wanted is not None
     assert wanted.params.run.command == ("{{ 1 }}", "yes", "0x10")

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 import gzip
 import io
 import json
 import os
 import tarfile
 import time
+from collections import deque
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,9 @@ from srprov.transport import layer_files
 from srprov.transport.blobs import Blobs
 from srprov.transport.image_source import ImageSources
 from srprov.transport.image_there import image_of
+from srprov.transport.layer_files import NotInFiles
+from srprov.transport.tar_stream import TarError, TarStream
+from tests.bounded import bounded
 from tests.unit.transport.thin_world import Made, Robot
 
 TAG = "srprov/x:1"
@@ -44,8 +49,15 @@ AWKWARD = tar_with(
     ("dir/", b""), ("dir/-x", b"dash"), ("two\nlines", b"feed"), ("dir/.wh.gone", b""), ("link", "/etc/passwd"),
     ("not utf-8 \udcff", b"bytes"), ("a" * 150 + "/", b""), ("a" * 150 + "/" + "b" * 120, b"long"),
     ("big", os.urandom(300_000)), ("../up", b""), ("/rooted", b"from the root"), ("same", b"same"), ("too", b"same"),
+    ('a "name" <with> \\ & ü,[{:', b"odd"), ("empty", b""),
 )  # fmt: skip
 PLAIN = tar_with(("file", b"content"))
+
+
+def as_go_has_it(entry: dict[str, Any]) -> str:
+    """Give an entry as an engine writes it: some characters by their numbers, and all others as they are."""
+    text = json.dumps(entry, separators=(",", ":"), ensure_ascii=False)
+    return text.replace("&", r"\u0026").replace("<", r"\u003c").replace(">", r"\u003e")
 
 
 class Engine:
@@ -75,14 +87,18 @@ class Engine:
                 name = member.name.encode("utf-8", "surrogateescape")
                 called = {"name": member.name} if name.isascii() else {"name_raw": base64.b64encode(name).decode()}
                 entries.append({"type": 2, "payload": base64.b64encode(layer[end : member.offset_data]).decode()})
-                entries.append({"type": 1, **called, "size": member.size, "payload": "AAAAAAAAAAA="})
+                size: dict[str, Any] = (
+                    {"size": member.size, "payload": "AAAAAAAAAAA="} if member.size else {"payload": None}
+                )
+                entries.append({"type": 1, **called, **size})
                 end = member.offset_data + member.size
                 if member.isreg() and ".." not in member.name:
                     path = os.fsencode(diff) + b"/" + name.lstrip(b"/")
                     os.makedirs(os.path.dirname(path), exist_ok=True)
                     Path(os.fsdecode(path)).write_bytes(layer[member.offset_data : end])
         entries.append({"type": 2, "payload": base64.b64encode(layer[end:]).decode()})
-        self.split(chain).write_bytes(gzip.compress("\n".join(map(json.dumps, entries)).encode()))
+        lines = [as_go_has_it({**entry, "position": number}) for number, entry in enumerate(entries)]
+        self.split(chain).write_bytes(gzip.compress("\n".join(lines).encode()))
 
     def diff(self, cache_id: str) -> Path:
         return self.root / "overlay2" / cache_id / "diff"
@@ -172,16 +188,16 @@ def no_list(engine: Engine) -> None:
 
 
 def a_name_that_leads_up(engine: Engine) -> None:
-    entry = {"type": 1, "name": "a/../../../decoy", "size": 5, "payload": ""}
-    engine.split(engine.chains[-1]).write_bytes(gzip.compress(json.dumps(entry).encode()))
+    entry = {"type": 1, "name": "a/../../../decoy", "size": 5, "payload": "", "position": 0}
+    engine.split(engine.chains[-1]).write_bytes(gzip.compress(as_go_has_it(entry).encode()))
 
 
 def an_unknown_entry(engine: Engine) -> None:
-    engine.split(engine.chains[-1]).write_bytes(gzip.compress(b'{"type": 3}'))
+    engine.split(engine.chains[-1]).write_bytes(gzip.compress(b'{"type":3,"payload":"","position":0}'))
 
 
 def bytes_that_are_none(engine: Engine) -> None:
-    engine.split(engine.chains[-1]).write_bytes(gzip.compress(b'{"type": 2, "payload": "!"}'))
+    engine.split(engine.chains[-1]).write_bytes(gzip.compress(b'{"type":2,"payload":"A","position":0}'))
 
 
 def a_bomb(engine: Engine) -> None:
@@ -189,11 +205,13 @@ def a_bomb(engine: Engine) -> None:
 
 
 def too_many_entries(engine: Engine) -> None:
-    engine.split(engine.chains[-1]).write_bytes(gzip.compress(b'{"type": 2, "payload": ""}\n' * 9_000_000, 1))
+    engine.split(engine.chains[-1]).write_bytes(gzip.compress(b'{"type":2,"payload":"","position":0}\n' * 3_000_000, 1))
 
 
 def long_names(engine: Engine) -> None:
-    lines = b"".join(b'{"type": 1, "size": 1, "name": "%0*d"}\n' % (60_000, number) for number in range(3_000))
+    lines = b"".join(
+        b'{"type":1,"name":"%0*d","size":1,"payload":null,"position":0}\n' % (60_000, number) for number in range(3_000)
+    )
     engine.split(engine.chains[-1]).write_bytes(gzip.compress(lines, 1))
 
 
@@ -210,6 +228,38 @@ def test_files_that_do_not_make_the_layer_have_the_engine_save_the_image(
     said = engine.read(tmp_path)
     assert engine.saved == 1 and time.monotonic() - began < 30
     assert any(line.startswith("layer: its image is saved by the engine: ") for line in said), said
+
+
+BETWEEN, NAMED = (
+    b'{"type":2,"payload":"%b","position":0}\n',
+    b'{"type":1,"name":"%b","size":1,"payload":null,"position":0}\n',
+)
+COSTLY = {
+    "many entries": (BETWEEN % b"", layer_files._MOST_ENTRIES),
+    "headers": (BETWEEN % base64.b64encode(bytes(300)), layer_files._MOST_ENTRIES),
+    "names": (NAMED % b"a", layer_files._MOST_ENTRIES),
+    "escaped names": (NAMED % (rb"\u0061" * 4000), 5_000),
+    "long lines": (BETWEEN % (b"AAAA" * 250_000), 100),
+    "long names without content": ((NAMED % (rb"\\" * 500_000)).replace(b'"size":1,', b""), 100),
+    "other JSON": (BETWEEN.replace(b'"position":0', b'"x":[' + b"[]," * 300_000 + b"[]]") % b"", 100),
+    "quotes": (b'{"type":1,"name":"' + b'"' * 1_000_000 + b'","payload":"","position":0}\n', 100),
+}
+
+
+@pytest.mark.parametrize("what", COSTLY)
+def test_a_list_that_is_made_to_cost_much_costs_little(engine: Engine, tmp_path: Path, what: str) -> None:
+    """For all that is read of it, twice where it goes so far."""
+    line, count = COSTLY[what]
+    split = gzip.compress(line * count, 1)
+    assert len(split) < layer_files._MOST_PACKED
+
+    def read() -> None:
+        with contextlib.suppress(NotInFiles, TarError):
+            layer_files._names(split)
+        with contextlib.suppress(NotInFiles, TarError):
+            deque(layer_files._tar(split, TarStream(iter(()))), maxlen=0)
+
+    bounded(read)
 
 
 def test_an_engine_that_keeps_layers_otherwise_saves_the_image(engine: Engine, tmp_path: Path) -> None:

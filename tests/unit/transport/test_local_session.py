@@ -448,4 +448,4 @@ def test_a_log_that_trickles_ends(
     began = time.monotonic()
     with pytest.raises(TransportError, match="the log of web ended: the Docker Engine did not answer within"):
         list(session.container_log("web", tail=5, follow=False))
-    assert time.monotonic() - began < 3
+    assert time.monotonic() - began < 30

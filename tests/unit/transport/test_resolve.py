@@ -133,6 +133,8 @@ def test_expand(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PLACE", "there")
     tokens = {"%h": "host", "%%": "%"}
     assert expand("~/%h/%%h/${PLACE}/%x/${NOWHERE}", tokens) == "/home/me/host/%h/there/%x/${NOWHERE}"
+    # a user that a stranger's inventory names is a word, and nothing of the environment
+    assert expand("known/%r@%h", {"%r": "${PLACE}", "%h": "%r"}) == "known/${PLACE}@%r"
     assert expand("cat ~/%h", tokens, tilde=False) == "cat ~/host"
 
 

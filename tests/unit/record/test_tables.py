@@ -7,16 +7,14 @@ import dataclasses
 import json
 import warnings
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import csvw  # type: ignore[import-untyped]  # it has no annotations
 import pandas
 import pytest
 
 from srprov.controller.trial_report import TrialsReport
-from srprov.controller.trial_tables import Tables
 from srprov.definitions.trialsmodel import Metric, Parameter, TrialDefinitions
+from srprov.record.tables import Tables
 from srprov.trials import cgroup, design
 from srprov.trials.clock import Offset
 from srprov.trials.judge import End
@@ -30,10 +28,7 @@ GIVEN = TrialDefinitions(
         Metric(name="ticks", service="referee", pattern="^tick", reduce="count"),
     ),
 )
-PLAN: Any = SimpleNamespace(
-    given=GIVEN,
-    services=(SimpleNamespace(service="racer", host="r1"), SimpleNamespace(service="referee", host="r2")),
-)
+ROBOTS = {"racer": "r1", "referee": "r2"}
 RIGHT = Offset(offset_s=-0.0005, error_s=0.002, rtt_s=0.004, samples=16, measured=1795338000.25)
 
 
@@ -49,7 +44,7 @@ def written(folder: Path) -> Path:
     }  # fmt: skip
     failed = {**row(second, 1, 2, Seen(end=End("infrastructure", "r1: away"))), "clocks": clocks([{"r1": RIGHT}])}
     lost = {"trial": "feedfeedfe-r001", "attempt": 2, "status": "interrupted", "reason": "the run ended before it did"}
-    tables = Tables(folder, PLAN, [whole])
+    tables = Tables(folder, GIVEN, ROBOTS, [whole])
     for one in (failed, lost):
         tables.add(one)
     tables.write()

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 from srprov import data, private
-from srprov.controller.trial_plan import TrialPlan
 from srprov.definitions.trialsmodel import TrialDefinitions
 from srprov.trials.table import (
     CLOCKS,
@@ -48,11 +47,10 @@ _METRIC_TEXTS = {
 class Tables:
     """All tables of a run, to which attempts are added: a run of thousands makes no row twice."""
 
-    def __init__(self, folder: Path, plan: TrialPlan, rows: Iterable[Row]) -> None:
-        """Take where they are written, what is run, and the attempts that ended earlier."""
-        self._folder, self._given = folder, plan.given
-        self._robots = {one.service: one.host for one in plan.services}
-        self._names = {"trials.csv": columns(plan.given), "metrics.csv": METRICS}
+    def __init__(self, folder: Path, given: TrialDefinitions, robots: Mapping[str, str], rows: Iterable[Row]) -> None:
+        """Take where they are written, what is run, each service's robot, and the attempts that ended earlier."""
+        self._folder, self._given, self._robots = folder, given, robots
+        self._names = {"trials.csv": columns(given), "metrics.csv": METRICS}
         self._names |= {f"{key}.csv": names for key, names in _WITHIN.items()}
         self._texts = {file: csv_text(names, ()) for file, names in self._names.items()}
         for row in rows:
@@ -72,9 +70,12 @@ class Tables:
         Raises:
             OSError: They cannot be written.
         """
-        private.replace_file(self._folder / NAME, json.dumps(description(self._given), indent=2) + "\n")
-        for file, text in self._texts.items():
+        for file, text in self.texts().items():
             private.replace_file(self._folder / file, text)
+
+    def texts(self) -> dict[str, str]:
+        """Return the content of each file."""
+        return {NAME: json.dumps(description(self._given), indent=2) + "\n", **self._texts}
 
 
 def description(given: TrialDefinitions) -> dict[str, Any]:

@@ -1,0 +1,80 @@
+"""What a bundle needs of the controller: the values that must not be in it, and who signs it.
+
+Reads variables and files that an experiment's definitions name, only to look for their values; runs ssh-keygen.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from srprov import regular_file
+from srprov.controller.signature import signature, signed_by
+from srprov.definitions import load_experiment
+from srprov.definitions.secretmodel import SecretSource
+from srprov.definitions.secretvalues import resolve
+from srprov.errors import DefinitionError, UsageError
+from srprov.untrusted import mapping, parse_json, string, strings
+
+NAMESPACE = "srprov-bundle"
+"""What a signature of a bundle's manifest is for."""
+_LARGEST = 64 * regular_file.MIB
+
+
+def known_secrets(folder: Path) -> list[str]:
+    """Let `redact` know the secrets of a run's experiment, and the variables that its services take.
+
+    Returns:
+        The names of those whose values cannot be read here; commands are not run.
+
+    Raises:
+        UsageError: The folder does not say what was run.
+    """
+    sessions = sorted((folder / "sessions").glob("*/inputs.json"), key=lambda path: (len(str(path)), str(path)))
+    missing = list[str]()
+    for path in sessions:
+        try:
+            given = mapping(parse_json(regular_file.read_text(path, _LARGEST), max_characters=_LARGEST))
+            about = mapping(parse_json(regular_file.read_text(path.with_name("environment.json"))))
+        except (OSError, ValueError) as error:
+            raise UsageError(f"{path} cannot be read: {error}", hint="name the folder of a run of trials") from None
+        edf, taken = path.parent / string(given.get("edf")), strings(given.get("variables"))
+        missing += [name for name in taken if name not in os.environ]
+        try:
+            experiment = load_experiment(edf, {**dict.fromkeys(taken, ""), **os.environ}).experiment
+        except DefinitionError as error:
+            raise UsageError(f"{edf}: {error.problems[0].message}", hint="it was changed since it was run") from error
+        home = os.path.dirname(string(mapping(about.get("source")).get("file")))
+        for name, source in sorted(experiment.secrets.items()):
+            if not _read(_as_it_was(source, experiment.folder, home, folder)):
+                missing.append(name)
+    return sorted(set(missing))
+
+
+def _as_it_was(source: SecretSource, now: str, then: str, run: Path) -> SecretSource:
+    """Return where a secret comes from: a file that was named from the EDF's folder lay beside that, not in the run."""
+    if not source.file or not Path(source.file).is_relative_to(os.path.abspath(run)):
+        return source
+    return replace(source, file=os.path.normpath(os.path.join(then, os.path.relpath(source.file, now))))
+
+
+def _read(source: SecretSource) -> bool:
+    if source.command:
+        return False
+    try:
+        resolve([source], dict(os.environ))
+    except DefinitionError:
+        return False
+    return True
+
+
+def signer(key: str, target: str) -> Callable[[bytes], bytes]:
+    """Return what signs a bundle's manifest with an SSH key."""
+    return lambda manifest: signature(manifest, target, key, NAMESPACE)
+
+
+def complaint(manifest: bytes, signed: bytes, signers: str) -> str:
+    """Return why a signature is none of this manifest by one of the signers, or nothing."""
+    return signed_by(manifest, signed, signers, NAMESPACE)

@@ -1,0 +1,147 @@
+"""What an experiment was read from, for records: its definitions with all that they name, and what is shipped.
+
+Takes a `Planned`; gives contents by path. Reads files again that were not kept in memory; what was shipped by then is
+compared with it, so that a record never holds another content than the robots got.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from srprov import plain_tar, regular_file
+from srprov.controller.plan import Planned
+from srprov.definitions.containermodel import ContainerDefinition
+from srprov.definitions.lockfile import lock_path
+from srprov.errors import UsageError
+
+_LARGEST = 8 * regular_file.MIB
+"""Of a definition file: what it may have as one."""
+_CHANGED = "it was changed after it was planned: run the command again"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class InputFile:
+    """One file of an experiment."""
+
+    content: bytes = b""
+    executable: bool = False
+    link: str | None = None
+    """Where a symbolic link points to; it has no content."""
+
+
+def definition_files(planned: Planned) -> dict[str, InputFile]:
+    """Return the EDF, its lock, CDFs with those that they extend, env_files and playbooks; a plan file has none.
+
+    Keys are paths relative to the EDF's folder. What has gone meanwhile is left out.
+    """
+    if planned.definitions is None:
+        return {}
+    experiment, containers = planned.definitions.experiment, planned.definitions.containers
+    known = {experiment.file: experiment.text, **{path: one.text for path, one in containers.items()}}
+    known |= {one.file: one.text for one in planned.playbooks}
+    known |= {one.dockerfile: one.dockerfile_text for one in containers.values() if one.dockerfile}
+    found = {path: InputFile(content=text.encode("utf-8", "surrogateescape")) for path, text in known.items()}
+    for path in {*experiment.files, lock_path(experiment.file)} - known.keys():
+        try:
+            found[path] = InputFile(content=regular_file.read(path, _LARGEST))
+        except OSError:  # a lock need not be there, and of the others the plan has what was in them
+            continue
+    return {os.path.relpath(path, experiment.folder): one for path, one in sorted(found.items())}
+
+
+def shipped_files(planned: Planned) -> dict[str, InputFile]:
+    """Return the files and folders that services mount, and what images are built with, by paths as above.
+
+    Raises:
+        UsageError: One cannot be read, or is not any more what was planned.
+    """
+    if planned.definitions is None or planned.experiment is None:
+        return {}
+    from srprov import disk
+
+    folder = planned.definitions.experiment.folder
+    sent = set(_sent(planned))
+    found: dict[str, InputFile] = {}
+    path = ""
+    try:
+        with disk.together():
+            for path, one in _listed(planned):
+                content = b"" if one.link is not None else disk.read(path)
+                if one.link is None and os.path.basename(path) != "Dockerfile" and _hash(content) not in sent:
+                    raise UsageError(f"{path} cannot be recorded: {_CHANGED}")
+                found[os.path.relpath(path, folder)] = InputFile(
+                    content=content, executable=one.executable, link=one.link
+                )
+    except (OSError, ValueError) as error:
+        why = error.strerror if isinstance(error, OSError) else error
+        raise UsageError(f"{path or folder} cannot be recorded: {why}", hint=_CHANGED) from error
+    return found
+
+
+def texts(files: Mapping[str, InputFile]) -> dict[str, str]:
+    """Return the contents as text, by their paths."""
+    return {path: one.content.decode("utf-8", "replace") for path, one in files.items()}
+
+
+def _hash(content: bytes) -> str:
+    return hashlib.sha256(content).hexdigest()
+
+
+def _sent(planned: Planned) -> Iterator[str]:
+    """Return the sha256 of every file that robots get in a tree or in a build context."""
+    trees = [one.params.blob for one in planned.desired if one.module == "tree"]
+    for tar in (*trees, *(image.context for image in planned.images.values())):
+        yield from (_hash(one.content) for one in plain_tar.members(tar) if one.content is not None)
+
+
+@dataclass(frozen=True, slots=True)
+class _Listed:
+    executable: bool
+    link: str | None
+
+
+def _listed(planned: Planned) -> Iterator[tuple[str, _Listed]]:
+    """Return absolute path -> what is shipped."""
+    from srprov import disk
+
+    assert planned.experiment is not None and planned.definitions is not None  # the caller looked
+    mounts = {
+        mount.source for one in planned.experiment.services.values() for mount in one.runtime.mounts
+        if mount.kind == "tree"
+    }  # fmt: skip
+    sources = {file.source for one in planned.definitions.containers.values() for file in one.files if not one.image}
+    for source in sorted(mounts | sources):
+        for item in disk.listing(source):
+            if ".git" not in item.path.split("/") or ".git" in source.split("/"):
+                yield os.path.join(source, item.path).rstrip("/"), _Listed(item.executable, item.link)
+    for folder in sorted({_context(one) for one in planned.definitions.containers.values() if one.dockerfile}):
+        from srprov.images.context import folder_items
+
+        for item in folder_items(folder, disk.listing, disk.read):
+            yield os.path.join(folder, item.path), _Listed(item.executable, item.link)
+
+
+def _context(one: ContainerDefinition) -> str:
+    return one.context or os.path.dirname(one.dockerfile)
+
+
+def listing(files: Mapping[str, InputFile], places: Mapping[str, str], kept: Mapping[str, bytes]) -> list[object]:
+    """Return a record's list of its input files.
+
+    Args:
+        files: By their paths, relative to the EDF's folder.
+        places: Path -> where in the record it is.
+        kept: Path -> its content there, without secrets.
+    """
+    return [
+        {
+            "path": path,
+            **({"link": one.link} if one.link is not None else {"file": places[path], "sha256": _hash(kept[path])}),
+            **({"executable": True} if one.executable else {}),
+            **({"redacted": True} if one.link is None and kept[path] != one.content else {}),
+        }
+        for path, one in sorted(files.items())
+    ]

@@ -1,0 +1,49 @@
+"""What a plan file says of overlays: where packets go, who may send, and what of it does not fit together. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Sequence
+
+from srprov.controller.context import is_record_path
+from srprov.modules.file import FileParams
+from srprov.modules.network import NetworkParams
+from srprov.modules.vxlan import VxlanParams
+from srprov.modules.vxlan_filter import VxlanFilterParams
+from srprov.modules.wireguard_peers import WireguardPeersParams
+from srprov.network.addresses import is_free
+from srprov.network.record import read_record
+from srprov.resource import Resource
+from srprov.untrusted import json_or_none, mapping
+
+
+def vteps_of(want: Resource) -> Collection[str]:
+    """Return where packets go, or come from, by what a resource says: a link, its filter, or a placement's record."""
+    if isinstance(want.params, VxlanParams | VxlanFilterParams | WireguardPeersParams):
+        return want.params.vteps
+    content = want.params.content if isinstance(want.params, FileParams) else ""
+    record = read_record(mapping(json_or_none(content))) if is_record_path(want.name) else None
+    return record.vteps.values() if record else ()
+
+
+def wrong_link(
+    want: Resource, link: VxlanParams | VxlanFilterParams, networks: Sequence[NetworkParams]
+) -> Iterator[str]:
+    """Say what of a link or its filter does not fit to the networks of its robot."""
+    if (link.vni, link.port) not in {(one.vni, one.port) for one in networks}:
+        yield f"{want.id}: its VNI and port are not those of the network there"
+    if isinstance(link, VxlanFilterParams):
+        return
+    own = [one for one in networks if one.bridge == link.bridge]
+    if not all(any(is_free(each, one.subnet, one.gateway) for one in own) for each in link.addresses):
+        yield f"{want.id}: its addresses are not such as services on the network there may have"
+
+
+def open_links(wants: Sequence[Resource]) -> Iterator[Resource]:
+    """Return the links that others than the robots they send to may send into: srprov's own have a filter."""
+    filters = {(one.host, one.name): {*one.params.vteps} for one in wants if isinstance(one.params, VxlanFilterParams)}
+    for want in wants:
+        link = want.params
+        if want.module != "vxlan" or link.netns:
+            continue
+        if filters.get((want.host, want.name)) != {*link.vteps}:
+            yield want

@@ -1,0 +1,84 @@
+"""What a run of trials was made of, in its own folder: a record for each time that it was begun or gone on with.
+
+Takes what is planned; writes `sessions/N/`, as the record of an `apply` has it, and with all files that the robots get.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import shutil
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from srprov import private
+from srprov.controller.hardware_tokens import tokens
+from srprov.controller.input_files import InputFile, definition_files, listing, shipped_files
+from srprov.controller.plan import Planned
+from srprov.controller.run import run_inputs
+from srprov.controller.trial_plan import TrialPlan
+from srprov.definitions.model import Inventory
+from srprov.record.documents import inputs, write_inputs
+from srprov.record.folder import PlainFolder
+from srprov.secret import redact
+
+SESSIONS = "sessions"
+
+
+def keep_session(folder: Path, number: int, plan: TrialPlan, inventory: Inventory) -> None:
+    """Write the record of a session before anything of it is run.
+
+    Args:
+        folder: The run's.
+        number: Of the session, counted from 1. What a session that ended before its first event left is replaced.
+        plan: What is run.
+        inventory: The robots.
+
+    Raises:
+        UsageError: A file of the experiment is not any more what was planned.
+        OSError: Something cannot be written.
+    """
+    whole = dataclasses.replace(plan.base, desired=(*plan.base.desired, *plan.services))
+    files = {**shipped_files(whole), **definition_files(whole)}
+    home = folder / SESSIONS / str(number)
+    shutil.rmtree(home, ignore_errors=True)
+    sink = PlainFolder(home)
+    write_inputs(sink, dataclasses.replace(run_inputs(whole, inventory, "run"), files={}))
+    if whole.snapshot is not None:
+        found = tokens(whole.snapshot.facts)
+        sink.put_json("hardware.json", lambda: {"tokens": found})
+    places = _places(files)
+    kept = {path: without_secrets(one) for path, one in files.items() if one.link is None}
+    for path, content in kept.items():
+        private.make_folder((home / places[path]).parent)
+        private.write_output(str(home / places[path]), content)
+    variables = sorted({name for _, name in whole.experiment.environment}) if whole.experiment else []
+    about = {"edf": _edf(whole, places), "variables": variables, "files": listing(files, places, kept)}
+    sink.put_json("inputs.json", lambda: about)
+    for tag, image in sorted(whole.images.items()):
+        sink.put(f"rendered/{tag.replace('/', '_')}.Dockerfile", lambda image=image: image.dockerfile)  # type: ignore[misc]
+
+
+def _places(files: Iterable[str]) -> dict[str, str]:
+    """Return path -> where in the record it is, so that definitions find each other there by the same words.
+
+    What lies above the EDF's folder lies above it there too, so the EDF then is as many folders deeper.
+    """
+    paths = list(files)
+    above = max((path.split("/").count("..") for path in paths), default=0)
+    plain = {os.path.normpath("/".join([*(["edf"] * above), path])): path for path in paths}
+    return {path: f"inputs/{place}" for place, path in inputs(plain)}
+
+
+def _edf(planned: Planned, places: Mapping[str, str]) -> str:
+    """Return where in the record the EDF is."""
+    assert planned.definitions is not None  # trials are never run from a plan in a file
+    return places[os.path.basename(planned.definitions.experiment.file)]
+
+
+def without_secrets(one: InputFile) -> bytes:
+    """Return a file's content as it is recorded: byte for byte, but that secrets in a text are masked."""
+    try:
+        return redact(one.content.decode()).encode()
+    except UnicodeDecodeError:
+        return one.content

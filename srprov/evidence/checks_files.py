@@ -1,0 +1,127 @@
+"""Checks of a bundle's files: that they are those of the manifest, who signed that, and what else says their hashes."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from srprov.controller.bundling import complaint
+from srprov.definitions.trialsmodel import folder_of
+from srprov.evidence import secrets
+from srprov.evidence.files import MANIFEST, SIGNATURE, Files, NotThere, below, content, digest, json_of, sessions
+from srprov.evidence.stored_zip import MOST_ENTRIES
+from srprov.untrusted import integer, mapping, mappings, string
+
+_LINE = re.compile(r"([0-9a-f]{64})  (.+)")
+_MOST_SIGNATURE = 64 * 1024
+_MOST_MANIFEST = MOST_ENTRIES * 300
+
+
+@dataclass(slots=True)
+class Hashed:
+    """Files with their hashes, each worked out once."""
+
+    files: Files
+    known: dict[str, str] = field(default_factory=dict)
+
+    def sha256(self, name: str) -> str:
+        """Return the hash of a file; nothing of one that is not there."""
+        if name not in self.known and name in self.files.sizes:
+            self.known[name] = digest(self.files, name)
+        return self.known.get(name, "")
+
+
+def manifest(files: Files) -> dict[str, str]:
+    """Return name -> sha256, as the manifest has it.
+
+    Raises:
+        NotThere: There is none, or it is not written as it should be.
+    """
+    text = content(files, MANIFEST, _MOST_MANIFEST).decode("utf-8", "replace")
+    found: dict[str, str] = {}
+    for number, line in enumerate(text.split("\n")[:-1], start=1):
+        match = _LINE.fullmatch(line)
+        if match is None or match[2] in found:
+            raise NotThere(f"{MANIFEST}:{number} is not a hash and a name of its own")
+        found[match[2]] = match[1]
+    if not text.endswith("\n"):
+        raise NotThere(f"{MANIFEST} does not end as it should")
+    return found
+
+
+def hashes(hashed: Hashed) -> Iterator[str]:
+    """Compare each file with the manifest."""
+    for name, sha256 in manifest(hashed.files).items():
+        now = hashed.sha256(name)
+        if now != sha256:
+            yield f"{name} is missing" if not now else f"{name} has the sha256 {now}, not {sha256}"
+
+
+def nothing_else(hashed: Hashed) -> Iterator[str]:
+    """Look for files that the manifest does not name."""
+    named = manifest(hashed.files).keys() | {MANIFEST, SIGNATURE}
+    yield from (f"{name} is not in the manifest" for name in hashed.files.sizes if name not in named)
+
+
+def signature(hashed: Hashed, signers: str) -> Iterator[str]:
+    """Check the manifest's signature."""
+    signed = content(hashed.files, SIGNATURE, _MOST_SIGNATURE)
+    if said := complaint(content(hashed.files, MANIFEST, _MOST_MANIFEST), signed, signers):
+        yield f"it is not signed by anybody in {signers}: {said}"
+
+
+def results(hashed: Hashed) -> Iterator[str]:
+    """Compare results with what their robots said of them when they came home."""
+    kept: dict[str, list[str]] = {}
+    for name in hashed.files.sizes:
+        parts = name.split("/")
+        if parts[0] == "trials" and parts[2:3] == ["results"]:
+            kept.setdefault(f"trials/{parts[1]}", []).append(name)
+    for name in hashed.files.sizes:
+        folder, _, end = name.rpartition("/")
+        if end == "collected.json" and folder.startswith("trials/") and folder.count("/") == 1:
+            yield from _collected(hashed, folder, kept.get(folder, ()))
+
+
+def _collected(hashed: Hashed, folder: str, kept: Iterable[str]) -> Iterator[str]:
+    listed = set[str]()
+    for key, some in mapping(json_of(hashed.files, f"{folder}/collected.json").get("results")).items():
+        service, _, path = key.partition("/")
+        for one in mappings(some, most=MOST_ENTRIES):
+            place = f"{folder}/results/{service}{folder_of('/' + path)}".rstrip("/")
+            listed |= {f"{place}/{string(one.get('recovered'))}"} if one.get("recovered") else set()
+            if name := string(one.get("name")):
+                listed.add(f"{place}/{name}")
+                yield from _as_listed(hashed, f"{place}/{name}", one)
+    for name in kept:
+        if name not in listed:
+            yield f"{name} did not come from a robot: {folder}/collected.json does not list it"
+
+
+def _as_listed(hashed: Hashed, name: str, one: Mapping[str, Any]) -> Iterator[str]:
+    size, sha256 = hashed.files.sizes.get(name), hashed.sha256(name)
+    if size != integer(one.get("size"), high=1 << 62) or sha256 != one.get("sha256"):
+        yield f"{name} is not the file that its robot sent"
+
+
+def inputs(hashed: Hashed) -> Iterator[str]:
+    """Compare the experiment's files with what was recorded when each session began."""
+    for home in sessions(hashed.files):
+        listed = {f"{home}/inputs/inventory.yml"}
+        for one in mappings(json_of(hashed.files, f"{home}/inputs.json").get("files"), most=MOST_ENTRIES):
+            if name := string(one.get("file")):
+                listed.add(f"{home}/{name}")
+                if hashed.sha256(f"{home}/{name}") != one.get("sha256"):
+                    yield f"{home}/{name} is not the file that was recorded"
+        for name in below(hashed.files, f"{home}/inputs/"):
+            if name not in listed:
+                yield f"{name} was not recorded when the session began"
+
+
+def no_secrets(hashed: Hashed) -> Iterator[str]:
+    """Look for what looks like a secret."""
+    for name in hashed.files.sizes:
+        if why := secrets.found(hashed.files.pieces(name)):
+            yield f"{name}: {why}"

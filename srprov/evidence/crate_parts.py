@@ -1,0 +1,91 @@
+"""The parts of a crate that trials refer to: parameters, results, metrics, robots, images, people, srprov. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from srprov.evidence.crate_base import Entity, Told, author_ids, image_id, output_id, ref, refs, robot_id
+from srprov.evidence.story import Story
+from srprov.untrusted import mapping, string
+
+
+def parameters(story: Story) -> Iterator[Entity]:
+    """Return what the experiment takes and gives."""
+    for one in story.given.parameters:
+        numbers = all(_is_number(value) for value in one.values)
+        yield {
+            "@id": f"#param-{one.name}", "@type": "FormalParameter", "name": one.name, "unitText": one.unit,
+            "additionalType": "Number" if numbers else "Text", "description": one.description, "valueRequired": "true",
+        }  # fmt: skip
+    yield {
+        "@id": "#param-seed", "@type": "FormalParameter", "name": "seed", "additionalType": "Integer",
+        "description": "What SRPROV_SEED is in a trial's containers.", "valueRequired": "true",
+    }  # fmt: skip
+    for service, some in sorted(story.given.results.items()):
+        for result in some:
+            yield {
+                "@id": output_id(service, result.path), "@type": "FormalParameter", "additionalType": "Dataset",
+                "name": f"{result.path} of {service}",
+            }  # fmt: skip
+    for metric in story.given.metrics:
+        yield {
+            "@id": f"#metric-{metric.name}", "@type": "FormalParameter", "additionalType": "Number",
+            "name": metric.name, "unitText": metric.unit, "description": metric.description,
+        }  # fmt: skip
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def robots(told: Told) -> Iterator[Entity]:
+    """Return the robots, with what reproduces a result or explains it."""
+    for name, one in sorted(mapping(told.facts.get("robots")).items()):
+        about = mapping(one)
+        docker = mapping(about.get("docker"))
+        shown = {
+            "architecture": about.get("arch"), "processors": about.get("cpus"), "processor": about.get("processor"),
+            "memory in bytes": about.get("memory_total"), "kernel": about.get("kernel"),
+            "operating system": about.get("os"), "Docker Engine": docker.get("version"),
+        }  # fmt: skip
+        values = {key: str(value) for key, value in shown.items() if value}
+        yield {
+            "@id": robot_id(name), "@type": "IndividualProduct", "name": name, "model": string(about.get("board")),
+            "serialNumber": string(about.get("machine_id")),
+            "additionalProperty": refs(f"{robot_id(name)}-{key.replace(' ', '-')}" for key in values),
+        }  # fmt: skip
+        for key, value in values.items():
+            place = f"{robot_id(name)}-{key.replace(' ', '-')}"
+            yield {
+                "@id": place, "@type": "PropertyValue", "name": key, "value": value,
+            }  # fmt: skip
+
+
+def agents(told: Told) -> Iterator[Entity]:
+    """Return who ran it, and srprov."""
+    names = told.story.definitions.experiment.authors
+    for name, word in zip(author_ids(told.story), names or ("The user who ran srprov",), strict=True):
+        yield {"@id": name, "@type": "Person", "name": word}
+    version = string(told.environment.get("srprov"))
+    yield {
+        "@id": srprov_id(told), "@type": "SoftwareApplication", "name": "srprov", "version": version,
+        "url": ref("https://pypi.org/project/srprov/"), "description": "The provisioner that ran the trials.",
+    }  # fmt: skip
+
+
+def srprov_id(told: Told) -> str:
+    """Return the identifier of the srprov that ran it."""
+    return f"https://pypi.org/project/srprov/{string(told.environment.get('srprov'))}/"
+
+
+def images(story: Story) -> Iterator[Entity]:
+    """Return the images of the trials' services, as far as their engines named them."""
+    for service, (name, digest) in story.images.items():
+        yield {
+            "@id": image_id(service), "@type": "ContainerImage", "name": name, "identifier": digest,
+            "additionalType": ref("https://w3id.org/ro/terms/workflow-run#DockerImage"),
+        }  # fmt: skip

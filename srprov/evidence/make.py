@@ -1,0 +1,247 @@
+"""The folder of a run of trials -> a bundle: one archive with all of it, redacted, described, hashed, and signed.
+
+Takes the folder, the secrets that are known, and who signs; writes one file, or none. Equal folders give equal bytes,
+whoever makes them and when.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import tempfile
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from srprov.errors import RefusedError, UsageError
+from srprov.evidence import crate, papers, secrets, stored_zip, story
+from srprov.evidence.crate_base import Told
+from srprov.evidence.files import (
+    ABOUT,
+    CRATE,
+    MANIFEST,
+    SIGNATURE,
+    Files,
+    Folder,
+    archive,
+    json_of,
+    of_run,
+    sessions,
+)
+from srprov.evidence.private_words import Replacer, Words, collect, without_access, without_user
+from srprov.record.folder import in_lines
+from srprov.record.runs import trials_run
+from srprov.untrusted import mapping, string_map
+
+FORMAT = 1
+HARDWARE = "hardware.json"
+"""What of a session stays at home: which serial number has which token."""
+_SPOOLED = 1 << 20
+_LONGEST_LINE = 1 << 20
+_MOST_SHOWN = 10
+Sign = Callable[[bytes], bytes]
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Made:
+    """What a bundle came to."""
+
+    files: int
+    size: int
+    signed: bool
+
+
+def bundle(folder: Path, target: Path, *, sign: Sign | None = None, no_secret: Collection[str] = ()) -> Made:
+    """Write the bundle of a run.
+
+    Args:
+        folder: The run's.
+        target: The file; what is there is replaced.
+        sign: Gives the signature of the manifest.
+        no_secret: Names of files that a person looked at: what looks like a secret in them is none.
+
+    Raises:
+        UsageError: The folder holds no run that has ended, or the target lies in it.
+        RefusedError: A secret is in it.
+        OSError: Something cannot be read or written.
+    """
+    _check(folder, target)
+    files = of_run(folder)
+    try:
+        for name in files.sizes:
+            stored_zip.Names().add(name)
+        with tempfile.NamedTemporaryFile(dir=target.absolute().parent, prefix=".srprov-", delete=False) as stream:
+            try:
+                made = _Making(files, stored_zip.Writer(stream), no_secret).all(sign)  # type: ignore[arg-type]  # its type is a wrapper's
+                stream.flush()
+                os.replace(stream.name, target)
+            except BaseException:
+                os.unlink(stream.name)
+                raise
+    except ValueError as error:
+        raise UsageError(f"{folder} cannot be bundled: {error}", hint="run it with this srprov") from error
+    return made
+
+
+def _check(folder: Path, target: Path) -> None:
+    if trials_run(folder, whole=False).killed:
+        hint = "wait for it, or end it properly: srprov run --resume"
+        raise UsageError(f"{folder}: the run is under way, or was killed", hint=hint)
+    if Path(os.path.realpath(folder)) in Path(os.path.realpath(target)).parents:
+        raise UsageError(f"{target} lies in the run's folder: it would hold itself", hint="name another file with -o")
+
+
+@dataclass(slots=True)
+class _Making:
+    """A bundle that is being made."""
+
+    files: Folder
+    writer: stored_zip.Writer
+    no_secret: Collection[str]
+    hashes: dict[str, tuple[int, str]] = field(default_factory=dict)
+    bad: list[str] = field(default_factory=list)
+
+    def all(self, sign: Sign | None) -> Made:
+        """Write all files, then what describes them, then their manifest.
+
+        Raises:
+            RefusedError: Something looks like a secret; all that does is named.
+        """
+        words = _words(self.files)
+        replacer = Replacer(words)
+        for name in self.files.sizes:
+            if not name.endswith(f"/{HARDWARE}") or is_as_it_came(name):
+                self._copy(name, replacer)
+        self._refuse_secrets()
+        counts = {"replaced": replacer.count, "words": dict(sorted(words.kinds.items()))}
+        for name, content in _described(self._written(), self.hashes, counts):
+            self._add(name, content)
+        self._refuse_secrets()
+        manifest = "".join(f"{self.hashes[name][1]}  {name}\n" for name in sorted(self.hashes)).encode()
+        self.writer.add(MANIFEST, len(manifest), [manifest])
+        if sign is not None:
+            signature = sign(manifest)
+            self.writer.add(SIGNATURE, len(signature), [signature])
+        self.writer.finish()
+        return Made(files=len(self.writer.entries), size=self.writer.stream.tell(), signed=sign is not None)
+
+    def _written(self) -> Files:
+        return archive(self.writer.stream, self.writer.entries)
+
+    def _copy(self, name: str, replacer: Replacer) -> None:
+        if is_as_it_came(name):
+            self._stream(name, self.files.sizes[name], self.files)
+            return
+        with tempfile.SpooledTemporaryFile(_SPOOLED) as spool:
+            for piece in _redacted(self.files, name, replacer):
+                spool.write(piece)
+            size = spool.tell()
+            self._stream(name, size, _One(spool, name, size))  # type: ignore[arg-type]  # a spool is a stream
+
+    def _add(self, name: str, content: bytes) -> None:
+        with tempfile.SpooledTemporaryFile(len(content) + 1) as spool:
+            spool.write(content)
+            self._stream(name, len(content), _One(spool, name, len(content)))  # type: ignore[arg-type]  # as above
+
+    def _stream(self, name: str, size: int, source: Files) -> None:
+        if name not in self.no_secret and (why := secrets.found(source.pieces(name))):
+            self.bad.append(f"{name}: {why}")
+        made = hashlib.sha256()
+
+        def hashed() -> Iterator[bytes]:
+            for piece in source.pieces(name):
+                made.update(piece)
+                yield piece
+
+        self.writer.add(name, size, hashed())
+        self.hashes[name] = (size, made.hexdigest())
+
+    def _refuse_secrets(self) -> None:
+        if self.bad:
+            more = [f"and {len(self.bad) - _MOST_SHOWN} more"] * (len(self.bad) > _MOST_SHOWN)
+            lines = "\n".join(f"  {one}" for one in (*self.bad[:_MOST_SHOWN], *more))
+            hint = "take it out, and change the secret; --no-secret NAME for a file in which it is none"
+            raise RefusedError(f"there are secrets in the run, so nothing was written:\n{lines}", hint=hint)
+
+
+@dataclass(frozen=True, slots=True)
+class _One:
+    """A single file that is held open."""
+
+    stream: BinaryIO
+    name: str
+    size: int
+
+    @property
+    def sizes(self) -> Mapping[str, int]:
+        """Return its name and size."""
+        return {self.name: self.size}
+
+    def pieces(self, _name: str) -> Iterator[bytes]:
+        """Return its content."""
+        self.stream.seek(0)
+        while piece := self.stream.read(stored_zip.PIECE):
+            yield piece
+
+
+def is_as_it_came(name: str) -> bool:
+    """Return whether a file is bundled as it is: results, whose hashes the robots gave, and the experiment's own."""
+    parts = name.split("/")
+    results = parts[0] == "trials" and len(parts) > 3 and parts[2] == "results"
+    inputs = parts[0] == "sessions" and len(parts) > 3 and parts[2] == "inputs" and parts[3:] != ["inventory.yml"]
+    return results or inputs
+
+
+def _words(files: Files) -> Words:
+    words = Words()
+    for home in sessions(files):
+        names = ("facts.json", "inputs/inventory.yml", "environment.json", HARDWARE, "inputs.json")
+        found = (json_of(files, f"{home}/{name}") for name in names)
+        collect(words, *found)
+    return words
+
+
+def _redacted(files: Files, name: str, replacer: Replacer) -> Iterator[bytes]:
+    """Return a file's content without the lab's private words, line by line."""
+    end = name.rpartition("/")[2]
+    if name.startswith("sessions/") and end in ("facts.json", "inventory.yml"):
+        document = json_of(files, name)
+        tokens = string_map(json_of(files, f"{'/'.join(name.split('/')[:2])}/{HARDWARE}").get("tokens"))
+        some = without_user(document, tokens) if end == "facts.json" else without_access(document)
+        yield replacer.text(in_lines(some) + "\n").encode("utf-8", "surrogateescape")
+        return
+    for line in _lines(files.pieces(name)):
+        yield replacer.line(line)
+
+
+def _lines(pieces: Iterable[bytes]) -> Iterator[bytes]:
+    """Return the lines of a file; one that is very long in parts, which are cut where no word is."""
+    before = b""
+    for piece in pieces:
+        *lines, before = (before + piece).split(b"\n")
+        yield from (line + b"\n" for line in lines)
+        if len(before) > _LONGEST_LINE:
+            at = before.rfind(b" ") + 1 or len(before)
+            yield before[:at]
+            before = before[at:]
+    yield before
+
+
+def _described(
+    files: Files, hashes: Mapping[str, tuple[int, str]], counts: Mapping[str, Any]
+) -> Iterator[tuple[str, bytes]]:
+    """Return what a bundle has beside the files of the run."""
+    with story.read(files) as found:
+        told = Told(
+            story=found,
+            facts=json_of(files, f"{found.home}/facts.json"),
+            environment=json_of(files, f"{found.home}/environment.json"),
+            files=hashes,
+        )
+        about = {"format": FORMAT, "run": found.run, "srprov": told.environment.get("srprov"), "redaction": counts}
+        yield ABOUT, (json.dumps(mapping(about), indent=2) + "\n").encode()
+        yield "README.md", papers.readme(told).encode("utf-8", "replace")
+        yield "CITATION.cff", papers.citation(told).encode("utf-8", "replace")
+        yield CRATE, crate.text(told).encode("utf-8", "replace")

@@ -1,0 +1,137 @@
+"""One session of a run, read from its record: the definitions, the design, what was to be placed, and where it was.
+
+Takes Files; gives a Session. The input files are written into a folder of the caller's, and read from there as any
+definitions are: nothing of them is run.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from srprov import private
+from srprov.controller.choice import Choice, checked_choice, read_decided
+from srprov.controller.request import PlanRequest
+from srprov.controller.trial_instances import with_instances
+from srprov.definitions import load_experiment, load_inventory
+from srprov.definitions.model import Definitions
+from srprov.definitions.trialsmodel import TrialDefinitions
+from srprov.errors import DefinitionError, SrprovError
+from srprov.evidence.files import Files, NotThere, below, content, json_of
+from srprov.facts.host import with_inventory
+from srprov.facts.stored import read_document
+from srprov.trials import Design, design
+from srprov.untrusted import string, string_map, strings
+
+_MOST_INPUTS = 128 << 20
+_MOST_INPUT_FILES = 20_000
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Session:
+    """One time that the run was begun or gone on with."""
+
+    home: str
+    """Its folder, such as `sessions/1`."""
+    edf: str
+    """Name of the EDF in the bundle."""
+    definitions: Definitions
+    given: TrialDefinitions
+    """What the experiment says of trials, for each instance of a service."""
+    design: Design
+    places: Mapping[str, int]
+    """Trial -> its place in the design's order, counted from 1."""
+    choice: Choice
+    """What was to be placed, as far as the record tells."""
+    assignment: Mapping[str, str]
+    """Service -> robot."""
+
+    @property
+    def services(self) -> dict[str, str]:
+        """Service of each trial -> its robot."""
+        return {name: robot for name, robot in sorted(self.assignment.items()) if name not in self.given.settings.keep}
+
+
+def read_session(files: Files, home: str, folder: str) -> Session:
+    """Read a session; its input files are written below `folder`.
+
+    Raises:
+        NotThere: Something is missing, or is not what a run writes.
+    """
+    about = json_of(files, f"{home}/inputs.json")
+    edf = f"{home}/{string(about.get('edf'))}"
+    if edf not in files.sizes:
+        raise NotThere(f"{home}/inputs.json names no EDF that is there")
+    _unpack(files, home, folder)
+    definitions = _definitions(folder, edf, dict.fromkeys(strings(about.get("variables")), ""))
+    choice = _choice(files, home, folder, definitions)
+    try:
+        given = with_instances(choice.experiment)
+        made = design(given)
+    except SrprovError as error:
+        raise NotThere(f"its trials cannot be read: {error.message}") from None
+    assignment = string_map(json_of(files, f"{home}/assignment.json").get("assignment"))
+    return Session(
+        home=home,
+        edf=edf,
+        definitions=definitions,
+        given=given,
+        design=made,
+        places={trial.id: place for place, trial in enumerate(made.trials, start=1)},
+        choice=choice,
+        assignment=assignment,
+    )
+
+
+def again(one: Session, home: str) -> Session:
+    """Return a session of which another one follows from the same files."""
+    return replace(one, home=home, edf=one.edf.replace(one.home, home, 1))
+
+
+def follows_from(files: Files, home: str) -> tuple[bytes, ...]:
+    """Return what a session follows from."""
+    names = ("inputs.json", "assignment.json", "facts.json", "inputs/inventory.yml")
+    return tuple(content(files, f"{home}/{name}") for name in names)
+
+
+def _unpack(files: Files, home: str, folder: str) -> None:
+    """Write the input files of a session into a folder."""
+    names = below(files, f"{home}/inputs/")
+    if len(names) > _MOST_INPUT_FILES or sum(files.sizes[name] for name in names) > _MOST_INPUTS:
+        raise NotThere(f"{home}/inputs holds more than an experiment has")
+    for name in names:
+        place = Path(folder, name)
+        private.make_folder(place.parent)
+        private.write_output(str(place), content(files, name, _MOST_INPUTS))
+
+
+def _definitions(folder: str, edf: str, environ: Mapping[str, str]) -> Definitions:
+    try:
+        found = load_experiment(os.path.join(folder, edf), environ)
+    except DefinitionError as error:
+        first = error.problems[0]
+        where = os.path.basename(first.location.file)
+        raise NotThere(f"the definitions cannot be read: {where}: {first.message}") from None
+    for file in found.containers:
+        if not Path(file).is_relative_to(folder):
+            raise NotThere(f"a CDF is named by a path that only one machine has: {file[:200]}")
+    return found
+
+
+def _choice(files: Files, home: str, folder: str, definitions: Definitions) -> Choice:
+    """Return what was to be placed, from the facts and the inventory of a session."""
+    document = json_of(files, f"{home}/facts.json")
+    try:
+        path = os.path.join(folder, home, "inputs", "inventory.yml")
+        inventory = load_inventory([path], unnamed=[path])
+        found = read_document(document)
+        hosts = inventory.hosts
+        facts = {name: with_inventory(hosts[name], one) for name, one in found.facts.items() if name in hosts}
+        away = {name: found.unreachable.get(name, "not in the facts") for name in hosts if name not in facts}
+        snapshot = replace(found, facts=facts, observed={name: () for name in facts}, unreachable=away)
+        before, request = read_decided(document.get("decided"), PlanRequest())
+        return checked_choice(definitions, inventory, snapshot, request, before)
+    except SrprovError as error:
+        raise NotThere(f"the record of the robots cannot be read: {error.message}") from None

@@ -1,0 +1,37 @@
+"""Which logging asks for a permission: what leaves the engine, or what costs the engine itself. Pure."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+from srprov.definitions.containermodel import Logging
+
+_LOGS = ("", "json-file", "local", "none")
+"""Log drivers that write what only the engine reads; the empty one is what the robot's owner chose."""
+_SIZE = r"((6[4-9]|[7-9]\d|[1-9]\d{2,6})k|[1-9]\d{0,5}[mg]|[1-9]\d{5,11})(i?b)?"
+_LOG_OPTIONS = {
+    "max-size": re.compile(_SIZE, re.ASCII | re.IGNORECASE),
+    "max-file": re.compile("[1-9][0-9]?|100"),
+    "compress": re.compile("true|false"),
+    "mode": re.compile("blocking|non-blocking"),
+    "labels": re.compile("[A-Za-z0-9_./,-]{1,500}"),
+    "env": re.compile("[A-Za-z0-9_,]{1,500}"),
+    "tag": re.compile(r"([A-Za-z0-9_./: -]|\{\{ ?\.[A-Z][A-Za-z]{1,30} ?\}\}){1,200}"),
+}
+"""Options that say how much such a driver keeps, and what it writes beside the lines, with values that cost little.
+
+The engine itself computes a template of `tag`, and moves every kept file when one is full: outside of any limit.
+"""
+
+
+def of_logging(log: Logging | None) -> Iterator[str]:
+    """Return what the engine itself, as root and from the robot's own network, would do with what is printed."""
+    plain = log is None or log.driver in _LOGS
+    if log and not plain:
+        place = "into the robot's own journal" if log.driver == "journald" else "perhaps off the robot"
+        yield f"driver {log.driver}: the engine sends what is printed {place}"
+    for name, value in sorted(log.options.items()) if log else ():
+        form = _LOG_OPTIONS.get(name)
+        if not plain or form is None or not form.fullmatch(value):
+            yield f"option {name}={value}"
