@@ -15,6 +15,7 @@ from srprov.definitions.lockfile import lock_path
 from srprov.definitions.model import Definitions
 from srprov.definitions.profiles import chosen
 from srprov.errors import UsageError
+from srprov.git_address import parse_address
 
 EDF_ENDINGS = (".edf", ".yml", ".yaml")
 """No plan has such a name."""
@@ -109,10 +110,18 @@ def fetched(file: str, allowed: Collection[str], fetch: Callable[[str, str], str
     if not found.experiment.remote:
         return found
     from srprov.controller.permissions import permit_planning
-    from srprov.planning.policy import permissions
+    from srprov.planning.policy import Permission, permissions
 
     permit_planning(permissions(found.experiment, found.containers), allowed)
-    return load_experiment(file, fetch=fetch)
+    named = {url for _, url, _ in found.experiment.remote}
+
+    def asked(url: str, ref: str) -> str:
+        # git opens a repository of this machine as its user: what a fetched CDF names was not among the above
+        if url not in named and (path := parse_address(url).path):
+            permit_planning([Permission(kind="outside", service="a CDF in a repository", what=path)], allowed)
+        return fetch(url, ref)
+
+    return load_experiment(file, fetch=asked)
 
 
 def is_edf_name(file: str) -> bool:

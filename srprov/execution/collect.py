@@ -6,7 +6,6 @@ links, and go on where a transfer was cut. Whoever fetches compares each file wi
 
 from __future__ import annotations
 
-import posixpath
 import re
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
@@ -15,10 +14,11 @@ from typing import Any, Protocol, TypeVar
 
 from srprov.errors import TransportError
 from srprov.execution.listing import Entry, Listing, ListingError
+from srprov.execution.result_scripts import LIST, TAR, UNNAMEABLE, WHY, ending, inside
+from srprov.execution.sandbox import MISSING, ended_with_channel
 from srprov.pace import TOO_LITTLE, Pace
 from srprov.session import Session, Streams
 from srprov.untrusted import mapping, mappings, string
-from srprov.wire import quote
 
 _T = TypeVar("_T")
 _HASHED_PER_S = 2 << 20
@@ -28,19 +28,6 @@ _PAUSE_S = 0.2
 _READY = b"srprov-ready\n"
 _ENDED = re.compile(rb"srprov-end ([0-9]{1,3})\s*\Z")
 _LONGEST_COMPLAINT = 16_384
-_MISSING, _LED_OUT, _NO_TOOLS = 44, 45, 46
-_WHY = {_MISSING: "it is gone", _LED_OUT: "a link leads out of its folder"}
-_TAR = (
-    "tar --create --format=posix --sort=name --numeric-owner --hard-dereference --one-file-system"
-    " '--pax-option=exthdr.name=%d/PaxHeaders/%f,delete=atime,delete=ctime,delete=mtime'"
-)
-_LIST = (
-    f"find . -prune -printf '' && sha256sum -z /dev/null >/dev/null || exit {_NO_TOOLS}; "
-    "find \"$what\" -xdev ! -type d -printf '%y %s %p\\0%l\\0'; printf 'H\\0'; "
-    f'find "$what" -xdev -type f -print0 | nice xargs -0 -r timeout -k 9 {_HASHING_S + 60:.0f} sha256sum -z --'
-)
-_UNNAMEABLE = re.compile(r"\n|\s\Z")
-"""Paths that cannot stand in the list of what tar leaves out: they come though nobody needs them."""
 
 
 class CollectFailed(Exception):
@@ -92,11 +79,11 @@ def listings(robot: Robot, places: Sequence[Place]) -> list[list[Entry] | None]:
     """
     if not places:
         return []
-    script = "; ".join(f"( {_inside(one)}; {_LIST} ); printf '=%d\\0' $?" for one in places)
+    script = "; ".join(f"( {inside(one.root, one.path, LIST)} ); printf '=%d\\0' $?" for one in places)
 
     def work(session: Session) -> list[tuple[int, list[Entry]]]:
         found, pace, allowed = Listing(len(places)), Pace(), 0.0
-        streams = session.open_shell(_ending(script))
+        streams = session.open_shell(ending(ended_with_channel(script, _HASHING_S + 60)))
         try:
             for piece in _pieces(robot.host, streams, pace):
                 found.feed(piece)
@@ -114,10 +101,9 @@ def listings(robot: Robot, places: Sequence[Place]) -> list[list[Entry] | None]:
 
 def _readable(host: str, place: Place, status: int, entries: list[Entry]) -> list[Entry] | None:
     """Return a place's entries, or None for nothing there."""
-    if status in (_LED_OUT, _NO_TOOLS):
-        why = "a link leads out of its folder" if status == _LED_OUT else "GNU find and sha256sum are needed there"
-        raise CollectFailed(f"{host}: {place.path} cannot be read: {why}")
-    return None if status == _MISSING else entries
+    if status in WHY and status != MISSING:
+        raise CollectFailed(f"{host}: {place.path} cannot be read: {WHY[status]}")
+    return None if status == MISSING else entries
 
 
 def fetch_file(robot: Robot, place: Place, size: int, at: int) -> Iterator[bytes]:
@@ -130,7 +116,7 @@ def fetch_file(robot: Robot, place: Place, size: int, at: int) -> Iterator[bytes
 
     def opened(session: Session, at: int) -> Streams:
         window = f"iflag=nofollow,nonblock,skip_bytes,count_bytes,fullblock skip={at} count={size - at}"
-        return session.open_shell(_ending(f'{_inside(place)}; dd if="$what" {window} bs=1M status=none'))
+        return session.open_shell(ending(inside(place.root, place.path, f'dd if="$what" {window} bs=1M status=none')))
 
     return _resumed(robot, place, opened, at, size)
 
@@ -142,14 +128,15 @@ def fetch_tar(robot: Robot, place: Place, without: Collection[str], most: int) -
         TransferCut, CollectFailed: Nothing of it comes any more; it has more than `most` bytes, or cannot be read.
         EquipmentFailed: The robot stays away.
     """
-    names = "".join(f"./{one}\n" for one in sorted(without) if not _UNNAMEABLE.search(one))
+    names = "".join(f"./{one}\n" for one in sorted(without) if not UNNAMEABLE.search(one))
     listed = names.encode("utf-8", "surrogateescape")
     words = "--anchored --no-wildcards --exclude-from=-" if listed else ""
     given = f"printf '{_READY.decode().strip()}\\n'; head -c {len(listed)} | " if listed else ""
 
     def opened(session: Session, at: int) -> Streams:
         # whether a file changed under tar, or went, its hash says: tar's own status is not needed
-        streams = session.open_shell(_ending(f'{_inside(place)}; {given}{_TAR} {words} -- "$what" | tail -c +{at + 1}'))
+        tar = f'{given}{TAR} {words} -- "$what" | tail -c +{at + 1}'
+        streams = session.open_shell(ending(inside(place.root, place.path, tar)))
         if listed:
             _give(robot.host, streams, memoryview(listed))
         return streams
@@ -181,26 +168,6 @@ def _resumed(
             pace.goes_on(0)
         finally:
             streams.close()
-
-
-def _ending(script: str) -> str:
-    return f'( {script} ); echo "srprov-end $?" >&2'
-
-
-def _inside(place: Place) -> str:
-    """Return a script that goes to the folder of a place and sets `what`, its name there.
-
-    The kernel says where the working folder is: whatever runs there may put links in the way meanwhile, and neither tar
-    nor find nor dd follow one that they are named.
-    """
-    folder, name = posixpath.split(posixpath.normpath(place.path))
-    return (
-        f'here=$(realpath -e -- {quote(place.root)} 2>/dev/null) && cd -- "$here" || exit {_MISSING}; '
-        f"folder={quote(folder)}; what={quote('./' + (name if name != '.' else ''))}; "
-        f'if [ "$folder" ]; then cd -- "./$folder" 2>/dev/null || exit {_MISSING}; fi; '
-        f'[ "$(pwd -P)" = "$here${{folder:+/$folder}}" ] || exit {_LED_OUT}; '
-        f'[ -e "$what" ] || [ -L "$what" ] || exit {_MISSING}'
-    )
 
 
 def _give(host: str, streams: Streams, data: memoryview) -> None:
@@ -239,7 +206,7 @@ def _pieces(host: str, streams: Streams, pace: Pace) -> Iterator[bytes]:
             if ended is None:
                 raise TransportError(host, f"a result ended too early: {streams.reason()}")
             if int(ended[1]):
-                why = _said(complaint[: ended.start()]) or _WHY.get(int(ended[1]), f"status {int(ended[1])}")
+                why = _said(complaint[: ended.start()]) or WHY.get(int(ended[1]), f"status {int(ended[1])}")
                 raise CollectFailed(f"{host}: a result cannot be read: {why}")
             return
         else:

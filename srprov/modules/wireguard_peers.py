@@ -34,7 +34,8 @@ class WireguardPeersParams:
     peers: tuple[tuple[str, str, str], ...]
     """Robot, its underlay address and port, and its address in the namespace."""
     keys: Mapping[str, str] = field(default_factory=dict, metadata=NOT_WRITTEN)
-    """Robot in reach -> its public key; empty where it has none yet, or says another's. Added by `informed`."""
+    """Robot in reach -> its public key; empty where it has none yet, words where it is this robot's too.
+    Added by `informed`."""
 
     def __post_init__(self) -> None:
         """Refuse (ParameterError) addresses that are none, or several: each peer has its own alone."""
@@ -71,7 +72,10 @@ class WireguardPeersModule(Module[WireguardPeersParams]):
     def informed(
         self, name: str, host: str, want: WireguardPeersParams, there: Mapping[str, Collection[Observed]]
     ) -> WireguardPeersParams:
-        """Return them with the robots' public keys. Of several robots with one key, none is believed."""
+        """Return them with the robots' public keys. Of several robots with one key, none is believed.
+
+        Those cannot speak with each other, and say why; to the others they are out of reach.
+        """
         said = {
             robot: str(one.state["public"])
             for robot, items in there.items()
@@ -80,8 +84,11 @@ class WireguardPeersModule(Module[WireguardPeersParams]):
         }
         robots = {robot for robot, _, _ in want.peers} & there.keys()
         keys = {**dict.fromkeys(robots, ""), **want.keys, **{one: said[one] for one in robots & said.keys()}}
-        held = Counter({**keys, host: said.get(host, "")}.values())
-        return dataclasses.replace(want, keys={one: key if held[key] == 1 else "" for one, key in keys.items()})
+        own = said.get(host, "")
+        held = Counter(key for key in (*keys.values(), own) if key)
+        claimed = {robot: _claimed(robot, host) for robot, key in keys.items() if key and key == own}
+        keys = {robot: key for robot, key in keys.items() if held[key] <= 1 or robot in claimed}
+        return dataclasses.replace(want, keys={**keys, **claimed})
 
     def check(self, name: str, want: WireguardPeersParams, found: State | None) -> Change | None:
         """Compare keys, endpoints and addresses. What is there for a robot out of reach stays.
@@ -139,6 +146,11 @@ def _state(link: Interface) -> dict[str, Any]:
 def _unknown(robot: str) -> str:
     """Return what stands for a key that is not known; `wg` takes it for none."""
     return f"<public key of {robot}>"
+
+
+def _claimed(robot: str, host: str) -> str:
+    """Return what stands for a key that both robots say is their own; `wg` takes it for none, and tells it."""
+    return f"<one public key, which {robot} and {host} both say is theirs>"
 
 
 def _set(name: str, gone: Sequence[str], due: Mapping[str, _Peer]) -> tuple[Command, ...]:

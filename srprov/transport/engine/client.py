@@ -17,7 +17,7 @@ import requests
 import urllib3.exceptions
 from docker import APIClient
 from docker.constants import DEFAULT_DOCKER_API_VERSION, MINIMUM_DOCKER_API_VERSION
-from docker.errors import DockerException
+from docker.errors import DockerException, InvalidConfigFile
 
 from srprov.errors import TransportError
 from srprov.session import Progress
@@ -59,7 +59,11 @@ class _Client(APIClient):
 
     def __init__(self, adapter: EngineAdapter, version: str, timeout_s: float) -> None:
         # A version that is given spares the SDK's own request for it.
-        super().__init__(base_url=_HERE, version=version, timeout=timeout_s)  # type: ignore[arg-type]  # any number
+        try:
+            super().__init__(base_url=_HERE, version=version, timeout=timeout_s)  # type: ignore[arg-type]  # any number
+        except (AttributeError, TypeError, ValueError, InvalidConfigFile) as error:
+            # the SDK reads it whether it is needed or not, and expects nothing else than a right one
+            raise EngineGone(f"the docker SDK cannot read its config.json on this machine: {error}") from error
         # nothing of this machine's user goes to a robot: no headers of ~/.docker/config.json, no proxy, no .netrc
         self._general_configs: dict[str, Any] = {}
         self.trust_env = False

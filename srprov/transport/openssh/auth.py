@@ -23,6 +23,7 @@ from srprov import regular_file
 from srprov.errors import AuthError, ConnectError, DeadlineError
 from srprov.transport.deadline import Deadline
 from srprov.transport.openssh.settings import SshSettings
+from srprov.wire import quote
 
 _LARGEST_KEY = 16 * 1024
 Attempt = tuple[str, str, Callable[[paramiko.Transport], list[str]]]
@@ -162,12 +163,13 @@ class Login(AuthStrategy):
     def _error(self, more: str) -> AuthError:
         """Name the user and all that was offered."""
         user, name = self.settings.user, self.settings.name
+        login = quote(f"{user}@{self.settings.hostname}")
         tried = ", ".join(self.tried) or "no key was found"
         return AuthError(
             name,
             f"login as {user!r} was refused; tried: {tried}{more}",
             hint=(
-                f"put a key there (ssh-copy-id {user}@{self.settings.hostname}), or name the right one "
+                f"put a key there (ssh-copy-id {login}), or name the right one "
                 "(ansible_ssh_private_key_file) or the right user (ansible_user)"
             ),
         )

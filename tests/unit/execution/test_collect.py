@@ -159,6 +159,15 @@ def test_a_path_that_leads_out_is_refused_and_one_that_is_not_there_is_nothing(r
             list(pieces)
 
 
+@pytest.mark.skipif(os.geteuid() != 0, reason="devices are root's")
+def test_a_device_that_is_put_in_the_place_of_a_file_does_not_come(root: Path) -> None:
+    subprocess.run(["mknod", root / "zeros", "c", "1", "5"], check=True)
+    place = Place(root=str(root), path="zeros")
+    with pytest.raises(CollectFailed, match="Permission denied"):
+        list(fetch_file(Machine(), place, 6, 0))
+    assert b"\0" * 1024 in (tar := b"".join(fetch_tar(Machine(), place, (), 20_480))) and len(tar) <= 20_480
+
+
 def test_one_file_or_a_folder_below_comes_alone(root: Path, tmp_path: Path) -> None:
     (root / "deep" / "er").mkdir(parents=True)
     (root / "deep" / "er" / "a").write_text("a")

@@ -68,11 +68,17 @@ def test_a_key_that_is_to_be_made_is_named_by_its_robot_and_never_taken_for_one(
     assert check(state(R2, R3), r1=KEYS["r1"], r2=KEYS["r2"], r3="") is not None
 
 
-def test_a_key_that_two_robots_claim_is_believed_of_neither() -> None:
+def test_a_key_that_two_robots_claim_is_believed_of_neither_and_the_others_go_on() -> None:
     """Who says another's key would cut that one off, or get what is meant for it."""
-    text = script(check(None, r1=KEYS["r1"], r2=KEYS["r2"], r3=KEYS["r2"]))
-    assert KEYS["r2"] not in text
-    assert KEYS["r1"] not in script(check(None, r1=KEYS["r1"], r2=KEYS["r1"], r3=KEYS["r3"]))
+    assert check(None, r1=KEYS["r1"], r2=KEYS["r2"], r3=KEYS["r2"]) is not None
+    assert script(check(None, r1=KEYS["r1"], r2=KEYS["r2"], r3=KEYS["r2"])) == ":"
+    assert check(state(R2, R3), r1=KEYS["r1"], r2=KEYS["r2"], r3=KEYS["r2"]) is None
+
+
+def test_who_says_this_robots_key_is_named_with_it() -> None:
+    text = script(check(None, r1=KEYS["r1"], r2=KEYS["r1"], r3=KEYS["r3"]))
+    assert "peer '<one public key, which r2 and r1 both say is theirs>' endpoint" in text
+    assert KEYS["r1"] not in text and KEYS["r3"] in text
 
 
 def test_a_stranger_and_an_old_key_are_removed() -> None:

@@ -1,14 +1,15 @@
 from __future__ import annotations
 
 import io
-from typing import Any
+from pathlib import Path
+from typing import Any, cast
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from srprov.transport.engine.answers import demultiplexed, events, failure, follow, lines, message_of, quoted, told
-from srprov.transport.engine.client import negotiated
+from srprov.transport.engine.client import _Client, negotiated
 from srprov.transport.engine.link import EngineGone
 
 DEEP = "[" * 100_000
@@ -137,3 +138,13 @@ def test_an_error_of_any_shape_is_a_failure() -> None:
     for text in ('{"error": {"a": 1}}', '{"error": 7}', '{"errorDetail": {"code": 1}}', '{"errorDetail": "x"}'):
         done = follow([text.encode()], 200, lambda _line: None)
         assert (done.ok, done.err) == (False, "the engine did not say why"), text
+
+
+@pytest.mark.parametrize("text", ["[1]", '{"auths": 5}', '{"auths": {"x": "y"}}', '{"proxies": 3}'])
+def test_a_user_s_configuration_that_the_sdk_cannot_read_is_an_error_that_names_it(
+    text: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "config.json").write_text(text)
+    monkeypatch.setenv("DOCKER_CONFIG", str(tmp_path))
+    with pytest.raises(EngineGone, match=r"config\.json on this machine"):
+        _Client(cast(Any, None), "1.41", 1)
