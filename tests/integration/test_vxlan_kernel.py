@@ -64,7 +64,8 @@ class Robot:
         """Do what is due, and check that nothing is due then."""
         change = self.check(want)
         assert change is not None
-        assert self.sh(f"nft add table bridge {want.name}").ok, "a link is made only where its rules are"
+        rule = f'table bridge {want.name} {{ chain one {{ counter comment "srprov:one"; }}; }}'
+        assert self.sh(f"nft '{rule}'").ok, "a link is made only where its rules are"
         for command in change.commands:
             assert isinstance(command, Run)
             reply = self.sh(command.script)
@@ -121,6 +122,19 @@ def test_what_a_bridge_learned_of_a_link_is_forgotten(robot: Robot) -> None:
     assert robot.sh(f"{learn} master dynamic").ok
     robot.make(link())
     assert "02:aa:bb:cc:dd:03" not in robot.sh("bridge fdb show").out
+
+
+def test_a_link_whose_rules_are_not_there_does_not_come_up(robot: Robot) -> None:
+    """A table that lost its rules drops nothing."""
+    want = link()
+    assert robot.sh(f"nft add table bridge {want.name}").ok
+    change = robot.check(want)
+    assert change is not None
+    command = change.commands[-1]
+    assert isinstance(command, Run)
+    done = robot.sh(command.script)
+    assert (done.ok, done.err) == (False, "no rules close the overlay\n")
+    assert not robot.sh(f"ip -o link show {want.name} up").out
 
 
 def test_a_link_over_ipv6_is_made(robot: Robot) -> None:
