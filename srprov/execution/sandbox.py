@@ -13,12 +13,14 @@ MISSING, NO_SANDBOX = 44, 47
 """Exit statuses: the folder is gone; it could not be closed off."""
 
 _ENTER = f"""cd -- "$1" || exit {MISSING}
-as_here() {{
-  if [ -L "/$1" ]; then ln -s "$(readlink "/$1")" "/tmp/$1"; else mkdir "/tmp/$1" && mount --bind "/$1" "/tmp/$1"; fi
-}}
 mount -t tmpfs -o mode=755,size=64k,nosuid srprov /tmp && mkdir /tmp/dev /tmp/folder && : >/tmp/dev/null &&
 mount --bind /dev/null /tmp/dev/null || exit {NO_SANDBOX}
-for name in bin sbin lib lib32 lib64 libx32 usr; do [ ! -e "/$name" ] || as_here "$name" || exit {NO_SANDBOX}; done
+links=
+for name in bin sbin lib lib32 lib64 libx32 usr; do
+  if [ -L "/$name" ]; then links="$links /$name"
+  elif [ -d "/$name" ]; then mkdir "/tmp/$name" && mount --rbind "/$name" "/tmp/$name" || exit {NO_SANDBOX}; fi
+done
+[ ! "$links" ] || cp -P $links /tmp || exit {NO_SANDBOX}
 mount -c --bind . /tmp/folder && mount -o remount,bind,ro,nodev,nosuid,noexec /tmp/folder || exit {NO_SANDBOX}
 exec chroot /tmp sh -c "cd /folder; $2"
 """
