@@ -37,16 +37,12 @@ def hosts_file(
         extra: (name, address) of further lines.
         own: Lines of the robot's own file, which come last; of a name that stands above, none of them counts.
     """
-    lines = [f"{ip_address(address)}\t{name}\n" for name, address in sorted(overlay.names.items())]
-    lines += [
-        f"{ip_address(address)}\t{name}\n"
-        for name, addresses in sorted(overlay.aliases.items())
-        for address in addresses
-    ]
-    second = sorted((name, overlay.names[service]) for service, name in hostnames.items() if service in overlay.names)
-    lines += [f"{ip_address(address)}\t{name}\n" for name, address in (*second, *extra)]
-    taken = {*names.RESERVED, *(line.split()[1] for line in lines)}
-    return _LOCAL + "".join([*lines, *_without(taken, own)])
+    given = [*sorted(overlay.names.items())]
+    given += [(name, address) for name, addresses in sorted(overlay.aliases.items()) for address in addresses]
+    given += sorted((name, overlay.names[service]) for service, name in hostnames.items() if service in overlay.names)
+    given += extra
+    taken = {*names.RESERVED, *(name.lower() for name, _ in given)}
+    return _LOCAL + "".join([*(f"{ip_address(address)}\t{name}\n" for name, address in given), *_without(taken, own)])
 
 
 def _without(taken: Collection[str], own: Iterable[str]) -> Iterator[str]:

@@ -191,6 +191,12 @@ def test_a_robots_own_lines_stand_below_without_names_that_mean_something_else()
     ]  # fmt: skip
 
 
+def test_a_robots_own_name_gives_way_in_any_case_and_a_name_of_blanks_breaks_nothing() -> None:
+    overlay = Overlay(instance="x", underlays={}, names={"\r": "10.0.0.9"})
+    text = hosts_file(overlay, extra=[("Printer", "10.0.0.7")], own=["10.6.6.7 printer scanner"])
+    assert text.endswith("10.0.0.9\t\r\n10.0.0.7\tPrinter\n10.6.6.7\tscanner\n")
+
+
 def test_the_record_holds_the_whole_placement() -> None:
     """The record holds the whole placement."""
     what = experiment(service("map"), service("talker", network="host"))
