@@ -148,6 +148,7 @@ FILES: Mapping[str, Room] = {
     "cli/assign_plot.py": cli_file("assignment", "matplotlib numpy"),
     "cli/bundle.py": cli_file("evidence"),
     "cli/build.py": cli_file("planning execution"),
+    "cli/compare.py": cli_file("evidence"),
     "cli/doctor.py": cli_file("facts"),
     "cli/exec.py": cli_file("facts"),
     "cli/execute.py": cli_file("planning execution"),

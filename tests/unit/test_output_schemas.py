@@ -21,6 +21,7 @@ OUTPUTS = (
     "assign",
     "bundle",
     "collect",
+    "compare",
     "doctor",
     "facts",
     "images",

@@ -1,0 +1,98 @@
+"""A run as it is compared: its story, the attempts that count, and what their robots were.
+
+Reads run folders and bundles; of a bundle every file must have the hash of its manifest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+from srprov.errors import UsageError
+from srprov.evidence import checks_files, story
+from srprov.evidence.checks_files import Hashed
+from srprov.evidence.files import Files, NotThere, json_of, of_run, opened
+from srprov.evidence.story import Story, attempt_folder
+from srprov.trials.judge import COUNTED
+from srprov.trials.marks import Row
+from srprov.untrusted import mapping, string
+
+
+@dataclass(frozen=True, kw_only=True)
+class Run:
+    """One run, with what is read from it when it is asked for."""
+
+    name: str
+    """As the user named it."""
+    files: Files
+    story: Story
+
+    @cached_property
+    def inputs(self) -> Mapping[str, Any]:
+        """Return which files it was made of."""
+        return json_of(self.files, f"{self.story.home}/inputs.json")
+
+    @cached_property
+    def robots(self) -> Mapping[str, Any]:
+        """Return robot -> facts."""
+        return mapping(json_of(self.files, f"{self.story.home}/facts.json").get("robots"))
+
+    @cached_property
+    def counted(self) -> tuple[Row, ...]:
+        """Return the attempts that count, one of each trial, in the order in which they ended."""
+        last = {string(row.get("trial")): row for row in self.story.rows if row.get("status") in COUNTED}
+        return tuple(last.values())
+
+    @cached_property
+    def images(self) -> Mapping[str, tuple[str, str]]:
+        """Return service -> its image's name, and the id that its engine gave to it; empty where nothing says it."""
+        found = {name: ("", string(mapping(one).get("Image"))) for name, one in self._containers.items()}
+        stated = self.story.images
+        return {**found, **{name: (one, id_ or found.get(name, ("", ""))[1]) for name, (one, id_) in stated.items()}}
+
+    @property
+    def _containers(self) -> Mapping[str, Any]:
+        """Return what engines said of the containers of the last trial that counts."""
+        try:
+            return json_of(self.files, f"{attempt_folder(self.counted[-1])}/containers.json") if self.counted else {}
+        except NotThere:
+            return {}
+
+    def values(self, metric: str) -> dict[str, dict[str, float]]:
+        """Return point -> trial -> value of a metric, of the trials that gave it."""
+        found: dict[str, dict[str, float]] = {}
+        for row in self.counted:
+            value = row.get(f"m_{metric}")
+            if isinstance(value, int | float) and not isinstance(value, bool):
+                found.setdefault(string(row.get("point")), {})[string(row.get("trial"))] = float(value)
+        return found
+
+
+@contextmanager
+def read(paths: Sequence[str]) -> Iterator[tuple[Run, ...]]:
+    """Read runs, each the folder of one or a bundle; they are open as long as the block lasts.
+
+    Raises:
+        UsageError: One is neither, or cannot be read, or does not have the hashes of its manifest.
+    """
+    with ExitStack() as stack:
+        yield tuple(_read(path, stack) for path in paths)
+
+
+def _read(path: str, stack: ExitStack) -> Run:
+    is_folder = Path(path).is_dir()
+    try:
+        files: Files = of_run(Path(path)) if is_folder else stack.enter_context(opened(path))
+        if not is_folder:
+            hashed = Hashed(files)
+            if wrong := next(chain(checks_files.hashes(hashed), checks_files.nothing_else(hashed)), ""):
+                raise UsageError(f"{path}: {wrong}", hint=f"srprov verify {path} says what else is wrong")
+        return Run(name=path, files=files, story=stack.enter_context(story.read(files)))
+    except (OSError, ValueError) as error:
+        hint = "name the folder of a run of trials, or what `srprov bundle` made of one"
+        raise UsageError(f"{path} cannot be compared: {error}", hint=hint) from error
