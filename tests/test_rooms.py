@@ -98,9 +98,9 @@ ROOMS: Mapping[str, Room] = {
         "errors data private regular_file untrusted resource secret definitions.model facts planning execution"
         " trials definitions.trialsmodel transport.tar_stream"
     ),
-    # Bundles: reads and checks what a run left, and works out again what follows from it.
+    # Bundles: reads and checks what a run left, works out again what follows from it, and compares two.
     "evidence": room(
-        "errors private regular_file untrusted secret linear_regex definitions assignment facts trials record"
+        "errors private regular_file untrusted secret linear_regex yamldoc definitions assignment facts trials record"
         " controller.choice controller.request controller.trial_instances controller.bundling"
     ),
     "lab": room("errors regular_file yamldoc", "yaml"),
