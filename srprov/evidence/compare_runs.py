@@ -5,6 +5,7 @@ Reads run folders and bundles; of a bundle every file must have the hash of its 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
@@ -20,7 +21,10 @@ from srprov.evidence.files import Files, NotThere, json_of, of_run, opened
 from srprov.evidence.story import Story, attempt_folder
 from srprov.trials.judge import COUNTED
 from srprov.trials.marks import Row
-from srprov.untrusted import mapping, string
+from srprov.untrusted import decimal, mapping, string
+
+_MOST = 1e50
+"""Of a metric: a stranger's may be anything, and is squared."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -67,9 +71,9 @@ class Run:
         """Return point -> trial -> value of a metric, of the trials that gave it."""
         found: dict[str, dict[str, float]] = {}
         for row in self.counted:
-            value = row.get(f"m_{metric}")
-            if isinstance(value, int | float) and not isinstance(value, bool):
-                found.setdefault(string(row.get("point")), {})[string(row.get("trial"))] = float(value)
+            value = decimal(row.get(f"m_{metric}"), low=-_MOST, high=_MOST, default=math.nan)
+            if not math.isnan(value):
+                found.setdefault(string(row.get("point")), {})[string(row.get("trial"))] = value
         return found
 
 

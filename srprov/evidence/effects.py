@@ -21,6 +21,8 @@ CONFIDENCE = 0.90
 _TAIL = (1 - CONFIDENCE) / 2
 _Z = 1.6448536269514722
 """Of the normal distribution, for the same confidence."""
+_MOST_RATIO = 700.0
+"""Logarithm of what still is a number."""
 FEWEST_TRIALS, FEWEST_RUNS = 5, 3
 """A side; below that no interval says anything."""
 Values = Mapping[str, Sequence[float]]
@@ -58,7 +60,7 @@ class Effect:
 
     def shown(self, value: float) -> str:
         """Return a bound or the estimate in words: a difference, or how much more in percent."""
-        return f"{math.expm1(value) * 100:+.3g} %" if self.ratio else f"{value:+.4g}"
+        return f"{math.expm1(min(value, _MOST_RATIO)) * 100:+.3g} %" if self.ratio else f"{value:+.4g}"
 
     @property
     def text(self) -> str:
@@ -91,7 +93,7 @@ def effect(a: Values, b: Values, *, ratio: bool = False, fewest: int = FEWEST_TR
     parts = [(variance(values) / len(values), len(values) - 1) for side in sides for values in side]
     total = sum(part for part, _ in parts)
     error = math.sqrt(total) / len(points)
-    df = total**2 / sum(part**2 / free for part, free in parts) if total else math.inf
+    df = 1 / sum((part / total) ** 2 / free for part, free in parts) if total else math.inf
     half = student.quantile(1 - _TAIL, df) * error if total else 0.0
     return Effect(
         estimate=estimate, error=error, df=df, ratio=ratio, low=estimate - half, high=estimate + half, units=units,

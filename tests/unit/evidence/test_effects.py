@@ -120,6 +120,14 @@ def test_sides_are_mirrored(a: list[float], b: list[float]) -> None:
     assert one.low <= one.estimate <= one.high
 
 
+@given(*[st.lists(st.floats(-1e50, 1e50) | st.floats(-1e-290, 1e-290), min_size=5, max_size=8)] * 2)
+def test_any_numbers_have_an_interval(a: list[float], b: list[float]) -> None:
+    positive = [[abs(one) + 1e-308 for one in some] for some in (a, b)]
+    for found in (effect({"p": a}, {"p": b}), effect({"p": positive[0]}, {"p": positive[1]}, ratio=True)):
+        assert found.low <= found.estimate <= found.high and found.text
+        assert judged(found, bounds(Margin(0.1, relative=True), found, 1.0)) and 0 <= chance(found, (-1, 1)) <= 1
+
+
 @given(FEW, st.floats(0.001, 1e6))
 def test_equal_sides_are_never_different(a: list[float], margin: float) -> None:
     found = effect({"p": a}, {"p": a})
