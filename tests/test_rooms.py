@@ -166,10 +166,12 @@ FILES: Mapping[str, Room] = {
     "cli/plan.py": cli_file("planning"),
     "cli/probe.py": cli_file("facts probing"),
     "cli/progress.py": cli_file("planning execution"),
+    "cli/replay.py": cli_file("evidence facts"),
     "cli/run.py": cli_file("execution"),
     "cli/runs.py": cli_file("record trials.judge"),
     "cli/schema.py": cli_file("data"),
     "cli/status.py": cli_file("facts probing"),
+    "cli/trial_session.py": cli_file("execution facts"),
     "cli/verify.py": cli_file("evidence"),
     "cli/wait.py": cli_file("facts"),
 }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import click
@@ -20,18 +21,22 @@ if TYPE_CHECKING:
 _EXISTING = click.Path(exists=True)
 
 
+MARGINS = click.option(
+    "--margin", "margins", multiple=True, metavar="METRIC=VALUE",
+    help="How much METRIC may differ and still count as equal: 0.5 in its unit, or 10% of A's. May be repeated. "
+    "The metric `success` is the share of trials with that verdict.",
+)  # fmt: skip
+STRICT = click.option("--strict", is_flag=True, help="Exit with 2 also when it is inconclusive.")
+
+
 @click.command()
 @click.argument("runs", metavar="A... [B]", nargs=-1, required=True, type=_EXISTING)
 @click.option(
     "--with", "others", multiple=True, type=_EXISTING, metavar="B",
     help="A run of the other side; may be repeated. Without it, there are two runs, A and B.",
 )  # fmt: skip
-@click.option(
-    "--margin", "margins", multiple=True, metavar="METRIC=VALUE",
-    help="How much METRIC may differ and still count as equal: 0.5 in its unit, or 10% of A's. May be repeated. "
-    "The metric `success` is the share of trials with that verdict.",
-)  # fmt: skip
-@click.option("--strict", is_flag=True, help="Exit with 2 also when it is inconclusive.")
+@MARGINS
+@STRICT
 @options.JSON
 def compare(
     runs: tuple[str, ...], others: tuple[str, ...], margins: tuple[str, ...], *, strict: bool, as_json: bool
@@ -41,15 +46,25 @@ def compare(
     A and B are folders of runs, or bundles. Exits with 0 when they are identical or equivalent, and when nobody can
     tell; with 2 when they differ.
     """
+    if not others and len(runs) != 2:
+        hint = "name two runs, or those of the other side by --with"
+        raise UsageError(f"{len(runs)} runs make no two sides", hint=hint)
+    a, b = (runs, others) if others else (runs[:1], runs[1:])
+    return show_comparison(a, b, margins_of(margins), strict=strict, as_json=as_json)
+
+
+def show_comparison(
+    a: Sequence[str], b: Sequence[str], margins: Mapping[str, Margin], *, strict: bool, as_json: bool
+) -> int:
+    """Compare two sides, say what came of it, and return the exit code.
+
+    Raises:
+        UsageError: A run cannot be read, or no run has a metric that a margin names.
+    """
     from srprov.evidence.compare import compare as of
     from srprov.evidence.grades import DIFFERENT, INCONCLUSIVE
 
-    if not others and len(runs) != 2:
-        raise UsageError(
-            f"{len(runs)} runs make no two sides", hint="name two runs, or those of the other side by --with"
-        )
-    a, b = (runs, others) if others else (runs[:1], runs[1:])
-    found = of(a, b, dict(map(_margin, margins)))
+    found = of(a, b, margins)
     failed = found.answer == DIFFERENT or (strict and found.answer == INCONCLUSIVE)
     if as_json:
         sections = [{"grade": one.grade, **dataclasses.asdict(one)} for one in found.sections]
@@ -62,6 +77,15 @@ def compare(
     out(f"\n{found.answer}" + (f": {', '.join(why)}" if found.answer in (DIFFERENT, INCONCLUSIVE) else ""))
     err("\n".join(found.notes))
     return DIFFERENCES if failed else 0
+
+
+def margins_of(texts: Iterable[str]) -> dict[str, Margin]:
+    """Return metric -> margin.
+
+    Raises:
+        UsageError: One is none.
+    """
+    return dict(map(_margin, texts))
 
 
 def _lines(one: Section) -> list[str]:

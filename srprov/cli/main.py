@@ -37,6 +37,7 @@ _VERBS = {
     "bundle": "Pack a run of trials into one file that others can check.",
     "verify": "Check such a file: its hashes, and all that can be worked out again; no robot is asked.",
     "compare": "Say what is the same in two runs of trials, and what is not; no robot is asked.",
+    "replay": "Run the trials of such a file again, on other robots, and compare.",
     "status": "Show the running experiment.",
     "probe": "Try the overlay: whether all robots and services reach each other, and why not.",
     "images": "Show the images that srprov built on robots; prune: remove what nobody uses.",

@@ -110,7 +110,7 @@ def choice_of(
     Raises:
         UsageError: Two instances would have one name, or relations contradict each other.
     """
-    previous = before.previous if before else previous_robots(snapshot, instance)
+    previous = before.previous if before else {**request.placed, **previous_robots(snapshot, instance)}
     experiment = with_platforms(_with_instances(definitions.experiment, snapshot, previous), definitions)
     data = data_now(experiment, snapshot, instance, previous, request)
     data = replace(data, home=before.home) if before else data

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -23,6 +23,8 @@ class PlanRequest:
     """Empty: the experiment's name."""
     profiles: tuple[str, ...] = ()
     """Of services that are wanted beside those that always are; `*` stands for all."""
+    placed: Mapping[str, str] = field(default_factory=dict)
+    """Service -> the robot where it stays if it can, as if it ran there now: where it was when it was run elsewhere."""
     reassign: bool = False
     """Let running services move when that is cheaper."""
     reassign_unreachable: bool = False

@@ -153,7 +153,7 @@ def robots(a: Run, b: Run) -> Iterator[Line]:
         if not here or not there:
             yield Line(name, UNKNOWN, "nothing is recorded of it")
             continue
-        found = [f"{key}: {was or 'unknown'}, and {now or 'unknown'}" for key, was, now in _facts(here, there)]
+        found = [f"{key}: {was or 'unknown'}, and {now or 'unknown'}" for key, was, now in facts_of(here, there)]
         if not found:
             yield Line(name, IDENTICAL, "the same kind of machine with the same system")
         else:
@@ -161,7 +161,8 @@ def robots(a: Run, b: Run) -> Iterator[Line]:
             yield Line(name, grade, "; ".join(found))
 
 
-def _facts(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[tuple[str, object, object]]:
+def facts_of(a: Mapping[str, Any], b: Mapping[str, Any]) -> Iterator[tuple[str, object, object]]:
+    """Return what is different of two robots, by their facts: its name, and both values."""
     for key in ("arch", "processor", "board", "cpus", "memory_total", "os", "kernel"):
         if a.get(key) != b.get(key):
             yield key.removesuffix("_total"), a.get(key), b.get(key)

@@ -1,0 +1,119 @@
+"""A bundle -> what is needed to run it again on other robots: its definitions in a folder, and who does whose part.
+
+Nothing of a bundle is believed: it was verified before, and what its experiment asks for is allowed by who runs it,
+as that of any other file of a stranger.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from srprov import private
+from srprov.definitions.model import Host, Inventory
+from srprov.errors import RefusedError, UsageError, did_you_mean
+from srprov.evidence import story, verify
+from srprov.evidence.compare_inputs import facts_of
+from srprov.evidence.files import below, content, json_of, opened
+from srprov.facts.model import Snapshot
+from srprov.untrusted import mapping
+
+_INVENTORY = "inventory.yml"
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Replay:
+    """What is run again."""
+
+    edf: Path
+    """In the folder where the bundle's definitions were unpacked."""
+    placed: Mapping[str, str]
+    """Service -> robot, as the bundle names it."""
+    facts: Mapping[str, Any]
+    """Robot -> what it was like then."""
+
+    @property
+    def robots(self) -> tuple[str, ...]:
+        """Return the robots that did something, by name."""
+        return tuple(sorted(set(self.placed.values())))
+
+
+def check(bundle: str, signers: str = "") -> None:
+    """Refuse a bundle that is not what it says.
+
+    Raises:
+        RefusedError: With the checks that failed.
+        UsageError: It is no bundle.
+    """
+    report = verify.verify(bundle, signers)
+    if report.failed:
+        failed = [f"  {one.id} {one.what}: {one.details[0]}" for one in report.findings if one.result == "fail"]
+        told = "\n".join(failed)
+        raise RefusedError(f"{bundle} is not what it says:\n{told}", hint=f"srprov verify {bundle} says more")
+
+
+def unpack(bundle: str, folder: Path) -> Replay:
+    """Write the definitions of a bundle's last session into a new folder.
+
+    Raises:
+        UsageError: It holds no run, or the folder is there already.
+        OSError: It cannot be written.
+    """
+    try:
+        with opened(bundle) as files, story.read(files) as told:
+            if folder.exists() or folder.is_symlink():
+                raise UsageError(f"{folder} is there already", hint="name a new folder with -o")
+            home = f"{told.home}/inputs/"
+            for name in below(files, home):
+                if name != home + _INVENTORY:
+                    place = folder / name.removeprefix(home)
+                    private.make_folder(place.parent)
+                    private.write_output(str(place), content(files, name))
+            facts = mapping(json_of(files, f"{told.home}/facts.json").get("robots"))
+            edf = folder / told.edf.removeprefix(home)
+            return Replay(edf=edf, placed=dict(told.last.assignment), facts=facts)
+    except ValueError as error:
+        raise UsageError(f"{bundle} cannot be run again: {error}", hint=f"srprov verify {bundle} says more") from error
+
+
+def mapped(inventory: Inventory, robots: Collection[str], asked: Mapping[str, str]) -> Inventory:
+    """Return the robots of an inventory that do the parts of a bundle's, under the names of those.
+
+    Args:
+        inventory: The robots that there are.
+        robots: Those of the bundle; one that is not asked for is done by the one of the same name.
+        asked: Robot of the bundle -> robot of the inventory.
+
+    Raises:
+        UsageError: A name is of no robot, two parts would be one robot's, or a robot's part is nobody's.
+    """
+    for name in asked:
+        if name not in robots:
+            raise UsageError(f"--map {name}: the bundle has no such robot", hint=f"it has {', '.join(sorted(robots))}")
+    whose = {name: asked.get(name, name) for name in sorted(robots)}
+    for name, new in whose.items():
+        if new not in inventory.hosts:
+            hint = did_you_mean(new, inventory.hosts) or f"say who does the part of {name}: --map {name}=ROBOT"
+            raise UsageError(f"there is no robot {new} in the inventory", hint=hint)
+    twice = sorted(new for new in set(whose.values()) if list(whose.values()).count(new) > 1)
+    if twice:
+        raise UsageError(f"{twice[0]} would do the part of several robots", hint="each needs a robot of its own")
+    hosts: dict[str, Host] = {name: replace(inventory.hosts[new], name=name) for name, new in whose.items()}
+    names = {new: name for name, new in whose.items()}
+    groups = {
+        group: tuple(sorted(names[one] for one in members if one in names))
+        for group, members in inventory.groups.items()
+    }
+    return replace(inventory, hosts=hosts, groups=groups)
+
+
+def differences(replay: Replay, asked: Mapping[str, str], snapshot: Snapshot) -> Iterator[str]:
+    """Return a line for each robot: who does its part, and what is different of it."""
+    for name in replay.robots:
+        now = snapshot.facts.get(name)
+        found = facts_of(mapping(replay.facts.get(name)), dataclasses.asdict(now)) if now else ()
+        told = [f"{key}: {was or 'unknown'}, and {is_ or 'unknown'}" for key, was, is_ in found]
+        yield f"  {name} is {asked.get(name, name)}: {'; '.join(told) or 'the same kind of machine'}"

@@ -1,0 +1,85 @@
+"""What of a bundle is taken to run it again, and who does whose part."""
+
+from __future__ import annotations
+
+import stat
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from srprov.definitions import load_experiment
+from srprov.definitions.model import Host, Inventory
+from srprov.errors import RefusedError, UsageError
+from srprov.evidence.replay import Replay, check, differences, mapped, unpack
+from tests.fakes import World
+from tests.trial_folders import FILES, planned
+from tests.unit.evidence.bundles import Content, packed, with_manifest
+
+
+def inventory(*names: str) -> Inventory:
+    hosts = {name: Host(name=name, address=f"{name}.lab") for name in names}
+    return Inventory(hosts=hosts, groups={"all": names, "first": names[:1]})
+
+
+def test_definitions_come_out_as_they_were_and_nothing_else_does(bundled: Path, tmp_path: Path) -> None:
+    check(str(bundled))
+    again = unpack(str(bundled), tmp_path / "again")
+    there = {str(one.relative_to(tmp_path / "again")): one for one in (tmp_path / "again").rglob("*") if one.is_file()}
+    assert {name: one.read_text() for name, one in there.items()} == FILES
+    assert {stat.S_IMODE(one.stat().st_mode) & 0o077 for one in there.values()} == {0}
+    assert again.edf == tmp_path / "again" / "race.edf"
+    assert (again.placed, again.robots) == ({"runner": "r1", "referee": "r2"}, ("r1", "r2"))
+    assert set(load_experiment(again.edf).experiment.services) == {"runner", "referee"}
+
+
+def test_a_bundle_that_is_not_what_it_says_is_not_run(content: Content, tmp_path: Path) -> None:
+    changed = {**content, "sessions/1/inputs/runner.cdf": b"cdf: 1\nimage: evil:1\n"}
+    with pytest.raises(RefusedError, match=r"F1 .*runner\.cdf") as refused:
+        check(str(packed(changed, tmp_path / "b.zip")))
+    assert refused.value.exit_code == 9
+    with pytest.raises(RefusedError, match="D1"):
+        check(str(packed(with_manifest(changed), tmp_path / "c.zip")))
+
+
+def test_a_folder_that_is_there_is_not_written_to(bundled: Path, tmp_path: Path) -> None:
+    (tmp_path / "link").symlink_to(tmp_path / "elsewhere")
+    for folder in (tmp_path, tmp_path / "link"):
+        with pytest.raises(UsageError, match="is there already"):
+            unpack(str(bundled), folder)
+    assert not (tmp_path / "elsewhere").exists()
+
+
+def test_robots_do_the_parts_of_others_under_their_names() -> None:
+    found = mapped(inventory("r1", "kuka", "spare"), ("r1", "r2"), {"r2": "kuka"})
+    assert {name: (one.name, one.address) for name, one in found.hosts.items()} == {
+        "r1": ("r1", "r1.lab"), "r2": ("r2", "kuka.lab"),
+    }  # fmt: skip
+    assert found.groups == {"all": ("r1", "r2"), "first": ("r1",)}
+    swapped = mapped(inventory("r1", "r2"), ("r1", "r2"), {"r1": "r2", "r2": "r1"})
+    assert [one.address for one in swapped.hosts.values()] == ["r2.lab", "r1.lab"]
+
+
+@pytest.mark.parametrize(
+    ("asked", "told"),
+    [
+        ({}, "there is no robot r2 in the inventory"),
+        ({"r2": "kuk"}, "there is no robot kuk in the inventory"),
+        ({"r2": "r1"}, "r1 would do the part of several robots"),
+        ({"r3": "kuka"}, "the bundle has no such robot"),
+    ],
+)
+def test_a_part_is_one_robots(asked: dict[str, str], told: str) -> None:
+    with pytest.raises(UsageError, match=told):
+        mapped(inventory("r1", "kuka"), ("r1", "r2"), asked)
+
+
+def test_what_is_different_of_robots_is_told_before_anything_is_run(bundled: Path, tmp_path: Path) -> None:
+    again = unpack(str(bundled), tmp_path / "again")
+    snapshot = planned(World().add("r1", "r2"), again.edf).base.snapshot
+    assert snapshot is not None
+    snapshot = replace(snapshot, facts={**snapshot.facts, "r2": replace(snapshot.facts["r2"], cpus=2)})
+    assert list(differences(again, {"r2": "kuka"}, snapshot)) == [
+        "  r1 is r1: the same kind of machine", "  r2 is kuka: cpus: 4, and 2",
+    ]  # fmt: skip
+    assert Replay(edf=again.edf, placed={}, facts={}).robots == ()
