@@ -66,10 +66,11 @@ def replay(
     inventory = inputs.load_inventory(inventories)
     output_options.note(f"verifying {bundle}")
     evidence.check(bundle, signers or "")
-    again = evidence.unpack(bundle, target / "experiment")
+    again = evidence.read(bundle)
     inventory = evidence.mapped(inventory, again.robots, asked)
+    evidence.unpack(bundle, target / "experiment")
     request = replace(request, placed=again.placed)
-    definitions = read_definitions(str(again.edf), request.allowed, request.profiles)
+    definitions = read_definitions(str(target / "experiment" / again.edf), request.allowed, request.profiles)
 
     def robots(snapshot: Snapshot) -> Iterator[str]:
         yield "\nWho does whose part:\n"

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Collection, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,8 @@ from srprov.definitions.model import Host, Inventory
 from srprov.errors import RefusedError, UsageError, did_you_mean
 from srprov.evidence import story, verify
 from srprov.evidence.compare_inputs import facts_of
-from srprov.evidence.files import below, content, json_of, opened
+from srprov.evidence.files import Files, below, content, json_of, opened
+from srprov.evidence.story import Story
 from srprov.facts.model import Snapshot
 from srprov.untrusted import mapping
 
@@ -28,8 +30,8 @@ _INVENTORY = "inventory.yml"
 class Replay:
     """What is run again."""
 
-    edf: Path
-    """In the folder where the bundle's definitions were unpacked."""
+    edf: str
+    """Its name in the folder where the bundle's definitions are unpacked."""
     placed: Mapping[str, str]
     """Service -> robot, as the bundle names it."""
     facts: Mapping[str, Any]
@@ -55,28 +57,52 @@ def check(bundle: str, signers: str = "") -> None:
         raise RefusedError(f"{bundle} is not what it says:\n{told}", hint=f"srprov verify {bundle} says more")
 
 
-def unpack(bundle: str, folder: Path) -> Replay:
-    """Write the definitions of a bundle's last session into a new folder.
+def read(bundle: str) -> Replay:
+    """Read what a bundle's last session was.
 
     Raises:
-        UsageError: It holds no run, or the folder is there already.
+        UsageError: It holds no run.
+    """
+    with _opened(bundle) as (files, told):
+        facts = mapping(json_of(files, f"{told.home}/facts.json").get("robots"))
+        edf = told.edf.removeprefix(f"{told.home}/inputs/")
+        return Replay(edf=edf, placed=dict(told.last.assignment), facts=facts)
+
+
+def unpack(bundle: str, folder: Path) -> None:
+    """Write the definitions of a bundle's last session into a folder, which is new, or has just them already.
+
+    Raises:
+        UsageError: It holds no run, or something else is in the folder.
         OSError: It cannot be written.
     """
+    with _opened(bundle) as (files, told):
+        home = f"{told.home}/inputs/"
+        names = [name for name in below(files, home) if name != home + _INVENTORY]
+        contents = {folder / name.removeprefix(home): content(files, name) for name in names}
+    if folder.is_symlink() or (folder.exists() and _read(folder) not in ({}, contents)):
+        raise UsageError(f"something else is in {folder}", hint="name a new folder with -o")
+    for place, data in contents.items():
+        private.make_folder(place.parent)
+        private.write_output(str(place), data)
+
+
+@contextmanager
+def _opened(bundle: str) -> Iterator[tuple[Files, Story]]:
     try:
         with opened(bundle) as files, story.read(files) as told:
-            if folder.exists() or folder.is_symlink():
-                raise UsageError(f"{folder} is there already", hint="name a new folder with -o")
-            home = f"{told.home}/inputs/"
-            for name in below(files, home):
-                if name != home + _INVENTORY:
-                    place = folder / name.removeprefix(home)
-                    private.make_folder(place.parent)
-                    private.write_output(str(place), content(files, name))
-            facts = mapping(json_of(files, f"{told.home}/facts.json").get("robots"))
-            edf = folder / told.edf.removeprefix(home)
-            return Replay(edf=edf, placed=dict(told.last.assignment), facts=facts)
+            yield files, told
     except ValueError as error:
         raise UsageError(f"{bundle} cannot be run again: {error}", hint=f"srprov verify {bundle} says more") from error
+
+
+def _read(folder: Path) -> dict[Path, bytes]:
+    """Return what is in a folder; of a link or what else is no file, nothing that is equal to a file."""
+    return {
+        one: one.read_bytes() if one.is_file() and not one.is_symlink() else b"\0"
+        for one in sorted(folder.rglob("*"))
+        if one.is_symlink() or not one.is_dir()
+    }
 
 
 def mapped(inventory: Inventory, robots: Collection[str], asked: Mapping[str, str]) -> Inventory:

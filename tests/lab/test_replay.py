@@ -40,8 +40,7 @@ def test_a_bundle_is_run_again_on_other_robots(lab: Lab, tmp_path: Path) -> None
     words = ["replay", str(bundle), "-i", other_inventory(lab, tmp_path / "other.yml"), "-o", str(target), "--yes"]
     nobody = lab.srprov(*words)
     assert nobody.code == 5 and "there is no robot robot1 in the inventory" in nobody.err, nobody
-    target = tmp_path / "mapped"
-    words[words.index("-o") + 1] = str(target)
+    assert not target.exists()
     words += ["--map", "robot1=kuka", "--map", "robot2=abb", "--margin", "ticks=20"]
     done = lab.srprov(*words)
     assert done.code == 0, done

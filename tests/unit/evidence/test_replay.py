@@ -11,7 +11,7 @@ import pytest
 from srprov.definitions import load_experiment
 from srprov.definitions.model import Host, Inventory
 from srprov.errors import RefusedError, UsageError
-from srprov.evidence.replay import Replay, check, differences, mapped, unpack
+from srprov.evidence.replay import Replay, check, differences, mapped, read, unpack
 from tests.fakes import World
 from tests.trial_folders import FILES, planned
 from tests.unit.evidence.bundles import Content, packed, with_manifest
@@ -24,13 +24,14 @@ def inventory(*names: str) -> Inventory:
 
 def test_definitions_come_out_as_they_were_and_nothing_else_does(bundled: Path, tmp_path: Path) -> None:
     check(str(bundled))
-    again = unpack(str(bundled), tmp_path / "again")
+    for _ in range(2):  # also into a folder that has them already
+        unpack(str(bundled), tmp_path / "again")
+    again = read(str(bundled))
     there = {str(one.relative_to(tmp_path / "again")): one for one in (tmp_path / "again").rglob("*") if one.is_file()}
     assert {name: one.read_text() for name, one in there.items()} == FILES
     assert {stat.S_IMODE(one.stat().st_mode) & 0o077 for one in there.values()} == {0}
-    assert again.edf == tmp_path / "again" / "race.edf"
-    assert (again.placed, again.robots) == ({"runner": "r1", "referee": "r2"}, ("r1", "r2"))
-    assert set(load_experiment(again.edf).experiment.services) == {"runner", "referee"}
+    assert (again.edf, again.placed, again.robots) == ("race.edf", {"runner": "r1", "referee": "r2"}, ("r1", "r2"))
+    assert set(load_experiment(tmp_path / "again" / again.edf).experiment.services) == {"runner", "referee"}
 
 
 def test_a_bundle_that_is_not_what_it_says_is_not_run(content: Content, tmp_path: Path) -> None:
@@ -42,11 +43,17 @@ def test_a_bundle_that_is_not_what_it_says_is_not_run(content: Content, tmp_path
         check(str(packed(with_manifest(changed), tmp_path / "c.zip")))
 
 
-def test_a_folder_that_is_there_is_not_written_to(bundled: Path, tmp_path: Path) -> None:
+def test_a_folder_with_something_else_is_not_written_to(bundled: Path, tmp_path: Path) -> None:
     (tmp_path / "link").symlink_to(tmp_path / "elsewhere")
-    for folder in (tmp_path, tmp_path / "link"):
-        with pytest.raises(UsageError, match="is there already"):
-            unpack(str(bundled), folder)
+    (tmp_path / "more").mkdir()
+    unpack(str(bundled), tmp_path / "more")
+    (tmp_path / "more" / "mine").write_text("")
+    unpack(str(bundled), tmp_path / "linked")
+    (tmp_path / "linked" / "race.edf").rename(tmp_path / "kept")
+    (tmp_path / "linked" / "race.edf").symlink_to(tmp_path / "kept")
+    for name in ("link", "more", "linked"):
+        with pytest.raises(UsageError, match="something else is in"):
+            unpack(str(bundled), tmp_path / name)
     assert not (tmp_path / "elsewhere").exists()
 
 
@@ -75,8 +82,9 @@ def test_a_part_is_one_robots(asked: dict[str, str], told: str) -> None:
 
 
 def test_what_is_different_of_robots_is_told_before_anything_is_run(bundled: Path, tmp_path: Path) -> None:
-    again = unpack(str(bundled), tmp_path / "again")
-    snapshot = planned(World().add("r1", "r2"), again.edf).base.snapshot
+    unpack(str(bundled), tmp_path / "again")
+    again = read(str(bundled))
+    snapshot = planned(World().add("r1", "r2"), tmp_path / "again" / again.edf).base.snapshot
     assert snapshot is not None
     snapshot = replace(snapshot, facts={**snapshot.facts, "r2": replace(snapshot.facts["r2"], cpus=2)})
     assert list(differences(again, {"r2": "kuka"}, snapshot)) == [
