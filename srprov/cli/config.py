@@ -39,11 +39,12 @@ OWN_KEYS = PROJECT_KEYS | {
     *("older-than", "cache", "since", "timestamps", "until", "env", "user", "workdir", "tty"),
     *("metric", "over", "watch", "no-secret"),
     *("discard", "rerun", "reason", "accept-changes", "rotate-keys", "no-probe", "network", "profile"),
+    *("margin", "strict", "with", "map"),
 }
 PARAMETERS = {"inventory": "inventories", "json": "as_json", "format": "form", "out": "target", "facts": "stored",
-              "profile": "profiles"}  # fmt: skip
+              "profile": "profiles", "margin": "margins", "with": "others", "map": "pairs"}  # fmt: skip
 """Options that have another name in the code."""
-_LISTS = ("inventory", "allow", "until", "env", "profile")
+_LISTS = ("inventory", "allow", "until", "env", "profile", "margin", "with", "map")
 _MOST_BYTES = 1 << 20
 _BEYOND = 1e15
 _HEADER = re.compile(r"\s*\[([^\[\]]+)\]\s*(?:#.*)?")
