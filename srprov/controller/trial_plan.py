@@ -11,7 +11,7 @@ from srprov.controller.plan import Planned
 from srprov.controller.trial_instances import with_instances
 from srprov.definitions.model import Inventory
 from srprov.definitions.trialsmodel import TrialDefinitions
-from srprov.errors import UsageError, visible
+from srprov.errors import TransportError, UsageError, visible
 from srprov.execution.trial_robots import TrialContainer
 from srprov.modules import RUNNING
 from srprov.modules.container_commands import creation
@@ -67,11 +67,13 @@ def trial_plan(planned: Planned, inventory: Inventory, policies: Policies, *, re
             below them must change.
 
     Raises:
+        TransportError: A robot that has a part in them cannot be reached.
         UsageError: A service that is kept waits for one that is not.
         RefusedError: A policy does not allow a container.
     """
     experiment = planned.experiment
     assert planned.snapshot is not None and experiment is not None  # a plan from a file has none, and no trials
+    _check_reach(planned)
     given = with_instances(experiment)
     kept = set(given.settings.keep)
     ours = {name for name in experiment.services if name not in kept}
@@ -97,6 +99,14 @@ def trial_plan(planned: Planned, inventory: Inventory, policies: Policies, *, re
     }
     origin = {name: experiment.services[name].instance_of or name for name in ours}
     return TrialPlan(base=base, services=moving, given=given, needs=needs, origin=origin)
+
+
+def _check_reach(planned: Planned) -> None:
+    """Refuse trials without one of their services: one whose robot is away stays there, and is in no plan."""
+    assert planned.snapshot is not None and planned.assignment is not None
+    for service, robot in sorted(planned.assignment.placed.items()):
+        if why := planned.snapshot.unreachable.get(robot):
+            raise TransportError(robot, f"{service} runs there in each trial, and it cannot be reached: {why}")
 
 
 def _without(there: Mapping[str, Sequence[Observed]], services: Collection[str]) -> dict[str, list[Observed]]:

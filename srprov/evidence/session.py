@@ -20,11 +20,14 @@ from srprov.definitions.model import Definitions
 from srprov.definitions.trialsmodel import TrialDefinitions
 from srprov.errors import DefinitionError, SrprovError
 from srprov.evidence.files import Files, NotThere, below, content, json_of
+from srprov.evidence.private_words import without_access
 from srprov.facts.host import with_inventory
 from srprov.facts.stored import read_document
+from srprov.record.folder import in_lines
 from srprov.trials import Design, design
 from srprov.untrusted import string, string_map, strings
 
+_INVENTORY = "inventory.yml"
 _MOST_INPUTS = 128 << 20
 _MOST_INPUT_FILES = 20_000
 
@@ -104,7 +107,10 @@ def _unpack(files: Files, home: str, folder: str) -> None:
     for name in names:
         place = Path(folder, name)
         private.make_folder(place.parent)
-        private.write_output(str(place), content(files, name, _MOST_INPUTS))
+        text = content(files, name, _MOST_INPUTS)
+        if name == f"{home}/inputs/{_INVENTORY}":  # nobody is reached, and an unnamed inventory may not say how
+            text = in_lines(without_access(json_of(files, name))).encode("utf-8", "surrogateescape")
+        private.write_output(str(place), text)
 
 
 def _definitions(folder: str, edf: str, environ: Mapping[str, str]) -> Definitions:
@@ -124,7 +130,7 @@ def _choice(files: Files, home: str, folder: str, definitions: Definitions) -> C
     """Return what was to be placed, from the facts and the inventory of a session."""
     document = json_of(files, f"{home}/facts.json")
     try:
-        path = os.path.join(folder, home, "inputs", "inventory.yml")
+        path = os.path.join(folder, home, "inputs", _INVENTORY)
         inventory = load_inventory([path], unnamed=[path])
         found = read_document(document)
         hosts = inventory.hosts

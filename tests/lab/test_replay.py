@@ -20,8 +20,9 @@ OTHERS = {"robot3": "kuka", "robot4": "abb"}
 
 def other_inventory(lab: Lab, path: Path) -> str:
     """Write an inventory with two robots under names that the bundle does not know."""
-    hosts = yaml.safe_load(lab.inventory.read_text())["all"]["hosts"]
-    path.write_text(yaml.safe_dump({"all": {"hosts": {name: hosts[robot] for robot, name in OTHERS.items()}}}))
+    every = yaml.safe_load(lab.inventory.read_text())["all"]
+    hosts = {name: every["hosts"][robot] for robot, name in OTHERS.items()}
+    path.write_text(yaml.safe_dump({"all": {"hosts": hosts, "vars": every.get("vars", {})}}))
     return str(path)
 
 

@@ -18,7 +18,7 @@ from srprov.controller.trial_sameness import Sameness, as_far_as_known, differen
 from srprov.controller.trials import TrialRun, Trials
 from srprov.definitions.model import Definitions
 from srprov.definitions.trialsmodel import Parameter, TrialDefinitions, TrialSettings
-from srprov.errors import UsageError
+from srprov.errors import TransportError, UsageError
 from srprov.execution import RunOptions
 from srprov.record.journal import Journal, read
 from srprov.resource import Need, Observed
@@ -101,6 +101,19 @@ def test_a_robot_that_is_out_of_reach_is_named_before_it_is_compared(tmp_path: P
     request = TrialsRequest(folder=tmp_path, resume=True)
     with pytest.raises(UsageError, match="r2 cannot be reached, and trials run there"):
         run_trials(plan, fleet, request, RunOptions(), print, print, threading.Event(), lambda *_: None)
+
+
+def test_trials_are_not_run_without_a_service_whose_robot_is_away() -> None:
+    """It stays where it was, so that the plan has nothing of it."""
+    what = experiment(service("racer", robot="r1"), service("referee", robot="r2"), trials=GIVEN)
+    what = replace(what, trials=replace(GIVEN, settings=TrialSettings()))
+    world = World().add("r1", "r2")
+    assert apply(world, what).exit_code == 0
+    world.robots["r2"].gone = True
+    away = made(world, Definitions(experiment=what, containers={}), replace(AS_IT_IS, adopt=True))
+    assert not [one for one in away.desired if one.service == "referee"]
+    with pytest.raises(TransportError, match="referee runs there in each trial, and it cannot be reached"):
+        trial_plan(away, inventory(world), ())
 
 
 def gone_on_with(folder: Path, whole: Design, only: Design) -> list[tuple[object, ...]]:

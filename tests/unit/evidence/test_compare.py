@@ -79,6 +79,16 @@ def test_another_run_of_the_same_is_identical_where_it_gave_the_same(run: Path, 
     assert between(run, made(tmp_path, failed=0)).answer == "identical"
 
 
+def test_how_robots_are_entered_is_nobodys_matter(run: Path, tmp_path: Path) -> None:
+    """An inventory that the user did not name may not say it, and that of a run is none that he named."""
+    other = copied(run, tmp_path / "run")
+    place = other / "sessions" / "1" / "inputs" / "inventory.yml"
+    document = json.loads(place.read_text())
+    document["all"]["hosts"]["r1"] |= {"ansible_ssh_private_key_file": "/k", "ansible_ssh_common_args": "-o Port=7"}
+    place.write_text(json.dumps(document))
+    assert between(run, other).answer == "identical"
+
+
 @pytest.mark.parametrize(
     ("file", "old", "new", "grade", "told"),
     [
