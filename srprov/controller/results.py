@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import posixpath
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from srprov.controller.bringing import Bringing, Home
 from srprov.definitions.trialsmodel import Result
-from srprov.execution.collect import CollectFailed, Robot, listings, place_of
+from srprov.execution.collect import CollectFailed, Place, Robot, listings, place_of, places_below
+from srprov.execution.listing import Entry
 from srprov.record.recordings import checked
-from srprov.record.results import Kept, LogTooLong, write_log
+from srprov.record.results import Kept, LogTooLong, is_safe_name, write_log
 from srprov.session import Session
 
 
@@ -58,13 +59,16 @@ def bring_results(
         OSError: Something cannot be written here.
     """
     places = {result: place for result in wanted if (place := place_of(inspected, result.path))}
-    there = dict(zip(places, listings(robot, list(places.values())), strict=True))
+    inner = {result: places_below(inspected, result.path) for result in places}
+    every = list(dict.fromkeys((*places.values(), *(place for some in inner.values() for _, place in some))))
+    there = dict(zip(every, listings(robot, every), strict=True))
     found: dict[Result, list[Kept]] = {}
     brought = Brought()
-    for result, entries in sorted(there.items(), key=lambda one: len(one[0].path)):
-        if entries is None:
+    for result, place in sorted(places.items(), key=lambda one: len(one[0].path)):
+        if there[place] is None:
             continue
-        size = sum(one.size for one in entries if one.is_file)
+        parts = list(_parts(result, place, inner[result], there))
+        size = sum(entry.size for one in parts for entry in one.entries if entry.is_file)
         if any(result.path.startswith(f"{one.path.rstrip('/')}/") for one, some in found.items() if _has_some(some)):
             found[result] = []  # it came with the folder that it is in
         elif result.most_bytes and size > result.most_bytes:
@@ -72,13 +76,51 @@ def bring_results(
             found[result] = [Kept(path=result.path, size=size, note=note)]
         else:
             # listed paths begin with the result's own name; of a mount's root with what is in it
-            whole = places[result].path == "."
+            whole = place.path == "."
             below = folder / (result.path if whole else posixpath.dirname(result.path)).strip("/")
-            bringing = Bringing(robot, places[result], below, home)
-            if (kept := bringing.all(entries)) is not None:
+            came: list[list[Kept] | None] = []
+            for one in parts:
+                bringing = Bringing(robot, one.place, below / one.at, home)
+                came.append(bringing.all(one.entries))
+                brought = Brought(brought.files + bringing.fetched_files, brought.bytes + bringing.fetched_bytes)
+            if any(some is not None for some in came):
+                kept = [_moved(one, part.at) for part, some in zip(parts, came, strict=True) for one in some or ()]
                 found[result] = checked(below, kept, home.parts)
-            brought = Brought(brought.files + bringing.fetched_files, brought.bytes + bringing.fetched_bytes)
     return found, brought
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """What one mount has of a result."""
+
+    at: str
+    """Where it lies below the result's folder here; empty: it is all of that."""
+    place: Place
+    entries: list[Entry]
+
+
+def _parts(
+    result: Result, place: Place, inner: Sequence[tuple[str, Place]], there: Mapping[Place, list[Entry] | None]
+) -> Iterator[_Part]:
+    """Return what a result consists of: its folder as the container saw it, with the mounts in it.
+
+    Raises:
+        CollectFailed: The robot names a mount as nothing here can be called.
+    """
+    name = "" if place.path == "." else posixpath.basename(result.path.rstrip("/"))
+    places = [("", place), *((posixpath.join(name, at), one) for at, one in inner)]
+    for at, one in places:
+        if at and not is_safe_name(at):
+            raise CollectFailed(f"{result.path}: no folder here can have the name of its mount {at[:200]!r}")
+        # what lies under the place of another mount the container did not see
+        hidden = tuple(f"{other}/" for other, _ in places if other and other != at)
+        yield _Part(
+            at, one, [some for some in there[one] or () if not posixpath.join(at, some.path).startswith(hidden)]
+        )
+
+
+def _moved(one: Kept, at: str) -> Kept:
+    return replace(one, path=posixpath.join(at, one.path), name=posixpath.join(at, one.name) if one.name else "")
 
 
 def listed(one: Kept) -> dict[str, object]:

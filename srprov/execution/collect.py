@@ -70,6 +70,19 @@ def place_of(inspected: object, path: str) -> Place | None:
     return Place(root=string(best[1].get("Source")), path=best[2]) if best else None
 
 
+def places_below(inspected: object, path: str) -> list[tuple[str, Place]]:
+    """Return the mounts that lie in a container's folder, and may have been written to: where, relative to it.
+
+    What the folder itself lies in shows an empty folder at their places.
+    """
+    found: dict[str, Place] = {}
+    for mount in mappings(mapping(inspected).get("Mounts")):
+        target, source = string(mount.get("Destination")), string(mount.get("Source"))
+        if target.startswith(f"{path.rstrip('/')}/") and source.startswith("/") and mount.get("RW") is not False:
+            found[target[len(path.rstrip("/")) :].strip("/")] = Place(root=source, path=".")
+    return sorted(found.items())
+
+
 def listings(robot: Robot, places: Sequence[Place]) -> list[list[Entry] | None]:
     """Return what there is at each place, by path, all in one round trip; None for nothing.
 

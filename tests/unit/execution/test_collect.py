@@ -290,6 +290,36 @@ def test_a_result_that_changed_and_then_went_is_nothing(root: Path, tmp_path: Pa
     assert found == {} and brought_now.files == 0 and len(machine.scripts) == 3
 
 
+def test_a_result_has_what_lies_in_other_mounts_in_it(root: Path, tmp_path: Path) -> None:
+    """A volume in a volume is an empty folder there; of one that hides a file the container saw only what it has."""
+    inner = tmp_path / "inner"
+    inner.mkdir()
+    (inner / "best.bag").write_text("all that was measured")
+    (root / "state.json").write_text("{}")
+    (root / "logs").mkdir()
+    (root / "logs" / "best.bag").write_text("hidden")
+    mounts = {"Mounts": [
+        {"Destination": "/out", "Source": str(root), "RW": True},
+        {"Destination": "/out/logs", "Source": str(inner), "RW": True},
+        {"Destination": "/out/maps", "Source": str(inner), "RW": False},
+    ]}  # fmt: skip
+    logs, out = Result(path="/out/logs", required=True), Result(path="/out")
+    for number, wanted in enumerate(((logs, out), (out, logs), (out,), (logs,))):
+        home = tmp_path / str(number)
+        found, came = bring_results(Machine(), mounts, wanted, home, Home(parts=home / "parts"))
+        assert found.keys() == set(wanted) and came.files == 1 + (out in wanted)
+        assert (home / "out/logs/best.bag").read_text() == "all that was measured" and not (home / "out/maps").exists()
+        names = [one.name for one in found[wanted[0] if len(wanted) == 1 else out]]
+        assert names == (["state.json", "logs/best.bag"] if out in wanted else ["best.bag"])
+
+
+def test_a_mount_that_a_robot_names_as_no_folder_can_be_is_not_brought(root: Path, tmp_path: Path) -> None:
+    places = {"/out": str(root), "/out/../../../etc": str(root)}
+    mounts = {"Mounts": [{"Destination": name, "Source": source} for name, source in places.items()]}
+    with pytest.raises(CollectFailed, match="no folder here can have the name of its mount"):
+        bring_results(Machine(), mounts, (Result(path="/out"),), tmp_path / "a/b/c", Home(parts=tmp_path / "parts"))
+
+
 def test_a_part_that_was_damaged_here_is_fetched_anew(
     root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
