@@ -21,6 +21,8 @@ from srprov.untrusted import integer, mapping, parse_json, string, string_map
 
 _MOST_VALUES = 4_000_000
 """Of a journal: brackets, commas and colons."""
+_MOST_TRIALS = 100_000
+"""Of sessions that differ, together: each is worked out again, and held in memory."""
 
 
 Attempt = tuple[str, int]
@@ -125,20 +127,45 @@ def read(files: Files) -> Iterator[Story]:
     events = tuple(events_of(files))
     if not events or events[0]["event"] != "run":
         raise NotThere(f"{JOURNAL} does not begin with a run")
+    ended = tuple(_ended(events))
     if not (every := sessions(files)):
         raise NotThere("it does not say what was run: a run by an older srprov has no record of its own")
     with TemporaryDirectory(prefix="srprov-") as folder:
         found: list[Session] = []
+        trials = 0
         for home in every:
-            same = found and follows_from(files, home) == follows_from(files, found[-1].home)
+            same = bool(found) and follows_from(files, home) == follows_from(files, found[-1].home)
             found.append(again(found[-1], home) if same else read_session(files, home, folder))
+            trials += 0 if same else len(found[-1].places)
+            if trials > _MOST_TRIALS:
+                raise NotThere(f"its sessions have more than {_MOST_TRIALS} trials that differ")
         yield Story(
             events=events,
             rows=tuple(marked(events)[0]),
-            ended=tuple(mapping(one.get("row")) for one in events if one["event"] == "end"),
+            ended=ended,
             sessions=tuple(found),
             of=dict(_sessions_of(events, found)),
         )
+
+
+def _ended(events: Iterable[Mapping[str, Any]]) -> Iterator[Row]:
+    """Return the row of each attempt that ended. Each has a folder of its own, so that no file is read for two.
+
+    Raises:
+        NotThere: One is no row, or is of an attempt that ended before.
+    """
+    folders = set[str]()
+    for one in events:
+        row = mapping(one.get("row"))
+        if one["event"] != "end":
+            continue
+        words, numbers = (row.get("trial"), row.get("status")), (row.get("attempt"), row.get("segment", 1))
+        if not all(type(word) is str for word in words) or not all(type(number) is int for number in numbers):
+            raise NotThere(f"{JOURNAL}:{one['seq']} ends an attempt without a row of it")
+        if (folder := attempt_folder(row)) in folders:
+            raise NotThere(f"{JOURNAL}:{one['seq']} ends {folder}, which ended before")
+        folders.add(folder)
+        yield row
 
 
 def _sessions_of(events: Iterable[Mapping[str, Any]], every: Sequence[Session]) -> Iterator[tuple[Attempt, Session]]:
