@@ -14,8 +14,10 @@ from typing import Any
 from srprov.controller.input_files import InputFile
 from srprov.controller.plan import Planned
 from srprov.git import program
+from srprov.git_address import is_commit
 
-_LOOK_S = 10.0
+_LOOK_S = 2.0
+"""For each of three calls: a record waits for it."""
 _MOST_LISTED = 32 << 20
 """Bytes of a commit's list of files: some 300,000."""
 _SHA1_DIGITS = 40
@@ -32,8 +34,11 @@ def source_commit(planned: Planned, files: Mapping[str, InputFile]) -> dict[str,
     experiment = planned.definitions.experiment
     about: dict[str, Any] = {"file": experiment.file}
     try:
-        said = _git(experiment.folder, "rev-parse", "--show-toplevel", "HEAD")
-        top, commit = os.fsdecode(said).splitlines()[:2]
+        # a folder's name may hold a line feed
+        top = os.fsdecode(_git(experiment.folder, "rev-parse", "--show-toplevel").removesuffix(b"\n"))
+        commit = _git(experiment.folder, "rev-parse", "--verify", "HEAD").decode("ascii").removesuffix("\n")
+        if not is_commit(commit):
+            return {**about, "commit": None, "problem": f"git says '{commit[:80]}' for the commit"}
         listed = _git(top, "ls-tree", "-r", "-z", "--full-tree", commit)
     except (program.GitError, ValueError, OSError) as error:
         return {**about, "commit": None, "problem": str(error)}

@@ -11,7 +11,7 @@ import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from srprov import plain_tar, regular_file
+from srprov import datasets, plain_tar, regular_file
 from srprov.controller.plan import Planned
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.lockfile import lock_path
@@ -30,6 +30,8 @@ class InputFile:
     executable: bool = False
     link: str | None = None
     """Where a symbolic link points to; it has no content."""
+    data: tuple[str, int] | None = None
+    """sha256 and size of a data set, whose content is not kept: it may be large."""
 
 
 def definition_files(planned: Planned) -> dict[str, InputFile]:
@@ -53,7 +55,7 @@ def definition_files(planned: Planned) -> dict[str, InputFile]:
 
 
 def shipped_files(planned: Planned) -> dict[str, InputFile]:
-    """Return the files and folders that services mount, and what images are built with, by paths as above.
+    """Return what services mount, seeds and data sets too, and what images are built with, by paths as above.
 
     Raises:
         UsageError: One cannot be read, or is not any more what was planned.
@@ -67,6 +69,8 @@ def shipped_files(planned: Planned) -> dict[str, InputFile]:
     found: dict[str, InputFile] = {}
     path = ""
     try:
+        for path in _data_sets(planned):
+            found[os.path.relpath(path, folder)] = InputFile(data=datasets.digest(path))
         with disk.together():
             for path, one in _listed(planned):
                 content = b"" if one.link is not None else disk.read(path)
@@ -92,7 +96,7 @@ def _hash(content: bytes) -> str:
 
 def _sent(planned: Planned) -> Iterator[str]:
     """Return the sha256 of every file that robots get in a tree or in a build context."""
-    trees = [one.params.blob for one in planned.desired if one.module == "tree"]
+    trees = [one.params.blob for one in planned.desired if one.module in ("tree", "volume") and one.params.blob]
     for tar in (*trees, *(image.context for image in planned.images.values())):
         yield from (_hash(one.content) for one in plain_tar.members(tar) if one.content is not None)
 
@@ -108,10 +112,8 @@ def _listed(planned: Planned) -> Iterator[tuple[str, _Listed]]:
     from srprov import disk
 
     assert planned.experiment is not None and planned.definitions is not None  # the caller looked
-    mounts = {
-        mount.source for one in planned.experiment.services.values() for mount in one.runtime.mounts
-        if mount.kind == "tree"
-    }  # fmt: skip
+    every = [mount for one in planned.experiment.services.values() for mount in one.runtime.mounts]
+    mounts = {mount.source for mount in every if mount.kind == "tree"} | {one.seed.path for one in every if one.seed}
     sources = {file.source for one in planned.definitions.containers.values() for file in one.files if not one.image}
     for source in sorted(mounts | sources):
         for item in disk.listing(source):
@@ -122,6 +124,12 @@ def _listed(planned: Planned) -> Iterator[tuple[str, _Listed]]:
 
         for item in folder_items(folder, disk.listing, disk.read):
             yield os.path.join(folder, item.path), _Listed(item.executable, item.link)
+
+
+def _data_sets(planned: Planned) -> list[str]:
+    assert planned.experiment is not None  # the caller looked
+    every = (mount for one in planned.experiment.services.values() for mount in one.runtime.mounts)
+    return sorted({mount.source for mount in every if mount.kind == "data" and mount.source})
 
 
 def _context(one: ContainerDefinition) -> str:
@@ -139,9 +147,15 @@ def listing(files: Mapping[str, InputFile], places: Mapping[str, str], kept: Map
     return [
         {
             "path": path,
-            **({"link": one.link} if one.link is not None else {"file": places[path], "sha256": _hash(kept[path])}),
+            **_told(one, places[path], kept.get(path, b"")),
             **({"executable": True} if one.executable else {}),
-            **({"redacted": True} if one.link is None and kept[path] != one.content else {}),
+            **({"redacted": True} if path in kept and kept[path] != one.content else {}),
         }
         for path, one in sorted(files.items())
     ]
+
+
+def _told(one: InputFile, place: str, kept: bytes) -> dict[str, object]:
+    if one.data is not None:
+        return {"data": place, "sha256": one.data[0], "size": one.data[1]}
+    return {"link": one.link} if one.link is not None else {"file": place, "sha256": _hash(kept)}

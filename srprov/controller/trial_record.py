@@ -48,7 +48,7 @@ def keep_session(folder: Path, number: int, plan: TrialPlan, inventory: Inventor
         found = tokens(whole.snapshot.facts)
         sink.put_json("hardware.json", lambda: {"tokens": found})
     places = _places(files)
-    kept = {path: without_secrets(one) for path, one in files.items() if one.link is None}
+    kept = {path: without_secrets(one) for path, one in files.items() if one.link is None and one.data is None}
     for path, content in kept.items():
         private.make_folder((home / places[path]).parent)
         private.write_output(str(home / places[path]), content)

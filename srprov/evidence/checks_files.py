@@ -90,7 +90,7 @@ def _collected(hashed: Hashed, folder: str, kept: Iterable[str]) -> Iterator[str
     for key, some in mapping(json_of(hashed.files, f"{folder}/collected.json").get("results")).items():
         service, _, path = key.partition("/")
         for one in mappings(some, most=MOST_ENTRIES):
-            place = f"{folder}/results/{service}{folder_of('/' + path)}".rstrip("/")
+            place = _place(hashed.files, f"{folder}/results/{service}", path, string(one.get("name")))
             listed |= {f"{place}/{string(one.get('recovered'))}"} if one.get("recovered") else set()
             if name := string(one.get("name")):
                 listed.add(f"{place}/{name}")
@@ -98,6 +98,12 @@ def _collected(hashed: Hashed, folder: str, kept: Iterable[str]) -> Iterator[str
     for name in kept:
         if name not in listed:
             yield f"{name} did not come from a robot: {folder}/collected.json does not list it"
+
+
+def _place(files: Files, home: str, path: str, name: str) -> str:
+    """Return the folder that a listed name is relative to: a result's own, of a file the one that it lies in."""
+    own = f"{home}/{path}".rstrip("/")
+    return own if f"{own}/{name}" in files.sizes else f"{home}{folder_of('/' + path)}".rstrip("/")
 
 
 def _as_listed(hashed: Hashed, name: str, one: Mapping[str, Any]) -> Iterator[str]:

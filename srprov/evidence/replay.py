@@ -13,12 +13,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from srprov import private
+from srprov import private, regular_file
 from srprov.definitions.model import Host, Inventory
 from srprov.errors import RefusedError, UsageError, did_you_mean
 from srprov.evidence import story, verify
 from srprov.evidence.compare_inputs import facts_of
-from srprov.evidence.files import Files, below, content, json_of, opened
+from srprov.evidence.files import MOST_TEXT, Files, below, content, json_of, opened
+from srprov.evidence.session import data_sets
 from srprov.evidence.story import Story
 from srprov.facts.model import Snapshot
 from srprov.untrusted import mapping
@@ -80,7 +81,8 @@ def unpack(bundle: str, folder: Path) -> None:
         home = f"{told.home}/inputs/"
         names = [name for name in below(files, home) if name != home + _INVENTORY]
         contents = {folder / name.removeprefix(home): content(files, name) for name in names}
-    if folder.is_symlink() or (folder.exists() and _read(folder) not in ({}, contents)):
+        absent = {folder / one for one in data_sets(files, told.home)}
+    if folder.is_symlink() or (folder.exists() and _read(folder, absent) not in ({}, contents)):
         raise UsageError(f"something else is in {folder}", hint="name a new folder with -o")
     for place, data in contents.items():
         private.make_folder(place.parent)
@@ -96,12 +98,12 @@ def _opened(bundle: str) -> Iterator[tuple[Files, Story]]:
         raise UsageError(f"{bundle} cannot be run again: {error}", hint=f"srprov verify {bundle} says more") from error
 
 
-def _read(folder: Path) -> dict[Path, bytes]:
-    """Return what is in a folder; of a link or what else is no file, nothing that is equal to a file."""
+def _read(folder: Path, but: Collection[Path]) -> dict[Path, bytes]:
+    """Return what is in a folder but for some files; of what is no file, nothing that is equal to one."""
     return {
-        one: one.read_bytes() if one.is_file() and not one.is_symlink() else b"\0"
+        one: regular_file.read(one, MOST_TEXT, real=True) if one.is_file() and not one.is_symlink() else b"\0"
         for one in sorted(folder.rglob("*"))
-        if one.is_symlink() or not one.is_dir()
+        if one not in but and (one.is_symlink() or not one.is_dir())
     }
 
 

@@ -25,7 +25,7 @@ from srprov.facts.host import with_inventory
 from srprov.facts.stored import read_document
 from srprov.record.folder import in_lines
 from srprov.trials import Design, design
-from srprov.untrusted import string, string_map, strings
+from srprov.untrusted import mappings, string, string_map, strings
 
 _INVENTORY = "inventory.yml"
 _MOST_INPUTS = 128 << 20
@@ -111,6 +111,25 @@ def _unpack(files: Files, home: str, folder: str) -> None:
         if name == f"{home}/inputs/{_INVENTORY}":  # nobody is reached, and an unnamed inventory may not say how
             text = in_lines(without_access(json_of(files, name))).encode("utf-8", "surrogateescape")
         private.write_output(str(place), text)
+    for one in data_sets(files, home):  # definitions must find it; nobody reads it
+        place = Path(folder, home, "inputs", one)
+        private.make_folder(place.parent)
+        private.write_output(str(place), b"")
+
+
+def data_sets(files: Files, home: str) -> dict[str, str]:
+    """Return the places of a session's data sets below its inputs -> their sha256: they are not kept.
+
+    Raises:
+        NotThere: One is no place there.
+    """
+    found = {}
+    for one in mappings(json_of(files, f"{home}/inputs.json").get("files"), most=_MOST_INPUT_FILES):
+        if place := string(one.get("data")):
+            if not place.startswith("inputs/") or os.path.normpath(place) != place or "\0" in place:
+                raise NotThere(f"{home}/inputs.json has a data set of no place: {place[:200]}")
+            found[place.removeprefix("inputs/")] = string(one.get("sha256"))
+    return found
 
 
 def _definitions(folder: str, edf: str, environ: Mapping[str, str]) -> Definitions:

@@ -91,20 +91,20 @@ class WireguardPeersModule(Module[WireguardPeersParams]):
         return dataclasses.replace(want, keys={**keys, **claimed})
 
     def check(self, name: str, want: WireguardPeersParams, found: State | None) -> Change | None:
-        """Compare keys, endpoints and addresses. What is there for a robot out of reach stays.
+        """Compare keys, endpoints and addresses. What is there for the address of a robot out of reach stays.
 
         So does the endpoint of a peer that is spoken with: WireGuard follows one that sends from another address.
         """
         there = {key: (endpoint, allowed) for key, endpoint, allowed in (found["peers"] if found else ())}
         lively = {key: there[key][1] for key in (found["status"] if found else ()) if key in there}
+        away = {f"{address}/32" for robot, _, address in want.peers if robot not in want.keys}
+        kept = {key for key, (_, allowed) in there.items() if allowed in away}
         wanted: dict[str, _Peer] = {}
-        stays: set[_Peer] = set()
         for robot, endpoint, address in want.peers:
             if robot in want.keys:
-                wanted[want.keys[robot] or _unknown(robot)] = endpoint, f"{address}/32"
-            else:
-                stays.add((endpoint, f"{address}/32"))
-        gone = sorted(key for key, peer in there.items() if key not in wanted and peer not in stays)
+                key = want.keys[robot] or _unknown(robot)
+                wanted[_anothers(robot) if key in kept else key] = endpoint, f"{address}/32"
+        gone = sorted(there.keys() - wanted.keys() - kept)
         due = sorted(key for key, peer in wanted.items() if there.get(key) != peer and lively.get(key) != peer[1])
         commands = _set(name, gone, {key: wanted[key] for key in due})
         if found is None:
@@ -151,6 +151,11 @@ def _unknown(robot: str) -> str:
 def _claimed(robot: str, host: str) -> str:
     """Return what stands for a key that both robots say is their own; `wg` takes it for none, and tells it."""
     return f"<one public key, which {robot} and {host} both say is theirs>"
+
+
+def _anothers(robot: str) -> str:
+    """Return what stands for a key that is that of another one, out of reach; `wg` takes it for none, and tells it."""
+    return f"<public key of {robot}, which says one that is another robot's>"
 
 
 def _set(name: str, gone: Sequence[str], due: Mapping[str, _Peer]) -> tuple[Command, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import hashlib
 import json
 import os
 import shutil
@@ -16,14 +17,18 @@ from jsonschema import Draft202012Validator
 
 from srprov import data
 from srprov.cli.main import run as cli
-from srprov.errors import RefusedError, UsageError
+from srprov.definitions import load_experiment
+from srprov.errors import DefinitionError, RefusedError, UsageError
+from srprov.evidence.files import NotThere
 from srprov.evidence.make import bundle
+from srprov.evidence.replay import unpack
+from srprov.evidence.session import data_sets
 from srprov.evidence.verify import verify
 from srprov.record.journal import Journal, read
 from srprov.secret import Secret
 from tests.bounded import bounded
 from tests.trial_folders import EDF, FILES, MACHINE, run_folder, write_experiment
-from tests.unit.evidence.bundles import unpacked
+from tests.unit.evidence.bundles import archive, unpacked
 
 CANARY = "c4n4ry/of a coal+mine"
 
@@ -271,3 +276,39 @@ def test_the_placement_follows_from_the_record_alone(run: Path, capsys: pytest.C
     found = json.loads(capsys.readouterr().out)
     stated = json.loads((home / "assignment.json").read_text())
     assert found["assignment"] == stated["assignment"] and found["cost"] == pytest.approx(stated["cost"], abs=1e-6)
+
+
+def test_seeds_come_too_and_of_data_sets_the_hash(tmp_path: Path) -> None:
+    """A data set may be large: who runs it again puts the file where the definitions name it."""
+    old = 'volumes: ["./tracks:/tracks"]'
+    new = 'volumes: ["./tracks:/tracks", "state:/state"], data: [{path: ./sets/map.bin, target: /map}]'
+    edf = EDF.replace(old, new) + "volumes: {state: {seed: ./first}}\n"
+    files = {**FILES, "race.edf": edf, "first/known.txt": "first\n", "sets/map.bin": "1" * 9000}
+    assert old in EDF
+    run = run_folder(tmp_path / "run", write_experiment(tmp_path / "experiment", files))
+    listed = {one["path"]: one for one in json.loads((run / "sessions/1/inputs.json").read_text())["files"]}
+    digest = hashlib.sha256(b"1" * 9000).hexdigest()
+    assert listed["sets/map.bin"] == {
+        "path": "sets/map.bin", "data": "inputs/sets/map.bin", "sha256": digest, "size": 9000,
+    }  # fmt: skip
+    bundle(run, tmp_path / "b.zip")
+    content = unpacked(tmp_path / "b.zip")
+    assert content["sessions/1/inputs/first/known.txt"] == b"first\n"
+    assert "sessions/1/inputs/sets/map.bin" not in content
+    assert not verify(str(tmp_path / "b.zip")).failed
+    again = tmp_path / "again"
+    unpack(str(tmp_path / "b.zip"), again)
+    with pytest.raises(DefinitionError) as missing:
+        load_experiment(again / "race.edf")
+    assert "sets/map.bin" in missing.value.problems[0].message
+    (again / "sets").mkdir()
+    (again / "sets" / "map.bin").write_text("1" * 9000)
+    unpack(str(tmp_path / "b.zip"), again)
+    assert load_experiment(again / "race.edf").experiment.name == "race"
+
+
+@pytest.mark.parametrize("place", ["inputs/../../x", "/etc/x", "inputs//x", "sessions/x", "inputs/a/../../../x"])
+def test_a_data_set_of_a_stranger_is_written_nowhere_else(place: str) -> None:
+    files = {"home/inputs.json": json.dumps({"files": [{"path": "x", "data": place}]}).encode()}
+    with pytest.raises(NotThere, match="a data set of no place"):
+        data_sets(archive(files), "home")

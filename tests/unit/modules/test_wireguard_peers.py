@@ -89,6 +89,18 @@ def test_a_stranger_and_an_old_key_are_removed() -> None:
     assert f"peer {old[0]} remove" in script(change)
 
 
+def test_a_robot_out_of_reach_stays_where_it_was_heard_last() -> None:
+    """WireGuard follows a peer that sends from another address or port."""
+    roamed = (KEYS["r3"], "192.0.2.77:41000", "10.128.0.3/32")
+    assert check(state(R2, roamed), r1=KEYS["r1"], r2=KEYS["r2"]) is None
+
+
+def test_who_says_the_key_of_a_robot_out_of_reach_does_not_get_its_place() -> None:
+    text = script(check(state(R2, R3), r1=KEYS["r1"], r2=KEYS["r3"]))
+    assert "peer '<public key of r2, which says one that is another robot'\"'\"'s>' endpoint" in text
+    assert KEYS["r3"] not in text
+
+
 def test_what_is_there_for_a_robot_out_of_reach_stays() -> None:
     assert check(state(R2, R3), r1=KEYS["r1"], r2=KEYS["r2"]) is None
     assert check(state(R2), r1=KEYS["r1"], r2=KEYS["r2"]) is None
