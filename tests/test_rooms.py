@@ -103,6 +103,8 @@ ROOMS: Mapping[str, Room] = {
         "errors private regular_file untrusted secret linear_regex yamldoc definitions assignment facts trials record"
         " controller.choice controller.request controller.trial_instances controller.bundling"
     ),
+    # Files of other tools -> experiments: reads what strangers wrote, and reaches no robot.
+    "importing": room("errors private regular_file untrusted image_reference linear_regex yamldoc definitions"),
     "lab": room("errors regular_file yamldoc", "yaml"),
     "trials": room("errors linear_regex untrusted time_sync definitions.trialsmodel definitions.trialpoints"),
     "linear_regex": room(foreign="re2"),

@@ -1,0 +1,57 @@
+"""A Compose project as its own tool would print it, with the place of each value; and the refusal to make one.
+
+Values only. Pure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from srprov.errors import DefinitionError
+from srprov.importing.position import Path, Position
+
+
+class Refused(DefinitionError):
+    """What Compose refuses, or srprov does; `problems` has each one with its place, message and hint."""
+
+
+@dataclass(frozen=True, slots=True)
+class Variable:
+    """One variable at one place that asks for it."""
+
+    name: str
+    source: str
+    """Where the value comes from: `--set`, the name of an env file, `default` (written beside it) or `unset`."""
+    value: str
+    """What was put in; empty when it is unset."""
+    at: Position
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """Something that is allowed and that the user should know."""
+
+    at: Position
+    message: str
+    hint: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Normal:
+    """One project: all files merged, variables put in, everything in its long form."""
+
+    document: Mapping[str, Any]
+    """What `docker compose config --format json` prints: name, services, networks, volumes, configs, secrets."""
+    positions: Mapping[Path, Position]
+    """Path in the document -> where it was written; paths without an entry stand where the nearest one above stands."""
+    variables: tuple[Variable, ...] = ()
+    warnings: tuple[Note, ...] = ()
+
+    def position_of(self, path: Path) -> Position:
+        """Return where a value was written, or the nearest value around it."""
+        for length in range(len(path), -1, -1):
+            if found := self.positions.get(path[:length]):
+                return found
+        return Position("")
