@@ -39,6 +39,7 @@ OWN: Mapping[str, str] = {
     "transport/openssh/host_keys.py:_append": "writes the key of a new robot",
     "cli/streams.py": "/dev/null",
     "cli/output_options.py": "opens what was asked for only to write, and only a regular file",
+    "exporting/folder.py": "writes the export, into a new folder",
     "lab/": "the lab's own files and the kernel's, on this machine, as root",
 }
 """File, `file:function` or room -> why what it opens is not foreign."""

@@ -50,7 +50,7 @@ ROOMS: Mapping[str, Room] = {
     "controller": room(
         "errors layers regular_file wire session resource secret data datasets disk owner private untrusted time_sync"
         " sizes image_reference git_address git linear_regex definitions transport facts assignment network images"
-        " rendering modules planning execution record trials probing plain_tar"
+        " rendering modules planning execution record trials probing plain_tar exporting yamldoc"
     ),
     "datasets": room("private regular_file untrusted"),
     "disk": room("regular_file images.plan"),
@@ -105,6 +105,8 @@ ROOMS: Mapping[str, Room] = {
     ),
     # Files of other tools -> experiments: reads what strangers wrote, and reaches no robot.
     "importing": room("errors private regular_file untrusted image_reference linear_regex yamldoc definitions"),
+    # Compose files of an experiment: as values, but for the one file that writes them into a folder.
+    "exporting": room("errors plain_tar definitions facts.model images network yamldoc"),
     "lab": room("errors regular_file yamldoc", "yaml"),
     "trials": room("errors linear_regex untrusted time_sync definitions.trialsmodel definitions.trialpoints"),
     "linear_regex": room(foreign="re2"),
@@ -155,6 +157,7 @@ FILES: Mapping[str, Room] = {
     "cli/exec.py": cli_file("facts"),
     "cli/execute.py": cli_file("planning execution"),
     "cli/destroy.py": cli_file("execution facts.model"),
+    "cli/export.py": cli_file("exporting facts"),
     "cli/facts.py": cli_file("facts"),
     "cli/facts_ranges.py": cli_file("facts data definitions.schema", "jsonschema"),
     "cli/facts_table.py": cli_file("facts"),
@@ -173,6 +176,7 @@ FILES: Mapping[str, Room] = {
     "cli/runs.py": cli_file("record trials.judge"),
     "cli/schema.py": cli_file("data"),
     "cli/status.py": cli_file("facts probing"),
+    "cli/stored_facts.py": cli_file("facts"),
     "cli/trial_session.py": cli_file("execution facts"),
     "cli/verify.py": cli_file("evidence"),
     "cli/wait.py": cli_file("facts"),

@@ -2,37 +2,28 @@
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
-from srprov import regular_file
 from srprov.cli import inputs, options
 from srprov.cli.output import err, out, out_json, tell_unreachable
 from srprov.cli.stdout_guard import answers_only
+from srprov.cli.stored_facts import FACTS, stored_facts
 from srprov.controller.request import PlanRequest
 from srprov.errors import NoAssignment, UsageError
 
 if TYPE_CHECKING:
     from srprov.assignment.fairness import Point
     from srprov.assignment.model import Assignment, Problem
-    from srprov.definitions.model import Inventory
-    from srprov.facts.model import Snapshot
 
 
 @click.command()
 @click.argument("file", metavar="FILE")
 @options.robots
 @options.deciding
-@click.option(
-    "--facts",
-    "stored",
-    type=click.Path(exists=True, dir_okay=False, path_type=Path),
-    metavar="FILE",
-    help="Decide from what `facts --json` wrote, or again as the run whose facts.json it is; no robot is asked.",
-)
+@FACTS
 @click.option("--explain", is_flag=True, help="Say the cost by term, the next best robot, and why not elsewhere.")
 @click.option("--pareto", is_flag=True, help="Show what each step of fairness costs.")
 @click.option("--svg", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", help="Draw the cost matrix.")
@@ -54,7 +45,7 @@ def assign(
 
     before = None
     if stored:
-        snapshot, decided = _stored(stored, inventory)
+        snapshot, decided = stored_facts(stored, inventory)
         if decided is not None:
             before, request = read_decided(decided, request)
     else:
@@ -94,32 +85,6 @@ def _solved(
             out_json(refusal_json(error))
         raise
     return answer, front
-
-
-def _stored(path: Path, inventory: Inventory) -> tuple[Snapshot, object]:
-    """Read facts from a file, and of a run's record what else led to its decision.
-
-    Robots of the inventory that it does not have count as out of reach.
-    """
-    from srprov.cli.facts_ranges import check_ranges
-    from srprov.facts.host import with_inventory
-    from srprov.facts.stored import read_document
-    from srprov.untrusted import parse_json
-
-    try:
-        document = parse_json(regular_file.read_text(path))
-        found = read_document(document)
-        check_ranges(document["robots"])
-    except (OSError, ValueError) as error:
-        why = error.strerror if isinstance(error, OSError) else error
-        raise UsageError(f"{path}: {why}", hint="give a file that `srprov facts --json` wrote") from error
-    hosts = inventory.hosts
-    facts = {name: with_inventory(hosts[name], one) for name, one in found.facts.items() if name in hosts}
-    away = {
-        name: found.unreachable.get(name, "not in the stored facts") for name in inventory.hosts if name not in facts
-    }
-    stored = dataclasses.replace(found, facts=facts, observed={name: () for name in facts}, unreachable=away)
-    return stored, document.get("decided")
 
 
 def _show(answer: Assignment, *, explain: bool, front: tuple[Point, ...]) -> None:

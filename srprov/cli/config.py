@@ -39,12 +39,14 @@ OWN_KEYS = PROJECT_KEYS | {
     *("older-than", "cache", "since", "timestamps", "until", "env", "user", "workdir", "tty"),
     *("metric", "over", "watch", "no-secret"),
     *("discard", "rerun", "reason", "accept-changes", "rotate-keys", "no-probe", "network", "profile"),
-    *("margin", "strict", "with", "map"),
+    *("margin", "strict", "with", "map", "twin"),
 }
 PARAMETERS = {"inventory": "inventories", "json": "as_json", "format": "form", "out": "target", "facts": "stored",
               "profile": "profiles", "margin": "margins", "with": "others", "map": "pairs"}  # fmt: skip
 """Options that have another name in the code."""
 _LISTS = ("inventory", "allow", "until", "env", "profile", "margin", "with", "map")
+_GROUPS = {"export": ("compose",)}
+"""Verbs that stand for several: what is set for one holds for those."""
 _MOST_BYTES = 1 << 20
 _BEYOND = 1e15
 _HEADER = re.compile(r"\s*\[([^\[\]]+)\]\s*(?:#.*)?")
@@ -78,7 +80,8 @@ def default_map(verbs: Mapping[str, Any], folder: Path, environ: Mapping[str, st
         for verb, chosen in defaults.items():
             here = {**everywhere, **table.get(verb, {})}
             chosen.update({_parameter(key): _value(key, value, file) for key, value in here.items()})
-    return defaults
+    return {**defaults, **{group: dict.fromkeys(verbs_below, defaults[group]) for group, verbs_below in _GROUPS.items()
+                           if group in defaults}}  # fmt: skip
 
 
 def user_folder(environ: Mapping[str, str]) -> Path:

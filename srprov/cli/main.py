@@ -50,6 +50,7 @@ _VERBS = {
     "start": "Start services that were stopped.",
     "locks": "Show who is changing which robot.",
     "destroy": "Remove everything that an instance owns.",
+    "export": "Write an experiment as Docker Compose files.",
     "lab": "The embedded lab: robots on this machine.",
     "schema": "Print a JSON Schema.",
 }

@@ -38,15 +38,16 @@ def read_source(
     """
     if signers:
         return _signed(file, signers)
-    saved = _plan(file)
+    saved = saved_plan(file)
     if saved and locked:
         raise UsageError("--locked is for an EDF: what a plan in a file does was decided when it was made")
     return saved or read_definitions(file, allowed, profiles, locked=locked)
 
 
 def read_definitions(
-    file: str, allowed: Collection[str], profiles: Collection[str] = (), *, locked: bool = False
-) -> Definitions:
+    file: str, allowed: Collection[str], profiles: Collection[str] = (), *, locked: bool = False,
+    environ: Mapping[str, str] | None = None,
+) -> Definitions:  # fmt: skip
     """Read an EDF with every file that it names, and put in what its lock says, which is of all services.
 
     Args:
@@ -54,22 +55,23 @@ def read_definitions(
         allowed: Kinds of permission that the user gave.
         profiles: Of services that are wanted beside those that always are.
         locked: Refuse when there is no lock, or when it is out of date.
+        environ: What gives the values of variables that are named alone; None: the process's environment.
 
     Raises:
         DefinitionError: With everything that is wrong with it, or with the lock.
         UsageError: With all that the lock and the files differ in; or no service has such a profile.
         RefusedError: A CDF is in a git repository, and the user did not allow to fetch it.
     """
-    found = chosen(_with_lock(file, allowed, locked=locked), profiles)
+    found = chosen(_with_lock(file, allowed, environ, locked=locked), profiles)
     if not found.experiment.services:
         raise UsageError("no service is wanted: all of them have profiles", hint="name one with --profile")
     return found
 
 
-def _with_lock(file: str, allowed: Collection[str], *, locked: bool) -> Definitions:
+def _with_lock(file: str, allowed: Collection[str], environ: Mapping[str, str] | None, *, locked: bool) -> Definitions:
     path = lock_path(file)
     lock = load_lock(path)
-    found = fetched(file, allowed, functools.partial(_tree, lock.commits if lock else {}))
+    found = fetched(file, allowed, functools.partial(_tree, lock.commits if lock else {}), environ)
     if lock is None and not locked:
         return found
     from srprov.controller.pins import differences, pinned
@@ -94,19 +96,22 @@ def _tree(commits: Mapping[tuple[str, str], str], url: str, ref: str) -> str:
     return tree(url, ref, commits)
 
 
-def fetched(file: str, allowed: Collection[str], fetch: Callable[[str, str], str]) -> Definitions:
+def fetched(
+    file: str, allowed: Collection[str], fetch: Callable[[str, str], str], environ: Mapping[str, str] | None = None
+) -> Definitions:
     """Read an EDF with every file that it names; CDFs in git repositories are fetched when the user allowed it.
 
     Args:
         file: The EDF.
         allowed: Kinds of permission that the user gave.
         fetch: Gives a folder with the files of a repository's branch, tag or commit.
+        environ: As `read_definitions` has it.
 
     Raises:
         DefinitionError: With everything that is wrong with it.
         RefusedError: The user did not allow it.
     """
-    found = load_experiment(file)
+    found = load_experiment(file, environ)
     if not found.experiment.remote:
         return found
     from srprov.controller.permissions import permit_planning
@@ -121,7 +126,7 @@ def fetched(file: str, allowed: Collection[str], fetch: Callable[[str, str], str
             permit_planning([Permission(kind="outside", service="a CDF in a repository", what=path)], allowed)
         return fetch(url, ref)
 
-    return load_experiment(file, fetch=asked)
+    return load_experiment(file, environ, fetch=asked)
 
 
 def is_edf_name(file: str) -> bool:
@@ -142,7 +147,12 @@ def _signed(file: str, signers: str) -> PlanFile:
     return saved
 
 
-def _plan(file: str) -> PlanFile | None:
+def saved_plan(file: str) -> PlanFile | None:
+    """Return the plan that a file holds; None for one that holds something else.
+
+    Raises:
+        UsageError: It cannot be read, or cannot be applied, or is named like an EDF.
+    """
     try:
         if not regular_file.beginning(file, 200).lstrip().startswith(b"{"):
             return None

@@ -68,7 +68,7 @@ def load(path: str, folder: str, environ: Mapping[str, str], shown: str = "", fe
     absolute = os.path.abspath(path)
     findings, unsupported = Findings(), Findings()
     with allowance(schema.MOST_BYTES, schema.MOST_VALUES):
-        reader = _ExtendsReader(dict(environ), findings, unsupported, fetch)
+        reader = _ExtendsReader(environ, findings, unsupported, fetch)
         layer = reader.read(absolute, shown or path, ())
     if findings.problems or layer is None:
         raise DefinitionError(findings.problems)
@@ -96,7 +96,9 @@ def load(path: str, folder: str, environ: Mapping[str, str], shown: str = "", fe
 class _ExtendsReader:
     """Reads a CDF and what it extends, each file once; `trail` holds the files on the way here."""
 
-    def __init__(self, environ: dict[str, str], findings: Findings, unsupported: Findings, fetch: Fetch | None) -> None:
+    def __init__(
+        self, environ: Mapping[str, str], findings: Findings, unsupported: Findings, fetch: Fetch | None
+    ) -> None:
         self.fetch = fetch
         self.remote: list[tuple[str, str]] = []
         self.fetched: list[str] = []

@@ -8,7 +8,7 @@ makes it replace as well.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq
 
@@ -59,7 +59,7 @@ def _plain(node: Node) -> object:
     return tuple(_plain(item) for item in node.items) if isinstance(node, Seq) else node.text
 
 
-def normalise(layer: Map, environ: dict[str, str], findings: Findings, path: Path) -> Map:
+def normalise(layer: Map, environ: Mapping[str, str], findings: Findings, path: Path) -> Map:
     """Return a layer in the one form that merges: what is keyed as maps, `run` and `tmpfs` as lists."""
     entries = dict(layer.entries)
     for key in KEYED:
@@ -73,7 +73,7 @@ def normalise(layer: Map, environ: dict[str, str], findings: Findings, path: Pat
     return Map(layer.source, layer.line, layer.column, entries, layer.keys, layer.tag)
 
 
-def _as_map(node: Node, environ: dict[str, str], findings: Findings, path: Path) -> Map:
+def _as_map(node: Node, environ: Mapping[str, str], findings: Findings, path: Path) -> Map:
     entries: dict[str, Node] = {}
     keys: dict[str, Scalar] = {}
     for index, item in enumerate(node.items if isinstance(node, Seq) else ()):

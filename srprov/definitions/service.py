@@ -37,7 +37,7 @@ def build(
     """
     name = key.text
     path: Path = ("services", name)
-    own = merging.normalise(merging.select(node, runtime.RUNTIME_FIELDS), dict(environ), findings, path)
+    own = merging.normalise(merging.select(node, runtime.RUNTIME_FIELDS), environ, findings, path)
     below: Map = container.layer if container is not None else Map(node.source, node.line, node.column)
     images.check(node.entries.get("image"), findings, (*path, "image"))
     files = _env_files(node.entries.get("env_file"), folder, environ, findings, (*path, "env_file"))

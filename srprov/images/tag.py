@@ -72,7 +72,7 @@ def plan_image(
     if cdf.dockerfile:
         written, entries = _from_folder(cdf, listing, read)
     else:
-        written, entries, moving = _from_base(cdf, listing, read, checkout)
+        written, entries, moving = generated(cdf, listing, read, checkout)
     dockerfile = marked(written)
     return ImagePlan(
         tag=f"{repository_of(cdf)}:{content_hash(dockerfile, entries)[:_TAG_LENGTH]}",
@@ -134,9 +134,16 @@ def repository_of(cdf: ContainerDefinition) -> str:
     return f"srprov/{re.sub(r'[^a-z0-9]+', '-', cdf.name.lower()).strip('-')[:100] or 'cdf'}"
 
 
-def _from_base(
+def generated(
     cdf: ContainerDefinition, listing: Listing, read: Read, checkout: Checkouts
 ) -> tuple[Dockerfile, Sequence[ContextFile], tuple[str, ...]]:
+    """Return the Dockerfile of a CDF that has a `base`, its build context, and what names of repositories are now.
+
+    The last line of the Dockerfile says that srprov built the image.
+
+    Raises:
+        DefinitionError: As `plan_image`.
+    """
     errors, none = FieldErrors(cdf), Checkout(commit="", files=())
     places = range(len(cdf.repositories))
     taken = [errors.attempt(f"repositories.{i}", partial(checkout, cdf, i), none) for i in places]

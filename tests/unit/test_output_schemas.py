@@ -23,6 +23,7 @@ OUTPUTS = (
     "collect",
     "compare",
     "doctor",
+    "export",
     "facts",
     "images",
     "locks",

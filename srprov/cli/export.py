@@ -1,0 +1,100 @@
+"""`srprov export compose`: an experiment as Docker Compose files, one per robot, or one for a single PC."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from srprov.cli import inputs, options
+from srprov.cli.output import counted, err, out, out_json
+from srprov.cli.stored_facts import FACTS, stored_facts
+from srprov.controller.request import PlanRequest
+from srprov.errors import UsageError
+
+if TYPE_CHECKING:
+    from srprov.controller.compose import Source
+    from srprov.exporting.model import Export
+
+
+@click.group()
+def export() -> None:
+    """Write an experiment for other tools."""
+
+
+@export.command()
+@click.argument("file", metavar="EDF|PLAN")
+@click.option("-i", "--inventory", "inventories", multiple=True, metavar="FILE",
+              help="Inventory, may be repeated: one file per robot. Without it, there is one for a PC.")  # fmt: skip
+@FACTS
+@click.option("--twin", is_flag=True, help="One file for a single PC, whatever inventory is configured.")
+@click.option("-o", "--out", "target", type=click.Path(path_type=Path), required=True, metavar="DIR",
+              help="A folder that is new or empty.")  # fmt: skip
+@options.JSON
+@options.FORKS
+@options.TIMEOUT
+@options.ASK_BECOME
+@options.deciding
+@options.ALLOW
+def compose(
+    file: str, inventories: tuple[str, ...], stored: Path | None, twin: bool, target: Path, as_json: bool,
+    forks: int, timeout: float, request: PlanRequest, allow: tuple[str, ...],
+) -> int:  # fmt: skip
+    """Write Docker Compose files with all that they need: what is built, what is shipped, and a README.
+
+    Each field of the experiment is the same in Compose, adapted, dropped or refused; the report says which, and where
+    it is written. A refused one writes nothing. Robots are chosen as by `assign`, or are those of the PLAN. Values of
+    secrets and of variables that the EDF only names are never read: the README says what must be given.
+    """
+    from srprov.cli.permitted import permitted
+    from srprov.controller import compose as controller
+    from srprov.exporting import folder
+
+    if target.exists() and (not target.is_dir() or os.listdir(target)):
+        raise UsageError(f"{target} is there and not empty", hint="name a new folder with -o")
+    if stored and (twin or not inventories):
+        raise UsageError("--facts is for the robots of an inventory", hint="name it with -i")
+    source = controller.read(file, permitted(allow)[1], request.profiles, placed=bool(inventories) and not twin)
+    if source.plan and not twin:
+        made = controller.on_planned_robots(source)
+    elif inventories and not twin:
+        made = _on_robots(source, inventories, stored, request, timeout, forks)
+    else:
+        made = controller.twin(source)
+    folder.write(str(target), made.files)
+    _tell(made, target, as_json=as_json)
+    return 0
+
+
+def _on_robots(
+    source: Source, inventories: tuple[str, ...], stored: Path | None, request: PlanRequest, timeout: float, forks: int
+) -> Export:
+    """Place the services as `assign` does, and return a Compose file per robot."""
+    from srprov.controller import compose as controller
+
+    inventory = inputs.load_inventory(inventories)
+    if stored:
+        snapshot, decided = stored_facts(stored, inventory)
+        return controller.on_chosen_robots(source, inventory, snapshot, request, decided)
+    with inputs.connect(inventory, timeout, forks) as fleet:
+        from srprov.facts.gather import Detail
+
+        snapshot = fleet.gather(Detail.TRAFFIC)
+    return controller.on_chosen_robots(source, inventory, snapshot, request)
+
+
+def _tell(made: Export, target: Path, *, as_json: bool) -> None:
+    from srprov.exporting.report import report_json, report_lines
+
+    if as_json:
+        out_json(report_json(made))
+        return
+    for note in made.notes:
+        err(f"note: {note}")
+    out("\n".join(report_lines(made)))
+    for need in made.needs:
+        out(f"you must give the {need.kind} {need.name}: {need.what}")
+    files = ", ".join(f"{one.folder}compose.yml" for one in made.machines)
+    out(f"{target}: {files}, and {counted(len(made.files) - len(made.machines), 'file')} beside")

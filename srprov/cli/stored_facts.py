@@ -1,0 +1,53 @@
+"""Facts from a file: what `facts --json` wrote, or the facts.json of a run's record."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from srprov import regular_file
+from srprov.errors import UsageError
+
+if TYPE_CHECKING:
+    from srprov.definitions.model import Inventory
+    from srprov.facts.model import Snapshot
+
+FACTS = click.option(
+    "--facts",
+    "stored",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    metavar="FILE",
+    help="Decide from what `facts --json` wrote, or again as the run whose facts.json it is; no robot is asked.",
+)
+
+
+def stored_facts(path: Path, inventory: Inventory) -> tuple[Snapshot, object]:
+    """Read facts from a file, and of a run's record what else led to its decision.
+
+    Robots of the inventory that it does not have count as out of reach.
+
+    Raises:
+        UsageError: It holds no facts.
+    """
+    from srprov.cli.facts_ranges import check_ranges
+    from srprov.facts.host import with_inventory
+    from srprov.facts.stored import read_document
+    from srprov.untrusted import parse_json
+
+    try:
+        document = parse_json(regular_file.read_text(path))
+        found = read_document(document)
+        check_ranges(document["robots"])
+    except (OSError, ValueError) as error:
+        why = error.strerror if isinstance(error, OSError) else error
+        raise UsageError(f"{path}: {why}", hint="give a file that `srprov facts --json` wrote") from error
+    hosts = inventory.hosts
+    facts = {name: with_inventory(hosts[name], one) for name, one in found.facts.items() if name in hosts}
+    away = {
+        name: found.unreachable.get(name, "not in the stored facts") for name in inventory.hosts if name not in facts
+    }
+    stored = dataclasses.replace(found, facts=facts, observed={name: () for name in facts}, unreachable=away)
+    return stored, document.get("decided")

@@ -1,0 +1,211 @@
+"""An experiment, or a plan of one, as Docker Compose files: read the files, place the services, convert.
+
+No robot is asked here. The values of variables of the controller's environment are not read, and those of secrets
+neither.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import posixpath
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from srprov import disk
+from srprov.controller.compose_plan import addresses_of, check_same, edf_of
+from srprov.controller.permissions import permit_planning
+from srprov.controller.robots_words import at_home
+from srprov.controller.source import read_definitions, saved_plan
+from srprov.controller.trial_values import at_first_point
+from srprov.definitions import envfile
+from srprov.definitions.containermodel import ContainerDefinition
+from srprov.definitions.expand import expand
+from srprov.definitions.model import Definitions, Experiment
+from srprov.errors import DefinitionError, UsageError
+from srprov.exporting import Wanted, export
+from srprov.exporting.model import Export
+from srprov.exporting.variables import Open
+from srprov.images.tag import Checkouts, no_repositories
+from srprov.planning.policy import permissions
+from srprov.yamldoc import loader, nodes
+from srprov.yamldoc.nodes import Map
+
+if TYPE_CHECKING:
+    from srprov.controller.request import PlanRequest
+    from srprov.definitions.model import Inventory
+    from srprov.facts.model import Snapshot
+    from srprov.planning.planfile import PlanFile
+
+_COPIED_FIRST = ("git", "outside")
+"""Kinds of permission without which nothing is copied: what is fetched, and files from outside of the folder."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Source:
+    """What is to be exported."""
+
+    file: str
+    """The EDF."""
+    definitions: Definitions
+    """With the first value of each parameter."""
+    open: Open
+    allowed: frozenset[str]
+    plan: PlanFile | None = None
+    """The plan whose placement holds."""
+    every_profile: bool = False
+    """No profile was named: services keep theirs, where Compose can still choose."""
+
+
+def read(file: str, allowed: frozenset[str], profiles: tuple[str, ...] = (), *, placed: bool = False) -> Source:
+    """Read an EDF, or a plan that `plan -o` wrote with the EDF that it was made from.
+
+    Args:
+        file: The one or the other.
+        allowed: Kinds of permission that the user gave.
+        profiles: Of services that are wanted beside those that always are.
+        placed: Services will be placed on robots: only those that are wanted.
+
+    Raises:
+        DefinitionError, UsageError, RefusedError: As for `plan`; or the EDF is not that of the plan.
+    """
+    plan, open_ = saved_plan(file), Open()
+    edf = edf_of(plan, file) if plan else file
+    keep = not (profiles or placed or plan)
+    found = read_definitions(edf, allowed, ("*",) if keep or plan else profiles, environ=open_)
+    if found.unsupported:
+        raise DefinitionError(found.unsupported)
+    if plan:
+        check_same(plan, found, file)
+    asked = permissions(found.experiment, found.containers)
+    permit_planning([one for one in asked if one.kind in _COPIED_FIRST], allowed)
+    return Source(
+        file=edf, definitions=at_first_point(found), open=open_, allowed=allowed, plan=plan, every_profile=keep
+    )
+
+
+def twin(source: Source) -> Export:
+    """Return one Compose file with all services, for one PC."""
+    experiment = source.definitions.experiment
+    once = {name: dataclasses.replace(one, per_robot=None) for name, one in experiment.services.items()}
+    return _exported(source, expand(dataclasses.replace(experiment, services=once), {}), {}, {})
+
+
+def on_planned_robots(source: Source) -> Export:
+    """Return a Compose file for each robot of the plan.
+
+    Raises:
+        UsageError: The plan places what the EDF does not have.
+    """
+    assert source.plan is not None
+    placed = dict(source.plan.plan.assignment)
+    experiment = expand(source.definitions.experiment, {}, placed)
+    if unknown := sorted(placed.keys() - experiment.services.keys()):
+        raise UsageError(f"the plan places {', '.join(unknown[:5])}, which the EDF does not have")
+    return on_robots(source, experiment, placed, addresses_of(source.plan))
+
+
+def on_chosen_robots(
+    source: Source, inventory: Inventory, snapshot: Snapshot, request: PlanRequest, decided: object = None
+) -> Export:
+    """Return a Compose file for each robot that runs something, with robots chosen as `assign` does.
+
+    Args:
+        source: What was read.
+        inventory: The robots.
+        snapshot: As they are.
+        request: How robots are chosen.
+        decided: What a run's record says of its decision; None: it is decided now.
+
+    Raises:
+        NoAssignment, UsageError: As for `assign`.
+    """
+    from srprov.assignment import solve
+    from srprov.controller.choice import checked_choice, idle_notes, read_decided
+
+    before = None
+    if decided is not None:
+        before, request = read_decided(decided, request)
+    choice = checked_choice(source.definitions, inventory, snapshot, request, before)
+    placed = solve.solve(choice.problem, request.search_limit_s).placed
+    experiment = at_home(choice.experiment, placed, snapshot.facts)
+    notes = idle_notes(source.definitions, choice.experiment, snapshot)
+    known = dataclasses.replace(source.definitions, notes=(*source.definitions.notes, *notes))
+    addresses = {name: facts.underlay_address for name, facts in snapshot.facts.items()}
+    return on_robots(dataclasses.replace(source, definitions=known), experiment, placed, addresses)
+
+
+def on_robots(
+    source: Source, experiment: Experiment, placed: Mapping[str, str], addresses: Mapping[str, str]
+) -> Export:
+    """Return a Compose file for each robot that runs something.
+
+    Args:
+        source: What was read.
+        experiment: With every instance as a service of its own.
+        placed: Service -> robot.
+        addresses: Robot -> the address that other robots reach, as far as known.
+    """
+    services = {name: experiment.services[name] for name in placed}
+    return _exported(source, dataclasses.replace(experiment, services=services), placed, addresses)
+
+
+def _exported(
+    source: Source, experiment: Experiment, placed: Mapping[str, str], addresses: Mapping[str, str]
+) -> Export:
+    used = {one.cdf for one in experiment.services.values()}
+    containers = {key: one for key, one in source.definitions.containers.items() if key in used}
+    with disk.together():
+        return export(
+            Wanted(
+                definitions=dataclasses.replace(source.definitions, experiment=experiment, containers=containers),
+                placed=placed, robots=addresses, profiles=source.every_profile, open=source.open,
+                env_files=_env_files(source), texts=_texts(source), edf=source.file, notes=source.definitions.notes,
+                listing=disk.listing, read=disk.read, tar=disk.tree_tar,
+                checkout=_checkout(containers, source.allowed),
+            )
+        )  # fmt: skip
+
+
+def _checkout(containers: Mapping[str, ContainerDefinition], allowed: Collection[str]) -> Checkouts:
+    if {"all", "git"}.isdisjoint(allowed) or not any(one.repositories for one in containers.values()):
+        return no_repositories
+    from srprov.controller.repositories import Repositories
+
+    return Repositories(containers.values()).checkout
+
+
+def _texts(source: Source) -> dict[str, str]:
+    """Return the EDF and its CDFs as they were read, by the names that the user would give them."""
+    experiment = source.definitions.experiment
+    found = {source.file: experiment.text}
+    for path, one in source.definitions.containers.items():
+        if one.text and not one.text.lstrip().startswith("FROM") and path.endswith(".cdf"):
+            found[_shown(source, path)] = one.text
+    return found
+
+
+def _shown(source: Source, path: str) -> str:
+    beside = os.path.relpath(path, source.definitions.experiment.folder)
+    return posixpath.normpath(posixpath.join(posixpath.dirname(source.file), beside))
+
+
+def _env_files(source: Source) -> dict[str, dict[str, str]]:
+    """Return what the env_files of each service say; the last one wins."""
+    experiment = source.definitions.experiment
+    root = nodes.find(loader.parse(experiment.text, experiment.file) or _empty(), ("services",))
+    found: dict[str, dict[str, str]] = {}
+    for name, entry in root.entries.items() if isinstance(root, Map) else ():
+        given = entry.entries.get("env_file") if isinstance(entry, Map) else None
+        items = [given] if isinstance(given, nodes.Scalar) else given.items if isinstance(given, nodes.Seq) else ()
+        for item in items:
+            if isinstance(item, nodes.Scalar):
+                path = os.path.realpath(os.path.join(experiment.folder, item.text))
+                text = loader.read_text(path, item.text, envfile.MAX_BYTES)
+                found.setdefault(name, {}).update(envfile.parse(text, item.text, source.open)[0])
+    return found
+
+
+def _empty() -> Map:
+    return Map(nodes.Source(""), 1, 1)

@@ -1,0 +1,67 @@
+"""What a plan in a file says to an export: which EDF it was made from, and where its robots are. Reads no robot."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from srprov.controller.context import is_record_path
+from srprov.definitions.model import Definitions
+from srprov.errors import UsageError
+from srprov.modules.file import FileParams
+from srprov.network.record import read_record
+from srprov.secret import redact
+from srprov.untrusted import mapping, parse_json
+
+if TYPE_CHECKING:
+    from srprov.planning.planfile import PlanFile
+
+_IS_EDF = re.compile(r"^edf\s*:", re.MULTILINE)
+
+
+def edf_of(plan: PlanFile, file: str) -> str:
+    """Return the EDF that a plan was made from, beside the plan, or where the plan says, or here.
+
+    Raises:
+        UsageError: It is at none of these places.
+    """
+    names = [name for name, text in plan.inputs.items() if "/" not in name and _IS_EDF.search(text)]
+    if not names:
+        raise UsageError(f"{file} was made from no EDF", hint="name an EDF, or a plan of one")
+    written = plan.plan.source.rpartition(":")[2]
+    for path in (os.path.join(os.path.dirname(file), names[0]), names[0], written):
+        if os.path.isfile(path):
+            return path
+    raise UsageError(f"the EDF of this plan, {names[0]}, is not there", hint="put the plan beside its EDF")
+
+
+def check_same(plan: PlanFile, found: Definitions, file: str) -> None:
+    """Refuse definitions that are not those of the plan.
+
+    Raises:
+        UsageError: Names the first file that differs.
+    """
+    experiment = found.experiment
+    now = {experiment.file: experiment.text, **{path: one.text for path, one in found.containers.items()}}
+    texts = {os.path.relpath(path, experiment.folder): text for path, text in now.items()}
+    for name, text in sorted(texts.items()):
+        if name in plan.inputs and redact(text) != plan.inputs[name]:
+            raise UsageError(
+                f"{name} has changed since {Path(file).name} was made", hint="plan again, or export the EDF"
+            )
+
+
+def addresses_of(plan: PlanFile) -> dict[str, str]:
+    """Return robot -> the address that others reach, from the placement record that the plan writes."""
+    wants = (*(step.want for step in plan.plan.steps if step.want), *plan.also_wanted)
+    for want in wants:
+        if isinstance(want.params, FileParams) and is_record_path(want.name):
+            try:
+                record = read_record(mapping(parse_json(want.params.content)))
+            except ValueError:
+                continue
+            if record:
+                return dict(record.vteps)
+    return {}

@@ -1,0 +1,67 @@
+"""Write an export into a new folder: the only file of this room that touches the disk.
+
+Files come before links, and everything lies below a folder that this made: no link of the experiment's leads a file
+elsewhere. Modes are those of the experiment's files; the folder itself is its owner's alone.
+"""
+
+from __future__ import annotations
+
+import os
+import posixpath
+from collections.abc import Iterable
+
+from srprov.errors import UsageError
+from srprov.exporting.model import File
+
+_FOLDER = 0o755
+_MARK = 0o700
+
+
+def write(folder: str, files: Iterable[File]) -> None:
+    """Write the files into a folder, which is made, or is there and empty.
+
+    Raises:
+        UsageError: It is not empty, or cannot be written.
+    """
+    try:
+        os.makedirs(folder, mode=_MARK, exist_ok=True)
+        if os.listdir(folder):
+            raise UsageError(f"{folder} is not empty", hint="name a new folder with -o")
+        every = sorted(files, key=lambda one: (one.link is not None, not one.is_folder, one.path))
+        for one in every:
+            _write(folder, one)
+    except OSError as error:
+        raise UsageError(f"{error.filename or folder} cannot be written: {error.strerror}") from error
+
+
+def _write(folder: str, one: File) -> None:
+    path = f"{folder}/{_checked(one.path)}"
+    _make(folder, one.path if one.is_folder else posixpath.dirname(one.path))
+    if one.link is not None:
+        os.symlink(one.link, path)
+    elif not one.is_folder:
+        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+        with os.fdopen(os.open(path, flags, 0o600), "wb") as file:
+            file.write(one.content)
+        os.chmod(path, one.mode)
+
+
+def _make(folder: str, below: str) -> None:
+    """Make a folder and those above it; they can be read by all, as what is mounted or built must be."""
+    path = folder
+    for part in below.split("/") if below else ():
+        path = f"{path}/{part}"
+        if not os.path.isdir(path):
+            os.mkdir(path)
+            os.chmod(path, _FOLDER)
+
+
+def _checked(path: str) -> str:
+    """Return a path that stays below the folder.
+
+    Raises:
+        UsageError: It does not.
+    """
+    if path.startswith("/") or "" in path.split("/") or {".", ".."} & set(path.split("/")):
+        raise UsageError(f"{path[:80]!r} is no path of an export")
+    return path

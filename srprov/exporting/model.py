@@ -1,0 +1,101 @@
+"""The values of an export: what was made of an experiment, and what became of each of its fields. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+from srprov.errors import Location
+
+EXACT, ADAPTED, DROPPED, REFUSED = "exact", "adapted", "dropped", "refused"
+KINDS = (EXACT, ADAPTED, DROPPED, REFUSED)
+"""The same in Compose; kept by other means; without a counterpart; would mean something else, so nothing is written."""
+
+Path = tuple[str, ...]
+"""Keys that lead to a field of the EDF."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Remark:
+    """What became of a field in this experiment, where it is not what its line of the table says."""
+
+    path: Path
+    kind: str
+    words: str
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class File:
+    """One file of the export."""
+
+    path: str
+    """Relative to the export's folder, with `/`."""
+    content: bytes = b""
+    mode: int = 0o644
+    link: str | None = None
+    """Where a symbolic link points to."""
+    is_folder: bool = False
+
+
+@dataclass(frozen=True, kw_only=True, slots=True, order=True)
+class Need:
+    """What whoever uses the export must give: it is not in it."""
+
+    kind: str
+    """`file` or `variable`"""
+    name: str
+    """Path in the export's folder, or name of the variable."""
+    what: str
+    """One sentence."""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Machine:
+    """One machine, which has a Compose file of its own."""
+
+    robot: str
+    """Its name in the inventory; empty: a PC that stands for all robots."""
+    services: tuple[str, ...]
+    """In name order."""
+
+    @property
+    def folder(self) -> str:
+        """Return where its files lie in the export, with a slash at the end; empty: at its top."""
+        return f"{self.robot}/" if self.robot else ""
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Field:
+    """One field that the EDF or a CDF has, and what became of it."""
+
+    kind: str
+    name: str
+    """As it is shown: `services.talker.ports`."""
+    location: Location
+    words: str
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Export:
+    """All that is written, and the report."""
+
+    experiment: str
+    edf: str
+    """The EDF's path, as the user gave it."""
+    machines: tuple[Machine, ...]
+    files: tuple[File, ...]
+    fields: tuple[Field, ...]
+    """In the order of the files, the EDF first."""
+    needs: tuple[Need, ...] = ()
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Part:
+    """What one piece of the conversion gives."""
+
+    files: tuple[File, ...] = ()
+    remarks: tuple[Remark, ...] = ()
+    needs: tuple[Need, ...] = ()
+    document: Mapping[str, object] = field(default_factory=lambda: MappingProxyType({}))

@@ -1,0 +1,80 @@
+"""The README that is written beside Compose files: what to give, how to start, and what is not as in the EDF. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from srprov.definitions.model import Experiment
+from srprov.errors import visible
+from srprov.exporting.model import EXACT, Export
+
+
+def readme(experiment: Experiment, export: Export) -> str:
+    """Return the text, in Markdown."""
+    parts = [_about(experiment, export), _needs(export), _start(export), _notes(export), _table(export)]
+    return "\n".join(line for part in parts for line in part).rstrip("\n") + "\n"
+
+
+def _about(experiment: Experiment, export: Export) -> Iterator[str]:
+    yield f"# {export.experiment}"
+    yield ""
+    if experiment.description:
+        yield _plain(experiment.description)
+        yield ""
+    yield f"Docker Compose files, made by `srprov export compose` from `{_code(export.edf)}`."
+    yield ""
+    said = {"authors": ", ".join(experiment.authors), **experiment.metadata}
+    lines = [f"- {key}: {_plain(str(value))}" for key, value in said.items() if value]
+    yield from [*lines, ""] if lines else []
+
+
+def _needs(export: Export) -> Iterator[str]:
+    if not export.needs:
+        return
+    yield "## What you must give"
+    yield ""
+    yield from (f"- the {one.kind} `{_code(one.name)}`: {_plain(one.what)}" for one in export.needs)
+    yield ""
+
+
+def _start(export: Export) -> Iterator[str]:
+    yield "## Start"
+    yield ""
+    for one in export.machines:
+        if not one.robot:
+            yield "All services run on this machine:"
+            yield from ("", "    docker compose up -d", "")
+            return
+        yield f"On {_plain(one.robot)}, for {', '.join(one.services)}: copy the folder there, and in it"
+        yield from ("", "    docker compose up -d", "")
+    if len(export.machines) > 1:
+        yield "Compose knows one machine: start them in the order in which services need each other."
+        yield ""
+
+
+def _notes(export: Export) -> Iterator[str]:
+    if export.notes:
+        yield from ("## Notes", "", *(f"- {_plain(note)}" for note in export.notes), "")
+
+
+def _table(export: Export) -> Iterator[str]:
+    changed = [one for one in export.fields if one.kind != EXACT]
+    yield "## What is not as in the experiment"
+    yield ""
+    if not changed:
+        yield "Nothing."
+        return
+    yield "| field | line | | |"
+    yield "|---|---|---|---|"
+    for one in changed:
+        place = f"{one.location.file}:{one.location.line}"
+        yield f"| `{_code(one.name)}` | `{_code(place)}` | {one.kind} | {_plain(one.words)} |"
+
+
+def _plain(text: str) -> str:
+    """Return a text in which nothing is Markdown, or the end of a line or a cell."""
+    return "".join(f"\\{one}" if one in "\\`*_{}[]<>()#!|" else one for one in visible(text))
+
+
+def _code(text: str) -> str:
+    return visible(text).replace("`", "'").replace("|", "\\|")

@@ -1,0 +1,135 @@
+"""The report: what became of each field that the EDF and its CDFs have, with its place. Pure.
+
+Takes the files' texts, the table of classes and the remarks of the conversion; gives fields in the order of the files,
+as text and as JSON.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any
+
+from srprov.errors import Diagnostic, visible
+from srprov.exporting.classes import CDF, EDF, has_finer, rule_of
+from srprov.exporting.model import DROPPED, EXACT, KINDS, REFUSED, Export, Field, Path, Remark
+from srprov.yamldoc import loader, nodes
+from srprov.yamldoc.nodes import Map, Node
+
+_EXTENSION = (DROPPED, "an extension of the file's own")
+
+
+def fields_of(files: Mapping[str, str], edf: str, remarks: Iterable[Remark]) -> tuple[Field, ...]:
+    """Return what became of each field.
+
+    Args:
+        files: Path -> text of the EDF and of the CDFs that are YAML.
+        edf: Path of the EDF.
+        remarks: What was found out in the conversion; each is about the EDF.
+    """
+    said: dict[Path, list[Remark]] = {}
+    for one in dict.fromkeys(remarks):
+        said.setdefault(one.path, []).append(one)
+    found = []
+    for path in sorted(files, key=lambda file: (file != edf, file)):
+        root = loader.parse(files[path], path)
+        if isinstance(root, Map):
+            of_file = list(_below(root, (), EDF if path == edf else CDF, said if path == edf else {}))
+            of_file += _unwritten(root, said) if path == edf else ()
+            found += sorted(of_file, key=lambda one: (one.location, one.name))
+    return tuple(found)
+
+
+def _below(
+    node: Map, path: Path, table: Mapping[str, tuple[str, str]], said: Mapping[Path, list[Remark]]
+) -> Iterator[Field]:
+    for key, value in node.entries.items():
+        here, place = (*path, key), node.keys.get(key, value)
+        if key.startswith("x-"):
+            yield _field(here, place, *_EXTENSION)
+        elif isinstance(value, Map) and has_finer(table, here):
+            yield from _below(value, here, table, said)
+        elif rule := rule_of(table, here):
+            kind, words = _judged(said.get(here, []), *rule[1])
+            yield _field(here, place, kind, words)
+
+
+def _unwritten(root: Map, said: Mapping[Path, list[Remark]]) -> Iterator[Field]:
+    """Yield what is to be said of fields that the EDF does not write: they have a default, or a CDF says them."""
+    for path, some in said.items():
+        if _is_there(root, path) or not any(one.words for one in some):
+            continue
+        kind, words = _judged(some, EXACT, "")
+        place = nodes.find(root, path)
+        above = nodes.find(root, path[:2])
+        key = root.entries.get(path[0])
+        known = key.keys.get(path[1]) if isinstance(key, Map) and len(path) > 1 else None
+        yield _field(path, known or above or place, kind, words)
+
+
+def _is_there(root: Map, path: Path) -> bool:
+    node: Node | None = root
+    for part in path:
+        node = node.entries.get(part) if isinstance(node, Map) else None
+    return node is not None
+
+
+def _judged(said: Sequence[Remark], kind: str, words: str) -> tuple[str, str]:
+    """Return the class and the words of a field: what was found out, else what the table says."""
+    if not said:
+        return kind, words
+    worst = max((one.kind for one in said), key=KINDS.index)
+    return worst, "; ".join(dict.fromkeys(one.words for one in said if one.words))
+
+
+def _field(path: Path, place: Node, kind: str, words: str) -> Field:
+    return Field(kind=kind, name=nodes.dotted(path), location=nodes.location(place), words=words)
+
+
+def refused(fields: Iterable[Field]) -> tuple[Diagnostic, ...]:
+    """Return the problems because of which nothing is written."""
+    return tuple(
+        Diagnostic(one.location, f"cannot be exported: {one.words}", one.name) for one in fields if one.kind == REFUSED
+    )
+
+
+def counts(fields: Iterable[Field]) -> dict[str, int]:
+    """Return how many fields there are of each class."""
+    found = Counter(one.kind for one in fields)
+    return {kind: found[kind] for kind in KINDS}
+
+
+def report_lines(export: Export) -> list[str]:
+    """Return the report as text: what is exact is counted, all else has a line."""
+    lines = [
+        visible(f"{one.location}: {one.kind}: {one.name}: {one.words}") for one in export.fields if one.kind != EXACT
+    ]
+    told = ", ".join(f"{count} {kind}" for kind, count in counts(export.fields).items() if count)
+    return [*lines, f"{len(export.fields)} fields: {told}"]
+
+
+def report_json(export: Export) -> dict[str, Any]:
+    """Return the report as `schemas/export.schema.json` has it; files by their paths in the export."""
+    return {
+        "experiment": export.experiment,
+        "edf": export.edf,
+        "machines": [
+            {"robot": one.robot, "file": f"{one.folder}compose.yml", "services": list(one.services)}
+            for one in export.machines
+        ],
+        "counts": counts(export.fields),
+        "fields": [
+            {
+                "class": one.kind,
+                "field": one.name,
+                "file": one.location.file,
+                "line": one.location.line,
+                "column": one.location.column,
+                "note": one.words,
+            }
+            for one in export.fields
+        ],
+        "needs": [{"kind": one.kind, "name": one.name, "what": one.what} for one in export.needs],
+        "notes": list(export.notes),
+        "files": sorted(one.path for one in export.files if not one.is_folder),
+    }

@@ -1,0 +1,266 @@
+"""Services in Compose's words: every field, and what its report says."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from jsonschema import Draft202012Validator
+
+from srprov import data
+from srprov.errors import RefusedError, UsageError
+from srprov.exporting.report import report_json
+from tests.unit.exporting.exports import classes, contents, document, experiment, notes, twin
+
+EVERYTHING = """\
+services:
+  all:
+    image: busybox:1.36
+    command: [sh, -c, 'echo "$HOME" $$']
+    entrypoint: []
+    working_dir: /work
+    user: "1000:1000"
+    stop_signal: SIGINT
+    stop_grace_period: 1m30s
+    healthcheck: {test: 'test -e /ok', interval: 1500ms, timeout: 2s, retries: 5, start_period: 1s}
+    devices: ["/dev/ttyUSB0:/dev/lidar:rw"]
+    ports: ["127.0.0.1:8080:80", "9000-9001:9000-9001/udp"]
+    expose: ["5000"]
+    ulimits: {nofile: {soft: 1024, hard: 2048}, rtprio: 98}
+    cap_add: [SYS_NICE]
+    cap_drop: [MKNOD]
+    privileged: true
+    sysctls: {net.core.somaxconn: 1024}
+    group_add: [video]
+    security_opt: ["no-new-privileges:true"]
+    device_cgroup_rules: ["c 188:* rwm"]
+    tty: true
+    stdin_open: true
+    init: false
+    read_only: true
+    tmpfs: ["/tmp:size=64m"]
+    hostname: rover
+    extra_hosts: {cloud: 192.0.2.7, base: host-gateway}
+    labels: {who: "a$b"}
+    logging: {driver: json-file, options: {max-size: 1m}}
+    mem_limit: 256m
+    mem_reservation: 128m
+    oom_score_adj: -100
+    cpus: 1.5
+    cpuset: 0-1
+    pids_limit: 100
+    shm_size: 64m
+    ipc: shareable
+    pid: host
+    gpus: all
+    runtime: nvidia
+    restart: on-failure:3
+    pull_policy: always
+    environment: {A: "010", B: "yes", C: "$x"}
+    volumes: ["data:/data", "/etc/machine-id:/etc/machine-id:ro", {type: tmpfs, target: /t, tmpfs: {size: 1m}}]
+"""
+
+
+def test_every_run_time_field_has_compose_s_form(tmp_path: Path) -> None:
+    made = document(twin(experiment(tmp_path, EVERYTHING)))
+    one = made["services"]["all"]
+    assert one["command"] == ["sh", "-c", 'echo "$$HOME" $$$$']
+    assert one["entrypoint"] == []
+    assert (one["working_dir"], one["user"], one["stop_signal"]) == ("/work", "1000:1000", "SIGINT")
+    assert one["stop_grace_period"] == "90s"
+    assert one["healthcheck"] == {
+        "test": ["CMD-SHELL", "test -e /ok"], "interval": "1500ms", "timeout": "2s", "retries": 5, "start_period": "1s"
+    }  # fmt: skip
+    assert one["devices"] == ["/dev/ttyUSB0:/dev/lidar:rw"]
+    assert one["ports"][0] == {"target": 80, "published": "8080", "host_ip": "127.0.0.1", "protocol": "tcp"}
+    assert [port["published"] for port in one["ports"][1:]] == ["9000", "9001"]
+    assert one["expose"] == ["5000/tcp"]
+    assert one["ulimits"] == {"nofile": {"soft": 1024, "hard": 2048}, "rtprio": {"soft": 98, "hard": 98}}
+    assert (one["cap_add"], one["cap_drop"], one["privileged"]) == (["SYS_NICE"], ["MKNOD"], True)
+    assert one["sysctls"] == {"net.core.somaxconn": "1024"}
+    assert (one["tty"], one["stdin_open"], one["init"], one["read_only"]) == (True, True, False, True)
+    assert one["tmpfs"] == ["/t:size=1048576", "/tmp:size=64m"]
+    assert one["hostname"] == "rover"
+    assert one["networks"] == {"default": {"aliases": ["rover"]}}
+    assert one["extra_hosts"] == ["base=host-gateway", "cloud=192.0.2.7"]
+    assert one["labels"] == {"who": "a$$b"}
+    assert one["logging"] == {"driver": "json-file", "options": {"max-size": "1m"}}
+    assert (one["mem_limit"], one["memswap_limit"], one["mem_reservation"]) == (2**28, 2**28, 2**27)
+    assert (one["oom_score_adj"], one["cpus"], one["cpuset"], one["pids_limit"]) == (-100, 1.5, "0-1", 100)
+    assert (one["shm_size"], one["ipc"], one["pid"], one["runtime"]) == (2**26, "shareable", "host", "nvidia")
+    devices = one["deploy"]["resources"]["reservations"]["devices"]
+    assert devices == [{"count": "all", "capabilities": ["gpu"]}]
+    assert (one["restart"], one["pull_policy"]) == ("on-failure:3", "always")
+    assert one["environment"] == {"A": "010", "B": "yes", "C": "$$x"}
+    assert {"type": "volume", "source": "data", "target": "/data"} in one["volumes"]
+    assert made["volumes"] == {"data": {}}
+
+
+def test_only_what_is_not_the_default_is_written(tmp_path: Path) -> None:
+    made = document(twin(experiment(tmp_path, "services: {a: {image: busybox}}")))
+    assert made == {"name": "demo", "services": {"a": {"image": "busybox", "hostname": "a"}}}
+
+
+def test_the_report_has_each_field_once_with_its_line(tmp_path: Path) -> None:
+    edf = experiment(
+        tmp_path, EVERYTHING + "    x-mine: 1\npools: [{services: [all], name: p}]\n".replace("pools", "x-pools")
+    )
+    made = report_json(twin(edf))
+    assert list(Draft202012Validator(data.schema("export")).iter_errors(made)) == []
+    names = [one["field"] for one in made["fields"]]
+    assert len(names) == len(set(names))
+    lines = edf.read_text().splitlines()
+    for one in made["fields"]:
+        key = one["field"].rpartition(".")[2]
+        if key != "network":  # it has its default, and stands at the service
+            assert lines[one["line"] - 1].lstrip("- {").startswith(key), one
+    assert classes(twin(edf))["services.all.x-mine"] == "dropped"
+    assert made["counts"]["refused"] == 0
+    assert sum(made["counts"].values()) == len(names)
+
+
+def test_variables_of_the_controller_are_named_and_never_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TOKEN", "hunter2-canary")
+    text = "services:\n  a: {image: busybox, environment: [TOKEN, NOT_SET, B=1], env_file: a.env}\n  b: {cdf: b.cdf}\n"
+    made = twin(
+        experiment(
+            tmp_path, text, a_dot_env="TOKEN\nOTHER\nC='x $y'\nD=it's\n",
+            b_dot_cdf="cdf: 1\nbase: debian\nenvironment: [TOKEN]\nrun: echo $TOKEN\n",
+        )
+    )  # fmt: skip
+    assert b"canary" not in b"".join(contents(made).values())
+    one = document(made)["services"]["a"]
+    assert one["environment"] == {"TOKEN": None, "NOT_SET": None, "OTHER": None, "B": "1", "D": "it's"}
+    assert one["env_file"] == ["./env/a.env"]
+    assert contents(made)["env/a.env"] == b"C='x $y'\n"
+    assert document(made)["services"]["b"]["build"] == {"context": "./build/b", "args": ["TOKEN"]}
+    lines = contents(made)["build/b/Dockerfile"].decode().splitlines()
+    assert lines[:3] == ["FROM debian:latest", "ARG TOKEN", 'ENV TOKEN="${TOKEN}"']
+    assert "TOKEN is taken from the environment" in notes(made)["services.a.environment"]
+
+
+def test_what_the_edf_says_wins_over_its_env_files(tmp_path: Path) -> None:
+    text = "services:\n  a: {image: busybox, env_file: [one.env, two.env], environment: {B: own, D: same}}\n"
+    edf = experiment(tmp_path, text, one_dot_env="A=1\nB=2\nC=3\nD=same\n", two_dot_env="C=4\n")
+    assert document(twin(edf))["services"]["a"]["environment"] == {"B": "own"}
+    assert contents(twin(edf))["env/a.env"] == b"A='1'\nC='4'\nD='same'\n"
+
+
+def test_secrets_are_places_and_never_values(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("API_KEY", "canary-one")
+    text = (
+        "secrets: {key: {env: API_KEY}, cert: {file: cert.pem}, made: {command: [sh, -c, echo canary-three]}}\n"
+        "services:\n  a:\n    image: x\n    secrets: [key, {source: cert, target: /etc/cert, mode: '0444'}, made]\n"
+    )
+    made = twin(experiment(tmp_path, text, cert_dot_pem="canary-two"))
+    everything = b"".join(contents(made).values())
+    assert b"canary-one" not in everything
+    assert b"canary-two" not in everything
+    one = document(made)
+    assert one["secrets"] == {
+        "key": {"environment": "API_KEY"}, "cert": {"file": "./secrets/cert"}, "made": {"file": "./secrets/made"}
+    }  # fmt: skip
+    assert one["services"]["a"]["secrets"][1] == {"source": "cert", "target": "/etc/cert", "mode": "0444"}
+    given = {(need.kind, need.name) for need in made.needs}
+    assert given == {("variable", "API_KEY"), ("file", "secrets/cert"), ("file", "secrets/made")}
+    assert all(name in contents(made)["README.md"].decode() for _, name in given)
+    assert "secrets/cert" not in contents(made)
+
+
+def test_shipped_files_seeds_and_homes(tmp_path: Path) -> None:
+    text = (
+        "volumes: {maps: {seed: ./maps, user: '1000:1000'}}\n"
+        "services:\n"
+        "  a: {image: busybox, volumes: [./www:/www:ro, maps:/maps, '~robot/logs:/logs', ./www/a.txt:/a]}\n"
+        "  b: {image: busybox, volumes: [./www:/other], data: [{path: big.bin, target: /big}]}\n"
+    )
+    files = {"www__a_dot_txt": "hello", "www__sub__b_dot_txt": "b", "maps__m_dot_pgm": "P5", "big_dot_bin": "0" * 100}
+    edf = experiment(tmp_path, text, **files)
+    (tmp_path / "www" / "empty").mkdir()
+    (tmp_path / "www" / "run.sh").write_text("#!/bin/sh\n")
+    (tmp_path / "www" / "run.sh").chmod(0o755)
+    (tmp_path / "www" / "link").symlink_to("a.txt")
+    made = twin(edf)
+    a = document(made)["services"]["a"]["volumes"]
+    assert [(one["source"], one["target"], one.get("read_only", False)) for one in a] == [
+        ("./files/www", "/www", True), ("./volumes/maps", "/maps", False),
+        ("${HOME_OF_ROBOT:-/home/robot}/logs", "/logs", False), ("./files/www/a.txt", "/a", True),
+    ]  # fmt: skip
+    assert all(one["bind"] == {"create_host_path": False} for one in a)
+    assert contents(made)["volumes/maps/m.pgm"] == b"P5"
+    assert contents(made)["files/www/sub/b.txt"] == b"b"
+    by_path = {file.path: file for file in made.files}
+    assert by_path["files/www/empty"].is_folder
+    assert by_path["files/www/run.sh"].mode == 0o755
+    assert by_path["files/www/link"].link == "a.txt"
+    assert document(made)["services"]["b"]["volumes"][1]["source"] == "./files/big.bin"
+    assert ("file", "volumes/maps") in {(need.kind, need.name) for need in made.needs}
+    assert classes(made)["services.a.volumes"] == "adapted"
+    assert classes(made)["services.b.volumes"] == "exact"
+
+
+def test_files_from_elsewhere_need_a_permission(tmp_path: Path) -> None:
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "Dockerfile").write_text("FROM busybox\nCOPY x /x\n")
+    (tmp_path / "other" / "x").write_text("1")
+    edf = experiment(tmp_path / "here", "services: {a: {cdf: ../other/Dockerfile}}")
+    with pytest.raises(RefusedError, match="outside"):
+        twin(edf)
+    assert contents(twin(edf, "outside"))["build/other/x"] == b"1"
+
+
+def test_a_data_set_to_download_is_named(tmp_path: Path) -> None:
+    sha = "ab" * 32
+    text = f"services: {{a: {{image: x, data: [{{url: 'https://x.example/d.bag', sha256: {sha}, target: /d}}]}}}}"
+    made = twin(experiment(tmp_path, text))
+    assert [need.what for need in made.needs] == [f"Download https://x.example/d.bag; its sha256 is {sha}."]
+    assert document(made)["services"]["a"]["volumes"][0]["source"] == f"./{made.needs[0].name}"
+
+
+def test_images_are_folders_to_build(tmp_path: Path) -> None:
+    text = (
+        "services: {a: {cdf: a.cdf}, b: {cdf: sub/Dockerfile}, c: {cdf: c.cdf}, d: {cdf: a.cdf, environment: {X: 1}}}"
+    )
+    files = {
+        "a_dot_cdf": "cdf: 1\nname: tool\nbase: debian\npackages: {apt: [curl]}\nfiles: [{src: t.py, dest: /t.py}]\n",
+        "t_dot_py": "print(1)",
+        "sub__Dockerfile": "ARG V=1\nFROM busybox AS one\nCOPY x /x\nFROM one\n",
+        "sub__x": "x",
+        "c_dot_cdf": "cdf: 1\ndockerfile: {context: sub, args: {V: 2}, target: one}\nplatforms: [linux/amd64]\n",
+    }
+    made = twin(experiment(tmp_path, text, **files))
+    services = document(made)["services"]
+    assert services["a"]["build"] == services["d"]["build"] == {"context": "./build/tool"}
+    assert services["a"]["init"] is True
+    dockerfile = contents(made)["build/tool/Dockerfile"].decode()
+    assert "curl" in dockerfile
+    assert "srprov" not in dockerfile
+    assert contents(made)["build/tool/files/0"] == b"print(1)"
+    own = services["b"]["build"]["context"].removeprefix("./")
+    assert contents(made)[f"{own}/Dockerfile"] == files["sub__Dockerfile"].encode()
+    assert contents(made)[f"{own}/x"] == b"x"
+    assert services["c"]["build"] == {"context": "./build/c", "args": {"V": "2"}, "target": "one"}
+    assert services["c"]["platform"] == "linux/amd64"
+
+
+def test_profiles_replicas_and_jobs(tmp_path: Path) -> None:
+    text = (
+        "services:\n"
+        "  a: {image: busybox, replicas: 2, volumes: [v:/v]}\n"
+        "  b: {image: busybox, profiles: [debug], depends_on: {a: {condition: started}}}\n"
+        "  c: {image: busybox, job: true}\n"
+        "  d: {image: busybox, depends_on: {c: {condition: completed}}, per_robot: {tags: [arm]}}\n"
+    )
+    edf = experiment(tmp_path, text)
+    made = document(twin(edf))["services"]
+    assert sorted(made) == ["a-1", "a-2", "b", "c", "d"]
+    assert made["a-1"]["networks"] == {"default": {"aliases": ["a"]}}
+    assert made["b"]["profiles"] == ["debug"]
+    assert made["b"]["depends_on"] == {
+        "a-1": {"condition": "service_started"}, "a-2": {"condition": "service_started"}
+    }  # fmt: skip
+    assert made["d"]["depends_on"] == {"c": {"condition": "service_completed_successfully"}}
+    chosen = document(twin(edf, profiles=("debug",)))["services"]
+    assert "profiles" not in chosen["b"]
+    with pytest.raises(UsageError, match="no service has the profile"):
+        twin(edf, profiles=("nothing",))
