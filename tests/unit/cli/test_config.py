@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 import pytest
 
-from srprov.cli.config import OWN_KEYS, PARAMETERS, PROJECT_KEYS, default_map, user_folder
+from srprov.cli.config import _GROUPS, OWN_KEYS, PARAMETERS, PROJECT_KEYS, default_map, user_folder
 from srprov.cli.main import _VERBS, run
 from srprov.errors import UsageError
 
@@ -174,11 +174,23 @@ def test_every_option_has_its_place_in_the_lists() -> None:
     found = {}
     for verb in _VERBS.keys() - {"lab"}:
         command = getattr(importlib.import_module(f"srprov.cli.{verb}"), verb)
-        for option in (one for one in command.params if isinstance(one, click.Option)):
+        below = command.commands.values() if isinstance(command, click.Group) else [command]
+        for option in (one for each in below for one in each.params if isinstance(one, click.Option)):
             found[max(option.opts, key=len).lstrip("-")] = option.name
     assert found.keys() - hidden == OWN_KEYS
     for key, name in found.items():
         assert key in hidden or name == PARAMETERS.get(key, key.replace("-", "_"))
+
+
+def test_a_verb_that_stands_for_several_hands_its_defaults_on(tmp_path: Path) -> None:
+    """Click looks for those of `export compose` below `export`, under the name of the second word."""
+    for verb in _VERBS.keys() - {"lab"}:
+        command = getattr(importlib.import_module(f"srprov.cli.{verb}"), verb)
+        assert isinstance(command, click.Group) == (verb in _GROUPS), verb
+        assert not isinstance(command, click.Group) or tuple(sorted(command.commands)) == _GROUPS[verb]
+    write(tmp_path / "srprov.toml", "forks = 3\n[export]\ntimeout = 2.0\n")
+    found = default_map(_VERBS, tmp_path, own(tmp_path))["export"]
+    assert found == {"compose": {"forks": 3, "timeout": 2.0}}
 
 
 PROGRAM = '#!/bin/sh\ntouch ran\necho \'{"all": {"hosts": ["r1"]}}\'\n'
