@@ -47,7 +47,7 @@ class Reach:
         """Return the keys of a service that say where it is and whom it knows."""
         mode = self.modes[service.name]
         known = (*self._names(service, experiment), *service.runtime.extra_hosts)
-        hosts = [f"{name}={address}" for name, address in known]
+        hosts = list(dict.fromkeys(f"{name}={address}" for name, address in known))  # Compose refuses one twice
         found: dict[str, Any] = {} if mode == "bridge" else {"network_mode": mode}
         if mode != "host":  # which the engine refuses
             found["hostname"] = service.runtime.hostname or service.name

@@ -60,11 +60,9 @@ def _unwritten(root: Map, said: Mapping[Path, list[Remark]]) -> Iterator[Field]:
         if _is_there(root, path) or not any(one.words for one in some):
             continue
         kind, words = _judged(some, EXACT, "")
-        place = nodes.find(root, path)
-        above = nodes.find(root, path[:2])
-        key = root.entries.get(path[0])
-        known = key.keys.get(path[1]) if isinstance(key, Map) and len(path) > 1 else None
-        yield _field(path, known or above or place, kind, words)
+        above = root.entries.get(path[0])
+        named = above.keys.get(path[1]) if isinstance(above, Map) and len(path) > 1 else None
+        yield _field(path, named or nodes.key_or_value(root, path[0]), kind, words)
 
 
 def _is_there(root: Map, path: Path) -> bool:

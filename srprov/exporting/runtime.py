@@ -38,7 +38,7 @@ def runtime_document(run: Runtime) -> dict[str, Any]:
         "logging": _with_values({"driver": log.driver, "options": dict(log.options)}) if log else None,
         "mem_limit": run.mem_limit,
         "memswap_limit": run.mem_limit,
-        "deploy": _gpus(run.gpus) if run.gpus else None,
+        "deploy": _gpus(run) if run.gpus else None,
         "restart": run.restart if run.restart != "no" else "",
         "pull_policy": run.pull_policy if run.pull_policy != "missing" else "",
     }
@@ -77,9 +77,11 @@ def _healthcheck(check: HealthCheck) -> dict[str, Any]:
     }
 
 
-def _gpus(wish: str) -> dict[str, Any]:
-    count = wish if wish == "all" else int(wish)
-    return {"resources": {"reservations": {"devices": [{"count": count, "capabilities": ["gpu"]}]}}}
+def _gpus(run: Runtime) -> dict[str, Any]:
+    count = run.gpus if run.gpus == "all" else int(run.gpus)
+    # Compose refuses a `mem_reservation` that does not stand beside them too
+    memory = {"memory": str(run.mem_reservation)} if run.mem_reservation else {}
+    return {"resources": {"reservations": {**memory, "devices": [{"count": count, "capabilities": ["gpu"]}]}}}
 
 
 def _json(value: Any) -> Any:  # noqa: ANN401 - whatever a field has

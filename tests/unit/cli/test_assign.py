@@ -12,9 +12,9 @@ import jsonschema
 import pytest
 
 from srprov import data
-from srprov.cli.assign import _stored
 from srprov.cli.inputs import load_inventory
 from srprov.cli.main import run
+from srprov.cli.stored_facts import stored_facts
 from srprov.facts.document import facts_document
 from srprov.facts.model import Docker, HostFacts, Link
 from srprov.facts.stored import read_document
@@ -213,7 +213,7 @@ def test_the_inventory_counts_on_top_of_stored_facts(lab: Path, capsys: pytest.C
     (lab / "inv.yml").write_text(f"all: {{hosts: {{r1: {{}}, r2: {own}, r3: {{}}}}}}\n")
     assert assign("--json") == 0
     assert json.loads(capsys.readouterr().out)["assignment"] == {"a": "r2"}
-    found, _ = _stored(lab / "facts.json", load_inventory(("inv.yml",)))
+    found, _ = stored_facts(lab / "facts.json", load_inventory(("inv.yml",)))
     assert found.facts["r2"].speed_mbit == 10.0
     assert found.facts["r3"].tags == ("camera",)
 

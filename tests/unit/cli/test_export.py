@@ -1,0 +1,102 @@
+"""`srprov export compose`: a twin, robots from stored facts, a plan; what it says and how it ends."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+import yaml
+from jsonschema import Draft202012Validator
+
+from srprov import data
+from srprov.cli.main import run
+from srprov.facts.document import facts_document
+from tests.unit.assignment.worlds import robot
+
+EDF = """\
+edf: 1
+name: demo
+parameters: {GAIT: {values: [walk, run]}}
+trials: {order: listed, timeout: 5s}
+services:
+  cam: {image: busybox, cost: 30, per_robot: {tags: [camera]}}
+  nav: {image: busybox, cost: 50, depends_on: [map]}
+  map: {image: busybox, cost: 40, robot: r2}
+  debug: {image: busybox, profiles: [debug]}
+"""
+
+
+@pytest.fixture
+def lab(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a folder with an EDF, an inventory and facts of three robots, as the current one."""
+    (tmp_path / "e.edf").write_text(EDF)
+    (tmp_path / "inv.yml").write_text("all: {hosts: {r1: {}, r2: {}, r3: {}}}\n")
+    facts = {
+        name: robot(name, load1=load, tags=tags, underlay_address=f"192.0.2.{name[1]}")
+        for name, load, tags in (("r1", 1.0, ("camera",)), ("r2", 2.0, ()), ("r3", 3.0, ("camera",)))
+    }
+    (tmp_path / "facts.json").write_text(json.dumps(facts_document(facts, {})))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    return tmp_path
+
+
+def services(path: Path) -> dict[str, dict[str, object]]:
+    found = yaml.safe_load(path.read_text())["services"]
+    assert isinstance(found, dict)
+    return found
+
+
+def test_a_twin_has_all_services_and_asks_nobody(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["export", "compose", "e.edf", "-o", "out"]) == 0
+    told = capsys.readouterr().out
+    assert "e.edf:4:1: dropped: trials: Compose runs no trials" in told
+    assert "out: compose.yml, and 1 file beside" in told
+    found = services(lab / "out" / "compose.yml")
+    assert sorted(found) == ["cam", "debug", "map", "nav"]
+    assert found["debug"]["profiles"] == ["debug"]
+    assert found["nav"]["environment"] == {"GAIT": "walk"}
+
+
+def test_robots_are_chosen_as_by_assign(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    given = ["e.edf", "-i", "inv.yml", "--facts", "facts.json"]
+    assert run(["assign", *given, "--json"]) == 0
+    wanted = json.loads(capsys.readouterr().out)["assignment"]
+    assert run(["export", "compose", *given, "-o", "out", "--json"]) == 0
+    document = json.loads(capsys.readouterr().out)
+    assert list(Draft202012Validator(data.schema("export")).iter_errors(document)) == []
+    placed = {name: one["robot"] for one in document["machines"] for name in one["services"]}
+    assert placed == wanted
+    for one in document["machines"]:
+        assert sorted(services(lab / "out" / one["file"])) == one["services"]
+    assert "map=192.0.2.2" in str(services(lab / "out" / wanted["nav"] / "compose.yml")["nav"]["extra_hosts"])
+    assert run(["export", "compose", *given, "--profile", "debug", "-o", "more", "--json"]) == 0
+    assert "debug" in str(json.loads(capsys.readouterr().out)["machines"])
+
+
+def test_one_pc_is_possible_whatever_inventory_is_configured(lab: Path) -> None:
+    (lab / "srprov.toml").write_text('inventory = "inv.yml"\n')
+    assert run(["export", "compose", "e.edf", "--twin", "-o", "out"]) == 0
+    assert (lab / "out" / "compose.yml").is_file()
+
+
+def test_what_is_there_is_not_written_over(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (lab / "out").mkdir()
+    (lab / "out" / "mine").write_text("1")
+    assert run(["export", "compose", "e.edf", "-o", "out"]) == 5
+    assert "out is there and not empty" in capsys.readouterr().err
+    assert [one.name for one in (lab / "out").iterdir()] == ["mine"]
+
+
+def test_what_is_refused_writes_nothing(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (lab / "e.edf").write_text(EDF + "network: {encryption: wireguard}\n")
+    assert run(["export", "compose", "e.edf", "-i", "inv.yml", "--facts", "facts.json", "-o", "out"]) in (5, 8)
+    told = capsys.readouterr().err
+    assert "network.encryption" in told or "wireguard" in told
+    assert not (lab / "out").exists()
+
+
+def test_facts_need_an_inventory(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["export", "compose", "e.edf", "--facts", "facts.json", "-o", "out"]) == 5
+    assert "name it with -i" in capsys.readouterr().err
