@@ -5,10 +5,29 @@ Takes paths and the user's choices; gives a `Normal`. Reads the files and what t
 
 from __future__ import annotations
 
+import os
+import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
-from srprov.importing.normal import Normal
+from srprov.errors import Diagnostic
+from srprov.importing.compose import consistency, envfiles, finish, source
+from srprov.importing.compose.loading import File, Loading
+from srprov.importing.compose.printing import printed
+from srprov.importing.compose.project import load
+from srprov.importing.compose.service_env import with_env_files
+from srprov.importing.compose.source import Reading
+from srprov.importing.compose.values import Value, places, plain
+from srprov.importing.compose.variables import Origin, Variables
+from srprov.importing.normal import Normal, Refused
+from srprov.importing.position import Position
+from srprov.yamldoc.allowance import allowance
+
+MOST_BYTES = 8 * 1024 * 1024
+MOST_VALUES = 40_000
+"""Of all files of a project together; large published ones have a tenth."""
+_NAME = re.compile("[a-z0-9][a-z0-9_-]*")
 
 
 def normalise(
@@ -22,13 +41,86 @@ def normalise(
     """Read a Compose project as Docker Compose would, but for the environment, which is never looked at.
 
     Args:
-        files: Compose files; later ones override earlier ones.
+        files: Compose files, at least one; later ones override earlier ones. Relative paths in all of them begin at
+            the folder of the first.
         profiles: Names of the profiles that are on; `*` is all of them.
         env_files: Files with variables; without any, `.env` beside the first file.
         settings: Variables of the command line; they win over those of files.
-        project: The project's name; without it, `name:` of the files, else the name of the first file's folder.
+        project: The project's name; without it, `COMPOSE_PROJECT_NAME` of the variables, `name:` of the files, or the
+            name of the first file's folder.
 
     Raises:
         Refused: With every problem that was found, each with its place.
     """
-    raise NotImplementedError
+    with allowance(MOST_BYTES, MOST_VALUES):
+        return _normalise([File(str(file), str(file)) for file in files], profiles, env_files, settings or {}, project)
+
+
+def _normalise(
+    files: Sequence[File],
+    profiles: Sequence[str],
+    env_files: Sequence[Path],
+    settings: Mapping[str, str],
+    project: str | None,
+) -> Normal:
+    folder = os.path.dirname(os.path.realpath(files[0].path))
+    reading = Reading(tuple(sorted({os.path.dirname(os.path.realpath(file.path)) for file in files})))
+    variables = Variables({name: Origin(value, "--set") for name, value in settings.items()})
+    named = [File(str(path), str(path)) for path in env_files] or _own_env_file(folder, files[0])
+    variables = variables.beside(envfiles.variables(named, reading, variables))
+    name = _project_name(project, files, folder, reading, variables)
+    variables = variables.beside({"COMPOSE_PROJECT_NAME": Origin(name, "project")})
+    loading = Loading(reading, variables, folder)
+    tree = load(files, loading)
+    tree = finish.implied(tree, name, variables)
+    everything = printed(tree.of({**tree.data, "name": Value(name, tree.place)}), "project")
+    on = profiles or [one for one in _worth(variables, "COMPOSE_PROFILES").split(",") if one]
+    tree = finish.chosen(everything, on)
+    consistency.consistent(tree, everything)
+    tree = finish.used_only(with_env_files(tree, loading, files[0]))
+    return _result(tree, loading)
+
+
+def _result(tree: Value, loading: Loading) -> Normal:
+    if loading.variables.problems:
+        raise Refused(loading.variables.problems)
+    return Normal(plain(tree), dict(places(tree)), tuple(loading.variables.used), tuple(loading.notes))
+
+
+def _own_env_file(folder: str, first: File) -> list[File]:
+    path = os.path.join(folder, ".env")
+    if not os.path.lexists(path):
+        return []
+    shown_as = os.path.join(os.path.dirname(first.shown), ".env")
+    return [File(path, shown_as, Value(".env", Position(first.shown)))]
+
+
+def _worth(variables: Variables, name: str) -> str:
+    origin = variables.worth.get(name)
+    return origin.value if origin else ""
+
+
+def _project_name(given: str | None, files: Sequence[File], folder: str, reading: Reading, variables: Variables) -> str:
+    """Return the project's name; what `name:` of a file says loses what it may not have."""
+    if chosen := given or _worth(variables, "COMPOSE_PROJECT_NAME"):
+        if not _NAME.fullmatch(chosen):
+            message = f"'{chosen[:60]}' is no name of a project: lower-case letters, digits, '_' and '-'"
+            raise Refused([Diagnostic(Position(files[0].shown), message)])
+        return chosen
+    written = ""
+    for file in files:
+        tree = source.tree(reading.text(file.path, file.shown, file.named), file.shown)
+        name = tree.get("name")
+        if name is not None and isinstance(name.data, str) and name.data:
+            written = replace(variables, used=[]).put_in(name.data, name.at)
+            if variables.problems:
+                raise Refused(variables.problems)
+    tidy = _tidy(written) or _tidy(os.path.basename(folder))
+    if not tidy:
+        message = "the project has no name"
+        raise Refused([Diagnostic(Position(files[0].shown), message, hint="write `name:` into the file")])
+    return tidy
+
+
+def _tidy(name: str) -> str:
+    return re.sub("[^a-z0-9_-]", "", name.lower()).lstrip("_-")

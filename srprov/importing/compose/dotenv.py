@@ -1,0 +1,157 @@
+"""Files of variables, `.env` and those of `env_file`, read by Compose's rules of quotes.
+
+Takes text and what is known already; gives names with their values and lines. Pure.
+
+A value without quotes ends at ` #`, is trimmed, and variables are put in. In double quotes there may be escapes and
+line ends, and variables are put in; in single quotes everything stays. A name without `=` asks for a
+variable that is known.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from srprov.errors import Diagnostic
+from srprov.importing.normal import Refused
+from srprov.importing.position import Position
+
+_SPACE = "\t\v\f\r \x85\xa0"
+_ESCAPE = re.compile(r"""\\(?:([abcfnrtv$"\\])|0([0-9]{0,3}))""", re.ASCII)
+_PLAIN_ESCAPES = {"a": "\a", "b": "\b", "f": "\f", "n": "\n", "r": "\r", "t": "\t", "v": "\v", "\\": "\\", '"': '"'}
+_EXPORT = re.compile(r"export\s+")
+MOST_LINES = 10_000
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """One line: a name, and its value, or None for a name alone that nothing is known of."""
+
+    name: str
+    value: str | None
+    at: Position
+
+
+PutIn = Callable[[str, Position], str]
+"""Puts variables into a text; it knows what the entries before said."""
+Lookup = Callable[[str, Position], str | None]
+"""Returns what is known of a variable by now."""
+
+
+def raw(text: str, file: str) -> Iterator[Entry]:
+    """Yield the lines of a file whose values are taken as they are written (`format: raw`).
+
+    Raises:
+        Refused: A line has no name.
+    """
+    for number, line in enumerate(text.splitlines(), 1):
+        at = Position(file, number, 1)
+        bare = line.lstrip()
+        if not bare or bare.startswith("#"):
+            continue
+        name, sign, value = bare.partition("=")
+        if not name or any(space in name for space in " \t"):
+            raise Refused([Diagnostic(at, f"'{name[:80]}' is no name of a variable")])
+        yield Entry(name, value if sign else None, at)
+
+
+def read(text: str, file: str, put_in: PutIn, lookup: Lookup) -> Iterator[Entry]:
+    """Yield the entries of a file, in order.
+
+    Raises:
+        Refused: A name has a character that none may have, or a quote is not closed.
+    """
+    source = _Source(text, file)
+    while (entry := source.entry(put_in, lookup)) is not None:
+        yield entry
+
+
+class _Source:
+    """A file that is read from its beginning to its end."""
+
+    def __init__(self, text: str, file: str) -> None:
+        self.text = text
+        self.file = file
+        self.at = 0
+        self.lines, self.counted = 1, 0
+
+    def here(self) -> Position:
+        """Return the place that has been reached; only what is new since the last call is counted."""
+        self.lines += self.text.count("\n", self.counted, self.at)
+        self.counted = self.at
+        if self.lines > MOST_LINES:
+            raise Refused([Diagnostic(Position(self.file, self.lines), f"there are more than {MOST_LINES} lines")])
+        return Position(self.file, self.lines, self.at - (self.text.rfind("\n", 0, self.at) + 1) + 1)
+
+    def entry(self, put_in: PutIn, lookup: Lookup) -> Entry | None:
+        """Read the next name and its value; None at the end."""
+        if not self._start():
+            return None
+        at = self.here()
+        name, alone = self._name(at)
+        if alone:
+            return Entry(name, lookup(name, at), at)
+        return Entry(name, self._worth(at, put_in), at)
+
+    def _start(self) -> bool:
+        while self.at < len(self.text):
+            if self.text[self.at] == "#":
+                end = self.text.find("\n", self.at)
+                self.at = len(self.text) if end < 0 else end
+            elif self.text[self.at].isspace():
+                self.at += 1
+            else:
+                return True
+        return False
+
+    def _name(self, at: Position) -> tuple[str, bool]:
+        if export := _EXPORT.match(self.text, self.at):
+            self.at = export.end()
+        begin = self.at
+        end, sign = len(self.text), ""
+        for index in range(begin, len(self.text)):
+            char = self.text[index]
+            if char in "=:\n":
+                end, sign = index, char
+                break
+            if not (char in "_.-[]" or char in _SPACE or char.isalnum()):
+                raise Refused([Diagnostic(at, f"a name of a variable has no '{char}'")])
+        name = self.text[begin:end].rstrip()
+        if " " in name:
+            raise Refused([Diagnostic(at, f"the name of a variable has a space: '{name[:80]}'")])
+        self.at = min(end + 1, len(self.text))
+        if sign != "\n":
+            self._skip_space()
+        return name, sign == "\n" or not sign
+
+    def _skip_space(self) -> None:
+        while self.at < len(self.text) and self.text[self.at] in _SPACE:
+            self.at += 1
+
+    def _worth(self, at: Position, put_in: PutIn) -> str:
+        quote = self.text[self.at : self.at + 1]
+        if quote not in ("'", '"'):
+            end = self.text.find("\n", self.at)
+            end = len(self.text) if end < 0 else end
+            line = self.text[self.at : end].partition(" #")[0].rstrip()
+            self.at = min(end + 1, len(self.text))
+            return put_in(line, at)
+        begin = self.at + 1
+        end = begin
+        while (end := self.text.find(quote, end)) >= 0 and self.text[end - 1] == "\\":
+            end += 1
+        if end < 0:
+            raise Refused([Diagnostic(at, "a quote is not closed")])
+        self.at = end + 1
+        value = self.text[begin:end]
+        return value.replace("\\'", "'") if quote == "'" else put_in(_ESCAPE.sub(_escaped, value), at)
+
+
+def _escaped(found: re.Match[str]) -> str:
+    if found[1] == "$":
+        return "$$"
+    if found[1]:
+        return _PLAIN_ESCAPES.get(found[1], found[0])
+    digits = found[2]
+    return chr(int(digits, 8)) if re.fullmatch("[0-3][0-7]{2}", digits) else "\\" + digits

@@ -1,0 +1,190 @@
+"""`$VAR`, `${VAR}` and `${VAR:-default}` in text -> text, as Compose puts variables in.
+
+Takes text and what variables are worth; gives text, and records each variable that was asked for. Pure: nothing is
+taken from the environment of this process. What Compose would take from there is a problem, unless it has a default.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+
+from srprov.errors import Diagnostic
+from srprov.importing.normal import Refused, Variable
+from srprov.importing.position import Position
+
+_NAME = "[_a-zA-Z][_a-zA-Z0-9]*"
+_FOUND = re.compile(
+    rf"\$(?:(?P<escaped>\$)|(?P<named>{_NAME})|\{{(?:(?P<braced>{_NAME}(?::?[-+?].*)?)\}}|(?P<broken>)))"
+)
+_PARTS = re.compile(rf"({_NAME})(?:(:?[-+?])(.*))?", re.DOTALL)
+LONGEST_TEXT = 65_536
+"""Of one text with variables in it, in characters."""
+DEEPEST = 20
+"""Defaults within defaults."""
+LARGEST_RESULT = 4 * 1024 * 1024
+"""Of all texts of a project together, once variables are put in."""
+MOST_VARIABLES = 20_000
+
+
+@dataclass(frozen=True, slots=True)
+class Origin:
+    """A variable's value, and where it comes from: `--set` or the name of a file."""
+
+    value: str
+    source: str
+
+
+@dataclass
+class Variables:
+    """What variables are worth, and which were asked for."""
+
+    worth: Mapping[str, Origin]
+    used: list[Variable] = field(default_factory=list)
+    problems: list[Diagnostic] = field(default_factory=list)
+    size: list[int] = field(default_factory=lambda: [0])
+    """How much text there is by now; one list for all that read one project."""
+
+    def beside(self, more: Mapping[str, Origin]) -> Variables:
+        """Return variables that know more names, for an included project; what is asked for is recorded here too."""
+        return Variables(_Both(self.worth, more), self.used, self.problems, self.size)
+
+    def put_in(self, text: str, at: Position) -> str:
+        """Return a text with its variables put in; what is wrong is added to `problems`.
+
+        Raises:
+            Refused: It is so long, or so deep, that nobody means it.
+        """
+        if "$" not in text:
+            return text
+        if len(text) > LONGEST_TEXT:
+            raise Refused([Diagnostic(at, f"a text with '$' in it has more than {LONGEST_TEXT} characters")])
+        result = _Text(self, at).put_in(text, 0)
+        self.grow(len(result), at)
+        return result
+
+    def grow(self, size: int, at: Position) -> None:
+        """Count text that came out.
+
+        Raises:
+            Refused: It is too much.
+        """
+        self.size[0] += size
+        if self.size[0] > LARGEST_RESULT:
+            message = f"with its variables put in, the project is larger than {LARGEST_RESULT >> 20} MiB"
+            raise Refused([Diagnostic(at, message)])
+
+    def record(self, name: str, source: str, value: str, at: Position) -> None:
+        """Note that a variable was asked for."""
+        if len(self.used) >= MOST_VARIABLES:
+            raise Refused([Diagnostic(at, f"variables are asked for at more than {MOST_VARIABLES} places")])
+        self.used.append(Variable(name, source, value, at))
+
+
+class _Both(Mapping[str, Origin]):
+    """Two maps as one; the first wins. The second may still grow."""
+
+    def __init__(self, first: Mapping[str, Origin], second: Mapping[str, Origin]) -> None:
+        self.first = first
+        self.second = second
+
+    def __getitem__(self, name: str) -> Origin:
+        return self.first[name] if name in self.first else self.second[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter({*self.first, *self.second})
+
+    def __len__(self) -> int:
+        return len({*self.first, *self.second})
+
+
+class _Text:
+    """One text at one place."""
+
+    def __init__(self, variables: Variables, at: Position) -> None:
+        self.variables = variables
+        self.at = at
+
+    def put_in(self, text: str, depth: int) -> str:
+        if depth > DEEPEST:
+            raise Refused([Diagnostic(self.at, f"defaults of variables are nested more than {DEEPEST} deep")])
+        done: list[str] = []
+        while found := _FOUND.search(text):
+            done.append(text[: found.start()])
+            value, text = self._one(found, text, depth)
+            done.append(value)
+            self.variables.grow(len(value), self.at)
+        return "".join([*done, text])
+
+    def _one(self, found: re.Match[str], text: str, depth: int) -> tuple[str, str]:
+        """Return one variable's value, and what is left of the text."""
+        rest = text[found.end() :]
+        if found["escaped"]:
+            return "$", rest
+        if found["named"]:
+            return self._plain(found["named"]), rest
+        if found["braced"] is None:
+            return self._broken(text), rest
+        # Compose takes all up to the last brace of the line, and then goes back to the brace that closes this one
+        whole, inner = found[0], found["braced"]
+        if (end := _closing(whole)) >= 0:
+            inner, rest = whole[2:end], whole[end + 1 :] + rest
+        parts = _PARTS.fullmatch(inner)
+        if parts is None or "\n" in inner:
+            return self._broken(text), rest
+        name, sign, word = parts.groups()
+        return (self._signed(name, sign, word, depth) if sign else self._plain(name)), rest
+
+    def _broken(self, text: str) -> str:
+        hint = "write '$$' for a dollar sign"
+        self.variables.problems.append(
+            Diagnostic(self.at, f"no variable is written like this: '{text[:80]}'", "", "", hint)
+        )
+        return ""
+
+    def _plain(self, name: str) -> str:
+        known = self.variables.worth.get(name)
+        if known is None:
+            self.variables.record(name, "unset", "", self.at)
+            message = f"the variable {name} has no value; nothing is taken from this machine's environment"
+            self.variables.problems.append(Diagnostic(self.at, message, "", "", f"give one: --set {name}=VALUE"))
+            return ""
+        return self._known(name, known)
+
+    def _known(self, name: str, known: Origin) -> str:
+        self.variables.record(name, known.source, known.value, self.at)
+        return known.value
+
+    def _signed(self, name: str, sign: str, word: str, depth: int) -> str:
+        known = self.variables.worth.get(name)
+        usable = known is not None and (bool(known.value) or not sign.startswith(":"))
+        word = self.put_in(word, depth + 1)
+        if sign.endswith("+"):
+            value = word if usable else ""
+            self.variables.record(name, known.source if known else "unset", value, self.at)
+            return value
+        if known is not None and usable:
+            return self._known(name, known)
+        if sign.endswith("-"):
+            self.variables.record(name, "default", word, self.at)
+            return word
+        self.variables.record(name, "unset", "", self.at)
+        message = f"the variable {name} is required" + (f": {word[:200]}" if word else "")
+        self.variables.problems.append(Diagnostic(self.at, message, "", "", f"give one: --set {name}=VALUE"))
+        return ""
+
+
+def _closing(text: str) -> int:
+    """Return where the first brace closes, or -1; as in Compose, a brace hides the character after it."""
+    open_braces, index = 0, 0
+    while index < len(text):
+        if text[index] == "}":
+            open_braces -= 1
+            if open_braces == 0:
+                return index
+        elif text[index] == "{":
+            open_braces += 1
+            index += 1
+        index += 1
+    return -1
