@@ -18,6 +18,8 @@ from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field
 
+import msgspec
+
 from srprov import regular_file
 from srprov.images.plan import ListedFile
 
@@ -113,8 +115,7 @@ def listing(path: str) -> Iterator[ListedFile]:
             yield ListedFile(one.path, executable=bool(one.mode & 0o100))
 
 
-@dataclass(frozen=True, slots=True)
-class _Found:
+class _Found(msgspec.Struct, frozen=True):
     """Something below a folder."""
 
     path: str

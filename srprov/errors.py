@@ -24,7 +24,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+
+import msgspec
 
 _LONGEST_WORD = 80
 _MOST_KNOWN = 64
@@ -72,8 +73,7 @@ class UsageError(SrprovError):
     exit_code = 5
 
 
-@dataclass(frozen=True, order=True, slots=True)
-class Location:
+class Location(msgspec.Struct, frozen=True, order=True):
     """A place in a user's file; line and column count from 1."""
 
     file: str
@@ -85,8 +85,7 @@ class Location:
         return f"{self.file}:{self.line}:{self.column}"
 
 
-@dataclass(frozen=True, order=True, slots=True)
-class Diagnostic:
+class Diagnostic(msgspec.Struct, frozen=True, order=True):
     """One thing that is wrong in a user's file."""
 
     location: Location

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import posixpath
 import re
-from dataclasses import dataclass
+
+import msgspec
 
 _HOST = r"(?:[A-Za-z0-9](?:[A-Za-z0-9.-]*[A-Za-z0-9])?|\[[0-9A-Fa-f:]+\])(?::[0-9]{1,5})?"
 _USER = r"[A-Za-z0-9_][A-Za-z0-9_.-]*"
@@ -24,8 +25,7 @@ _LONGEST_REF = 200
 _FORMS = "https://host/path, ssh://user@host/path, user@host:path or file:///path"
 
 
-@dataclass(frozen=True, order=True, slots=True)
-class Address:
+class Address(msgspec.Struct, frozen=True, order=True):
     """Where a repository is."""
 
     url: str

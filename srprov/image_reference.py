@@ -7,7 +7,8 @@ Takes text; gives a Reference. Pure. Source: the reference grammar of the Docker
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+
+import msgspec
 
 _DEFAULT_DOMAIN = "docker.io"
 _OLD_DOMAINS = ("index.docker.io", "registry-1.docker.io")
@@ -24,8 +25,7 @@ _PRIVATE = (".localhost", ".local", ".localdomain", ".internal", ".lan", ".home.
 """Names that mean another machine in every network (RFC 6761, 6762, 8375, and what ICANN keeps for that)."""
 
 
-@dataclass(frozen=True, order=True, slots=True)
-class Reference:
+class Reference(msgspec.Struct, frozen=True, order=True):
     """One image by name; `tag` is empty only where a digest names it."""
 
     domain: str

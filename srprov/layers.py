@@ -13,7 +13,8 @@ import hashlib
 import json
 import re
 from collections.abc import Collection, Iterable, Sequence
-from dataclasses import dataclass
+
+import msgspec
 
 from srprov.untrusted import integer, mapping, string
 
@@ -27,8 +28,7 @@ _EMPTY = "sha256:5f70bf18a086007016e948b04aed3b82103a36bea41755b6cddfaf10ace3c6e
 _CONTAINERD = "io.containerd.snapshotter.v1"
 
 
-@dataclass(frozen=True, slots=True)
-class Image:
+class Image(msgspec.Struct, frozen=True):
     """An image by what its configuration says."""
 
     id: str

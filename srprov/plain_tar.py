@@ -12,7 +12,8 @@ import functools
 import re
 import tarfile
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+
+import msgspec
 
 _BLOCK = 512
 _RECORD = 10_240
@@ -25,8 +26,7 @@ _NAME, _MODE, _SIZE, _SUM, _KIND, _LINK = (slice(0, 100), slice(100, 108), slice
 _RECORD_START = re.compile(rb"([0-9]{1,5}) ([^=\n]{1,255})=")
 
 
-@dataclass(frozen=True, slots=True)
-class Member:
+class Member(msgspec.Struct, frozen=True):
     """One entry of a tar."""
 
     path: str

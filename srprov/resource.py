@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
+
+import msgspec
 
 from srprov.wire import Command
 
@@ -45,16 +46,14 @@ def resource_id(host: str, module: str, name: str) -> str:
     return f"{host}/{module}:{name}"
 
 
-@dataclass(frozen=True, order=True, slots=True)
-class Need:
+class Need(msgspec.Struct, frozen=True, order=True):
     """One resource that must be right first, on this robot or on another."""
 
     id: str
     condition: str = Condition.PRESENT.value
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Resource:
+class Resource(msgspec.Struct, frozen=True, kw_only=True):
     """One thing that should be true on one robot."""
 
     host: str
@@ -79,8 +78,7 @@ class Resource:
         return getattr(self.params, "service", "")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Observed:
+class Observed(msgspec.Struct, frozen=True, kw_only=True):
     """One resource of ours found on a robot."""
 
     module: str
@@ -95,8 +93,7 @@ class Observed:
         return str(self.state.get("service", ""))
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Change:
+class Change(msgspec.Struct, frozen=True, kw_only=True):
     """The difference between what should be and what is."""
 
     action: Action

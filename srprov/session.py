@@ -6,8 +6,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Protocol
+
+import msgspec
 
 from srprov.wire import AnyQuery, Command, Put, Reply, Run
 
@@ -34,8 +36,7 @@ def no_progress(_line: str) -> None:
     """Ignore progress."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Measures:
+class Measures(msgspec.Struct, frozen=True, kw_only=True):
     """What a transport can measure without a shell (the controller itself, by psutil); sizes in bytes."""
 
     cpus: int
@@ -44,12 +45,11 @@ class Measures:
     memory_available: int
     swap_total: int
     swap_free: int
-    link_speed_mbit: Mapping[str, float] = field(default_factory=dict)
+    link_speed_mbit: Mapping[str, float] = msgspec.field(default_factory=dict)
     """interface -> Mbit/s, 0 where it is unknown"""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Pulse:
+class Pulse(msgspec.Struct, frozen=True, kw_only=True):
     """How the two ends of a `LockChannel` notice that they lost each other; the controller always gives up first."""
 
     beat_s: float = 5.0
@@ -65,8 +65,7 @@ class Pulse:
             raise ValueError("a heartbeat needs 0 < beat < controller < robot, in seconds")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Exec:
+class Exec(msgspec.Struct, frozen=True, kw_only=True):
     """A command for a running container, as its user typed it."""
 
     command: tuple[str, ...]

@@ -6,7 +6,8 @@ Source: chronyc(1), `tracking` and `-c`; systemd-timesyncd.service(8), /run/syst
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+
+import msgspec
 
 from srprov.untrusted import decimal, lines_of
 
@@ -21,8 +22,7 @@ _FIELDS = 14
 _MOST_LINES = 20_000
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class TimeSync:
+class TimeSync(msgspec.Struct, frozen=True, kw_only=True):
     """What keeps a clock, and how well."""
 
     daemon: str

@@ -10,11 +10,15 @@ from __future__ import annotations
 import base64
 import hashlib
 import shlex
-from dataclasses import dataclass, replace
 from typing import Any
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov.untrusted import json_or_none
 
+_SHORT = 8 << 10
+"""Bytes that are written as one word of a shell."""
 STOP_MARGIN_S = 60.0
 """How much longer the answer to a stop may take than the process has to end by itself."""
 
@@ -35,16 +39,19 @@ def sh(*words: str) -> str:
     return " ".join(quote(word) for word in words)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Query:
-    """A shell command that only reads; many are sent in one round trip."""
+class Query(msgspec.Struct, frozen=True, kw_only=True):
+    """A shell command that only reads; many are sent in one round trip.
+
+    With `in_place` the robot's shell runs it itself, without a process of its own for it: a constant of ours that
+    neither ends the shell, nor goes to another folder, nor changes its words and options.
+    """
 
     command: str
     timeout_s: float = 20.0
+    in_place: bool = False
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class EngineQuery:
+class EngineQuery(msgspec.Struct, frozen=True, kw_only=True):
     """A GET to the robot's Docker Engine. `params` become the query string; dicts in it become JSON."""
 
     path: str
@@ -54,8 +61,7 @@ class EngineQuery:
     """The answer's headers are wanted, not its body: JSON, names in lower case."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Run:
+class Run(msgspec.Struct, frozen=True, kw_only=True):
     """A shell script that changes the robot. Every word in it went through `quote`."""
 
     script: str
@@ -66,8 +72,7 @@ class Run:
         return self.script
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Put:
+class Put(msgspec.Struct, frozen=True, kw_only=True):
     """Write a file. `in_place` keeps the inode, so that a bind mount of the file sees the new content.
 
     With `secret`, the content is a placeholder: that secret's value, which only the transport's last step knows.
@@ -92,20 +97,37 @@ class Put:
         return f"{how} {self.path} ({len(self.content)} bytes, mode {self.mode:04o}, sha256 {self.digest()[:12]})"
 
     def script(self, source: str = "") -> str:
-        """Return the shell script that does it: base64 inside a here-document, or from what `source` prints."""
+        """Return the shell script that does it: base64 inside a here-document, or from what `source` prints.
+
+        Short text that everybody may read is written by the shell itself, which needs no process but `mv`.
+        """
         target, partial = quote(self.path), quote(self.path + ".part")
         move = f"cat {partial} > {target} && rm -f {partial}" if self.in_place else f"mv -f {partial} {target}"
         mode, folder = f"chmod {self.mode:04o}", quote(self.path.rsplit("/", 1)[0] or "/")
         last = f"{mode} {partial} && {move}" + (f" && {mode} {target}" if self.in_place else "")
         begin = f"umask 077; {{ [ -d {folder} ] || mkdir -p {folder}; }}"
+        if not source and self._is_plain:
+            new = f"{{ [ ! -e {partial} ] || rm -f {partial}; }} && umask 022"
+            return (
+                f"{begin} && {new} && printf %s {quote(self.content.decode())} > {partial} && mv -f {partial} {target}"
+            )
         if source:
             return f"{begin} && {source} | base64 -d > {partial} && {last}"
         lines = base64.encodebytes(self.content).decode("ascii")
         return f"{begin} && base64 -d > {partial} <<'_END_OF_FILE_' && {last}\n{lines}_END_OF_FILE_\n"
 
+    @property
+    def _is_plain(self) -> bool:
+        if self.mode != 0o644 or self.in_place or len(self.content) > _SHORT or b"\0" in self.content:
+            return False
+        try:
+            self.content.decode()
+        except UnicodeDecodeError:
+            return False
+        return True
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class EngineCall:
+
+class EngineCall(msgspec.Struct, frozen=True, kw_only=True):
     """A request that changes the robot's Docker Engine, addressed by name, sent through the docker SDK.
 
     `body` is canonical JSON text, or empty; `blob` is a raw body (a build context). `accept` lists the statuses that
@@ -145,8 +167,7 @@ class EngineCall:
         return replace(self, params=(("t", str(least)),), timeout_s=least + STOP_MARGIN_S)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class CopyImage:
+class CopyImage(msgspec.Struct, frozen=True, kw_only=True):
     """Bring an image from another robot's engine over the controller: the layers that are missing here, or all."""
 
     image: str
@@ -170,8 +191,7 @@ class CopyImage:
         return f"copy image {self.image} from {self.source_host} ({kind}, over the controller)"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class CopyVolume:
+class CopyVolume(msgspec.Struct, frozen=True, kw_only=True):
     """Bring a volume's data from another robot into a volume that is here, streamed through the controller.
 
     It succeeds when both have the same hash: of names, contents, owners, modes, times, links and extended attributes.
@@ -191,8 +211,7 @@ DATA_STORE = "/var/lib/srprov/.data"
 """Where robots have data sets: `<sha256>/data`. No instance can have that name."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class SendData:
+class SendData(msgspec.Struct, frozen=True, kw_only=True):
     """Bring a data set to a robot, from a file of this machine that has the hash, or else from its address.
 
     It succeeds when the robot's own hash of what is there is the same.
@@ -213,8 +232,7 @@ Command = Run | Put | EngineCall | Copy
 AnyQuery = Query | EngineQuery
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Reply:
+class Reply(msgspec.Struct, frozen=True, kw_only=True):
     """What came back. `status` is an exit code for the shell and an HTTP status for the engine (0: no engine there)."""
 
     status: int

@@ -160,7 +160,7 @@ class Kernel:
             return ""
         words = shlex.split(line)
         match words:
-            case ["{", "nft", "list", "table", "bridge", name, *_]:
+            case ["case", "$({", "nft", "list", "table", "bridge", name, *_]:
                 return "" if name in self.filters else "no rules close the overlay"
             case ["ip", "link", "show", "dev", name, ">/dev/null", "2>&1", "||", "exit", "0;", *rest]:
                 return self.run(shlex.join(rest)) if name in self.links else ""

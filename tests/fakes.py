@@ -15,8 +15,10 @@ import shlex
 import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
+
+from msgspec.structs import replace
 
 from srprov.errors import TransportError
 from srprov.facts.placements import PLACEMENTS

@@ -10,8 +10,10 @@ import hashlib
 import json
 import shlex
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from typing import Any
+
+import msgspec
+from msgspec.structs import replace
 
 IMAGE = "busybox"
 COMMAND = ("sh", "-c", "trap 'exit 0' TERM; while :; do sleep 3600 & wait $!; done")
@@ -26,8 +28,7 @@ MTU = 1450
 FLOOD = "00:00:00:00:00:00"
 
 
-@dataclass(frozen=True)
-class Member:
+class Member(msgspec.Struct, frozen=True):
     """One robot's share."""
 
     robot: str
@@ -39,8 +40,7 @@ class Member:
     """What the variable VALUE of its container says; the scenario `changed` changes one."""
 
 
-@dataclass(frozen=True)
-class Job:
+class Job(msgspec.Struct, frozen=True):
     """All robots' shares."""
 
     members: tuple[Member, ...]
@@ -77,7 +77,9 @@ def words() -> str:
 
 def config_hash(member: Member) -> str:
     """Return the hash that the floor and the peers keep as a label."""
-    return hashlib.sha256(json.dumps([IMAGE, COMMAND, member.__dict__], sort_keys=True).encode()).hexdigest()[:16]
+    return hashlib.sha256(
+        json.dumps([IMAGE, COMMAND, msgspec.structs.asdict(member)], sort_keys=True).encode()
+    ).hexdigest()[:16]
 
 
 def link_script(job: Job, member: Member) -> str:

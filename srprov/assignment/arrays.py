@@ -12,8 +12,7 @@ Both orders are lexicographic and exact. Source: docs/assignment.md.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+import msgspec
 import numpy as np
 
 from srprov.assignment.bundles import Item, items
@@ -22,8 +21,7 @@ from srprov.assignment.model import SCALE, Problem, ServiceGroup
 from srprov.assignment.table import Array, ProblemTable
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Arrays:
+class Arrays(msgspec.Struct, frozen=True, kw_only=True):
     """K items on P places (slots of reachable robots); the first N items are the problem's nodes."""
 
     items: tuple[Item, ...]

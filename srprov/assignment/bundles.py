@@ -10,7 +10,8 @@ together wherever that is; and two pools that share a node, but no service, may 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+
+import msgspec
 
 from srprov.definitions.model import Pool
 from srprov.errors import UsageError
@@ -19,8 +20,7 @@ _MOST = 20_000
 """Unions of nodes; more can only come from many pools on few `same_robot` groups."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Item:
+class Item(msgspec.Struct, frozen=True, kw_only=True):
     """Something that takes one slot."""
 
     nodes: tuple[int, ...]

@@ -14,9 +14,9 @@ import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import replace
 
 import numpy as np
+from msgspec.structs import replace
 
 from srprov.assignment.arrays import arrays
 from srprov.assignment.model import Problem, ServiceGroup

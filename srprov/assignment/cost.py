@@ -12,14 +12,15 @@ Hawe, DEC-TR-301, 1984.
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov.definitions.model import Weights
 from srprov.facts.model import HostFacts
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Load:
+class Load(msgspec.Struct, frozen=True, kw_only=True):
     """The paper's betas of one robot, each in 0..1; `bandwidth` is what is still free, the others are what is used."""
 
     cpu: float
@@ -30,8 +31,7 @@ class Load:
     """What had to be assumed, in words."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class CostTerms:
+class CostTerms(msgspec.Struct, frozen=True, kw_only=True):
     """The weighted terms of one cost; no unit, each in 0..100 times its weight."""
 
     cpu: float

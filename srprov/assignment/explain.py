@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from srprov.assignment import remedies
 from srprov.assignment.conflict import OutOfTimeError, cut, feasible, places_needed, smallest_conflict, time_limit

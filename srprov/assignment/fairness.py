@@ -6,8 +6,10 @@ Takes parsed run records, or a Problem; gives values. Pure. The objective itself
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
 from typing import Any
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov.assignment.model import Assignment, Problem
 from srprov.errors import UsageError
@@ -17,8 +19,7 @@ RECOMMENDED = 0.3
 STEPS = (0.0, 0.05, 0.1, 0.2, 0.3, 0.5, 0.7, 0.9, 1.0)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Point:
+class Point(msgspec.Struct, frozen=True, kw_only=True):
     """One setting of fairness and what it leads to."""
 
     fairness: float

@@ -14,6 +14,8 @@ from operator import and_
 from types import MappingProxyType
 from typing import TypeVar
 
+import msgspec
+
 from srprov.assignment.cost import CostTerms, Load, terms
 from srprov.assignment.requirements import UnmetRequirement
 from srprov.definitions.model import Pool, Service, Weights
@@ -55,19 +57,17 @@ class LazyMapping(Mapping[str, _V]):
         return repr(dict(self))
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Fairness:
+class Fairness(msgspec.Struct, frozen=True, kw_only=True):
     """How much evenness counts, and what robots have carried before."""
 
     weight: float = 0.0
     """0: least cost; 1: most even."""
-    carried: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    carried: Mapping[str, float] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Robot -> the sum of what was allocated to it in earlier runs."""
     runs: int = 0
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Problem:
+class Problem(msgspec.Struct, frozen=True, kw_only=True):
     """Who could run what, at which cost. The paper's matrices A (`cost`), H (`misses`) and C (`slots`)."""
 
     services: Mapping[str, Service]
@@ -87,19 +87,19 @@ class Problem:
     pools: tuple[Pool, ...] = ()
     anti_affinity: tuple[tuple[str, ...], ...] = ()
     """Groups of services of which a robot runs one at most."""
-    ports: Mapping[ServiceGroup, str] = field(default_factory=lambda: MappingProxyType({}))
+    ports: Mapping[ServiceGroup, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Those of `anti_affinity` that have a port of their robot in common -> that port, such as `8080/tcp`."""
-    weights: Weights = field(default_factory=Weights)
-    previous: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    weights: Weights = msgspec.field(default_factory=Weights)
+    previous: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Service -> the robot it runs on now."""
-    frozen: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    frozen: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Service -> its robot; not decided here, because that robot (or one of its group) cannot be reached."""
-    fixed: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    fixed: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Service that is on each matching robot -> this one's robot; takes no slot."""
     sticky: bool = True
     """Moving nothing comes before a lower cost."""
-    fairness: Fairness = field(default_factory=Fairness)
-    facts: Mapping[str, HostFacts] = field(default_factory=lambda: MappingProxyType({}))
+    fairness: Fairness = msgspec.field(default_factory=Fairness)
+    facts: Mapping[str, HostFacts] = msgspec.field(default_factory=lambda: MappingProxyType({}))
 
     @property
     def kept_apart(self) -> tuple[tuple[str, ...], ...]:
@@ -130,8 +130,7 @@ class Problem:
         return sum(self.previous.get(service, robot) != robot for service in node)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Decision:
+class Decision(msgspec.Struct, frozen=True, kw_only=True):
     """What a solver chose, and what it proved; an Assignment says the same to users."""
 
     chosen: tuple[Choice, ...]
@@ -144,8 +143,7 @@ class Decision:
     """How much less a better placement might cost where a time limit ended the search, in millionths."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Move:
+class Move(msgspec.Struct, frozen=True, kw_only=True):
     """A service that leaves the robot it runs on."""
 
     service: str
@@ -153,8 +151,7 @@ class Move:
     target: str
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class RunnerUp:
+class RunnerUp(msgspec.Struct, frozen=True, kw_only=True):
     """The best other robot for a service and those that share its slot."""
 
     robot: str
@@ -165,8 +162,7 @@ class RunnerUp:
     """Others have all of its slots."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Assignment:
+class Assignment(msgspec.Struct, frozen=True, kw_only=True):
     """Who runs what, what it costs and why."""
 
     placed: Mapping[str, str]
@@ -184,7 +180,7 @@ class Assignment:
     moves: tuple[Move, ...] = ()
     frozen: tuple[str, ...] = ()
     """Services that stay on a robot that cannot be reached, and those that wait for it with them."""
-    pools: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    pools: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Pool -> `together` or `anti_affinity`."""
     matrix: Mapping[str, Mapping[str, float | None]]
     """Service -> robot -> cost in the robot's first slot, alone, None where it cannot run."""

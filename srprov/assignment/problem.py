@@ -10,8 +10,9 @@ Source: the paper's matrices A, H and C; contraction of `same_robot` groups: doc
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from types import MappingProxyType
+
+from msgspec.structs import replace
 
 from srprov.assignment import capability, ports
 from srprov.assignment.cost import Load, at_slot, load

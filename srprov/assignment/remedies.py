@@ -7,7 +7,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from srprov.assignment.conflict import OutOfTimeError, feasible
 from srprov.assignment.model import Problem, ServiceGroup

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+
+import msgspec
 
 from srprov.definitions.containermodel import Requirements
 from srprov.definitions.model import Service
@@ -19,8 +20,7 @@ from srprov.facts.model import HostFacts
 from srprov.sizes import size_text
 
 
-@dataclass(frozen=True, order=True, slots=True)
-class UnmetRequirement:
+class UnmetRequirement(msgspec.Struct, frozen=True, order=True):
     """One thing that a robot lacks for a service: what is required and what the robot has, and what would help."""
 
     text: str

@@ -9,7 +9,9 @@ same input each time. It imports numpy and OR-Tools, so `solve` imports it only 
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov.assignment import few_slots
 from srprov.assignment.arrays import Arrays, arrays
@@ -57,8 +59,7 @@ def run(table: ProblemTable, until: float | None = None) -> Selection | None:
     return solve_table(table, None if until is None else max(0.0, until - time.monotonic()))
 
 
-@dataclass(frozen=True, slots=True)
-class _Best:
+class _Best(msgspec.Struct, frozen=True):
     """A choice, and by how much another could be better in what was minimised."""
 
     outcome: Selection

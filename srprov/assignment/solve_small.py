@@ -19,7 +19,8 @@ sparse linear assignment problems*, Computing 38, 1987.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+
+import msgspec
 
 from srprov.assignment.cost import terms
 from srprov.assignment.model import SCALE, Decision, Problem
@@ -58,8 +59,7 @@ def decide(problem: Problem) -> Decision | None:
     return Decision(chosen=chosen, spared=spared)
 
 
-@dataclass(frozen=True, slots=True)
-class _Laid:
+class _Laid(msgspec.Struct, frozen=True):
     """The pairs that are possible: per node, place -> what it costs and moves there."""
 
     places: tuple[tuple[str, int], ...]

@@ -8,9 +8,9 @@ of (item, place) that covers every node once, uses a place at most once, keeps `
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
+import msgspec
 import numpy as np
 
 Array = Any
@@ -19,8 +19,7 @@ NEVER = 1 << 60
 """Stands for the cost of what is not allowed; far above every sum of costs, and twice it still fits 64 bits."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class ProblemTable:
+class ProblemTable(msgspec.Struct, frozen=True, kw_only=True):
     """K items, the first N of them nodes; P places."""
 
     items: tuple[tuple[int, ...], ...]
@@ -46,8 +45,7 @@ class ProblemTable:
         return np.where(self.allowed, self.cost, NEVER)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Selection:
+class Selection(msgspec.Struct, frozen=True, kw_only=True):
     """The best that was found, and what is proved of it."""
 
     items: tuple[int, ...]

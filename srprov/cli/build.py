@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 import click
+from msgspec.structs import replace
 
 from srprov.cli import inputs, options, output_options
 from srprov.cli.execute import carry_out, confirm, refuse_without_terminal
@@ -114,7 +114,7 @@ def _allowed(planned: Planned, request: PlanRequest, inventory: Inventory, run_o
     from srprov.controller.permissions import may_trigger, permit_run
 
     permit_run(planned.plan, request.allowed, inventory, request.policies)
-    return dataclasses.replace(run_options, triggers=may_trigger(request.allowed))
+    return replace(run_options, triggers=may_trigger(request.allowed))
 
 
 def _planned(definitions: Definitions, fleet: Fleet, request: PlanRequest, phases: Phases) -> Planned:

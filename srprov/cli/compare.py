@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import click
+import msgspec
 
 from srprov.cli import options
 from srprov.cli.codes import DIFFERENCES
@@ -67,7 +67,7 @@ def show_comparison(
     found = of(a, b, margins)
     failed = found.answer == DIFFERENT or (strict and found.answer == INCONCLUSIVE)
     if as_json:
-        sections = [{"grade": one.grade, **dataclasses.asdict(one)} for one in found.sections]
+        sections = [{"grade": one.grade, **msgspec.to_builtins(one)} for one in found.sections]
         out_json({"a": list(a), "b": list(b), "answer": found.answer, "sections": sections, "notes": list(found.notes)})
         return DIFFERENCES if failed else 0
     for decides in (True, False):

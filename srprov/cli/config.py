@@ -21,9 +21,10 @@ import re
 import stat
 import sys
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import msgspec
 
 from srprov import regular_file
 from srprov.errors import UsageError, did_you_mean
@@ -52,8 +53,7 @@ _BEYOND = 1e15
 _HEADER = re.compile(r"\s*\[([^\[\]]+)\]\s*(?:#.*)?")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class _File:
+class _File(msgspec.Struct, frozen=True, kw_only=True):
     """One configuration file, and which of its keys count."""
 
     path: Path

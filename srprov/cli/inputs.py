@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 import sys
 from collections.abc import Callable, Collection, Iterator
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import click
 from click.core import ParameterSource
+from msgspec.structs import replace
 
 from srprov.cli.config import user_folder
 from srprov.cli.options import asked_for_become
@@ -52,17 +52,17 @@ def _with_become_password(inventory: Inventory) -> Inventory:
     except ValueError as error:
         raise UsageError(str(error)) from None
     hosts = {
-        name: host if host.become_password else dataclasses.replace(host, become_password=password)
+        name: host if host.become_password else replace(host, become_password=password)
         for name, host in inventory.hosts.items()
     }
-    return dataclasses.replace(inventory, hosts=hosts)
+    return replace(inventory, hosts=hosts)
 
 
 def load_chosen(paths: tuple[str, ...], limit: str, exclude: str) -> Inventory:
     """Read the inventory and return it with the chosen robots alone."""
     whole = load_inventory(paths)
     chosen = selected(whole, limit, exclude)
-    return dataclasses.replace(whole, hosts={name: host for name, host in whole.hosts.items() if name in chosen})
+    return replace(whole, hosts={name: host for name, host in whole.hosts.items() if name in chosen})
 
 
 def load_experiment(path: str, wanted: Collection[str] = ("*",)) -> Definitions:
@@ -101,13 +101,13 @@ def with_own_files(request: PlanRequest, definitions: Definitions) -> PlanReques
     from srprov.controller.owners import read_owner
 
     instance = request.instance or definitions.experiment.name
-    request = dataclasses.replace(request, owner=read_owner(instance, definitions.experiment.file))
+    request = replace(request, owner=read_owner(instance, definitions.experiment.file))
     folder = user_folder(os.environ) / "playbooks"
     if not folder.is_dir():
         return request
     from srprov.controller.playbooks import own_playbooks
 
-    return dataclasses.replace(request, playbooks=own_playbooks(folder))
+    return replace(request, playbooks=own_playbooks(folder))
 
 
 @contextmanager

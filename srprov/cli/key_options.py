@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 from collections.abc import Callable
 from typing import TypeVar, cast
 
 import click
+from msgspec.structs import replace
 
 from srprov.controller.request import PlanRequest
 
@@ -23,6 +23,6 @@ def rotating(function: _F) -> _F:
 
     @functools.wraps(function)
     def with_keys(*, request: PlanRequest, rotate_keys: bool, **more: object) -> object:
-        return function(request=dataclasses.replace(request, rotate_keys=rotate_keys), **more)
+        return function(request=replace(request, rotate_keys=rotate_keys), **more)
 
     return cast("_F", _ROTATE(with_keys))

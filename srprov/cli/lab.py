@@ -9,10 +9,10 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
 
 import click
+import msgspec
 
 from srprov import regular_file
 from srprov.cli.output import err as say
@@ -82,7 +82,7 @@ def status(name: str, as_json: bool) -> None:
     """Show the robots and whether they are ready."""
     seen = overview.robots(name)
     if as_json:
-        out_json({"robots": {each.name: asdict(each) for each in seen}})
+        out_json({"robots": {each.name: msgspec.to_builtins(each) for each in seen}})
         return
     if not seen:
         out(f"{find(name).title} is down")
@@ -98,7 +98,7 @@ def list_labs(as_json: bool) -> None:
     """Show the labs that are up on this machine, whoever brought them up."""
     found = overview.labs()
     if as_json:
-        out_json({"labs": [asdict(each) for each in found]})
+        out_json({"labs": [msgspec.to_builtins(each) for each in found]})
         return
     if not found:
         out("no lab is up")

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 import click
+from msgspec.structs import replace
 
 from srprov import names
 from srprov.cli.seconds import Seconds
@@ -173,7 +173,7 @@ def planning(function: _F) -> _F:
         from srprov.cli.permitted import permitted
 
         policies, allowed = permitted(allow)
-        request = dataclasses.replace(
+        request = replace(
             request,
             adopt=adopt,
             reassign_unreachable=unreachable == "reassign",

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from msgspec.structs import replace
 
 from srprov import private
 from srprov.cli import inputs, key_options, options
@@ -65,7 +65,7 @@ def plan(
     inventory = inputs.load_inventory(inventories)
     last = inputs.failed_robots(request.instance or definitions.experiment.name, runs)
     chosen = inputs.selected(inventory, limit, exclude, last)
-    request = inputs.with_own_files(dataclasses.replace(request, exact=True), definitions)
+    request = inputs.with_own_files(replace(request, exact=True), definitions)
     with (
         inputs.connect(inventory, timeout, forks) as fleet,
         answers_only(),
@@ -116,7 +116,7 @@ def write_plan(
     from srprov.planning.planfile import dump
 
     try:
-        text = dump(dataclasses.replace(file, inputs={name: redact(text) for name, text in file.inputs.items()}))
+        text = dump(replace(file, inputs={name: redact(text) for name, text in file.inputs.items()}))
     except ValueError as error:
         hint = "apply the EDF itself, or ship less: what is large belongs in an image or a volume"
         raise UsageError(str(error), hint=hint) from None

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 import click
+from msgspec.structs import replace
 
 from srprov.cli import inputs, options, output_options
 from srprov.cli.compare import MARGINS, STRICT, margins_of, show_comparison

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+import msgspec
 
 from srprov import private
 from srprov.cli import options, output_options
@@ -50,7 +50,7 @@ def runs(words: tuple[str, ...], runs: Path | None, as_json: bool, svg: str | No
         raise UsageError("one folder is listed, or one run shown", hint="srprov runs [DIR], or srprov runs show RUN")
     found = sorted(_found([Path(words[0])] if words else places), key=lambda one: one.begun)
     if as_json:
-        out_json({"runs": [dataclasses.asdict(one) for one in found]})
+        out_json({"runs": [msgspec.to_builtins(one) for one in found]})
     elif found:
         out(table([_line(one, within=not words) for one in found], _SHOWN))
     else:
@@ -90,7 +90,7 @@ def _found(folders: Sequence[Path]) -> Iterator[KeptRun]:
 
 def _line(one: KeptRun, *, within: bool) -> dict[str, Any]:
     begun = one.begun[:19] + "Z" * bool(one.begun)
-    return {**dataclasses.asdict(one), "begun": begun, "result": _result(one), "run": one.run if within else one.path}
+    return {**msgspec.to_builtins(one), "begun": begun, "result": _result(one), "run": one.run if within else one.path}
 
 
 def _result(one: KeptRun) -> str:
@@ -108,7 +108,7 @@ def _show(folder: Path, as_json: bool) -> int:
     if not is_trials(folder):
         one = kept_run(folder)
         if as_json:
-            out_json(dataclasses.asdict(one))
+            out_json(msgspec.to_builtins(one))
         else:
             out(table([_line(one, within=False)], _SHOWN))
         return 0

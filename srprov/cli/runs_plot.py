@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 from xml.sax.saxutils import escape
+
+import msgspec
 
 from srprov.cli.output import clean
 from srprov.errors import UsageError, visible
@@ -22,8 +23,7 @@ _MOST_NAMED = 12
 Row = Mapping[str, Any]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class _Axis:
+class _Axis(msgspec.Struct, frozen=True, kw_only=True):
     low: float
     high: float
     begin: float

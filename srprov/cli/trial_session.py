@@ -6,8 +6,9 @@ import sys
 import threading
 import time
 from contextlib import nullcontext
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, TextIO
+
+import msgspec
 
 from srprov.cli import inputs, output_options
 from srprov.cli.execute import confirm
@@ -38,8 +39,7 @@ if TYPE_CHECKING:
 _SAID = b"\ninterrupted: the present trial goes on to its end, no new one begins; once more to end it at once\n"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Manner:
+class Manner(msgspec.Struct, frozen=True, kw_only=True):
     """How the user wants it done and told."""
 
     forks: int

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import TYPE_CHECKING
 
 import click
+import msgspec
 
 from srprov.cli import options
 from srprov.cli.codes import DIFFERENCES
@@ -35,7 +35,7 @@ def verify(bundle: str, signers: str | None, as_json: bool) -> int:
 
     report = check(bundle, signers or "")
     if as_json:
-        findings = [dataclasses.asdict(one) for one in report.findings]
+        findings = [msgspec.to_builtins(one) for one in report.findings]
         out_json({"bundle": bundle, "run": report.run, "failed": report.failed, "findings": findings,
                   "unproven": list(LIMITS)})  # fmt: skip
         return DIFFERENCES if report.failed else 0

@@ -8,7 +8,8 @@ are derived again in `controller.saved`, from the robots as they are. Touches no
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from srprov.controller.context import is_record_path
 from srprov.controller.overlay_claim import open_links, vteps_of, wrong_link

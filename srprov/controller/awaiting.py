@@ -9,7 +9,8 @@ import contextlib
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+
+import msgspec
 
 from srprov.controller.fleet import Fleet
 from srprov.controller.located import Located, Whereabouts
@@ -25,8 +26,7 @@ _MOST_LOGS = 4
 _FORMS = "completed:SERVICE, healthy, healthy:SERVICE or log:SERVICE=REGEX"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Awaited:
+class Awaited(msgspec.Struct, frozen=True, kw_only=True):
     """One condition."""
 
     text: str
@@ -39,8 +39,7 @@ class Awaited:
     services: tuple[Located, ...] = ()
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Standing:
+class Standing(msgspec.Struct, frozen=True, kw_only=True):
     """How one service stands to a condition."""
 
     holds: bool = False
@@ -49,8 +48,7 @@ class Standing:
     words: str = ""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Waited:
+class Waited(msgspec.Struct, frozen=True, kw_only=True):
     """How it ended."""
 
     why: str = ""

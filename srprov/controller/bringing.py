@@ -10,8 +10,10 @@ import errno
 import posixpath
 import shutil
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
 from pathlib import Path
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov.execution.collect import CollectFailed, Place, Robot, TransferCut, fetch_file, fetch_tar, listings
 from srprov.execution.listing import MOST_FILES, Entry
@@ -34,8 +36,7 @@ CHANGED = "it changed while it was read"
 Say = Callable[[str], None]
 
 
-@dataclass(frozen=True, slots=True)
-class Home:
+class Home(msgspec.Struct, frozen=True):
     """Where files come, and whom to tell how far it is."""
 
     parts: Path

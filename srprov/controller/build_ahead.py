@@ -5,7 +5,7 @@ The plan is made as `apply` makes it, with the same placement and permissions, a
 
 from __future__ import annotations
 
-import dataclasses
+from msgspec.structs import replace
 
 from srprov.controller.phases import Phases
 from srprov.controller.plan import Planned, make_plan
@@ -24,6 +24,6 @@ def make_build(definitions: Definitions, look: Gathering, request: PlanRequest, 
     Raises:
         SrprovError: As `srprov.controller.plan.make_plan`.
     """
-    planned = make_plan(definitions, look, dataclasses.replace(request, images_only=True), Vault(), phases)
-    plan = dataclasses.replace(planned.plan, costs={}, secrets=(), data=())
-    return dataclasses.replace(planned, plan=plan, assignment=None, owner=None)
+    planned = make_plan(definitions, look, replace(request, images_only=True), Vault(), phases)
+    plan = replace(planned.plan, costs={}, secrets=(), data=())
+    return replace(planned, plan=plan, assignment=None, owner=None)

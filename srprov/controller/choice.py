@@ -7,8 +7,10 @@ is, and only a real choice needs the traffic of this moment; so what is to be de
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from typing import Any
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov.assignment import problem, solve
 from srprov.assignment.model import Assignment, Problem
@@ -26,8 +28,7 @@ from srprov.facts.model import Snapshot, TakenPort
 from srprov.untrusted import decimal, integer, mapping, mappings, string, string_map, text
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Choice:
+class Choice(msgspec.Struct, frozen=True, kw_only=True):
     """An experiment with every instance, and what of it is to be placed."""
 
     experiment: Experiment
@@ -50,8 +51,7 @@ class Choice:
         return Detail.ENGINE if self.new else Detail.BASIC
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Decided:
+class Decided(msgspec.Struct, frozen=True, kw_only=True):
     """What else than files and facts led to a placement, read from a record."""
 
     previous: Mapping[str, str]

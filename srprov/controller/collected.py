@@ -9,9 +9,10 @@ from __future__ import annotations
 import datetime as dt
 import json
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import msgspec
 
 from srprov import private, regular_file
 from srprov.controller.trial_folder import check_new, check_own
@@ -24,8 +25,7 @@ _MOST = 256 << 20
 """Bytes of one document."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Now:
+class Now(msgspec.Struct, frozen=True, kw_only=True):
     """What robots gave now."""
 
     robots: Mapping[str, str]
@@ -41,8 +41,7 @@ class Now:
     """What else `collected.json` says of this call."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Earlier:
+class Earlier(msgspec.Struct, frozen=True, kw_only=True):
     """What earlier calls wrote; nothing in a new folder."""
 
     collected: Mapping[str, Any]

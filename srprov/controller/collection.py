@@ -14,6 +14,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
+import msgspec
+
 from srprov import private
 from srprov.controller.bringing import Home
 from srprov.controller.collected import Now, read_earlier
@@ -53,8 +55,7 @@ class _Found:
     """Why the robot was given up, or nothing."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Service:
+class _Service(msgspec.Struct, frozen=True):
     """A container of the instance."""
 
     label: str

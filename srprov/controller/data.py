@@ -8,7 +8,9 @@ is on itself: that one is a whole copy of another's is believed by the owner's l
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov.controller.owners import Owner, identity
 from srprov.controller.request import PlanRequest
@@ -19,8 +21,7 @@ from srprov.modules.volume import moment, volume_name
 from srprov.resource import Observed
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Holdings:
+class Holdings(msgspec.Struct, frozen=True, kw_only=True):
     """Volumes with data: name -> robot -> what was found. Half copies are none."""
 
     there: Mapping[str, Mapping[str, Observed]]
@@ -58,8 +59,7 @@ def holdings(snapshot: Snapshot, instance: str, owner: Owner | None, *, adopt: b
     return Holdings(there=there, copied=copied, strange=tuple(strange))
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class DataNow:
+class DataNow(msgspec.Struct, frozen=True, kw_only=True):
     """Where data is before anything is decided."""
 
     instance: str

@@ -5,8 +5,8 @@ Takes what was found and who owns it; refuses, or writes down what was made and 
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import replace
 
 from srprov.controller.data import DataNow, roaming, used
 from srprov.controller.owners import Owner, keep
@@ -65,7 +65,7 @@ def remember_owner(plan: Plan, owner: Owner | None) -> None:
         gone = {step.name for step in steps if owner.places.get(step.name) == step.host}
         made = {step.name: step.host for step in steps if step.want is not None}
         places = {name: robot for name, robot in owner.places.items() if name not in gone} | made
-        keep(replace(owner, source=plan.source, places=places))
+        keep(dataclasses.replace(owner, source=plan.source, places=places))
 
 
 def check_saved(plan: Plan, wants: Collection[Resource], snapshot: Snapshot, owners: Collection[Owner]) -> None:

@@ -5,9 +5,11 @@ Takes where data is and where services are placed; gives a `DataPlan`. Pure.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass, field, replace
 from types import MappingProxyType
+
+import msgspec
 
 from srprov.controller.data import DataNow, Holdings, newest, roaming, used
 from srprov.controller.data_owner import check_owner
@@ -19,13 +21,12 @@ from srprov.facts.model import Snapshot
 from srprov.planning.plan import DataMove
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class DataPlan:
+class DataPlan(msgspec.Struct, frozen=True, kw_only=True):
     """What a plan does about data."""
 
     moves: tuple[DataMove, ...] = ()
     owner: Owner | None = None
-    copies: Mapping[tuple[str, str], tuple[str, str]] = field(default_factory=lambda: MappingProxyType({}))
+    copies: Mapping[tuple[str, str], tuple[str, str]] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Robot and name of a volume -> the robot that it is copied from, and the copy's label."""
     notes: tuple[str, ...] = ()
 
@@ -124,4 +125,4 @@ def _with_adopted(request: PlanRequest, held: Holdings) -> Owner | None:
     """Return the owner with what `--adopt` takes over."""
     if request.owner is None or not request.adopt:
         return request.owner
-    return replace(request.owner, adopted=request.owner.adopted | held.adopted)
+    return dataclasses.replace(request.owner, adopted=request.owner.adopted | held.adopted)

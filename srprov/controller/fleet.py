@@ -9,8 +9,9 @@ from __future__ import annotations
 import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
+
+import msgspec
 
 from srprov.secret import Vault
 
@@ -22,8 +23,7 @@ if TYPE_CHECKING:
     from srprov.transport.pool import Sessions
 
 
-@dataclass(frozen=True, slots=True)
-class Fleet:
+class Fleet(msgspec.Struct, frozen=True):
     """An inventory with open sessions."""
 
     inventory: Inventory

@@ -7,8 +7,9 @@ no layers yet, so nothing is known of it.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 from typing import Any
+
+from msgspec.structs import replace
 
 from srprov.controller.render_inputs import RenderInputs
 from srprov.controller.robot_images import robot_images

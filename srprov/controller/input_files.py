@@ -9,7 +9,8 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+
+import msgspec
 
 from srprov import datasets, plain_tar, regular_file
 from srprov.controller.plan import Planned
@@ -22,8 +23,7 @@ _LARGEST = 8 * regular_file.MIB
 _CHANGED = "it was changed after it was planned: run the command again"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class InputFile:
+class InputFile(msgspec.Struct, frozen=True, kw_only=True):
     """One file of an experiment."""
 
     content: bytes = b""
@@ -101,8 +101,7 @@ def _sent(planned: Planned) -> Iterator[str]:
         yield from (_hash(one.content) for one in plain_tar.members(tar) if one.content is not None)
 
 
-@dataclass(frozen=True, slots=True)
-class _Listed:
+class _Listed(msgspec.Struct, frozen=True):
     executable: bool
     link: str | None
 

@@ -7,8 +7,10 @@ all policies allow. Everything is looked at in the plan itself, so a plan from a
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov.definitions.containermodel import Runtime
 from srprov.definitions.dockerfile import images_of, unclear
@@ -26,8 +28,7 @@ Policies = tuple[LabPolicy, ...]
 NAME = "policy.yml"
 
 
-@dataclass(frozen=True, slots=True)
-class _Amount:
+class _Amount(msgspec.Struct, frozen=True):
     """One thing that a policy limits, as a container has it."""
 
     field: str

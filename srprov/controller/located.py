@@ -6,7 +6,8 @@ Takes robots as they were found, and what this machine remembers of its runs; ch
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+
+import msgspec
 
 from srprov.controller.ownership import looking
 from srprov.definitions.expand import expand
@@ -19,8 +20,7 @@ from srprov.network.record import PlacementRecord, read_record
 from srprov.resource import Observed
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Located:
+class Located(msgspec.Struct, frozen=True, kw_only=True):
     """A service, or an instance of it, and its robot."""
 
     service: str
@@ -38,8 +38,7 @@ class Located:
         return f"{self.service} on {self.host}"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Whereabouts:
+class Whereabouts(msgspec.Struct, frozen=True, kw_only=True):
     """All services of an instance."""
 
     instance: str

@@ -7,7 +7,8 @@ allowed it; writes nothing.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
+
+import msgspec
 
 from srprov import __version__
 from srprov.controller.digests import Found
@@ -24,8 +25,7 @@ from srprov.planning.policy import permissions
 ALL = "all"
 
 
-@dataclass(frozen=True, slots=True)
-class Draft:
+class Draft(msgspec.Struct, frozen=True):
     """A lock that lacks the digests of images."""
 
     definitions: Definitions

@@ -12,7 +12,8 @@ import threading
 import time
 from collections import deque
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+
+import msgspec
 
 from srprov.errors import TransportError
 from srprov.secret import MASK, redact_lines
@@ -42,8 +43,7 @@ _SENT = 40
 _TIME = re.compile(r"(\d{4}-\d\d-\d\dT[\d:.]{8,18}(?:Z|[+-]\d\d:\d\d)) ?", re.ASCII)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Source:
+class Source(msgspec.Struct, frozen=True, kw_only=True):
     """One container."""
 
     label: str
@@ -55,8 +55,7 @@ class Source:
     """How far its engine's clock is ahead of ours, as far as that is worth a correction."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Wanted:
+class Wanted(msgspec.Struct, frozen=True, kw_only=True):
     """What is wanted of all logs."""
 
     tail: int
@@ -66,8 +65,7 @@ class Wanted:
     """Seconds since the epoch, by our clock."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class LogLine:
+class LogLine(msgspec.Struct, frozen=True, kw_only=True):
     """One line."""
 
     source: Source
@@ -76,8 +74,7 @@ class LogLine:
     text: str
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class LogLost:
+class LogLost(msgspec.Struct, frozen=True, kw_only=True):
     """A log that cannot be read any more; the others go on."""
 
     source: Source

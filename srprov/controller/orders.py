@@ -7,7 +7,9 @@ from __future__ import annotations
 
 import graphlib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov.controller.located import Located, Whereabouts
 from srprov.controller.plan import Planned
@@ -21,8 +23,7 @@ from srprov.resource import Action, Change, Condition, Need, Observed, resource_
 _SLOW = (Condition.HEALTHY.value, Condition.COMPLETED.value)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Order:
+class Order(msgspec.Struct, frozen=True, kw_only=True):
     """What a user wants done."""
 
     verb: str

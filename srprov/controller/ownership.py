@@ -5,9 +5,10 @@ Reads what this machine remembers of the instance; all else is pure.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable, Mapping
 from typing import Any
+
+from msgspec.structs import replace
 
 from srprov.errors import RefusedError
 from srprov.facts.model import Snapshot
@@ -38,7 +39,7 @@ def trusting(snapshot: Snapshot, instance: str, *, adopt: bool) -> tuple[Snapsho
     }
     record = belief.claimed if adopt else belief.record
     placements = {instance: record} if record is not None else {}
-    return dataclasses.replace(snapshot, placements=placements, records=records), belief.notes
+    return replace(snapshot, placements=placements, records=records), belief.notes
 
 
 def looking(snapshot: Snapshot, instance: str = "") -> tuple[Snapshot, tuple[str, ...], tuple[str, ...]]:
@@ -55,7 +56,7 @@ def looking(snapshot: Snapshot, instance: str = "") -> tuple[Snapshot, tuple[str
         placements |= {name: record} if record is not None else {}
         disputes += [f"instance '{name}': robots disagree: {one}" for one in belief.disputes]
         notes += [f"instance '{name}': {one}" for one in (*belief.absent, *belief.notes)]
-    return dataclasses.replace(snapshot, placements=placements), tuple(disputes), tuple(notes)
+    return replace(snapshot, placements=placements), tuple(disputes), tuple(notes)
 
 
 def _belief(snapshot: Snapshot, instance: str) -> Belief:
@@ -126,6 +127,6 @@ def owned(snapshot: Snapshot, instance: str) -> Mapping[str, tuple[Observed, ...
     def claimed(item: Observed) -> Observed:
         half_made = item.name in names or (item.name in tunnels and item.state.get("inside") is False)
         half_made = half_made or bool(item.state.get("leftover"))
-        return dataclasses.replace(item, instance=instance) if half_made and not item.instance else item
+        return replace(item, instance=instance) if half_made and not item.instance else item
 
     return {host: tuple(claimed(item) for item in items) for host, items in snapshot.observed.items()}

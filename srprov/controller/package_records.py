@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov import disk
 from srprov.controller.digests import AskEach
@@ -37,8 +39,7 @@ _NO_BASE = ("", "scratch")
 _NOT_LISTED = "the packages in it are not in the lock: "
 
 
-@dataclass(frozen=True, slots=True)
-class _Read:
+class _Read(msgspec.Struct, frozen=True):
     """What is to be read: an image on a robot."""
 
     robot: str

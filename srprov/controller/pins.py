@@ -9,7 +9,9 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov import datasets, disk
 from srprov.definitions.containermodel import ContainerDefinition
@@ -20,8 +22,7 @@ from srprov.image_reference import Reference, parse_reference
 from srprov.images.context import folder_items
 
 
-@dataclass(frozen=True, slots=True)
-class Names:
+class Names(msgspec.Struct, frozen=True):
     """What may move."""
 
     images: frozenset[str]

@@ -6,11 +6,12 @@ definitions name.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov import rendering
 from srprov.assignment import solve
@@ -63,8 +64,7 @@ if TYPE_CHECKING:
     from srprov.planning.planfile import PlanFile
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Planned:
+class Planned(msgspec.Struct, frozen=True, kw_only=True):
     """A plan with what led to it; how much that is depends on whether it was made, read from a file, or removes."""
 
     plan: Plan
@@ -76,7 +76,7 @@ class Planned:
     assignment: Assignment | None = None
     desired: tuple[Resource, ...] = ()
     """What should be true on all robots."""
-    images: Mapping[str, ImagePlan] = field(default_factory=lambda: MappingProxyType({}))
+    images: Mapping[str, ImagePlan] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Tag -> what is built under it; a failed build can name the line of the CDF."""
     playbooks: tuple[Playbook, ...] = ()
     """Those that users wrote, the experiment's and the user's own."""
@@ -98,7 +98,7 @@ class Planned:
         plan = limited(self.plan, robots)
         if plan is self.plan:
             return self
-        return dataclasses.replace(self, plan=plan, whole=self.plan, limit=tuple(sorted(robots)))
+        return replace(self, plan=plan, whole=self.plan, limit=tuple(sorted(robots)))
 
 
 def make_plan(
@@ -126,7 +126,7 @@ def make_plan(
         phases.begin("assignment")
         placed = solve.solve(choice.problem, request.search_limit_s)
     phases.begin("plan")
-    choice = dataclasses.replace(choice, experiment=at_home(choice.experiment, placed.placed, snapshot.facts))
+    choice = replace(choice, experiment=at_home(choice.experiment, placed.placed, snapshot.facts))
     overlay = layout(choice.experiment, placed.placed, snapshot, instance=instance, rotate=request.rotate_keys)
     theirs = (*choice.experiment.playbooks, *request.playbooks)
     with together():
@@ -135,7 +135,7 @@ def make_plan(
     amiss, alone = ((), ()) if request.images_only else told(desired, snapshot.observed)
     room = check_room(steps, choice, instance, snapshot, look, playbooks=bool(theirs))
     notes = (*notes, *amiss, *alone, *room, *mtu_notes(overlay, snapshot))
-    made = _plan(definitions, dataclasses.replace(inputs, snapshot=snapshot), placed, theirs, steps, unchanged, notes)
+    made = _plan(definitions, replace(inputs, snapshot=snapshot), placed, theirs, steps, unchanged, notes)
     enforce(made, look.inventory, request.policies)
     return Planned(
         plan=made, snapshot=snapshot, definitions=definitions, experiment=choice.experiment, assignment=placed,
@@ -206,7 +206,7 @@ def _compared(
     told = with_log_drivers(steps, snapshot, look)
     if told is not snapshot:
         # what an engine is asked for now changes how containers are made, and not which
-        desired = _desired(dataclasses.replace(inputs, snapshot=told), theirs, vault)
+        desired = _desired(replace(inputs, snapshot=told), theirs, vault)
         steps, unchanged = diff(desired, owned(told, inputs.instance), inputs.instance)
     return told, desired, steps, unchanged
 

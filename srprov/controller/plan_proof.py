@@ -6,9 +6,10 @@ made with the token of the instance's owner, which lies on this controller only.
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 import hmac
+
+from msgspec.structs import replace
 
 from srprov.controller.owners import Owner, owners_of
 from srprov.errors import RefusedError
@@ -20,7 +21,7 @@ from srprov.planning.planfile import PlanFile, document
 
 def proved(saved: PlanFile, owner: Owner | None) -> PlanFile:
     """Return a plan with its owner's proof; one that nobody owns has none."""
-    return dataclasses.replace(saved, proof=owner.plan_proof(_digest(saved)) if owner and owner.token else "")
+    return replace(saved, proof=owner.plan_proof(_digest(saved)) if owner and owner.token else "")
 
 
 def provers(saved: PlanFile) -> tuple[Owner, ...]:
@@ -54,4 +55,4 @@ def check_claim(saved: PlanFile, snapshot: Snapshot) -> None:
 
 def _digest(saved: PlanFile) -> str:
     """Return the sha256 of all that stands in a plan file; bytes stand in it by theirs."""
-    return hashlib.sha256(canonical(document(dataclasses.replace(saved, proof=""))).encode()).hexdigest()
+    return hashlib.sha256(canonical(document(replace(saved, proof=""))).encode()).hexdigest()

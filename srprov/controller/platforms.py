@@ -7,7 +7,8 @@ each plan.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from srprov.controller.render_inputs import RenderInputs
 from srprov.definitions.model import Definitions, Experiment, Service

@@ -7,7 +7,9 @@ lines and a record. Touches nothing.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov.controller.plan import Planned
 from srprov.controller.stored_images import RobotStore, StoredImage
@@ -21,8 +23,7 @@ INSTANCE = ".images"
 """What locks, audit lines and records call it; no instance has that name."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Pruning:
+class Pruning(msgspec.Struct, frozen=True, kw_only=True):
     """What goes from each robot."""
 
     gone: Mapping[str, tuple[StoredImage, ...]]

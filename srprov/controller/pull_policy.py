@@ -6,7 +6,8 @@ Takes the placement and a way to ask robots; gives definitions with digests.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from srprov.controller.digests import AskEach, look_up
 from srprov.controller.pins import names_of, pinned, pinned_services

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
+
+import msgspec
 
 from srprov.controller.data_plan import DataPlan
 from srprov.definitions.model import Experiment
@@ -15,8 +16,7 @@ if TYPE_CHECKING:
     from srprov.images.plan import ImagePlan
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class RenderInputs:
+class RenderInputs(msgspec.Struct, frozen=True, kw_only=True):
     """Everything that contexts are made of."""
 
     instance: str
@@ -34,9 +34,9 @@ class RenderInputs:
     data: DataPlan
     copy_way: str = ""
     """How the user wants images copied: `thin`, `whole`, or as it is possible."""
-    copied: Mapping[tuple[str, str], Mapping[str, Any]] = field(default_factory=dict)
+    copied: Mapping[tuple[str, str], Mapping[str, Any]] = msgspec.field(default_factory=dict)
     """(robot, image) -> `way` and `missing` of a copy, where that is known."""
-    known_images: Mapping[str, Collection[str]] = field(default_factory=dict)
+    known_images: Mapping[str, Collection[str]] = msgspec.field(default_factory=dict)
     """Content tag -> ids of images that this machine had built; a robot's own word for a tag is not enough."""
     images_only: bool = False
     """Nothing but images is wanted on robots."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
+
+import msgspec
 
 if TYPE_CHECKING:
     from srprov.controller.owners import Owner
@@ -15,15 +16,14 @@ SEARCH_LIMIT_S = 30.0
 """How long a search for the best placement may take before the best one found is used."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class PlanRequest:
+class PlanRequest(msgspec.Struct, frozen=True, kw_only=True):
     """What the user asks for beside the files."""
 
     instance: str = ""
     """Empty: the experiment's name."""
     profiles: tuple[str, ...] = ()
     """Of services that are wanted beside those that always are; `*` stands for all."""
-    placed: Mapping[str, str] = field(default_factory=dict)
+    placed: Mapping[str, str] = msgspec.field(default_factory=dict)
     """Service -> the robot where it stays if it can, as if it ran there now: where it was when it was run elsewhere."""
     reassign: bool = False
     """Let running services move when that is cheaper."""

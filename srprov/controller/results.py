@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import posixpath
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from pathlib import Path
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov.controller.bringing import Bringing, Home
 from srprov.definitions.trialsmodel import Result
@@ -16,8 +18,7 @@ from srprov.record.results import Kept, LogTooLong, is_safe_name, write_log
 from srprov.session import Session
 
 
-@dataclass(frozen=True, slots=True)
-class Brought:
+class Brought(msgspec.Struct, frozen=True):
     """What came; all else was here."""
 
     files: int = 0
@@ -89,8 +90,7 @@ def bring_results(
     return found, brought
 
 
-@dataclass(frozen=True, slots=True)
-class _Part:
+class _Part(msgspec.Struct, frozen=True):
     """What one mount has of a result."""
 
     at: str

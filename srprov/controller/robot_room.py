@@ -7,8 +7,9 @@ container, in one round trip; with nothing new it asks nobody.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from typing import Protocol
+
+from msgspec.structs import replace
 
 from srprov.assignment.ports import declared, holders, missing_ports
 from srprov.definitions.model import Experiment, Service

@@ -10,9 +10,11 @@ import datetime as dt
 import functools
 import threading
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov import __version__
 from srprov.controller import remembering
@@ -31,8 +33,7 @@ from srprov.owner import owner
 from srprov.record import RunFolder, RunInputs, default_root, event_json, run_id, write_inputs
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class RunReport:
+class RunReport(msgspec.Struct, frozen=True, kw_only=True):
     """What came of a run, to show."""
 
     document: Mapping[str, Any]

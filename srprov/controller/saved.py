@@ -5,9 +5,10 @@ Reads the definition files, and asks robots what moved; changes nothing.
 
 from __future__ import annotations
 
-import dataclasses
 import os
 from collections.abc import Mapping
+
+from msgspec.structs import replace
 
 import srprov
 from srprov.controller import authority
@@ -45,7 +46,7 @@ def plan_file(planned: Planned) -> PlanFile:
     The inventory is not among the inputs: it may hold passwords.
     """
     if planned.saved:
-        return dataclasses.replace(planned.saved, plan=planned.plan)
+        return replace(planned.saved, plan=planned.plan)
     assert planned.snapshot is not None  # only a plan from a file has none
     plan = planned.plan
     stepped = {step.id for step in plan.steps if step.want}
@@ -62,9 +63,7 @@ def plan_file(planned: Planned) -> PlanFile:
     )
     # whoever applies the file has only its resources to judge by
     more = [one for one in authority.asked(saved) if one not in plan.permissions]
-    return dataclasses.replace(
-        saved, plan=dataclasses.replace(plan, permissions=(*plan.permissions, *dict.fromkeys(more)))
-    )
+    return replace(saved, plan=replace(plan, permissions=(*plan.permissions, *dict.fromkeys(more))))
 
 
 def kept_plan(planned: Planned) -> PlanFile:
@@ -79,7 +78,7 @@ def kept_plan(planned: Planned) -> PlanFile:
     saved = plan_file(planned)
     # as they are written: the proof is about the file
     inputs = {name: redact(text) for name, text in saved.inputs.items()}
-    return proved(dataclasses.replace(saved, inputs=inputs), planned.owner)
+    return proved(replace(saved, inputs=inputs), planned.owner)
 
 
 def _inputs(planned: Planned) -> dict[str, str]:
@@ -113,7 +112,7 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False, signed: bo
             hint="use the inventory that the plan was made with, or plan again",
         )
     hosts = {name: fleet.inventory.hosts[name] for name in sorted(saved.fingerprints)}
-    part = dataclasses.replace(fleet.inventory, hosts=hosts)
+    part = replace(fleet.inventory, hosts=hosts)
     wants = wants_of(saved)
     with Gathering(part, fleet.sessions.get, engine=True, forks=fleet.forks) as look:
         snapshot = look.probe(look.closer(Detail.ENGINE), wants)
@@ -130,7 +129,7 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False, signed: bo
     _check_networks(wants, saved.plan.instance, snapshot)
     steps = _derived(saved, wants, snapshot)
     unreachable = {**saved.plan.unreachable, **snapshot.unreachable}
-    return Planned(plan=dataclasses.replace(saved.plan, steps=steps, unreachable=unreachable), saved=saved)
+    return Planned(plan=replace(saved.plan, steps=steps, unreachable=unreachable), saved=saved)
 
 
 def _refuse_stale(saved: PlanFile, wants: tuple[Resource, ...], snapshot: Snapshot) -> None:
@@ -167,14 +166,14 @@ def _derived(saved: PlanFile, wants: tuple[Resource, ...], snapshot: Snapshot) -
     plan = saved.plan
     steps, _ = diff(wants, owned(snapshot, plan.instance), plan.instance, settled=settled, beside=beside)
     if saved.limit:
-        steps = limited(dataclasses.replace(plan, steps=steps), saved.limit).steps
+        steps = limited(replace(plan, steps=steps), saved.limit).steps
     changed = differences(_by_number(plan.steps), _by_number(steps))
     if changed:
         hint = "somebody changed it, or another version of srprov made it: plan again, review it again, apply that"
         raise UsageError(f"the plan's steps are not those that srprov derives from it:\n{named(changed)}", hint=hint)
     # nobody looked at what they would change
-    mute = {step.number: dataclasses.replace(step.change, commands=()) for step in steps if step.host in away}
-    return tuple(dataclasses.replace(step, change=mute.get(step.number, step.change)) for step in steps)
+    mute = {step.number: replace(step.change, commands=()) for step in steps if step.host in away}
+    return tuple(replace(step, change=mute.get(step.number, step.change)) for step in steps)
 
 
 def _by_number(steps: tuple[Step, ...]) -> Mapping[str, object]:

@@ -9,10 +9,11 @@ What a plan file names is read after the user saw the plan and said yes: `HeldSe
 
 from __future__ import annotations
 
-import dataclasses
 import os
 from collections.abc import Collection
 from typing import TYPE_CHECKING
+
+from msgspec.structs import replace
 
 from srprov.controller.permissions import permit_planning
 from srprov.definitions.model import Definitions
@@ -69,10 +70,9 @@ class HeldSecrets:
 
         self.vault.fill(resolve(secret_sources(planned.plan), {**os.environ, **self._variables}))
         steps = tuple(
-            dataclasses.replace(step, want=with_value(step.want, self.vault)) if step.want else step
-            for step in planned.plan.steps
+            replace(step, want=with_value(step.want, self.vault)) if step.want else step for step in planned.plan.steps
         )
-        return dataclasses.replace(planned, plan=dataclasses.replace(planned.plan, steps=steps))
+        return replace(planned, plan=replace(planned.plan, steps=steps))
 
 
 def secret_sources(plan: Plan) -> tuple[SecretSource, ...]:

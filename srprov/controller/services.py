@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
+
+import msgspec
 
 from srprov.controller.render_inputs import RenderInputs
 from srprov.controller.robot_images import image_of
@@ -151,9 +152,9 @@ def _run(runtime: Runtime, more: Mapping[str, str]) -> dict[str, Any]:
     `more` are variables that srprov adds.
     """
     plain = {
-        field.name: getattr(runtime, field.name)
-        for field in dataclasses.fields(runtime)
-        if field.name not in ("mounts", "healthcheck", "environment", "sysctls", "labels", "logging")
+        name: getattr(runtime, name)
+        for name in runtime.__struct_fields__
+        if name not in ("mounts", "healthcheck", "environment", "sysctls", "labels", "logging")
     }
     check, log = runtime.healthcheck, runtime.logging
     return {
@@ -162,7 +163,7 @@ def _run(runtime: Runtime, more: Mapping[str, str]) -> dict[str, Any]:
         "sysctls": dict(runtime.sysctls),
         "labels": dict(runtime.labels),
         "logging": {"driver": log.driver, "options": dict(log.options)} if log else None,
-        "healthcheck": dataclasses.asdict(check) if check else None,
+        "healthcheck": msgspec.structs.asdict(check) if check else None,
     }
 
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
+
+from msgspec.structs import replace
 
 from srprov import regular_file
 from srprov.definitions import load_experiment
@@ -87,7 +88,7 @@ def _with_lock(file: str, allowed: Collection[str], environ: Mapping[str, str] |
         raise UsageError(f"{path} is out of date:\n{lines}", hint=f"srprov lock {file} -i INVENTORY")
     more = f", and {len(told) - 1} more" if told[1:] else ""
     notes = [f"{path} is out of date: {one}{more}" for one in told[:1]]
-    return dataclasses.replace(pinned(found, lock), notes=tuple(notes))
+    return replace(pinned(found, lock), notes=tuple(notes))
 
 
 def _tree(commits: Mapping[tuple[str, str], str], url: str, ref: str) -> str:

@@ -7,8 +7,9 @@ were never placed. Reads what this machine remembers of its runs; all else is pu
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
+
+import msgspec
 
 from srprov.controller.ownership import looking
 from srprov.definitions.expand import expand
@@ -25,8 +26,7 @@ _NOBODY = PlacementRecord()
 _STATES = {"paused": "paused", "restarting": "restarting"}
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Status:
+class Status(msgspec.Struct, frozen=True, kw_only=True):
     """The rows of `srprov status`, as its schema describes them."""
 
     services: list[dict[str, Any]]

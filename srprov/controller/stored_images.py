@@ -10,8 +10,10 @@ from __future__ import annotations
 import concurrent.futures
 import re
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from typing import Any
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov.controller.fleet import Fleet
 from srprov.errors import TransportError
@@ -35,8 +37,7 @@ _LATEST = 4_000_000_000
 _CONTAINERS = EngineQuery(path="/containers/json", params=(("all", "true"),))
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class StoredImage:
+class StoredImage(msgspec.Struct, frozen=True, kw_only=True):
     """One image on one robot."""
 
     id: str
@@ -74,12 +75,11 @@ class StoredImage:
         return frozenset(tag.rpartition(":")[0] for tag in self.tags)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class RobotStore:
+class RobotStore(msgspec.Struct, frozen=True, kw_only=True):
     """What of srprov's images one robot has."""
 
     images: tuple[StoredImage, ...]
-    sizes: Mapping[str, int] = field(default_factory=dict)
+    sizes: Mapping[str, int] = msgspec.field(default_factory=dict)
     """Chain id of a layer -> bytes, of these images, as far as the engine's histories tell."""
     foreign: frozenset[str] = frozenset()
     """Chain ids that images of others have; only if they were asked about."""

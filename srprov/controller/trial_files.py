@@ -8,9 +8,10 @@ from __future__ import annotations
 import json
 import shutil
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
+
+import msgspec
 
 from srprov import private, regular_file
 from srprov.controller.bringing import CHANGED, Home
@@ -31,14 +32,13 @@ _T = TypeVar("_T")
 _PARTS = ".parts"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Gathered:
+class Gathered(msgspec.Struct, frozen=True, kw_only=True):
     """What an attempt gave."""
 
-    metrics: Mapping[str, float] = field(default_factory=dict)
+    metrics: Mapping[str, float] = msgspec.field(default_factory=dict)
     matched: frozenset[Match] = frozenset()
     """Services and patterns of `until` and `success` that some line of their logs matched."""
-    first: Mapping[Match, float] = field(default_factory=dict)
+    first: Mapping[Match, float] = msgspec.field(default_factory=dict)
     """Service and pattern of `until` -> when its log first matched it, by its robot's clock."""
     missing: tuple[str, ...] = ()
     """Required results that are not there."""

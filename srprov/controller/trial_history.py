@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov.errors import UsageError
 from srprov.record.journal import read
@@ -19,33 +21,31 @@ ACCEPT = "accept"
 """Event: changes of the experiment were accepted."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class LostAttempt:
+class LostAttempt(msgspec.Struct, frozen=True, kw_only=True):
     """An attempt that was begun and has no end: its controller was gone."""
 
     trial: str
     attempt: int
-    moments: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    moments: Mapping[str, float] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Event -> when it was, in seconds since the epoch by the controller's clock."""
     segment: int = 1
-    row: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+    row: Mapping[str, Any] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Its row, when all that it gave was at home; else empty."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class History:
+class History(msgspec.Struct, frozen=True, kw_only=True):
     """What happened in a run so far."""
 
     name: str
     """The run's."""
     rows: tuple[Mapping[str, Any], ...] = ()
-    begun: Mapping[str, int] = field(default_factory=dict)
+    begun: Mapping[str, int] = msgspec.field(default_factory=dict)
     """Trial -> attempts that were begun, whether they ended or not."""
     lost: tuple[LostAttempt, ...] = ()
     events: int = 0
     sessions: int = 0
     """How often it was begun or gone on with."""
-    same: Mapping[str, str] = field(default_factory=dict)
+    same: Mapping[str, str] = msgspec.field(default_factory=dict)
     """What must not have changed -> its value, or a hash of it."""
     segment: int = 1
     """Counted from 1: one more after each time that changes were accepted."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
+
+import msgspec
 
 from srprov.controller.trial_files import Gathered
 from srprov.controller.trial_plan import TrialPlan
@@ -16,8 +17,7 @@ from srprov.trials.row import Seen, row
 Row = dict[str, object]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Attempt:
+class Attempt(msgspec.Struct, frozen=True, kw_only=True):
     """One attempt at a trial."""
 
     plan: TrialPlan

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov.controller.labpolicy import Policies, enforce
 from srprov.controller.ownership import owned
@@ -24,8 +26,7 @@ TRIAL = "srprov.trial"
 """Label of a trial's containers: the trial and its attempt."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class TrialPlan:
+class TrialPlan(msgspec.Struct, frozen=True, kw_only=True):
     """What is planned for trials."""
 
     base: Planned

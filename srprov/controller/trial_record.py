@@ -5,11 +5,12 @@ Takes what is planned; writes `sessions/N/`, as the record of an `apply` has it,
 
 from __future__ import annotations
 
-import dataclasses
 import os
 import shutil
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+
+from msgspec.structs import replace
 
 from srprov import private
 from srprov.controller.hardware_tokens import tokens
@@ -38,12 +39,12 @@ def keep_session(folder: Path, number: int, plan: TrialPlan, inventory: Inventor
         UsageError: A file of the experiment is not any more what was planned.
         OSError: Something cannot be written.
     """
-    whole = dataclasses.replace(plan.base, desired=(*plan.base.desired, *plan.services))
+    whole = replace(plan.base, desired=(*plan.base.desired, *plan.services))
     files = {**shipped_files(whole), **definition_files(whole)}
     home = folder / SESSIONS / str(number)
     shutil.rmtree(home, ignore_errors=True)
     sink = PlainFolder(home)
-    write_inputs(sink, dataclasses.replace(run_inputs(whole, inventory, "run"), files={}))
+    write_inputs(sink, replace(run_inputs(whole, inventory, "run"), files={}))
     if whole.snapshot is not None:
         found = tokens(whole.snapshot.facts)
         sink.put_json("hardware.json", lambda: {"tokens": found})

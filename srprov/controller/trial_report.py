@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import msgspec
 
 from srprov.controller.run import RunReport
 from srprov.trials import Design
@@ -15,8 +16,7 @@ from srprov.untrusted import integer
 _MOST_NAMED = 5
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class TrialsReport:
+class TrialsReport(msgspec.Struct, frozen=True, kw_only=True):
     """What came of a run."""
 
     folder: Path

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
+
+import msgspec
 
 from srprov.errors import UsageError
 
 BY_HAND = "run again by hand"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class TrialsRequest:
+class TrialsRequest(msgspec.Struct, frozen=True, kw_only=True):
     """Which trials are run, and where they are kept."""
 
     folder: Path | None = None

@@ -11,8 +11,9 @@ import hashlib
 import json
 import threading
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
+
+from msgspec.structs import replace
 
 from srprov import __version__
 from srprov.controller.fleet import Fleet

@@ -5,7 +5,9 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, replace
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov.controller.trial_plan import TrialPlan
 from srprov.errors import visible
@@ -50,12 +52,14 @@ def sameness(
         found |= {f"{one.host}: {what}": value for what, value in facts.get(one.host, {}).items()}
     found |= {f"{service}: depends_on": dict(needs) for service, needs in plan.needs.items() if needs}
     found |= dict(_of_robots(plan.base.desired))
-    settings = asdict(given.settings)
+    settings = msgspec.to_builtins(given.settings)
     found |= {f"trials: {key}": _stated(value) for key, value in settings.items() if key not in _FREE}
     for metric in given.metrics:
-        fields = _stated(asdict(replace(metric, name="", description="")))
+        fields = _stated(msgspec.to_builtins(replace(metric, name="", description="")))
         found |= {f"metrics: {metric.name} {key}": value for key, value in mapping(fields).items()}
-    found |= {f"results: {service}": [asdict(one) for one in some] for service, some in given.results.items()}
+    found |= {
+        f"results: {service}": [msgspec.to_builtins(one) for one in some] for service, some in given.results.items()
+    }
     found |= {f"parameters: {one.name}": one.services or "all services" for one in given.parameters}
     return {str(key): _text(value) for key, value in mapping(redacted(found)).items()}
 

@@ -11,9 +11,10 @@ import json
 import threading
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
+
+import msgspec
 
 from srprov import private
 from srprov.controller.trial_adoption import adopted
@@ -39,8 +40,7 @@ from srprov.untrusted import mapping
 Row = dict[str, object]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class TrialNews:
+class TrialNews(msgspec.Struct, frozen=True, kw_only=True):
     """A moment of a trial, who is awaited in it, or how an attempt of it ended."""
 
     trial: str
@@ -57,8 +57,7 @@ class TrialNews:
 Say = Callable[[TrialNews], None]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class TrialRun:
+class TrialRun(msgspec.Struct, frozen=True, kw_only=True):
     """What is run, and where it is kept."""
 
     plan: TrialPlan
@@ -70,7 +69,7 @@ class TrialRun:
     stop_limit_s: float = 60.0
     rows: tuple[Mapping[str, object], ...] = ()
     """Of attempts that ended in an earlier session of this run."""
-    begun: Mapping[str, int] = field(default_factory=dict)
+    begun: Mapping[str, int] = msgspec.field(default_factory=dict)
     """Trial -> attempts that were begun earlier, whether they ended or not."""
     lost: tuple[LostAttempt, ...] = ()
     """Attempts that were begun earlier and have no end."""

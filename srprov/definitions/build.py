@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+
+import msgspec
 
 from srprov.definitions import dockerfile, merging, paths
 from srprov.definitions.containermodel import BuildFile, Repository
@@ -22,8 +23,7 @@ BUILDING = ("packages", "repositories", "files", "run")
 _PROXIES = ("http_proxy", "https_proxy", "ftp_proxy", "all_proxy", "no_proxy")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Written:
+class Written(msgspec.Struct, frozen=True, kw_only=True):
     """A Dockerfile as it stands on the disk, and how it is built."""
 
     path: str = ""
@@ -34,7 +34,7 @@ class Written:
     """The Dockerfile's text."""
     text: str = ""
     """Up to the end of the stage that is built."""
-    args: dict[str, str] = field(default_factory=dict)
+    args: dict[str, str] = msgspec.field(default_factory=dict)
     target: str = ""
 
 

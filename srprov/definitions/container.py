@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
+
+import msgspec
 
 from srprov.definitions import (
     build,
@@ -36,8 +37,7 @@ _LONGEST_CHAIN = 10
 _MERGED_TAGS = merging.RUNTIME_MERGED | merging.BUILD_MERGED | {"requires"}
 
 
-@dataclass(frozen=True, kw_only=True)
-class Container:
+class Container(msgspec.Struct, frozen=True, kw_only=True):
     """A CDF as services use it: the definition, and the run-time layer that they are laid over."""
 
     definition: ContainerDefinition

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from types import MappingProxyType
+
+import msgspec
 
 from srprov.errors import Location
 
@@ -29,8 +30,7 @@ def ports_meet(one: Port, other: Port) -> bool:
     return same and (one[1], one[3]) == (other[1], other[3])
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Requirements:
+class Requirements(msgspec.Struct, frozen=True, kw_only=True):
     """What any robot must have to run a service; compared with totals and presence, never with what is free now."""
 
     tags: tuple[str, ...] = ()
@@ -49,8 +49,7 @@ class Requirements:
     """Its overlay is encrypted: of the EDF's `network`, not of `requires`."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class HealthCheck:
+class HealthCheck(msgspec.Struct, frozen=True, kw_only=True):
     """How Docker tells whether a container is healthy; `test` is `("CMD", …)`, `("CMD-SHELL", text)` or `("NONE",)`."""
 
     test: tuple[str, ...]
@@ -60,8 +59,7 @@ class HealthCheck:
     start_period_s: float = 0.0
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Seed:
+class Seed(msgspec.Struct, frozen=True, kw_only=True):
     """What a volume holds when it is made."""
 
     path: str
@@ -70,8 +68,7 @@ class Seed:
     """Whose it is in the volume: `UID` or `UID:GID`; empty: root's."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Mount:
+class Mount(msgspec.Struct, frozen=True, kw_only=True):
     """One volume of a service.
 
     `kind`: `tree` (a path of the experiment's folder, shipped read-only by content), `bind` (the robot's own path),
@@ -101,22 +98,20 @@ class Mount:
         return self.source[1:].partition("/")[0] if self.kind == "bind" and self.source.startswith("~") else ""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Logging:
+class Logging(msgspec.Struct, frozen=True, kw_only=True):
     """Where the engine puts what a container prints."""
 
     driver: str = ""
     """Empty: the engine's default."""
-    options: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    options: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Runtime:
+class Runtime(msgspec.Struct, frozen=True, kw_only=True):
     """The run-time part of a container, Compose's names, merged from CDF and EDF; empty means the image's own."""
 
     command: tuple[str, ...] | None = None
     entrypoint: tuple[str, ...] | None = None
-    environment: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    environment: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     working_dir: str = ""
     user: str = ""
     stop_signal: str = ""
@@ -133,7 +128,7 @@ class Runtime:
     cap_add: tuple[str, ...] = ()
     cap_drop: tuple[str, ...] = ()
     privileged: bool = False
-    sysctls: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    sysctls: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     group_add: tuple[str, ...] = ()
     security_opt: tuple[str, ...] = ()
     device_cgroup_rules: tuple[str, ...] = ()
@@ -147,7 +142,7 @@ class Runtime:
     """Empty: the service's name."""
     extra_hosts: tuple[tuple[str, str], ...] = ()
     """(name, address or `host-gateway`) of further lines of the hosts file"""
-    labels: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    labels: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     logging: Logging | None = None
     """None: the engine's default, with rotation where that is `json-file`."""
     mem_limit: int = 0
@@ -175,8 +170,7 @@ class Runtime:
     job: bool = False
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class BuildFile:
+class BuildFile(msgspec.Struct, frozen=True, kw_only=True):
     """One file that a CDF copies into the image; `source` is an absolute path on the controller."""
 
     source: str
@@ -185,8 +179,7 @@ class BuildFile:
     """Octal text such as `0755`, or empty for the file's own."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Repository:
+class Repository(msgspec.Struct, frozen=True, kw_only=True):
     """One code repository whose files a CDF has in its image."""
 
     url: str
@@ -199,8 +192,7 @@ class Repository:
     """Shell commands that run in `path`."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class ContainerDefinition:
+class ContainerDefinition(msgspec.Struct, frozen=True, kw_only=True):
     """One CDF after `extends` was merged. Exactly one of `base`, `image`, `dockerfile` is not empty."""
 
     name: str
@@ -208,23 +200,23 @@ class ContainerDefinition:
     """Absolute path of the CDF."""
     folder: str
     """Folder that relative paths start from."""
-    text: str = field(default="", repr=False)
+    text: str = ""
     """The CDF as it was read."""
     base: str = ""
     image: str = ""
     dockerfile: str = ""
     """Absolute path of a Dockerfile."""
-    dockerfile_text: str = field(default="", repr=False)
+    dockerfile_text: str = ""
     """The whole of it, as it was checked: it is what is built, whatever the file holds by then."""
     context: str = ""
     """Absolute path of the folder that it is built with; empty: its own."""
-    build_args: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    build_args: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Values for its ARG instructions."""
     target: str = ""
     """The stage that is built; empty: the last."""
     images: tuple[str, ...] = ()
     """The images that it starts from or takes files of, as written; a variable in a name is not resolved."""
-    pins: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    pins: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Of these images, by the names that the Dockerfile has -> the name by digest that stands for it."""
     fetches: tuple[str, ...] = ()
     """What its Dockerfile ADDs from a URL, or may: such a source is fetched by the engine itself."""
@@ -236,11 +228,11 @@ class ContainerDefinition:
     repositories: tuple[Repository, ...] = ()
     files: tuple[BuildFile, ...] = ()
     run: tuple[str, ...] = ()
-    build_environment: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    build_environment: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """`environment` of the CDF: part of the image (ENV)."""
-    runtime: Runtime = field(default_factory=Runtime)
+    runtime: Runtime = msgspec.field(default_factory=Runtime)
     """The CDF's own run-time defaults."""
-    requires: Requirements = field(default_factory=Requirements)
+    requires: Requirements = msgspec.field(default_factory=Requirements)
     location: Location = _NOWHERE
-    lines: Mapping[str, int] = field(default_factory=lambda: MappingProxyType({}))
+    lines: Mapping[str, int] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Line in the CDF of each build field (`base`, `packages.apt`, `run.0`, …): a failed build points there."""

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from types import MappingProxyType
+
+from msgspec.structs import replace
 
 from srprov.definitions.containermodel import Runtime
 from srprov.definitions.model import Experiment, Pool, Service

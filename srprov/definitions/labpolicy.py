@@ -9,8 +9,9 @@ from __future__ import annotations
 import os
 import stat
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
 from types import MappingProxyType
+
+import msgspec
 
 from srprov.definitions import schema
 from srprov.definitions.values import scalars, text
@@ -23,8 +24,7 @@ _LEAST = {"memory": 6 << 20, "cpus": 0.01, "pids": 1}
 """What is less would be rounded to nothing, which is no limit."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Limit:
+class Limit(msgspec.Struct, frozen=True, kw_only=True):
     """How much of something a container gets."""
 
     default: float = 0
@@ -34,15 +34,14 @@ class Limit:
     line: int = 1
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class LabPolicy:
+class LabPolicy(msgspec.Struct, frozen=True, kw_only=True):
     """One policy file; what it does not speak of it leaves open."""
 
     file: str
     kinds: Mapping[str, frozenset[str]] | None = None
     """Group of the inventory -> kinds of permission that its robots may be asked for; None: all."""
     kinds_line: int = 1
-    limits: Mapping[str, Limit] = field(default_factory=lambda: MappingProxyType({}))
+    limits: Mapping[str, Limit] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """By `memory` (bytes), `cpus` and `pids`."""
     registries: tuple[str, ...] | None = None
     """Registries, or folders of one, that images may come from; None: any."""

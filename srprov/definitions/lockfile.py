@@ -10,8 +10,10 @@ import json
 import os
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
 from types import MappingProxyType
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov.definitions import paths, schema
 from srprov.definitions.values import text, texts
@@ -25,8 +27,7 @@ _HEAD = """\
 """
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Packages:
+class Packages(msgspec.Struct, frozen=True, kw_only=True):
     """What the build of an image ended with, beyond what its base has; a record that nothing is made of."""
 
     image: str
@@ -43,17 +44,16 @@ class Packages:
         return len(self.apt) + len(self.pip) + len(self.npm)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Lock:
+class Lock(msgspec.Struct, frozen=True, kw_only=True):
     """What the names in an experiment stand for."""
 
-    commits: Mapping[tuple[str, str], str] = field(default_factory=lambda: MappingProxyType({}))
+    commits: Mapping[tuple[str, str], str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """(address, branch or tag) -> commit"""
-    digests: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    digests: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Full name with tag -> digest"""
-    platforms: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    platforms: Mapping[str, tuple[str, ...]] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Full name with tag -> platforms that it was there for; a record."""
-    files: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    files: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Path from the EDF's folder -> sha256"""
     packages: tuple[Packages, ...] = ()
     """Sorted by image and platform; a record."""

@@ -7,9 +7,10 @@ unit (bytes, seconds). Nothing here can read a file.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
+
+import msgspec
 
 from srprov.definitions.containermodel import ContainerDefinition, Requirements, Runtime
 from srprov.definitions.playbookmodel import Playbook
@@ -21,8 +22,7 @@ from srprov.secret import Secret, Vault
 _NOWHERE = Location("")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Host:
+class Host(msgspec.Struct, frozen=True, kw_only=True):
     """One robot of the inventory, with what srprov reads of its variables."""
 
     name: str
@@ -50,8 +50,7 @@ class Host:
     location: Location = _NOWHERE
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Inventory:
+class Inventory(msgspec.Struct, frozen=True, kw_only=True):
     """The robots: hosts by name (sorted), groups by name."""
 
     hosts: Mapping[str, Host]
@@ -59,8 +58,7 @@ class Inventory:
     source: str = ""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Service:
+class Service(msgspec.Struct, frozen=True, kw_only=True):
     """One service of the experiment: a CDF or an image, with everything merged."""
 
     name: str
@@ -69,13 +67,13 @@ class Service:
     image: str = ""
     cost: float = 10.0
     """The paper's alpha, 0..100."""
-    requires: Requirements = field(default_factory=Requirements)
+    requires: Requirements = msgspec.field(default_factory=Requirements)
     """CDF's and EDF's together: both must hold."""
-    runtime: Runtime = field(default_factory=Runtime)
+    runtime: Runtime = msgspec.field(default_factory=Runtime)
     """CDF's defaults with the EDF's on top."""
     network: str = "overlay"
     """`overlay`, `host`, `both` or `none`"""
-    depends_on: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    depends_on: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """service -> `started`, `healthy` or `completed`"""
     robot: str = ""
     """A pin, or empty."""
@@ -90,13 +88,12 @@ class Service:
     secrets: tuple[SecretUse, ...] = ()
     data_on: str = ""
     """The robot that has its data, when it stays there for that; empty: it has none, or may leave it."""
-    platforms: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    platforms: Mapping[str, tuple[str, ...]] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Image that it needs -> the platforms that it is there for, such as `linux/arm64/v8`, where that is known."""
     location: Location = _NOWHERE
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Weights:
+class Weights(msgspec.Struct, frozen=True, kw_only=True):
     """The paper's deltas; they sum to 1."""
 
     cpu: float = 0.25
@@ -105,8 +102,7 @@ class Weights:
     bandwidth: float = 0.25
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Placement:
+class Placement(msgspec.Struct, frozen=True, kw_only=True):
     """How robots are chosen."""
 
     slots_per_robot: int = 1
@@ -115,8 +111,7 @@ class Placement:
     bandwidth_reference_mbit: float = 1000.0
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class NetworkSettings:
+class NetworkSettings(msgspec.Struct, frozen=True, kw_only=True):
     """What the EDF asks of the overlay; None where srprov decides."""
 
     subnet: str | None = None
@@ -133,8 +128,7 @@ class NetworkSettings:
     """`none` or `wireguard`"""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Pool:
+class Pool(msgspec.Struct, frozen=True, kw_only=True):
     """Services that may run together on one robot, in one slot, at the discounted sum of their costs; or apart."""
 
     name: str
@@ -145,8 +139,7 @@ class Pool:
     """Their summed cost is multiplied by this when they run together; more than 0, at most 1."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Experiment:
+class Experiment(msgspec.Struct, frozen=True, kw_only=True):
     """One EDF, with services in name order."""
 
     name: str
@@ -154,9 +147,9 @@ class Experiment:
     """Absolute path of the EDF."""
     folder: str
     services: Mapping[str, Service]
-    text: str = field(default="", repr=False)
+    text: str = ""
     """The EDF as it was read."""
-    secrets: Mapping[str, SecretSource] = field(default_factory=lambda: MappingProxyType({}))
+    secrets: Mapping[str, SecretSource] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     playbooks: tuple[Playbook, ...] = ()
     """Those that come with the EDF, in its order."""
     outside: tuple[tuple[str, str], ...] = ()
@@ -171,28 +164,27 @@ class Experiment:
     different_robot: tuple[tuple[str, ...], ...] = ()
     """Groups of which no two services run on one robot."""
     pools: tuple[Pool, ...] = ()
-    weights: Weights = field(default_factory=Weights)
-    placement: Placement = field(default_factory=Placement)
-    network: NetworkSettings = field(default_factory=NetworkSettings)
+    weights: Weights = msgspec.field(default_factory=Weights)
+    placement: Placement = msgspec.field(default_factory=Placement)
+    network: NetworkSettings = msgspec.field(default_factory=NetworkSettings)
     description: str = ""
     authors: tuple[str, ...] = ()
-    metadata: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+    metadata: Mapping[str, Any] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     trials: TrialDefinitions | None = None
     """What it says of trials, if anything."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Definitions:
+class Definitions(msgspec.Struct, frozen=True, kw_only=True):
     """All that was read. `unsupported` lists what validates but was not fetched: plan and apply refuse it."""
 
     experiment: Experiment
     containers: Mapping[str, ContainerDefinition]
     unsupported: tuple[Diagnostic, ...] = ()
-    locked: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    locked: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Full name of an image with its tag -> the digest that a lock has for it."""
-    platforms: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    platforms: Mapping[str, tuple[str, ...]] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Image by its digest -> the platforms that it is there for, such as `linux/arm64/v8`, where that is known."""
     notes: tuple[str, ...] = ()
     """What the user should know of them, for the plan."""
-    variables: Vault = field(default_factory=Vault)
+    variables: Vault = msgspec.field(default_factory=Vault)
     """The values that come from the controller's environment, but for those too short to be hidden."""

@@ -11,7 +11,8 @@ import os
 import posixpath
 import re
 from collections.abc import Iterator
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from srprov import names
 from srprov.definitions import paths

@@ -12,7 +12,8 @@ import contextlib
 import os
 import stat
 from collections.abc import Callable, Collection, Iterator
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.yamldoc.nodes import Findings, Path, Scalar

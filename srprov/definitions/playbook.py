@@ -2,8 +2,7 @@
 
 Takes the EDF's `playbooks`, or a folder; gives `Playbook`s, and problems with file, line and column. Touches files, for
 reading. Jinja2 says what is wrong with the template; then its skeletons are read as YAML and held to
-`schemas/playbook.schema.json`, where a substitution may stand for anything. What it renders to is held to the same
-schema once more, by `check_item`.
+`schemas/playbook.schema.json`, where a substitution may stand for anything; so is what it renders to (`check_item`).
 """
 
 from __future__ import annotations
@@ -12,7 +11,8 @@ import glob
 import os
 import re
 from collections.abc import Collection, Iterator
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from srprov.data import schema as shipped_schema
 from srprov.definitions import paths, schema, template

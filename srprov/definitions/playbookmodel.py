@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+
+import msgspec
 
 from srprov.yamldoc.nodes import Source
 
@@ -11,8 +12,7 @@ BEFORE, AFTER, ADDED, REPLACES = "before", "after", "added", "replaces"
 """Where a playbook stands: the first two come with an EDF, the others lie in the user's own folder."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class PlaybookCommand:
+class PlaybookCommand(msgspec.Struct, frozen=True, kw_only=True):
     """One `command` of a playbook, as it is written there."""
 
     line: int
@@ -20,8 +20,7 @@ class PlaybookCommand:
     """What it runs, and its check."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Playbook:
+class Playbook(msgspec.Struct, frozen=True, kw_only=True):
     """One playbook that a user wrote, checked as far as that is possible without a robot."""
 
     name: str

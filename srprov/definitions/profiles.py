@@ -7,7 +7,8 @@ are wanted alone. A service without `profiles` always is; one with them is when 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from srprov.definitions import values
 from srprov.definitions.model import Definitions, Experiment, Service

@@ -7,8 +7,9 @@ Touches the file system for looking, through `mounts`. Problems point at the fil
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from typing import Protocol, TypeVar
+
+from msgspec.structs import replace
 
 from srprov.definitions import merging, mounts, values
 from srprov.definitions.containermodel import HealthCheck, Logging, Port, Runtime, ports_meet

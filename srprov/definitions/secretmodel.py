@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import shlex
-from dataclasses import dataclass
+
+import msgspec
 
 from srprov.errors import Location
 
 _NOWHERE = Location("")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class SecretSource:
+class SecretSource(msgspec.Struct, frozen=True, kw_only=True):
     """Where the value of a secret comes from; exactly one of `env`, `file`, `command` is not empty."""
 
     name: str
@@ -33,8 +33,7 @@ class SecretSource:
         return f"the variable {self.env}" if self.env else f"the file {self.file}"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class SecretUse:
+class SecretUse(msgspec.Struct, frozen=True, kw_only=True):
     """A secret in a service's container."""
 
     source: str

@@ -10,8 +10,9 @@ import os
 import posixpath
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from types import MappingProxyType
+
+from msgspec.structs import replace
 
 from srprov.definitions import values
 from srprov.definitions.containermodel import Mount

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import replace
 from types import MappingProxyType
+
+from msgspec.structs import replace
 
 from srprov.definitions import envfile, images, merging, paths, requirements, runtime, taken
 from srprov.definitions.container import Container

@@ -11,6 +11,8 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+import msgspec
+
 HOLE = "\ue000"
 """Stands where a substitution begins."""
 MARK = "\ue001"
@@ -24,8 +26,7 @@ _MOST_BRANCHES = 8
 _MARKED = re.compile(f"{MARK}([0-9]+)_([0-9]+){MARK}")
 
 
-@dataclass(frozen=True, slots=True)
-class Piece:
+class Piece(msgspec.Struct, frozen=True):
     """A part of a template: `text`, `value`, `block` or `comment`, from one offset to another."""
 
     kind: str

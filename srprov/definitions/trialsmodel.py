@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import posixpath
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from types import MappingProxyType
 
+import msgspec
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Parameter:
+
+class Parameter(msgspec.Struct, frozen=True, kw_only=True):
     """One parameter and the values that it takes."""
 
     name: str
@@ -22,8 +22,7 @@ class Parameter:
     description: str = ""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Condition:
+class Condition(msgspec.Struct, frozen=True, kw_only=True):
     """Something that becomes true in a trial; which fields count is a matter of its kind."""
 
     kind: str
@@ -38,16 +37,14 @@ class Condition:
     equals: float | None = None
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Conditions:
+class Conditions(msgspec.Struct, frozen=True, kw_only=True):
     """Several conditions, of which one, or all, must hold."""
 
     items: tuple[Condition, ...]
     every: bool
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Result:
+class Result(msgspec.Struct, frozen=True, kw_only=True):
     """A file or folder of a container that comes home."""
 
     path: str
@@ -62,8 +59,7 @@ def folder_of(path: str) -> str:
     return posixpath.dirname(clean) if "." in posixpath.basename(clean)[1:] else clean
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Metric:
+class Metric(msgspec.Struct, frozen=True, kw_only=True):
     """A number that a trial gives, from a JSON file of its results or from a log."""
 
     name: str
@@ -80,8 +76,7 @@ class Metric:
     description: str = ""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Limits:
+class Limits(msgspec.Struct, frozen=True, kw_only=True):
     """What a robot must be like before a trial is begun; None: no matter."""
 
     clock_offset_s: float | None = None
@@ -100,8 +95,7 @@ class Limits:
         return any(one is not None for one in known)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class TrialSettings:
+class TrialSettings(msgspec.Struct, frozen=True, kw_only=True):
     """How trials are run."""
 
     repetitions: int = 1
@@ -129,16 +123,15 @@ class TrialSettings:
     pause_s: float = 0.0
     prompt: str = ""
     keep: tuple[str, ...] = ()
-    limits: Limits = field(default_factory=Limits)
+    limits: Limits = msgspec.field(default_factory=Limits)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class TrialDefinitions:
+class TrialDefinitions(msgspec.Struct, frozen=True, kw_only=True):
     """All that an EDF says of trials."""
 
     parameters: tuple[Parameter, ...] = ()
     """In the order of the file."""
-    settings: TrialSettings = field(default_factory=TrialSettings)
-    results: Mapping[str, tuple[Result, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    settings: TrialSettings = msgspec.field(default_factory=TrialSettings)
+    results: Mapping[str, tuple[Result, ...]] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Service -> its results."""
     metrics: tuple[Metric, ...] = ()

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from srprov.definitions import paths
 from srprov.definitions.containermodel import Mount, Seed

@@ -6,7 +6,9 @@ Takes paths of run folders and bundles; gives a Comparison. Offline, without rob
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov.errors import UsageError, visible
 from srprov.evidence import compare_inputs, compare_outcomes, compare_runs, grades
@@ -29,8 +31,7 @@ _SECTIONS: tuple[tuple[str, str, bool, Callable[[Run, Run], Iterable[Line]]], ..
 )
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Comparison:
+class Comparison(msgspec.Struct, frozen=True, kw_only=True):
     """What came of it."""
 
     sections: tuple[Section, ...]

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import Any
 from urllib.parse import quote
+
+import msgspec
 
 from srprov.evidence.story import Story
 from srprov.untrusted import string
@@ -15,8 +16,7 @@ MOST_LISTED = 2000
 """Files that are listed one by one; with more, those of trials are not, since the manifest names every file."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Told:
+class Told(msgspec.Struct, frozen=True, kw_only=True):
     """What the crate is made of."""
 
     story: Story

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import datetime as dt
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
+
+import msgspec
 
 from srprov.evidence.crate_base import Entity, Told, author_ids, file_id, image_id, ref, refs, robot_id, utc
 from srprov.evidence.story import attempt_folder
@@ -15,8 +16,7 @@ from srprov.untrusted import string
 _DONE, _FAILED = ("http://schema.org/CompletedActionStatus", "http://schema.org/FailedActionStatus")
 
 
-@dataclass(frozen=True, slots=True)
-class Action:
+class Action(msgspec.Struct, frozen=True):
     """One attempt at a trial, with the values that are only its own."""
 
     name: str

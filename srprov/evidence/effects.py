@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from statistics import fmean, variance
+
+import msgspec
 
 from srprov.evidence import student
 
@@ -29,8 +30,7 @@ Values = Mapping[str, Sequence[float]]
 """Point of the design -> what its trials gave."""
 
 
-@dataclass(frozen=True, slots=True)
-class Margin:
+class Margin(msgspec.Struct, frozen=True):
     """How much two sides may differ and still count as equal."""
 
     value: float
@@ -43,8 +43,7 @@ class Margin:
         return f"{self.value * 100:g} %" if self.relative else f"{self.value:g}"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Effect:
+class Effect(msgspec.Struct, frozen=True, kw_only=True):
     """B minus A; of a ratio its logarithm."""
 
     estimate: float

@@ -12,9 +12,10 @@ import stat
 from bisect import bisect_left
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, BinaryIO, Protocol
+
+import msgspec
 
 from srprov import regular_file
 from srprov.errors import UsageError, visible
@@ -114,8 +115,7 @@ def sessions(files: Files) -> list[str]:
     return [f"sessions/{number}" for number in sorted(found, key=lambda one: (len(one), one))]
 
 
-@dataclass(frozen=True, slots=True)
-class Archive:
+class Archive(msgspec.Struct, frozen=True):
     """The files of a bundle that is open."""
 
     stream: BinaryIO
@@ -151,8 +151,7 @@ def opened(path: str) -> Iterator[Archive]:
         yield found
 
 
-@dataclass(frozen=True, slots=True)
-class Folder:
+class Folder(msgspec.Struct, frozen=True):
     """The files of a run's folder that belong to its evidence."""
 
     path: Path

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+
+import msgspec
 
 IDENTICAL, EQUIVALENT, UNKNOWN, INCONCLUSIVE, DIFFERENT = (
     "identical",
@@ -17,8 +18,7 @@ GRADES = (IDENTICAL, EQUIVALENT, UNKNOWN, INCONCLUSIVE, DIFFERENT)
 has not recorded it, or nobody said how much may differ."""
 
 
-@dataclass(frozen=True, slots=True)
-class Line:
+class Line(msgspec.Struct, frozen=True):
     """One thing that was compared."""
 
     subject: str
@@ -26,8 +26,7 @@ class Line:
     text: str = ""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Section:
+class Section(msgspec.Struct, frozen=True, kw_only=True):
     """Things of one kind."""
 
     id: str

@@ -15,6 +15,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
 
+import msgspec
+
 from srprov.errors import RefusedError, UsageError
 from srprov.evidence import crate, papers, secrets, stored_zip, story
 from srprov.evidence.crate_base import Told
@@ -44,8 +46,7 @@ _MOST_SHOWN = 10
 Sign = Callable[[bytes], bytes]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Made:
+class Made(msgspec.Struct, frozen=True, kw_only=True):
     """What a bundle came to."""
 
     files: int
@@ -166,8 +167,7 @@ class _Making:
             raise RefusedError(f"there are secrets in the run, so nothing was written:\n{lines}", hint=hint)
 
 
-@dataclass(frozen=True, slots=True)
-class _One:
+class _One(msgspec.Struct, frozen=True):
     """A single file that is held open."""
 
     stream: BinaryIO

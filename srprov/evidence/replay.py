@@ -6,12 +6,13 @@ as that of any other file of a stranger.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov import private, regular_file
 from srprov.definitions.model import Host, Inventory
@@ -27,8 +28,7 @@ from srprov.untrusted import mapping
 _INVENTORY = "inventory.yml"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Replay:
+class Replay(msgspec.Struct, frozen=True, kw_only=True):
     """What is run again."""
 
     edf: str
@@ -142,6 +142,6 @@ def differences(replay: Replay, asked: Mapping[str, str], snapshot: Snapshot) ->
     """Return a line for each robot: who does its part, and what is different of it."""
     for name in replay.robots:
         now = snapshot.facts.get(name)
-        found = facts_of(mapping(replay.facts.get(name)), dataclasses.asdict(now)) if now else ()
+        found = facts_of(mapping(replay.facts.get(name)), msgspec.to_builtins(now)) if now else ()
         told = [f"{key}: {was or 'unknown'}, and {is_ or 'unknown'}" for key, was, is_ in found]
         yield f"  {name} is {asked.get(name, name)}: {'; '.join(told) or 'the same kind of machine'}"

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
 from pathlib import Path
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov import private
 from srprov.controller.choice import Choice, checked_choice, read_decided
@@ -32,8 +34,7 @@ _MOST_INPUTS = 128 << 20
 _MOST_INPUT_FILES = 20_000
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Session:
+class Session(msgspec.Struct, frozen=True, kw_only=True):
     """One time that the run was begun or gone on with."""
 
     home: str

@@ -16,6 +16,8 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import BinaryIO
 
+import msgspec
+
 PIECE = 1 << 20
 MOST_ENTRIES = 200_000
 _MOST_DIRECTORY = 64 << 20
@@ -37,8 +39,7 @@ _SIZES = struct.Struct("<2H2Q")
 _PLACE = struct.Struct("<2H3Q")
 
 
-@dataclass(frozen=True, slots=True)
-class Entry:
+class Entry(msgspec.Struct, frozen=True):
     """One file of an archive."""
 
     name: str

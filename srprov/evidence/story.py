@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from tempfile import TemporaryDirectory
 from typing import Any
+
+import msgspec
 
 from srprov.definitions.model import Definitions
 from srprov.definitions.trialsmodel import TrialDefinitions
@@ -29,8 +30,7 @@ Attempt = tuple[str, int]
 """A trial, and the number of the attempt at it."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Story:
+class Story(msgspec.Struct, frozen=True, kw_only=True):
     """What a run's files say."""
 
     events: tuple[Mapping[str, Any], ...]

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass
 from functools import partial
 from itertools import islice
+
+import msgspec
 
 from srprov.errors import UsageError, visible
 from srprov.evidence import checks_crate, checks_files, checks_run, checks_values, story
@@ -29,8 +30,7 @@ LIMITS = (
 """What cannot be verified."""
 
 
-@dataclass(frozen=True, slots=True)
-class Finding:
+class Finding(msgspec.Struct, frozen=True):
     """What came of one check."""
 
     id: str
@@ -40,8 +40,7 @@ class Finding:
     details: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Report:
+class Report(msgspec.Struct, frozen=True, kw_only=True):
     """What came of all checks."""
 
     run: str

@@ -10,7 +10,8 @@ from __future__ import annotations
 import concurrent.futures
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+
+import msgspec
 
 from srprov.errors import TransportError
 from srprov.execution.outcome import Outcome, StepResult
@@ -23,8 +24,7 @@ _TIMEOUT_S = 10.0
 _TOUCHED = (Outcome.CHANGED, Outcome.FAILED, Outcome.UNREACHABLE)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class AuditEntry:
+class AuditEntry(msgspec.Struct, frozen=True, kw_only=True):
     """What every line of one run has in common."""
 
     run: str

@@ -7,13 +7,13 @@ read once, does several steps and is verified once, and no robot waits for more 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+
+import msgspec
 
 from srprov.planning.plan import Step
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Batch:
+class Batch(msgspec.Struct, frozen=True, kw_only=True):
     """Consecutive steps of one robot."""
 
     index: int

@@ -9,8 +9,9 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Protocol, TypeVar
+
+import msgspec
 
 from srprov.errors import TransportError
 from srprov.execution.listing import Entry, Listing, ListingError
@@ -49,8 +50,7 @@ class Robot(Protocol):
         """Do something with its session, again if the connection is lost meanwhile."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Place:
+class Place(msgspec.Struct, frozen=True, kw_only=True):
     """Where on its robot a result of a container lies."""
 
     root: str

@@ -12,8 +12,9 @@ import concurrent.futures
 import threading
 import time
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
 from types import TracebackType
+
+import msgspec
 
 from srprov.errors import LockHeld, TransportError
 from srprov.execution.locks import SCRIPT, Claim, Holder, parse_holder
@@ -31,12 +32,11 @@ _LONGEST_PAUSE_S = 0.5
 _LOOK_S = 0.1
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class LockOptions:
+class LockOptions(msgspec.Struct, frozen=True, kw_only=True):
     """How long to wait for a lock, and by what signs of life it is held."""
 
     wait_s: float = 0.0
-    pulse: Pulse = field(default_factory=Pulse)
+    pulse: Pulse = msgspec.field(default_factory=Pulse)
     forks: int = 64
     copied_to: frozenset[str] = frozenset()
     """Robots that may go on with what has arrived of an image: that is not removed."""

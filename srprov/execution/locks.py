@@ -17,7 +17,8 @@ import json
 import os
 import secrets
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+
+import msgspec
 
 from srprov.errors import TransportError
 from srprov.owner import owner
@@ -118,8 +119,7 @@ free
 """Letters: `b` the heartbeat, `t` try again, `f` let go but stay, `e` let go and end."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Claim:
+class Claim(msgspec.Struct, frozen=True, kw_only=True):
     """Who wants robots, and what for."""
 
     owner: str
@@ -140,8 +140,7 @@ def claim(purpose: str, run: str = "") -> Claim:
     return Claim(owner=owner(), pid=os.getpid(), purpose=purpose, run=run or secrets.token_hex(6))
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Holder:
+class Holder(msgspec.Struct, frozen=True, kw_only=True):
     """Who holds a robot, as the robot tells it; what it does not tell is empty."""
 
     owner: str = ""

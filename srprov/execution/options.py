@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
+
+import msgspec
 
 from srprov.session import Pulse
 from srprov.wire import EngineCall
@@ -15,8 +16,7 @@ if TYPE_CHECKING:
 STOP_TIMEOUT_S = 60.0
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class RunOptions:
+class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     """How a run behaves."""
 
     forks: int = 64
@@ -40,7 +40,7 @@ class RunOptions:
     """The run's id in the lock and in the robots' audit logs; empty: a fresh one, and nothing is logged."""
     lock_wait_s: float = 0.0
     """How long to wait for a robot that somebody else holds."""
-    pulse: Pulse = field(default_factory=Pulse)
+    pulse: Pulse = msgspec.field(default_factory=Pulse)
     probing: Probing | None = None
     """What to try when something on the overlay changed; None: nothing."""
 

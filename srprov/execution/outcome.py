@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
+
+import msgspec
 
 from srprov.planning.plan import Step
 from srprov.resource import State
@@ -25,8 +26,7 @@ class Outcome(enum.Enum):
     NOT_REACHED = "not reached"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class StepResult:
+class StepResult(msgspec.Struct, frozen=True, kw_only=True):
     """One step's end."""
 
     step: Step
@@ -41,8 +41,7 @@ class StepResult:
     """What was seen when it was verified; None unless it changed something that is there."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Event:
+class Event(msgspec.Struct, frozen=True, kw_only=True):
     """Something that a listener may want to show, as it happens."""
 
     kind: str
@@ -57,19 +56,18 @@ class Event:
 Listener = Callable[[Event], None]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class RunResult:
+class RunResult(msgspec.Struct, frozen=True, kw_only=True):
     """The whole run."""
 
     results: tuple[StepResult, ...]
     unchanged: int
     """Resources that were right before the run began."""
     interrupted: bool = False
-    unreachable: Mapping[str, str] = field(default_factory=dict)
+    unreachable: Mapping[str, str] = msgspec.field(default_factory=dict)
     """Robot -> reason, from before or during the run."""
     tolerated: frozenset[str] = frozenset()
     """Robots whose absence the user said is fine."""
-    unaudited: Mapping[str, str] = field(default_factory=dict)
+    unaudited: Mapping[str, str] = msgspec.field(default_factory=dict)
     """Robot that was changed -> why its audit log has no line of this run."""
     probed: Probed | None = None
     """Whether the overlay works; None: that was not tried."""

@@ -10,9 +10,10 @@ import concurrent.futures
 import secrets
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TypeVar
+
+import msgspec
 
 from srprov.errors import TransportError
 from srprov.facts.host import docker_arch
@@ -29,8 +30,7 @@ from srprov.wire import Query, Reply
 _T = TypeVar("_T")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Probing:
+class Probing(msgspec.Struct, frozen=True, kw_only=True):
     """What to probe."""
 
     request: Request
@@ -38,13 +38,12 @@ class Probing:
     """Robot -> Docker's name of its processor; robots that are not in it are asked."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class _Ready:
+class _Ready(msgspec.Struct, frozen=True, kw_only=True):
     """A robot that has the program."""
 
-    namespaces: Mapping[int, int] = field(default_factory=lambda: MappingProxyType({}))
+    namespaces: Mapping[int, int] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Endpoint's index -> process."""
-    absent: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    absent: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Service whose container does not run -> its state."""
 
 

@@ -7,10 +7,11 @@ more, two seconds (or what the user sets) after the last start; jobs may have en
 from __future__ import annotations
 
 import concurrent.futures
-import dataclasses
 import threading
 import time
 from collections.abc import Mapping
+
+from msgspec.structs import replace
 
 from srprov.errors import TransportError
 from srprov.execution.outcome import Event, Listener, Outcome, StepResult
@@ -62,6 +63,4 @@ def _check(robot: RobotExecutor, fresh: list[StepResult]) -> list[StepResult]:
         return [robot.verdict(result.step, "did not stay up") for result in fresh]
     except TransportError as error:
         took = time.monotonic() - begun
-        return [
-            dataclasses.replace(r, outcome=Outcome.UNREACHABLE, message=error.message, duration_s=took) for r in fresh
-        ]
+        return [replace(r, outcome=Outcome.UNREACHABLE, message=error.message, duration_s=took) for r in fresh]

@@ -6,8 +6,9 @@ that follow for the robot; those that are done in their place have the words rep
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Collection, Mapping
+
+from msgspec.structs import replace
 
 from srprov.modules import MODULES
 from srprov.planning.plan import Step
@@ -35,4 +36,4 @@ def told(step: Step, seen: Seen, there: Mapping[str, Collection[Observed]]) -> S
     if planned is None or planned.commands != step.commands:
         return step
     commands = now.commands if now else step.commands
-    return dataclasses.replace(step, want=want, change=dataclasses.replace(step.change, commands=commands))
+    return replace(step, want=want, change=replace(step.change, commands=commands))

@@ -9,8 +9,9 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from typing import Any
+
+import msgspec
 
 from srprov.definitions.trialsmodel import TrialSettings
 from srprov.errors import TransportError
@@ -34,29 +35,27 @@ Tell = Callable[[str], None]
 """Told each moment of a trial: `created`, `started`, `ready`, `until`, `stopped`."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class TrialOrder:
+class TrialOrder(msgspec.Struct, frozen=True, kw_only=True):
     """What is to be run and waited for."""
 
     settings: TrialSettings
     jobs: frozenset[str]
     """Services without a `restart`."""
     stop_limit_s: float = 60.0
-    told: set[tuple[str, str]] = field(default_factory=set)
+    told: set[tuple[str, str]] = msgspec.field(default_factory=set)
     """Robots and limits of which was said in this run that they cannot be compared."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class TrialEnd:
+class TrialEnd(msgspec.Struct, frozen=True, kw_only=True):
     """How a trial ended, by what the engines say."""
 
     end: End
-    readings: Mapping[str, Reading] = field(default_factory=dict)
-    inspected: Mapping[str, Any] = field(default_factory=dict)
+    readings: Mapping[str, Reading] = msgspec.field(default_factory=dict)
+    inspected: Mapping[str, Any] = msgspec.field(default_factory=dict)
     """What the engines said, which `readings` were taken from."""
-    before: Mapping[str, Offset | None] = field(default_factory=dict)
+    before: Mapping[str, Offset | None] = msgspec.field(default_factory=dict)
     """Robot -> its clock, measured before."""
-    after: Mapping[str, Offset | None] = field(default_factory=dict)
+    after: Mapping[str, Offset | None] = msgspec.field(default_factory=dict)
     ready_s: float = 0.0
     """From the first start to the moment from which its time counts."""
     began: float = 0.0

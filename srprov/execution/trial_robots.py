@@ -9,10 +9,11 @@ the same way. A robot that stays away, an engine that refuses, or one that took 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass, field
 from functools import partial
 from types import MappingProxyType
 from typing import Any, Protocol, TypeVar
+
+import msgspec
 
 from srprov.errors import TransportError
 from srprov.execution.stopping import stop_all
@@ -30,15 +31,14 @@ from srprov.wire import Command, EngineCall, EngineQuery
 _T = TypeVar("_T")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class TrialContainer:
+class TrialContainer(msgspec.Struct, frozen=True, kw_only=True):
     """One container of a trial."""
 
     host: str
     service: str
     name: str
     create: tuple[Command, ...]
-    needs: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    needs: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Service of the trial -> `started`, `healthy` or `completed`: before this one is started."""
     grace_s: float = 10.0
 

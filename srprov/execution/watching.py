@@ -8,9 +8,10 @@ from __future__ import annotations
 import contextlib
 import threading
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from types import TracebackType
 from urllib.parse import quote as url_quote
+
+import msgspec
 
 from srprov.errors import TransportError
 from srprov.execution.trial_patience import EngineAway, EquipmentFailed, Patience, Say
@@ -28,8 +29,7 @@ Place = tuple[str, str]
 """Robot and container."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Seen:
+class Seen(msgspec.Struct, frozen=True, kw_only=True):
     """What was seen by now."""
 
     readings: Mapping[Place, Reading]

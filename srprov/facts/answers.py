@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+
+import msgspec
 
 from srprov.untrusted import LIST_LENGTH, TEXT_LENGTH, decimal, folder, integer, lines_of, text
 
@@ -17,8 +18,7 @@ _DF_ROW = re.compile(r".{0,400}\s([0-9]{1,15})\s+-?[0-9]{1,15}\s+(-?[0-9]{1,15})
 _DEVICE = re.compile(r"/dev(/[A-Za-z0-9][A-Za-z0-9._:+,@#=-]*){1,4}")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class OsIdentity:
+class OsIdentity(msgspec.Struct, frozen=True, kw_only=True):
     """Who answered, and when."""
 
     clock_s: float | None = None
@@ -35,8 +35,7 @@ class OsIdentity:
     """The address that the SSH connection comes from."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Devices:
+class Devices(msgspec.Struct, frozen=True, kw_only=True):
     """Device files, as absolute paths, sorted."""
 
     known: tuple[str, ...] = ()
@@ -44,8 +43,7 @@ class Devices:
     """Symbolic links directly below /dev to a character device."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Filesystem:
+class Filesystem(msgspec.Struct, frozen=True, kw_only=True):
     """One mounted filesystem; sizes in bytes."""
 
     mount: str
@@ -53,16 +51,14 @@ class Filesystem:
     free: int
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Disks:
+class Disks(msgspec.Struct, frozen=True, kw_only=True):
     """Docker's root as its configuration file names it, empty where that does not; and what is mounted."""
 
     root: str = ""
     mounts: tuple[Filesystem, ...] = ()
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Counters:
+class Counters(msgspec.Struct, frozen=True, kw_only=True):
     """Bytes that passed an interface, per second, while the robot was asked."""
 
     received_bps: float

@@ -7,8 +7,9 @@ Mbit/s), and 0 stands for an unknown speed as it does in the model.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict
 from typing import Any
+
+import msgspec
 
 from srprov.facts.model import HostFacts
 
@@ -18,7 +19,7 @@ def facts_json(facts: HostFacts) -> dict[str, Any]:
 
     What an engine was not asked is left out: every engine has a storage driver, so one without was not.
     """
-    values: dict[str, Any] = _plain(asdict(facts))
+    values: dict[str, Any] = _plain(msgspec.to_builtins(facts))
     if facts.docker and not facts.docker.storage_driver:
         values["docker"] = {key: values["docker"][key] for key in ("version", "api_version")}
     return values

@@ -5,11 +5,12 @@ Takes a Host and its Reader; gives `Answers`, which know how to ask closer. What
 
 from __future__ import annotations
 
-import dataclasses
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov.definitions.model import Host
 from srprov.facts.host import host_queries, later_query, parse_host
@@ -27,8 +28,7 @@ Readers = Callable[[str], Reader]
 """Robot's name -> reader; raises TransportError when it cannot be reached."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Answers:
+class Answers(msgspec.Struct, frozen=True, kw_only=True):
     """What one robot said."""
 
     host: Host
@@ -55,7 +55,7 @@ class Answers:
             taken = taken_ports(of_ports) if ports else ()
             seen = parse_host(self.host, replies, measures=self.measures, now=self.asked_at, later=later)
         if self.facts.docker is None:
-            seen = dataclasses.replace(seen, docker=None, docker_problem=self.facts.docker_problem)
+            seen = replace(seen, docker=None, docker_problem=self.facts.docker_problem)
         return seen, taken
 
 
@@ -81,7 +81,7 @@ def _read(host: Host, replies: Sequence[Reply], mine: int, measures: Measures | 
     mute = [reply for query, reply in zip(ours, seen, strict=True) if isinstance(query, EngineQuery) and not reply.ok]
     if mute and facts.docker is not None:
         # an engine that says its version but not what it runs is as good as none
-        facts = dataclasses.replace(facts, docker=None, docker_problem=text(mute[0].err) or f"status {mute[0].status}")
+        facts = replace(facts, docker=None, docker_problem=text(mute[0].err) or f"status {mute[0].status}")
     return Answers(
         host=host,
         replies=asked,

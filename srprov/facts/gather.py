@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import concurrent.futures
 import contextlib
-import dataclasses
 import enum
 from collections.abc import Iterable, Mapping, Sequence
 from concurrent.futures import Future
 from typing import Any
+
+from msgspec.structs import replace
 
 from srprov.definitions.model import Inventory
 from srprov.errors import TransportError
@@ -102,7 +103,7 @@ class Gathering:
                 observed[host] = (*observed[host], *future.result())
             except TransportError as error:
                 unreachable[host] = _said(error)
-        return dataclasses.replace(snapshot, observed=observed, unreachable=unreachable) if asked else snapshot
+        return replace(snapshot, observed=observed, unreachable=unreachable) if asked else snapshot
 
     def ask_each(self, questions: Mapping[str, Sequence[AnyQuery]]) -> dict[str, Sequence[Reply]]:
         """Return the replies of each robot, asked in one round trip.
@@ -163,7 +164,7 @@ def _without_mute(snapshot: Snapshot) -> Snapshot:
         name: f"its Docker Engine does not answer: {snapshot.facts[name].docker_problem}\n  {start}"
         for name in sorted(mute)
     }
-    return dataclasses.replace(
+    return replace(
         snapshot,
         facts={name: one for name, one in snapshot.facts.items() if name not in mute},
         observed={name: one for name, one in snapshot.observed.items() if name not in mute},
@@ -181,7 +182,7 @@ def _with_facts(snapshot: Snapshot, again: Mapping[str, Future[tuple[HostFacts, 
         except TransportError as error:
             unreachable[name] = _said(error)
             del facts[name], observed[name]
-    return dataclasses.replace(snapshot, facts=facts, observed=observed, unreachable=unreachable, taken=taken)
+    return replace(snapshot, facts=facts, observed=observed, unreachable=unreachable, taken=taken)
 
 
 def _said(error: TransportError) -> str:

@@ -8,11 +8,12 @@ Source: proc(5), sysfs-class-net, Docker Engine API 1.41 (`/_ping`, `/info`).
 
 from __future__ import annotations
 
-import dataclasses
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from typing import Any
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov.definitions.model import Host
 from srprov.facts.answers import Files, OsIdentity
@@ -57,7 +58,7 @@ def host_queries(*, info: bool = True) -> tuple[Query | EngineQuery, ...]:
 
     Without `info` the last one, `INFO`, is left out, and its reply may follow later or not at all.
     """
-    probes = (Query(command=probe.command) for probe in PROBES)
+    probes = (Query(command=probe.command, in_place=True) for probe in PROBES)
     return (*probes, *(ENGINE if info else (PING,)))
 
 
@@ -101,7 +102,7 @@ def parse_host(
         name=host.name,
         arch=arch,
         emulates=_emulated(files, arch),
-        **_words(files, said["wireguard"], said["processor"], said["rules"]) | dataclasses.asdict(said["spelled"]),
+        **_words(files, said["wireguard"], said["processor"], said["rules"]) | msgspec.structs.asdict(said["spelled"]),
         tags=tuple(detect_tags(devices, files, links, tuple(said["wireless"]), arch)),
         devices=(*devices.known, *devices.aliases),
         docker=docker,

@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv4Network, IPv6Address, ip_address, ip_interface
 from typing import Any
+
+import msgspec
 
 from srprov.definitions.model import Host
 from srprov.facts.model import Link
@@ -27,8 +28,7 @@ _FOREIGN_KINDS = ("vxlan", "dummy", "ifb")
 Address = IPv4Address | IPv6Address
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Underlay:
+class Underlay(msgspec.Struct, frozen=True, kw_only=True):
     """The interface and address (no prefix) that other robots reach; empty where none was found."""
 
     link: str = ""
@@ -36,8 +36,7 @@ class Underlay:
     mtu: int = 1500
 
 
-@dataclass(frozen=True, slots=True)
-class _Candidate:
+class _Candidate(msgspec.Struct, frozen=True):
     link: Link
     address: Address
 
@@ -84,8 +83,7 @@ def _addresses(items: object) -> Iterable[str]:
             continue
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Routes:
+class Routes(msgspec.Struct, frozen=True, kw_only=True):
     """The main table, IPv4."""
 
     destinations: tuple[str, ...] = ()

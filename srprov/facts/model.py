@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any
+
+import msgspec
 
 from srprov.resource import Observed
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Link:
+class Link(msgspec.Struct, frozen=True, kw_only=True):
     """One network interface."""
 
     name: str
@@ -34,8 +34,7 @@ _SMALLER = {"amd64": ("386",), "arm64": ("arm",)}
 """What a 64-bit system also runs."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Docker:
+class Docker(msgspec.Struct, frozen=True, kw_only=True):
     """The robot's engine."""
 
     version: str
@@ -47,8 +46,7 @@ class Docker:
     rootless: bool = False
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class HostFacts:
+class HostFacts(msgspec.Struct, frozen=True, kw_only=True):
     """One robot as it is now."""
 
     name: str
@@ -135,8 +133,7 @@ class HostFacts:
         return (self.arch, *_SMALLER.get(self.arch, ())) if self.arch else ()
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class TakenPort:
+class TakenPort(msgspec.Struct, frozen=True, kw_only=True):
     """A port of a robot that something has, asked for only where an experiment wants ports."""
 
     address: str
@@ -150,19 +147,18 @@ class TakenPort:
     """Of srprov, when it is a container of one."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Snapshot:
+class Snapshot(msgspec.Struct, frozen=True, kw_only=True):
     """All robots as they are."""
 
     facts: Mapping[str, HostFacts]
     """Reachable robots by name."""
     observed: Mapping[str, tuple[Observed, ...]]
     """Per reachable robot, of every instance."""
-    placements: Mapping[str, Mapping[str, Any]] = field(default_factory=lambda: MappingProxyType({}))
+    placements: Mapping[str, Mapping[str, Any]] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """instance -> the placement record that is believed (`controller/ownership.py`); empty as robots are asked."""
-    records: Mapping[str, Mapping[str, Mapping[str, Any]]] = field(default_factory=lambda: MappingProxyType({}))
+    records: Mapping[str, Mapping[str, Mapping[str, Any]]] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Robot -> instance -> the record that it holds."""
-    unreachable: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    unreachable: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Robot -> reason."""
-    taken: Mapping[str, tuple[TakenPort, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    taken: Mapping[str, tuple[TakenPort, ...]] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Robot -> its ports that something has; only of robots that were asked."""

@@ -14,7 +14,9 @@ from srprov.modules.module import STATE_ROOT
 from srprov.untrusted import LIST_LENGTH, integer, json_or_none, lines_of, mapping, string
 from srprov.wire import Query, Reply
 
-PLACEMENTS = Query(command=f'for f in {STATE_ROOT}/*/placement.json; do test -f "$f" && cat "$f" && echo; done; :')
+PLACEMENTS = Query(
+    command=f'for f in {STATE_ROOT}/*/placement.json; do test -f "$f" && cat "$f" && echo; done; :', in_place=True
+)
 _SIZE_LIMIT = 1_000_000
 _PARTS = {"services": ("ip", "mac", "network", "robot"), "robots": ("gateway", "vtep")}
 _NUMBERS = ("mtu", "port", "vni", "serial")

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+
+import msgspec
 
 from srprov.facts.model import HostFacts
 from srprov.time_sync import TimeSync
@@ -42,8 +43,7 @@ class Verdict(enum.Enum):
     FAILED = "failed"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Check:
+class Check(msgspec.Struct, frozen=True, kw_only=True):
     """One precondition of one robot."""
 
     name: str
@@ -54,8 +54,7 @@ class Check:
     """What to do; empty when it is right."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Clock:
+class Clock(msgspec.Struct, frozen=True, kw_only=True):
     """A robot's clock, measured by several round trips."""
 
     offset_s: float | None

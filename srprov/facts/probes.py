@@ -11,8 +11,9 @@ Source: proc(5), sysfs-class-net, ip-address(8), the busybox manual.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import Any
+
+import msgspec
 
 from srprov.facts import rules, spelled, wireguard
 from srprov.facts.answers import (
@@ -101,13 +102,12 @@ _COUNT_CPUS = "[ -r /sys/devices/system/cpu/online ] || grep -c '^processor[[:sp
 _PROCESSOR = "grep -sm1 '^model name' /proc/cpuinfo\n:"
 
 
-@dataclass(frozen=True, slots=True)
-class Probe:
+class Probe(msgspec.Struct, frozen=True):
     """One question of the shell, and who reads its answer."""
 
     name: str
     command: str
-    parse: Callable[[str], Any] = field(repr=False)
+    parse: Callable[[str], Any]
 
 
 PROBES = (
@@ -154,4 +154,4 @@ def counters(first: int) -> Query:
     Args:
         first: When the counters were read first, in hundredths of a second since the robot's boot; 0 waits for nothing.
     """
-    return Query(command=f"first={first:d}\n{_COUNTERS}")
+    return Query(command=f"first={first:d}\n{_COUNTERS}", in_place=True)

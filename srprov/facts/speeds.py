@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from srprov.facts.answers import Counters, Files, parse_traffic
 from srprov.facts.links import Underlay

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import posixpath
 import re
-from dataclasses import dataclass
 from ipaddress import ip_address
+
+import msgspec
 
 from srprov import names
 from srprov.untrusted import folder, lines_of
@@ -37,8 +38,7 @@ done 2>/dev/null </etc/passwd
 _NAME = re.compile(r"[A-Za-z0-9_]([A-Za-z0-9_.-]{0,252}[A-Za-z0-9_])?")
 
 
-@dataclass(frozen=True, slots=True)
-class Spelled:
+class Spelled(msgspec.Struct, frozen=True):
     """Names of a robot."""
 
     hosts: tuple[str, ...] = ()

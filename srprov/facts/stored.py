@@ -7,7 +7,6 @@ Takes the JSON that `srprov facts --json` printed; gives values. Pure. The comma
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import fields
 from typing import Any
 
 from srprov.errors import UsageError
@@ -56,17 +55,17 @@ def read_facts(name: str, values: Any) -> HostFacts:  # noqa: ANN401 - JSON is a
 def _fields(kind: type[Any], values: Mapping[str, Any]) -> dict[str, Any]:
     """Return the fields that a class has, each checked against the kind of its default or annotation."""
     found: dict[str, Any] = {}
-    for field in fields(kind):
-        if field.name not in values or field.name in ("links", "docker"):
+    for name, annotation in kind.__annotations__.items():
+        if name not in values or name in ("links", "docker"):
             continue
-        value, wanted = values[field.name], str(field.type)
+        value, wanted = values[name], str(annotation)
         if wanted.startswith("tuple"):
             if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
-                raise TypeError(f"'{field.name}' is not a list of texts")
+                raise TypeError(f"'{name}' is not a list of texts")
             value = tuple(value)
         elif not _is_a(value, wanted):
-            raise TypeError(f"'{field.name}' is not {wanted}")
-        found[field.name] = float(value) if wanted == "float" else value
+            raise TypeError(f"'{name}' is not {wanted}")
+        found[name] = float(value) if wanted == "float" else value
     return found
 
 

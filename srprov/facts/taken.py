@@ -17,7 +17,7 @@ from srprov.untrusted import LIST_LENGTH, integer, lines_of, mappings, string, s
 from srprov.wire import AnyQuery, EngineQuery, Query, Reply
 
 QUERIES: tuple[AnyQuery, ...] = (
-    Query(command="ss -Hltunp 2>/dev/null; :"),
+    Query(command="ss -Hltunp 2>/dev/null; :", in_place=True),
     EngineQuery(path="/containers/json"),
 )
 _LISTENER = re.compile(

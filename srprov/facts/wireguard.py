@@ -5,7 +5,7 @@ Gives the question and reads the answer. Pure. The shell starts no program for i
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import msgspec
 
 from srprov.untrusted import lines_of
 
@@ -21,8 +21,7 @@ command -v wireguard-go >/dev/null 2>&1 && [ -c /dev/net/tun ] && echo userspace
 :"""
 
 
-@dataclass(frozen=True, slots=True)
-class WireguardAnswer:
+class WireguardAnswer(msgspec.Struct, frozen=True):
     """What a robot has."""
 
     by: str = ""

@@ -11,6 +11,8 @@ import re
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
+import msgspec
+
 from srprov.git.program import GitError
 
 MOST_FILES = 20_000
@@ -38,8 +40,7 @@ class TreeFile:
     is_link: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class Entry:
+class Entry(msgspec.Struct, frozen=True):
     """One entry of a commit, whose content is not read yet."""
 
     path: str

@@ -6,11 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
+import msgspec
+
 from srprov.errors import Location
 
 
-@dataclass(frozen=True, slots=True)
-class ListedFile:
+class ListedFile(msgspec.Struct, frozen=True):
     """One file below a folder, or the file itself that was listed (`path` is then empty)."""
 
     path: str
@@ -20,8 +21,7 @@ class ListedFile:
     """Where a symbolic link points to; None for a file."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class ContextFile:
+class ContextFile(msgspec.Struct, frozen=True, kw_only=True):
     """One file of a build context."""
 
     path: str
@@ -31,8 +31,7 @@ class ContextFile:
     link: str | None = None
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Checkout:
+class Checkout(msgspec.Struct, frozen=True, kw_only=True):
     """What a code repository gives to an image."""
 
     commit: str
@@ -42,12 +41,11 @@ class Checkout:
     """In words, the name that led to the commit today and may lead elsewhere tomorrow; empty: it is pinned."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Dockerfile:
+class Dockerfile(msgspec.Struct, frozen=True, kw_only=True):
     """A Dockerfile as text, and where each of its lines comes from."""
 
     text: str
-    lines: Mapping[int, Location] = field(default_factory=lambda: MappingProxyType({}))
+    lines: Mapping[int, Location] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Line of the text, from 1 -> place in the user's file."""
     base: str = ""
     """Canonical reference that the last stage starts from; as written where it holds a variable."""

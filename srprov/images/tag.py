@@ -14,8 +14,9 @@ import json
 import posixpath
 import re
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
 from functools import partial
+
+from msgspec.structs import replace
 
 from srprov import plain_tar
 from srprov.definitions.containermodel import ContainerDefinition

@@ -14,8 +14,9 @@ import os
 import subprocess
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
+
+import msgspec
 
 from srprov.errors import LabError
 from srprov.lab.machine import SYSTEM_PATH
@@ -24,8 +25,7 @@ from srprov.lab.places import Site
 ROOT = Path("/sys/fs/cgroup")
 
 
-@dataclass(frozen=True)
-class Hierarchy:
+class Hierarchy(msgspec.Struct, frozen=True):
     """A mounted v1 hierarchy: its mount point and the options that mount it once more."""
 
     path: Path

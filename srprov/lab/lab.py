@@ -11,11 +11,12 @@ import os
 import tempfile
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from datetime import datetime, timezone
 from functools import partial
 from pathlib import Path
 from typing import Any
+
+import msgspec
 
 from srprov import regular_file
 from srprov.errors import LabError, UsageError
@@ -41,8 +42,7 @@ from srprov.lab.places import Site, robot_number
 Say = Callable[[str], None]
 
 
-@dataclass(frozen=True)
-class Wanted:
+class Wanted(msgspec.Struct, frozen=True):
     """What the user asked of `lab up`; None and empty: as it was, or the default."""
 
     count: int | None = None

@@ -13,8 +13,9 @@ import json
 import os
 import platform
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
+
+import msgspec
 
 KIND = "application/vnd.docker."
 ARCHITECTURES = {
@@ -27,8 +28,7 @@ ARCHITECTURES = {
 EPOCH = "1970-01-01T00:00:00Z"
 
 
-@dataclass(frozen=True)
-class Image:
+class Image(msgspec.Struct, frozen=True):
     """What becomes `name:tag` (e.g. `library/debian:bookworm`)."""
 
     name: str
@@ -36,7 +36,7 @@ class Image:
     layers: Sequence[Path]
     """Tar files, lowest first. They are moved into the storage."""
     command: Sequence[str]
-    environment: Mapping[str, str] = field(default_factory=dict)
+    environment: Mapping[str, str] = msgspec.field(default_factory=dict)
     architecture: str = ""
     """In the words of container images; empty: this machine's."""
 

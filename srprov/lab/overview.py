@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Set
-from dataclasses import dataclass
 from pathlib import Path
+
+import msgspec
 
 from srprov.lab import cgroups, faults, members, partition, robot, sites, spec, state
 from srprov.lab.places import Site
 
 
-@dataclass(frozen=True)
-class RobotStatus:
+class RobotStatus(msgspec.Struct, frozen=True):
     """A robot as `status` finds it."""
 
     name: str
@@ -25,8 +25,7 @@ class RobotStatus:
     """What was broken on purpose since it was booted, e.g. `cut off from all`, `docker stopped`."""
 
 
-@dataclass(frozen=True)
-class LabStatus:
+class LabStatus(msgspec.Struct, frozen=True):
     """A lab as `list` finds it."""
 
     name: str

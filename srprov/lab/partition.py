@@ -9,8 +9,9 @@ robot is dead.
 from __future__ import annotations
 
 from collections.abc import Iterable, Set
-from dataclasses import dataclass
 from itertools import pairwise
+
+import msgspec
 
 from srprov.lab.machine import find, require, run
 from srprov.lab.places import Site, robot_name
@@ -19,8 +20,7 @@ ALL = "all"
 CONTROLLER = "controller"
 
 
-@dataclass(frozen=True, order=True)
-class Rule:
+class Rule(msgspec.Struct, frozen=True, order=True):
     """Frames of this chain of the bridge, from and to these links, are dropped (empty: any link)."""
 
     chain: str

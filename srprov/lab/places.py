@@ -9,9 +9,10 @@ The lab without a name has number 0. A lab with a name gets a number when it is 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv4Network, IPv6Address, IPv6Network
 from pathlib import Path
+
+import msgspec
 
 from srprov.errors import UsageError
 
@@ -32,8 +33,7 @@ LANS = (1, 2)
 LONGEST_NAME = 20
 
 
-@dataclass(frozen=True)
-class Site:
+class Site(msgspec.Struct, frozen=True):
     """One lab's place on this machine.
 
     Attributes:

@@ -14,8 +14,9 @@ import socket
 import subprocess
 import time
 from collections.abc import Sequence, Set
-from dataclasses import dataclass
 from pathlib import Path
+
+import msgspec
 
 from srprov.errors import LabError
 from srprov.lab import arm64, cable, cgroups, disk, engine, latency, network, partition, state
@@ -28,8 +29,7 @@ BOOT = Path(__file__).with_name("boot.sh")
 PATIENCE_S = 10.0
 
 
-@dataclass(frozen=True)
-class Waiting:
+class Waiting(msgspec.Struct, frozen=True):
     """A robot that has namespaces and a PID 1, and waits for its cable."""
 
     robot: Robot

@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field, replace
 from typing import Any
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov.errors import DefinitionError
 from srprov.lab.figures import Amount
@@ -26,16 +28,14 @@ LEAST_MTU, MOST_MTU = 1280, 9000
 SSHD_LIMITS = ("max_startups", "max_sessions")
 
 
-@dataclass(frozen=True)
-class Sshd:
+class Sshd(msgspec.Struct, frozen=True):
     """Limits of a robot's sshd; None: so high that no provisioner meets them."""
 
     max_startups: int | None = None
     max_sessions: int | None = None
 
 
-@dataclass(frozen=True)
-class Latency:
+class Latency(msgspec.Struct, frozen=True):
     """How late SSH is, in milliseconds."""
 
     to_ms: float
@@ -48,8 +48,7 @@ class Latency:
         return self.to_ms + self.from_ms
 
 
-@dataclass(frozen=True)
-class Robot:
+class Robot(msgspec.Struct, frozen=True):
     """One robot of the lab and its options; None where the machine's own figure shows."""
 
     name: str
@@ -80,17 +79,16 @@ class Robot:
     @property
     def boot_digest(self) -> str:
         """Equal for options that boot the same robot; the others only go to the inventory."""
-        kept = asdict(replace(self, tags=(), slots=None, user=None))
+        kept = msgspec.to_builtins(replace(self, tags=(), slots=None, user=None))
         return json.dumps(kept, sort_keys=True)
 
 
-@dataclass(frozen=True)
-class LabSpec:
+class LabSpec(msgspec.Struct, frozen=True):
     """A lab: how many robots, and the options of those that have any."""
 
     count: int | None = None
-    defaults: Mapping[str, Any] = field(default_factory=dict)
-    robots: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    defaults: Mapping[str, Any] = msgspec.field(default_factory=dict)
+    robots: Mapping[str, Mapping[str, Any]] = msgspec.field(default_factory=dict)
 
     @property
     def least(self) -> int:

@@ -12,15 +12,15 @@ import json
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
+
+import msgspec
 
 from srprov.lab.places import Site
 
 
-@dataclass(frozen=True)
-class Process:
+class Process(msgspec.Struct, frozen=True):
     """A process of this machine that cannot be mistaken for a later one with the same id."""
 
     pid: int
@@ -42,16 +42,14 @@ class Process:
         return Process.of(self.pid) == self
 
 
-@dataclass(frozen=True)
-class Booted:
+class Booted(msgspec.Struct, frozen=True):
     """A robot that was booted: its PID 1, and the digest of the options that it was booted with."""
 
     init: Process
     options: str
 
 
-@dataclass(frozen=True)
-class Lab:
+class Lab(msgspec.Struct, frozen=True):
     """The lab as the last `up` wanted it."""
 
     spec: dict[str, Any]
@@ -69,7 +67,7 @@ def read_lab(site: Site) -> Lab | None:
 
 def write_lab(site: Site, lab: Lab) -> None:
     """Remember what `up` wanted."""
-    write(site.run / "lab.json", asdict(lab))
+    write(site.run / "lab.json", msgspec.to_builtins(lab))
 
 
 def read_robot(site: Site, name: str) -> Booted | None:
@@ -83,7 +81,7 @@ def read_robot(site: Site, name: str) -> Booted | None:
 
 def write_robot(site: Site, name: str, booted: Booted) -> None:
     """Remember a boot; to be done before the robot is told to go."""
-    write(site.run / "robots" / f"{name}.json", asdict(booted))
+    write(site.run / "robots" / f"{name}.json", msgspec.to_builtins(booted))
 
 
 def forget_robot(site: Site, name: str) -> None:

@@ -10,7 +10,8 @@ right before the command runs, and again after it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+
+import msgspec
 
 from srprov.modules.module import Module
 from srprov.modules.params import ParameterError
@@ -26,8 +27,7 @@ _TIMED_OUT = 124
 _NO_ANSWER = 255
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class CommandParams:
+class CommandParams(msgspec.Struct, frozen=True, kw_only=True):
     """What a playbook says of a command: `argv` or `shell`, and a check, of which both parts must hold."""
 
     argv: tuple[str, ...] = ()

@@ -7,9 +7,10 @@ Source: Docker Engine API 1.41, "Create a container"; from 1.44 the MAC address 
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Iterable, Mapping
 from typing import Any
+
+from msgspec.structs import replace
 
 from srprov.definitions.containermodel import HealthCheck
 from srprov.modules.container_params import ContainerParams, NetworkPlace
@@ -65,7 +66,7 @@ def parts_of(want: ContainerParams) -> dict[str, Any]:
     The MAC's place in the body depends on the engine's version, so the network part is the wish, not the body: an
     engine's upgrade restarts nothing.
     """
-    body = engine_body(dataclasses.replace(want, api="1.41", made_with={}))
+    body = engine_body(replace(want, api="1.41", made_with={}))
     host, network = body["HostConfig"], want.network
     log = want.run.logging
     return {

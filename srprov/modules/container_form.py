@@ -6,10 +6,11 @@ its mounts are read back from the engine's form; whether they are such as srprov
 
 from __future__ import annotations
 
-import dataclasses
 import re
 from collections.abc import Mapping
 from typing import Any
+
+from msgspec.structs import replace
 
 from srprov.definitions.containermodel import TMPFS_OPTIONS, Mount
 from srprov.definitions.model import Service
@@ -31,7 +32,7 @@ def service_of(want: ContainerParams) -> Service:
     read = [_mount(want.instance, mount) for mount in want.mounts]
     mounts = tuple(one for one in read if isinstance(one, Mount))
     uses = tuple(one for one in read if isinstance(one, SecretUse))
-    runtime = dataclasses.replace(want.run, mounts=mounts)
+    runtime = replace(want.run, mounts=mounts)
     return Service(name=want.service, image=want.image, runtime=runtime, network=want.network.mode, secrets=uses)
 
 

@@ -38,7 +38,8 @@ while IFS= read -r l; do
   case $l in *'"data-root"'*) r=${{l#*'"data-root"'}}; r=${{r#*'"'}}; r=${{r%%'"'*}};; esac
 done 2>/dev/null </etc/docker/daemon.json
 grep -EsHo '{_WRITTEN}' "$r"/containers/*/hostconfig.json
-:"""
+:""",
+    in_place=True,
 )
 _LINE = re.compile(r'/([0-9a-f]{64})/hostconfig\.json:"([A-Za-z]+)":(.{0,200})')
 _POLICY = re.compile(r'\{"Name":"([a-z-]*)","MaximumRetryCount":([0-9]{1,9})')

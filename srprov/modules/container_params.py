@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Literal
+
+import msgspec
 
 from srprov.definitions.containermodel import Runtime
 from srprov.modules import run_limits
 from srprov.modules.params import ParameterError
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class NetworkPlace:
+class NetworkPlace(msgspec.Struct, frozen=True, kw_only=True):
     """Where the container is in the network; all but the mode are for `overlay` only, and for `both` its address."""
 
     mode: Literal["overlay", "host", "both", "none"]
@@ -25,8 +25,7 @@ class NetworkPlace:
     """Of what it depends on in the network."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class ContainerParams:
+class ContainerParams(msgspec.Struct, frozen=True, kw_only=True):
     """What a playbook says of a container."""
 
     instance: str
@@ -43,7 +42,7 @@ class ContainerParams:
     network: NetworkPlace
     api: str
     """The version of the engine's API."""
-    made_with: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    made_with: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Variables of which a container keeps the values that it was made with: other ones make it no other container."""
     log_driver: str = ""
     """The engine's default; empty: not known."""

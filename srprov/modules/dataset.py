@@ -10,7 +10,8 @@ from __future__ import annotations
 import posixpath
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+
+import msgspec
 
 from srprov.modules.file import remove_path
 from srprov.modules.module import STATE_ROOT, Module, Names
@@ -28,8 +29,7 @@ _NAME = re.compile(rf"{STATE_ROOT}/([^/]+)/data/([0-9a-f]{{64}})")
 _URL = re.compile(r"https://[A-Za-z0-9.-]+(:[0-9]{1,5})?/[!-~]{0,2000}")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class DataParams:
+class DataParams(msgspec.Struct, frozen=True, kw_only=True):
     """What a playbook says of a data set."""
 
     sha256: str
@@ -55,7 +55,7 @@ class DataModule(Module[DataParams]):
 
     def queries(self) -> tuple[AnyQuery, ...]:
         """List what instances use, and whether it is there."""
-        return (Query(command=_LIST),)
+        return (Query(command=_LIST, in_place=True),)
 
     def parse(self, replies: Sequence[Reply]) -> tuple[Observed, ...]:
         """Read one path per line, and `there`."""

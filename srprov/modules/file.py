@@ -8,8 +8,9 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
+
+import msgspec
 
 from srprov.modules.module import DISCOVERY_FILE, STATE_ROOT, Module, Names
 from srprov.modules.params import AnyText, Mode
@@ -22,8 +23,7 @@ _MIN_PARTS = 2
 _READABLE = Mode(0o644)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class FileParams:
+class FileParams(msgspec.Struct, frozen=True, kw_only=True):
     """What a playbook says of a file."""
 
     content: AnyText

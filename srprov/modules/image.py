@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Literal
+
+import msgspec
 
 from srprov.image_reference import pull_parameters
 from srprov.modules.container_leftover import BUILD
@@ -28,8 +29,7 @@ DEFINITION = "srprov.cdf"
 _LONG_S = 1800.0
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Missing:
+class Missing(msgspec.Struct, frozen=True, kw_only=True):
     """What a robot lacks of an image that another has."""
 
     layers: int
@@ -46,8 +46,7 @@ class Missing:
         return f"{self.layers} of {self.of} layers{size}"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class ImageParams:
+class ImageParams(msgspec.Struct, frozen=True, kw_only=True):
     """What a playbook says of an image."""
 
     source: Literal["pull", "build", "copy"]

@@ -16,8 +16,9 @@ import hashlib
 import json
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, Generic, Protocol, runtime_checkable
+
+import msgspec
 
 from srprov.definitions.model import Service
 from srprov.modules.params import P
@@ -41,8 +42,7 @@ MEMORY_ROOT = "/run/srprov"
 """Where secrets live on a robot, in memory: MEMORY_ROOT/<instance>/secrets/."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Names:
+class Names(msgspec.Struct, frozen=True, kw_only=True):
     """What srprov's own playbooks name on robots for one instance."""
 
     instance: str

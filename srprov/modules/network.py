@@ -9,10 +9,10 @@ Source: Docker Engine API 1.41, "Create a network"; bridge driver options.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
+
+import msgspec
 
 from srprov.modules.module import CONFIG_HASH, INSTANCE, LABEL_FILTER, SOURCE, Module, Names, canonical, digest
 from srprov.resource import Action, Change, Observed, State
@@ -26,8 +26,7 @@ _BRIDGE_OPTION = "com.docker.network.bridge.name"
 _MTU_OPTION = "com.docker.network.driver.mtu"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class NetworkParams:
+class NetworkParams(msgspec.Struct, frozen=True, kw_only=True):
     """What a playbook says of a network."""
 
     instance: str
@@ -115,7 +114,7 @@ def _create(name: str, want: NetworkParams) -> Command:
         "Labels": {
             INSTANCE: want.instance,
             SOURCE: want.source,
-            CONFIG_HASH: network_hash(dataclasses.asdict(want)),
+            CONFIG_HASH: network_hash(msgspec.structs.asdict(want)),
             _VNI: str(want.vni),
             _PORT: str(want.port),
         },

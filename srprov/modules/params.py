@@ -1,20 +1,21 @@
-"""Parameters of a resource: from what a playbook wrote to the dataclass of its module, by the types of its fields.
+"""Parameters of a resource: from what a playbook wrote to the values of its module, by the types of its fields.
 
 A field may be `str`, `AnyText`, `Mode`, `int`, `float`, `bool`, `bytes` (written as the sha256 of a blob), a `Literal`
-of texts, `Any`, `Mapping[str, X]`, `tuple[X, ...]`, `tuple[X, Y]`, another such dataclass, or a union of those that
+of texts, `Any`, `Mapping[str, X]`, `tuple[X, ...]`, `tuple[X, Y]`, another such Struct, or a union of those that
 differ in JSON (`X | None`). One with a default may be left out. A trailing underscore keeps a name apart from Python's
 words: `from_` is written `from`. What types cannot say is checked in `__post_init__`, which raises `ParameterError`.
 """
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import json
 import re
 import types
 from collections.abc import Mapping
-from typing import Any, Literal, NewType, TypeVar, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, NewType, TypeVar, get_args, get_origin
+
+import msgspec
 
 P = TypeVar("P")
 
@@ -22,8 +23,8 @@ AnyText = NewType("AnyText", str)
 """Text that may hold NUL, which neither a shell's word nor a variable can."""
 Mode = NewType("Mode", int)
 """Permissions, written as octal digits: `0644`."""
-NOT_WRITTEN = {"written": False}
-"""Metadata of a field that is no parameter of a playbook."""
+NOT_WRITTEN = "not written"
+"""Annotation of a field that is no parameter of a playbook: `Annotated[X, NOT_WRITTEN]`."""
 
 _Options = tuple[tuple[Any, Any, tuple[Any, ...]], ...]
 _JSON: dict[Any, tuple[type | tuple[type, ...], str]] = {
@@ -55,7 +56,7 @@ def read_params(kind: type[P], written: Mapping[str, Any], blobs: Mapping[str, b
     """Return the parameters that a playbook wrote.
 
     Args:
-        kind: The dataclass of the module's parameters.
+        kind: The Struct of the module's parameters.
         written: Parameter -> JSON value.
         blobs: sha256 -> bytes.
         at: The way to the parameter that they are inside of, with a dot at its end.
@@ -82,14 +83,12 @@ def check_text(text: str, at: str, *, nul: bool = False) -> str:
 
 @functools.cache
 def _fields(kind: type[Any]) -> dict[str, tuple[str, _Options, bool]]:
-    """Return parameter -> field, its type, and whether it must be given; of a dataclass."""
-    hints, none = get_type_hints(kind), dataclasses.MISSING
-    fields = {}
-    for field in dataclasses.fields(kind):
-        required = field.default is none and field.default_factory is none
-        if field.metadata != NOT_WRITTEN:
-            fields[field.name.rstrip("_")] = (field.name, _options(hints[field.name]), required)
-    return fields
+    """Return parameter -> field, its type, and whether it must be given; of a Struct."""
+    return {
+        field.name.rstrip("_"): (field.name, _options(field.type), field.required)
+        for field in msgspec.structs.fields(kind)
+        if get_origin(field.type) is not Annotated or NOT_WRITTEN not in get_args(field.type)
+    }
 
 
 @functools.cache
@@ -98,9 +97,13 @@ def _options(hint: Any) -> _Options:  # noqa: ANN401 - any type
     found = []
     for one in get_args(hint) if get_origin(hint) is types.UnionType else (hint,):
         origin = get_origin(one)
-        base = str if origin is Literal else Mapping if dataclasses.is_dataclass(one) else origin or one
+        base = str if origin is Literal else Mapping if _is_struct(one) else origin or one
         found.append((one, base, get_args(one)))
     return tuple(found)
+
+
+def _is_struct(hint: Any) -> bool:  # noqa: ANN401 - any type
+    return isinstance(hint, type) and issubclass(hint, msgspec.Struct)
 
 
 def _value(options: _Options, value: Any, at: str, blobs: Mapping[str, bytes]) -> Any:  # noqa: ANN401 - any JSON

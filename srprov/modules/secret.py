@@ -9,11 +9,12 @@ After a reboot the memory is empty, and the files are `not there`.
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov.modules.container_form import WORD
 from srprov.modules.file import remove_path
@@ -43,7 +44,7 @@ def with_value(want: Resource, vault: Vault) -> Resource:
     """Return a wanted secret with its value; any other resource as it is."""
     if not isinstance(want.params, SecretParams):
         return want
-    return dataclasses.replace(want, params=dataclasses.replace(want.params, value=vault[want.params.name]))
+    return replace(want, params=replace(want.params, value=vault[want.params.name]))
 
 
 def names_of(wants: Iterable[Resource]) -> set[str]:
@@ -51,13 +52,12 @@ def names_of(wants: Iterable[Resource]) -> set[str]:
     return {want.params.name for want in wants if isinstance(want.params, SecretParams)}
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class SecretParams:
+class SecretParams(msgspec.Struct, frozen=True, kw_only=True):
     """What a playbook says of a secret."""
 
     name: str
     mode: Mode
-    value: Secret | None = field(default=None, metadata=NOT_WRITTEN)
+    value: Annotated[Secret | None, NOT_WRITTEN] = None
     """Added by `with_value`."""
 
 

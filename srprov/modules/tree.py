@@ -9,7 +9,8 @@ from __future__ import annotations
 import functools
 import hashlib
 from collections.abc import Sequence
-from dataclasses import dataclass
+
+import msgspec
 
 from srprov import plain_tar
 from srprov.modules.file import remove_path
@@ -20,8 +21,7 @@ from srprov.wire import AnyQuery, Command, Put, Query, Reply, Run, quote
 _PARTS = 3
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class TreeParams:
+class TreeParams(msgspec.Struct, frozen=True, kw_only=True):
     """What a playbook says of a tree."""
 
     blob: bytes
@@ -37,7 +37,12 @@ class TreeModule(Module[TreeParams]):
 
     def queries(self) -> tuple[AnyQuery, ...]:
         """List the shipped trees of every instance."""
-        return (Query(command=f'for d in {STATE_ROOT}/*/trees/*; do [ -e "$d" ] && printf "%s\\n" "$d"; done; :'),)
+        return (
+            Query(
+                command=f'for d in {STATE_ROOT}/*/trees/*; do [ -e "$d" ] && printf "%s\\n" "$d"; done; :',
+                in_place=True,
+            ),
+        )
 
     def parse(self, replies: Sequence[Reply]) -> tuple[Observed, ...]:
         """Read one path per line; half-extracted ones (`.part`, `.tar`) are the instance's too and are cleaned up."""

@@ -12,7 +12,6 @@ from __future__ import annotations
 import hashlib
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from srprov.modules.module import Module, Names
@@ -60,8 +59,7 @@ WantedBy=multi-user.target
 """
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class UnitParams(VxlanParams):
+class UnitParams(VxlanParams, frozen=True, kw_only=True):
     """What a playbook says of a unit: the link that it restores."""
 
     link: str

@@ -14,7 +14,8 @@ import datetime as dt
 import hashlib
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+
+import msgspec
 
 from srprov.modules.container_form import WORD
 from srprov.modules.module import INSTANCE, LABEL_FILTER, SOURCE, STATE_ROOT, Module, Names, canonical
@@ -51,8 +52,7 @@ def moment(created: str) -> float:
         return 0.0
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class VolumeParams:
+class VolumeParams(msgspec.Struct, frozen=True, kw_only=True):
     """What a playbook says of a volume."""
 
     instance: str

@@ -11,8 +11,9 @@ Source: Linux `vxlan` documentation, iproute2's ip-link(8) and bridge(8).
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
+
+import msgspec
 
 from srprov.modules import bridge_address
 from srprov.modules.ip_batch import batch
@@ -28,8 +29,7 @@ _ALIAS = "srprov:"
 _PREFIX = "srpv"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class VxlanParams:
+class VxlanParams(msgspec.Struct, frozen=True, kw_only=True):
     """What a playbook says of a VXLAN link."""
 
     instance: str
@@ -68,8 +68,8 @@ class VxlanModule(Module[VxlanParams]):
     def queries(self) -> tuple[AnyQuery, ...]:
         """List VXLAN links, bridges and the forwarding database, as JSON."""
         return (
-            Query(command="ip -j -d addr show"),  # the facts ask the same, so it costs nothing
-            Query(command="bridge -j fdb show"),
+            Query(command="ip -j -d addr show", in_place=True),  # the facts ask the same, so it costs nothing
+            Query(command="bridge -j fdb show", in_place=True),
         )
 
     def parse(self, replies: Sequence[Reply]) -> tuple[Observed, ...]:

@@ -14,9 +14,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from ipaddress import ip_address
 from typing import Any
+
+import msgspec
 
 from srprov.modules.module import Module, Names, digest
 from srprov.modules.params import ParameterError
@@ -57,8 +58,7 @@ esac 2>/dev/null | grep -e srprov: -e '^[*:]' -e '^-A PREROUTING.* -j ACCEPT'
 )
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class VxlanFilterParams:
+class VxlanFilterParams(msgspec.Struct, frozen=True, kw_only=True):
     """What a playbook says of a filter."""
 
     instance: str
@@ -92,7 +92,7 @@ class VxlanFilterModule(Module[VxlanFilterParams]):
 
     def queries(self) -> tuple[AnyQuery, ...]:
         """List our rules, of nftables and of iptables."""
-        return (Query(command=_LIST),)
+        return (Query(command=_LIST, in_place=True),)
 
     def parse(self, replies: Sequence[Reply]) -> tuple[Observed, ...]:
         """Count the rules of each filter by their comments; tables and chains without a rule are one that has none."""

@@ -14,7 +14,8 @@ Source: nft(8), iptables-extensions(8); RFC 7348: a VXLAN header has the VNI in 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+
+import msgspec
 
 from srprov.wire import quote
 
@@ -27,8 +28,7 @@ _END = "_END_OF_RULES_"
 _FAILED = "the overlay cannot be closed: neither nft nor iptables works here; apt-get install nftables"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Filter:
+class Filter(msgspec.Struct, frozen=True, kw_only=True):
     """What the rules of one instance on one robot say."""
 
     name: str
@@ -73,10 +73,10 @@ def closed_first(name: str) -> str:
     A link may be made in one round trip with them, and must not come up when they failed.
     """
     link = quote(name)
-    chains = " || ".join(f"{f}tables -t raw -n -L {link}-in" for f in ("ip", "ip6"))
+    ways = (f"nft list table bridge {link}", *(f"{f}tables -t raw -n -L {link}-in" for f in ("ip", "ip6")))
     return (
-        f"{{ nft list table bridge {link} || {chains}; }} 2>/dev/null | grep -q srprov: || "
-        f"{{ echo {quote('no rules close the overlay')} >&2; exit 1; }}"
+        f"case $({{ {' || '.join(ways)}; }} 2>/dev/null) in *srprov:*) ;; "
+        f"*) echo {quote('no rules close the overlay')} >&2; exit 1 ;; esac"
     )
 
 

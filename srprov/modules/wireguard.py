@@ -11,8 +11,9 @@ Source: wg(8), wireguard-go's README, ip-netns(8).
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
+
+import msgspec
 
 from srprov.modules.module import Module, Names
 from srprov.modules.wireguard_state import ALIAS, LINK, QUERIES, check_addresses, links_of
@@ -25,8 +26,7 @@ _LOOSE = {"address": "address", "port": "listen_port", "mtu": "mtu"}
 """Parameter -> key of the state."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class WireguardParams:
+class WireguardParams(msgspec.Struct, frozen=True, kw_only=True):
     """What a playbook says of a WireGuard interface; its name is its namespace's, then `a` or `b`."""
 
     instance: str

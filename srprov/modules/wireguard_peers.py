@@ -7,13 +7,14 @@ Source: wg(8).
 
 from __future__ import annotations
 
-import dataclasses
 import re
 from collections import Counter
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
 from ipaddress import ip_address
-from typing import Any
+from typing import Annotated, Any
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov.modules.module import Module, Names
 from srprov.modules.params import NOT_WRITTEN, ParameterError
@@ -26,14 +27,13 @@ _Peer = tuple[str, str]
 """Endpoint and address."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class WireguardPeersParams:
+class WireguardPeersParams(msgspec.Struct, frozen=True, kw_only=True):
     """What a playbook says of an interface's peers."""
 
     instance: str
     peers: tuple[tuple[str, str, str], ...]
     """Robot, its underlay address and port, and its address in the namespace."""
-    keys: Mapping[str, str] = field(default_factory=dict, metadata=NOT_WRITTEN)
+    keys: Annotated[Mapping[str, str], NOT_WRITTEN] = msgspec.field(default_factory=dict)
     """Robot in reach -> its public key; empty where it has none yet, words where it is this robot's too.
     Added by `informed`."""
 
@@ -88,7 +88,7 @@ class WireguardPeersModule(Module[WireguardPeersParams]):
         held = Counter(key for key in (*keys.values(), own) if key)
         claimed = {robot: _claimed(robot, host) for robot, key in keys.items() if key and key == own}
         keys = {robot: key for robot, key in keys.items() if held[key] <= 1 or robot in claimed}
-        return dataclasses.replace(want, keys={**keys, **claimed})
+        return replace(want, keys={**keys, **claimed})
 
     def check(self, name: str, want: WireguardPeersParams, found: State | None) -> Change | None:
         """Compare keys, endpoints and addresses. What is there for the address of a robot out of reach stays.

@@ -9,8 +9,9 @@ Source: ip-route(8), wg(8), the WireGuard paper, section 6.1 (Rekey-Timeout).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from ipaddress import IPv4Address
+
+import msgspec
 
 from srprov.modules.ip_batch import batch
 from srprov.modules.module import Module, Names
@@ -20,8 +21,7 @@ from srprov.resource import Action, Change, Observed, State
 from srprov.wire import AnyQuery, Command, Reply, Run, sh
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class WireguardRoutesParams:
+class WireguardRoutesParams(msgspec.Struct, frozen=True, kw_only=True):
     """What a playbook says of a namespace's routes."""
 
     instance: str

@@ -32,7 +32,7 @@ _LIVELY_S = 180
 _MOST_LINES = 16 * LIST_LENGTH
 
 QUERIES = (
-    Query(command="ip -j -d addr show"),  # the facts ask the same, so it costs nothing
+    Query(command="ip -j -d addr show", in_place=True),  # the facts ask the same, so it costs nothing
     Query(
         command=f"""\
 for n in /run/netns/srpw*; do
@@ -43,7 +43,8 @@ for n in /run/netns/srpw*; do
   printf '\\n'; date +'clock %s'
   for w in {" ".join(_WORDS)}; do echo "show $w"; ip netns exec "$n" wg show all "$w"; done
 done
-:"""
+:""",
+        in_place=True,
     ),
 )
 """Where there is none, no program is started for the second."""

@@ -11,16 +11,16 @@ administered (IEEE 802).
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
 from ipaddress import IPv4Address, IPv4Network
+
+import msgspec
 
 from srprov.errors import UsageError
 from srprov.network.identity import number
 from srprov.network.record import PlacementRecord
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Addresses:
+class Addresses(msgspec.Struct, frozen=True, kw_only=True):
     """Who has which address; every address belongs to one name only."""
 
     services: Mapping[str, str]

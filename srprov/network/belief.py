@@ -14,16 +14,16 @@ So no robot can move what others are sent, by a record of its own with a higher 
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
 from typing import Any
+
+import msgspec
 
 from srprov.facts.model import Snapshot
 
 Record = Mapping[str, Any]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Belief:
+class Belief(msgspec.Struct, frozen=True, kw_only=True):
     """What is known of an instance's last placement."""
 
     record: Record | None = None

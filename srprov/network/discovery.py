@@ -12,9 +12,10 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from functools import lru_cache
 from types import MappingProxyType
+
+import msgspec
 
 from srprov.definitions.model import Experiment, Service
 from srprov.network.layout import ON_OVERLAY
@@ -29,14 +30,13 @@ _PARTICIPANTS = 32
 """Processes with DDS in one container that others look for; each is one more packet per peer."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Discovery:
+class Discovery(msgspec.Struct, frozen=True, kw_only=True):
     """What one container gets, beside what the user says; empty where multicast does it."""
 
-    environment: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
-    made_with: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    environment: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
+    made_with: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Variables that list peers: a container keeps those that it was made with."""
-    files: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    files: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Name of a file in `FOLDER` -> its text."""
 
 

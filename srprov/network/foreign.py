@@ -7,8 +7,9 @@ right shape counts as nothing.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from ipaddress import IPv4Network, IPv6Network, ip_network
+
+import msgspec
 
 from srprov.facts.model import HostFacts, Snapshot
 
@@ -17,8 +18,7 @@ LARGEST = 8
 nothing."""
 
 
-@dataclass(frozen=True, slots=True)
-class ForeignUse:
+class ForeignUse(msgspec.Struct, frozen=True):
     """Something that is not ours on a robot."""
 
     where: str

@@ -13,9 +13,10 @@ from __future__ import annotations
 import hashlib
 from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from ipaddress import IPv4Network
 from typing import TypeGuard, TypeVar
+
+import msgspec
 
 from srprov.definitions.model import NetworkSettings
 from srprov.errors import UsageError
@@ -37,8 +38,7 @@ VNI_FIRST, VNI_LAST = 0x100000, 0xFFFFFF
 _T = TypeVar("_T", int, IPv4Network)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class InstanceIdentity:
+class InstanceIdentity(msgspec.Struct, frozen=True, kw_only=True):
     """What tells one instance's overlay from all others."""
 
     instance: str

@@ -10,8 +10,9 @@ carries broadcast and multicast, and one entry per remote service. What VXLAN ad
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from ipaddress import ip_address
+
+from msgspec.structs import replace
 
 from srprov.definitions.model import Experiment, NetworkSettings
 from srprov.errors import UsageError

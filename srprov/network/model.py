@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from types import MappingProxyType
 
+import msgspec
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Tunnel:
+
+class Tunnel(msgspec.Struct, frozen=True, kw_only=True):
     """What is between the members of an encrypted overlay."""
 
     netns: str
@@ -21,14 +21,13 @@ class Tunnel:
     """Member robot -> its underlay address, a colon, and the port."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Overlay:
+class Overlay(msgspec.Struct, frozen=True, kw_only=True):
     """One instance's network. With no service on the overlay, only the first three fields say anything."""
 
     instance: str
     names: Mapping[str, str]
     """Service -> the address its name resolves to, on every robot; not in it: services without network."""
-    aliases: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    aliases: Mapping[str, tuple[str, ...]] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Name in the EDF of what runs several times -> the addresses of all its instances, in their order."""
     underlays: Mapping[str, str]
     """Robot that runs anything -> its underlay address, as far as known."""
@@ -41,19 +40,19 @@ class Overlay:
     subnet: str = ""
     mtu: int = 0
     """bytes, of the bridge, the VXLAN link and what is inside containers"""
-    addresses: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    addresses: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Service on the overlay -> its address there."""
-    macs: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    macs: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Service with an interface of its own -> its MAC; `both` has none, its address is on the robot's bridge."""
-    bridge_macs: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    bridge_macs: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Member robot with a service of `both` -> the MAC that its bridge is given, which others have entries for."""
-    gateways: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    gateways: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Member robot -> its bridge's address."""
-    vteps: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    vteps: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Member robot -> its underlay address."""
-    flood: Mapping[str, tuple[str, ...]] = field(default_factory=lambda: MappingProxyType({}))
+    flood: Mapping[str, tuple[str, ...]] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Member robot -> the VTEPs of all other members, inside of a tunnel: its all-zero forwarding entries."""
-    fdb: Mapping[str, tuple[tuple[str, str], ...]] = field(default_factory=lambda: MappingProxyType({}))
+    fdb: Mapping[str, tuple[tuple[str, str], ...]] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Member robot -> (MAC, VTEP, inside of a tunnel) of every service on another member; for those of `both`, of their
     robot's bridge."""
     tunnel: Tunnel | None = None

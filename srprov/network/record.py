@@ -11,10 +11,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from ipaddress import IPv4Address, ip_address
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
+
+import msgspec
 
 from srprov import names
 from srprov.definitions.model import Experiment
@@ -26,18 +27,17 @@ if TYPE_CHECKING:
 _MAC = re.compile(r"[0-9a-f]{2}(:[0-9a-f]{2}){5}")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class PlacementRecord:
+class PlacementRecord(msgspec.Struct, frozen=True, kw_only=True):
     """The last placement of an instance; maps hold only what the record says in the right shape."""
 
-    robots: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    robots: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Service -> robot."""
-    addresses: Mapping[str, IPv4Address] = field(default_factory=lambda: MappingProxyType({}))
+    addresses: Mapping[str, IPv4Address] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Service -> its address on the overlay."""
-    macs: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
-    vteps: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    macs: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
+    vteps: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Robot -> the underlay address that others reach."""
-    gateways: Mapping[str, IPv4Address] = field(default_factory=lambda: MappingProxyType({}))
+    gateways: Mapping[str, IPv4Address] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Robot -> its bridge's address."""
     vni: int = 0
     subnet: str = ""

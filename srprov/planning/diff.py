@@ -10,9 +10,10 @@ Touches nothing. Equal inputs, in any order, give the same steps.
 
 from __future__ import annotations
 
-import dataclasses
 import heapq
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+
+from msgspec.structs import replace
 
 from srprov.errors import PlanError
 from srprov.modules import MODULES, PROBING, RUNNING
@@ -69,7 +70,7 @@ def _asked_again(steps: Sequence[Step], wanted: Mapping[str, Resource], there: T
     """
     changing = {step.id: step for step in steps}
     again = []
-    solid = {key: dataclasses.replace(one, needs=_without_order(one.needs)) for key, one in wanted.items()}
+    solid = {key: replace(one, needs=_without_order(one.needs)) for key, one in wanted.items()}
     reach = Reach(solid, changing)
     for resource in wanted.values():
         if resource.module not in PROBING or resource.id in changing:
@@ -186,7 +187,7 @@ def _in_order(steps: Sequence[Step], wanted: Mapping[str, Resource]) -> tuple[St
             f"these need each other in a circle: {circle}", hint="break the circle in depends_on or the playbook"
         )
     return tuple(
-        dataclasses.replace(
+        replace(
             by_key[key],
             number=number,
             needs=tuple(sorted(numbers[one] for one in needs[key])),

@@ -5,8 +5,9 @@ It filters what is changed, never what is decided.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Collection
+
+from msgspec.structs import replace
 
 from srprov.planning.plan import Plan
 
@@ -26,4 +27,4 @@ def limited(plan: Plan, hosts: Collection[str]) -> Plan:
     notes = [f"{len(plan.steps) - len(steps)} steps are left out by --limit or --exclude"]
     if needy:
         notes.append(f"{needy} of them stand on chosen robots but need steps on others")
-    return dataclasses.replace(plan, steps=steps, notes=(*plan.notes, *notes))
+    return replace(plan, steps=steps, notes=(*plan.notes, *notes))

@@ -6,11 +6,11 @@ id or the order of a set.
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any
+
+import msgspec
 
 from srprov.definitions.secretmodel import SecretSource
 from srprov.planning.policy import Permission
@@ -18,8 +18,7 @@ from srprov.resource import Action, Change, Need, Observed, Resource, resource_i
 from srprov.wire import Command, CopyImage, CopyVolume, EngineCall, Put, Run, SendData
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Step:
+class Step(msgspec.Struct, frozen=True, kw_only=True):
     """One node of the plan."""
 
     number: int
@@ -55,8 +54,7 @@ class Step:
         return self.change.commands
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class PlaybookUse:
+class PlaybookUse(msgspec.Struct, frozen=True, kw_only=True):
     """A playbook that is not srprov's own and was part of the plan."""
 
     name: str
@@ -73,8 +71,7 @@ class PlaybookUse:
         return f"{word}, from {self.file}"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class DataMove:
+class DataMove(msgspec.Struct, frozen=True, kw_only=True):
     """A service that goes to another robot than its data is on."""
 
     service: str
@@ -96,8 +93,7 @@ class DataMove:
         )
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Plan:
+class Plan(msgspec.Struct, frozen=True, kw_only=True):
     """All steps for one instance, numbered from 1 in an order that respects what they need."""
 
     instance: str
@@ -105,9 +101,9 @@ class Plan:
     steps: tuple[Step, ...]
     unchanged: int = 0
     """Resources that are right already."""
-    assignment: Mapping[str, str] = field(default_factory=dict)
+    assignment: Mapping[str, str] = msgspec.field(default_factory=dict)
     cost: float = 0.0
-    costs: Mapping[str, float] = field(default_factory=dict)
+    costs: Mapping[str, float] = msgspec.field(default_factory=dict)
     """Per service."""
     permissions: tuple[Permission, ...] = ()
     secrets: tuple[SecretSource, ...] = ()
@@ -115,7 +111,7 @@ class Plan:
     playbooks: tuple[PlaybookUse, ...] = ()
     data: tuple[DataMove, ...] = ()
     notes: tuple[str, ...] = ()
-    unreachable: Mapping[str, str] = field(default_factory=dict)
+    unreachable: Mapping[str, str] = msgspec.field(default_factory=dict)
 
     @property
     def empty(self) -> bool:
@@ -138,7 +134,7 @@ def plan_json(plan: Plan) -> dict[str, Any]:
         "permissions": [{"kind": p.kind, "service": p.service, "what": p.what} for p in plan.permissions],
         "secrets": {source.name: secret_json(source) for source in plan.secrets},
         "playbooks": [{"name": p.name, "file": p.file, "place": p.place} for p in plan.playbooks],
-        "data": [dataclasses.asdict(move) for move in plan.data],
+        "data": [msgspec.structs.asdict(move) for move in plan.data],
         "notes": list(plan.notes),
         "unreachable": dict(sorted(plan.unreachable.items())),
         "unchanged": plan.unchanged,

@@ -16,8 +16,9 @@ import base64
 import hashlib
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
 from typing import Any
+
+import msgspec
 
 from srprov.planning.fingerprint import lasting
 from srprov.planning.plan import Plan, Step, command_json, plan_json, secret_json, step_json
@@ -32,19 +33,18 @@ Fingerprints = Mapping[str, Mapping[str, Any]]
 """Robot -> what must not have moved, as nested JSON values."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class PlanFile:
+class PlanFile(msgspec.Struct, frozen=True, kw_only=True):
     """A plan with what it was made from and what it relies on."""
 
     plan: Plan
     fingerprints: Fingerprints
     also_wanted: tuple[Resource, ...] = ()
     """What should be true on the plan's robots and was, when it was made; no step is about it."""
-    contexts: Mapping[str, bytes] = field(default_factory=dict)
+    contexts: Mapping[str, bytes] = msgspec.field(default_factory=dict)
     """Tag -> build context, of the images that are built for its services, wherever one comes from in this plan."""
     limit: tuple[str, ...] = ()
     """The robots that were chosen, where steps of others were left out."""
-    inputs: Mapping[str, str] = field(default_factory=dict)
+    inputs: Mapping[str, str] = msgspec.field(default_factory=dict)
     """File name -> text, of the definitions that it was made from."""
     made_by: str = ""
     """srprov's version."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any, Literal
+
+import msgspec
 
 from srprov.modules.params import AnyText
 from srprov.planning.plan import DataMove, PlaybookUse
@@ -12,8 +13,7 @@ from srprov.planning.policy import Permission
 from srprov.resource import Need
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class WantKeys:
+class WantKeys(msgspec.Struct, frozen=True, kw_only=True):
     """What should be true, but for robot, kind and name."""
 
     params: Mapping[str, Any]
@@ -21,8 +21,7 @@ class WantKeys:
     source: str
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class AlsoKeys(WantKeys):
+class AlsoKeys(WantKeys, frozen=True, kw_only=True):
     """What should be true and is, so that no step is about it."""
 
     robot: str
@@ -30,16 +29,14 @@ class AlsoKeys(WantKeys):
     name: str
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class FoundKeys:
+class FoundKeys(msgspec.Struct, frozen=True, kw_only=True):
     """What a step removes."""
 
     instance: str
     state: Mapping[str, Any]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class CommandKeys:
+class CommandKeys(msgspec.Struct, frozen=True, kw_only=True):
     """One of `run`, `put`, `copy_image` and `engine`, with what belongs to it."""
 
     timeout_s: float
@@ -61,14 +58,13 @@ class CommandKeys:
     from_: str = ""
     engine: str = ""
     path: str = ""
-    params: Mapping[str, str] = field(default_factory=dict)
+    params: Mapping[str, str] = msgspec.field(default_factory=dict)
     body: str = ""
     accept: tuple[int, ...] = ()
     stream: bool = False
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class StepKeys:
+class StepKeys(msgspec.Struct, frozen=True, kw_only=True):
     """One step."""
 
     number: int
@@ -86,8 +82,7 @@ class StepKeys:
     found: FoundKeys | None
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class SecretKeys:
+class SecretKeys(msgspec.Struct, frozen=True, kw_only=True):
     """Where a secret's value comes from."""
 
     at: tuple[str, int, int]
@@ -97,8 +92,7 @@ class SecretKeys:
     folder: str = ""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Document:
+class Document(msgspec.Struct, frozen=True, kw_only=True):
     """The keys of a plan file; `schemas/plan.schema.json` says what each means."""
 
     plan: int

@@ -7,8 +7,9 @@ An EDF may come from a stranger. Everything that reaches the robot itself is a `
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
 from types import MappingProxyType
+
+import msgspec
 
 from srprov.definitions.containermodel import ContainerDefinition, Port, Runtime
 from srprov.definitions.model import Experiment, NetworkSettings, Service
@@ -53,8 +54,7 @@ _FIRST_FREE_PORT = 1024
 _NONE: Mapping[str, ContainerDefinition] = MappingProxyType({})
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Permission:
+class Permission(msgspec.Struct, frozen=True, kw_only=True):
     """Something in the experiment that reaches beyond its containers."""
 
     kind: str

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Collection, Mapping
+
+from msgspec.structs import replace
 
 from srprov.modules import MODULES, RANK
 from srprov.planning.plan import Step
@@ -18,7 +19,7 @@ def informed(resource: Resource, there: Mapping[str, Collection[Observed]]) -> R
     """Return a wanted resource with what only robots can say of it; `there` is what was found on them."""
     module = MODULES[resource.module]
     params = module.informed(resource.name, resource.host, resource.params, there)
-    return resource if params is resource.params else dataclasses.replace(resource, params=params)
+    return resource if params is resource.params else replace(resource, params=params)
 
 
 def waits(want: Resource | None, wanted: Mapping[str, Resource]) -> tuple[Need, ...]:
@@ -48,7 +49,7 @@ def new_step(resource: Resource, cause: str, before: Observed | None = None) -> 
     """Return the step that makes a resource, or runs a command, whatever was found."""
     change = MODULES[resource.module].check(resource.name, resource.params, None)
     assert change is not None  # what is not there is never right
-    return step_of(resource, dataclasses.replace(change, cause=cause, before=before.state if before else None))
+    return step_of(resource, replace(change, cause=cause, before=before.state if before else None))
 
 
 def removal_step(host: str, item: Observed, cause: str, *, destructive: bool = False) -> Step:

@@ -7,8 +7,9 @@ only the pattern of what failed tells (the underlay, UDP's port, the MTU, TCP or
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from typing import Any
+
+import msgspec
 
 from srprov.probing.evidence import Evidence
 from srprov.probing.model import UNDERLAY
@@ -18,8 +19,7 @@ FLOOD = "00:00:00:00:00:00"
 APPLY = "`srprov apply` mends it"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Cause:
+class Cause(msgspec.Struct, frozen=True, kw_only=True):
     """Why some pairs fail."""
 
     kind: str

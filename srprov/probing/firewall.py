@@ -6,9 +6,10 @@ import re
 import shlex
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from ipaddress import ip_address, ip_network
+
+import msgspec
 
 from srprov.untrusted import lines_of, text
 
@@ -29,8 +30,7 @@ _XTABLES = re.compile(r"table ip6? (filter|nat|mangle|raw|security) \{")
 """What iptables-save shows in its own words."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Rule:
+class Rule(msgspec.Struct, frozen=True, kw_only=True):
     """A rule, or a chain's policy, that drops or rejects."""
 
     where: str
@@ -46,8 +46,7 @@ class Rule:
         return f"{self.where}: {self.words}" if self.words else f"{self.where}: the policy of the chain is to drop"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Packet:
+class Packet(msgspec.Struct, frozen=True, kw_only=True):
     """What may meet a rule."""
 
     source: str

@@ -6,8 +6,9 @@ Takes what `ip -j`, `bridge -j`, iptables-save and nft say; gives a `Look`. What
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from types import MappingProxyType
+
+import msgspec
 
 from srprov.network.identity import tunnel_name
 from srprov.probing.firewall import RULES, Rule, parse_rules
@@ -21,8 +22,7 @@ _MOST = 8192
 """Entries of a kind."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class LinkSeen:
+class LinkSeen(msgspec.Struct, frozen=True, kw_only=True):
     """One interface."""
 
     name: str
@@ -38,12 +38,11 @@ class LinkSeen:
     addresses: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Inside:
+class Inside(msgspec.Struct, frozen=True, kw_only=True):
     """A network namespace."""
 
     links: tuple[LinkSeen, ...] = ()
-    neighbours: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    neighbours: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Address -> MAC."""
 
     def by_name(self, name: str) -> LinkSeen | None:
@@ -55,12 +54,11 @@ class Inside:
         return next((one for one in self.links if address in one.addresses), None)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Look:
+class Look(msgspec.Struct, frozen=True, kw_only=True):
     """One robot."""
 
-    host: Inside = field(default_factory=Inside)
-    inside: Mapping[int, Inside] = field(default_factory=lambda: MappingProxyType({}))
+    host: Inside = msgspec.field(default_factory=Inside)
+    inside: Mapping[int, Inside] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Endpoint's index -> its container's namespace."""
     fdb: frozenset[tuple[str, str]] | None = None
     """MAC and VTEP of the overlay's link; None: not said."""

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from types import MappingProxyType
+
+import msgspec
 
 GATEWAY, SERVICE, UNDERLAY = "gateway", "service", "underlay"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Endpoint:
+class Endpoint(msgspec.Struct, frozen=True, kw_only=True):
     """An address that asks, and is asked."""
 
     kind: str
@@ -31,8 +31,7 @@ class Endpoint:
         return f"{self.service}@{self.robot}" if self.service else self.robot
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Request:
+class Request(msgspec.Struct, frozen=True, kw_only=True):
     """What of an instance is probed."""
 
     instance: str
@@ -58,8 +57,7 @@ class Request:
         return {at: one for at, one in enumerate(self.endpoints) if one.robot == robot}
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Measured:
+class Measured(msgspec.Struct, frozen=True, kw_only=True):
     """What one endpoint says of another."""
 
     sent: int = 0
@@ -85,27 +83,25 @@ class Measured:
     """Where packets of the other came from, if not from its address."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Said:
+class Said(msgspec.Struct, frozen=True, kw_only=True):
     """What one endpoint says."""
 
     failed: str = ""
     """What it could not open: `namespace`, `address`, `listen`, `multicast`; empty: it asked."""
     error: int = 0
-    peers: Mapping[int, Measured] = field(default_factory=lambda: MappingProxyType({}))
+    peers: Mapping[int, Measured] = msgspec.field(default_factory=lambda: MappingProxyType({}))
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Round:
+class Round(msgspec.Struct, frozen=True, kw_only=True):
     """One round of asking: everybody at once."""
 
     request: Request
     """With those alone that were there to be asked."""
     said: Mapping[int, Said]
     """Endpoint's index -> what it says; not in it: nothing was heard of it."""
-    left_out: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    left_out: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Service or robot -> why it was not asked."""
-    lost: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    lost: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Robot -> why it could not be asked, or ended without an answer."""
-    namespaces: Mapping[int, int] = field(default_factory=lambda: MappingProxyType({}))
+    namespaces: Mapping[int, int] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Endpoint's index -> process whose network namespace it is in; not in it: the robot's own."""

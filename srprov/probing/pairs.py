@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+
+import msgspec
 
 from srprov.probing.model import SERVICE, UNDERLAY, Endpoint, Measured, Round
 
@@ -13,8 +14,7 @@ REACH, MTU, TCP, MULTICAST = "reach", "mtu", "tcp", "multicast"
 CHECKS = (REACH, MTU, TCP, MULTICAST)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Pair:
+class Pair(msgspec.Struct, frozen=True, kw_only=True):
     """One endpoint asked another."""
 
     source: Endpoint

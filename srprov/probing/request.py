@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import replace
 from ipaddress import IPv4Address, ip_address
 from typing import Any
+
+from msgspec.structs import replace
 
 from srprov.network.foreign import to_network
 from srprov.network.identity import link_names

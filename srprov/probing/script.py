@@ -22,6 +22,7 @@ QUIET_MS = (1200, 4000)
 """Without news for so long it ends: in the first round, where TCP sends a lost first packet again after a second; and
 in the second, which decides: a robot whose processors are busy may begin seconds after the others."""
 LIMIT_MS = 10_000
+_STALE = f"find {FOLDER} -maxdepth 1 -name '.probe.*' -mmin +2 -delete 2>/dev/null"
 _MARGIN_S = 30.0
 """For a robot whose processor or link is slow."""
 
@@ -57,7 +58,7 @@ def run(request: Request, robot: str, magic: str, namespaces: Mapping[int, int],
     path = quote(_path(magic))
     script = (
         f"umask 077; gzip -dc {path}.gz >{path} && chmod 700 {path} && exec 9<{path} || exit 1\n"
-        f"rm -f {path} {path}.gz; find {FOLDER} -maxdepth 1 -name '.probe.*' -mmin +2 -delete 2>/dev/null\n"
+        f'rm -f {path} {path}.gz; for f in {FOLDER}/.probe.*; do [ ! -e "$f" ] || {_STALE}; break; done\n'
         f"exec /proc/self/fd/9 {words}\n"
     )
     return Run(script=script, timeout_s=LIMIT_MS / 1000 + _MARGIN_S)

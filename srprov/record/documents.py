@@ -7,9 +7,7 @@ passwords as `***`: a copy of the user's files would hold whatever else they kee
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import datetime as dt
-import enum
 import functools
 import hashlib
 import json
@@ -17,9 +15,10 @@ import os
 import sys
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import PurePosixPath
 from typing import Any
+
+import msgspec
 
 from srprov.definitions.model import Host, Inventory
 from srprov.execution import Event
@@ -29,15 +28,15 @@ from srprov.planning.plan import Plan, plan_json
 from srprov.planning.planfile import PlanFile, document
 from srprov.planning.text import plan_text
 from srprov.record.folder import Sink
+from srprov.record.plain import fields_of, plain
 from srprov.resource import Resource
-from srprov.secret import MASK, Hidden
+from srprov.secret import MASK
 
 _LIBRARIES = ("click", "docker", "fabric", "jinja2", "jsonschema", "numpy", "ortools", "paramiko", "psutil", "pyyaml",
               "requests", "rich", "urllib3")  # fmt: skip
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class RunInputs:
+class RunInputs(msgspec.Struct, frozen=True, kw_only=True):
     """What is recorded before the first act."""
 
     verb: str
@@ -127,8 +126,8 @@ def decision(plan: Plan, assignment: object) -> dict[str, Any]:
 
 def _known(assignment: object) -> dict[str, object]:
     """Return a decision without what is worked out only when somebody asks why."""
-    every = dataclasses.fields(assignment)  # type: ignore[arg-type]  # an Assignment, of a room that this one doesn't know
-    return {one.name: getattr(assignment, one.name) for one in every if one.name not in _WHEN_ASKED}
+    every = fields_of(assignment)
+    return {name: getattr(assignment, name) for name in every if name not in _WHEN_ASKED}
 
 
 def environment(run: RunInputs, begun: dt.datetime) -> dict[str, Any]:
@@ -224,24 +223,3 @@ def event_json(event: Event) -> dict[str, Any]:
         "text": event.text,
         "duration_s": round(event.duration_s, 3),
     }
-
-
-def plain(value: object) -> Any:  # noqa: ANN401 - JSON is any
-    """Return any value as JSON: dataclasses by their fields, bytes by length and hash, hidden values as `***`."""
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {field.name: plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
-    if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple | set | frozenset):
-        return [plain(item) for item in (sorted(value) if isinstance(value, set | frozenset) else value)]
-    if isinstance(value, bytes):
-        return {"bytes": len(value), "sha256": hashlib.sha256(value).hexdigest()}
-    if isinstance(value, enum.Enum):
-        return value.value
-    return (
-        value
-        if value is None or isinstance(value, str | int | float)
-        else MASK
-        if isinstance(value, Hidden)
-        else str(value)
-    )

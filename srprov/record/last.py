@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import msgspec
 
 from srprov import regular_file
 from srprov.errors import UsageError
@@ -26,8 +27,7 @@ _HANDLING = frozenset({"stop", "start", "restart"})
 _DONE = frozenset({Outcome.CHANGED.value, Outcome.UNCHANGED.value})
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class LastRun:
+class LastRun(msgspec.Struct, frozen=True, kw_only=True):
     """One record, read again."""
 
     path: Path

@@ -10,9 +10,10 @@ import hashlib
 import json
 import urllib.parse
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import msgspec
 
 from srprov import private, regular_file
 from srprov.record.folder import default_root
@@ -22,8 +23,7 @@ _LONGEST = 1 << 20
 _MOST_IMAGES = 2000
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Memory:
+class Memory(msgspec.Struct, frozen=True, kw_only=True):
     """What runs of this machine wrote of one instance."""
 
     robots: frozenset[str] = frozenset()

@@ -10,8 +10,9 @@ import posixpath
 import re
 import struct
 from collections.abc import Sequence, Set
-from dataclasses import replace
 from pathlib import Path, PurePosixPath
+
+from msgspec.structs import replace
 
 from srprov.record.mcap import MAGIC, recover
 from srprov.record.results import Kept

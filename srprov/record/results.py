@@ -10,9 +10,10 @@ import os
 import stat
 from collections.abc import Collection, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, TextIO
+
+import msgspec
 
 from srprov import private
 from srprov.secret import redact_lines
@@ -36,8 +37,7 @@ _LONGEST_NAME = 200
 """Bytes; file systems take 255, and `.part` and a number may be added."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Kept:
+class Kept(msgspec.Struct, frozen=True, kw_only=True):
     """One entry of a result."""
 
     path: str

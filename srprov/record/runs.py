@@ -9,9 +9,10 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+import msgspec
 
 from srprov.errors import UsageError
 from srprov.record import journal
@@ -30,8 +31,7 @@ _ROW = ("trial", "status", "reason")
 _NOT_ENDED = "it has not ended, or was killed"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class TrialsRun:
+class TrialsRun(msgspec.Struct, frozen=True, kw_only=True):
     """A run of trials, as its journal has it."""
 
     path: Path
@@ -67,8 +67,7 @@ class TrialsRun:
         }
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class KeptRun:
+class KeptRun(msgspec.Struct, frozen=True, kw_only=True):
     """One run in a list, as `schemas/runs.schema.json` describes it."""
 
     run: str

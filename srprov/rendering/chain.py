@@ -6,9 +6,10 @@ by item: each waits for all that comes before it, and all that comes after it wa
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Collection, Iterable, Mapping
 from typing import Any
+
+from msgspec.structs import replace
 
 from srprov.definitions.playbookmodel import ADDED, AFTER, BEFORE, REPLACES, Playbook
 from srprov.errors import DefinitionError, Diagnostic, Location, did_you_mean
@@ -116,7 +117,7 @@ class _Chain:
                 self._last, self._since = [resource.id], []
             else:
                 self._since.append(resource.id)
-            self.resources[resource.id] = dataclasses.replace(resource, needs=(*resource.needs, *order))
+            self.resources[resource.id] = replace(resource, needs=(*resource.needs, *order))
             if playbook is not None:
                 self._users[resource.id] = playbook
 

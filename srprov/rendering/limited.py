@@ -8,7 +8,6 @@ so that it is known what it was at when a limit ended it.
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import json
 import math
@@ -19,9 +18,9 @@ import signal
 import time
 import traceback
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, NoReturn
 
+import msgspec
 from jinja2 import Template, TemplateError
 
 from srprov.definitions.playbookmodel import Playbook
@@ -43,8 +42,7 @@ _FAILURES = (
 """What expressions raise, and what compiling does with too many nested blocks."""
 
 
-@dataclass(frozen=True, slots=True)
-class Rendered:
+class Rendered(msgspec.Struct, frozen=True):
     """What one playbook came to for one robot: a text, or a fault and the line of the template where it is."""
 
     text: str = ""
@@ -116,7 +114,7 @@ def _be_the_child(jobs: Sequence[Job], writer: int, cpu_s: int) -> NoReturn:
             resource.setrlimit(resource.RLIMIT_AS, (space + MEMORY_BYTES, space + MEMORY_BYTES))
         with open(writer, "w", encoding="ascii") as stream:
             for playbook, context in jobs:
-                stream.write(json.dumps(dataclasses.asdict(_rendered(playbook, context))) + "\n")
+                stream.write(json.dumps(msgspec.structs.asdict(_rendered(playbook, context))) + "\n")
                 stream.flush()
         code = 0
     finally:

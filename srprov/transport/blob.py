@@ -11,9 +11,10 @@ import os
 import stat
 import zlib
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO
+
+import msgspec
 
 _MOST_CONTENT = 64 << 30
 """Bytes of one content: what a few bytes can become when they are decompressed has no other limit."""
@@ -24,8 +25,7 @@ class WrongBlob(Exception):
     """What came is not what the digest says; the text says how."""
 
 
-@dataclass(frozen=True, slots=True)
-class Blob:
+class Blob(msgspec.Struct, frozen=True):
     """A content that was compared with its digest."""
 
     digest: str

@@ -8,9 +8,10 @@ what the source has: an engine says 200 before it fails.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Collection
 from typing import TYPE_CHECKING
+
+from msgspec.structs import replace
 
 from srprov.errors import TransportError
 from srprov.layers import Image, foreign
@@ -60,7 +61,7 @@ def copy_image(
                 progress(f"{copy.image} is sent whole: {error}")
                 sent = f"sent whole, as {error}"
         reply = _whole(copy, session, source, ids, progress)
-        return dataclasses.replace(reply, out=sent) if reply.ok else reply
+        return replace(reply, out=sent) if reply.ok else reply
     except ForeignImage as error:
         return _failed(f"{copy.source_host}: {error}")
     except TransportError as error:

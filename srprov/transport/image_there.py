@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+
+import msgspec
 
 from srprov.layers import Image, has_classic_store, has_containerd_store, missing_layers, read_image
 from srprov.session import Reader
@@ -18,8 +19,7 @@ _MARGIN = 64 << 20
 _STATE = "/var/lib/srprov"
 
 
-@dataclass(frozen=True, slots=True)
-class Room:
+class Room(msgspec.Struct, frozen=True):
     """Free bytes where an engine unpacks what it loads, and where a spool would be."""
 
     engine: int | None = None
@@ -45,8 +45,7 @@ def _lack(what: str, needed: int, free: int) -> str:
     return f"{what} is too small: {-(-needed // (1 << 20))} MiB are needed, {free >> 20} MiB are free"
 
 
-@dataclass(frozen=True, slots=True)
-class Target:
+class Target(msgspec.Struct, frozen=True):
     """A robot that is to get an image."""
 
     classic: bool

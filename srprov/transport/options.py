@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
+
+import msgspec
 
 from srprov.secret import Vault
 from srprov.transport.image_source import ImageSources
@@ -18,8 +19,7 @@ Peers = Callable[[str], "Session"]
 """Returns the session of another robot by its name, for `CopyImage`; raises TransportError when there is none."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class ConnectOptions:
+class ConnectOptions(msgspec.Struct, frozen=True, kw_only=True):
     """How to connect; the inventory and ssh_config say whom to and as whom."""
 
     connect_timeout_s: float = 10.0
@@ -30,7 +30,7 @@ class ConnectOptions:
     """Used instead of ~/.ssh/config and /etc/ssh/ssh_config, as `ssh -F` does."""
     warm_engine: bool = True
     """Open the channel to the Docker Engine in the background while the first questions are asked."""
-    vault: Vault = field(default_factory=Vault)
+    vault: Vault = msgspec.field(default_factory=Vault)
     """What the sessions put in the place of the names of secrets."""
-    image_sources: ImageSources = field(default_factory=ImageSources)
+    image_sources: ImageSources = msgspec.field(default_factory=ImageSources)
     """Where copies of images read what their robot lacks, and the cache that they keep it in."""

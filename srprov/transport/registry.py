@@ -13,10 +13,11 @@ import io
 import json
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler
 from typing import Any, BinaryIO, Protocol
+
+import msgspec
 
 from srprov.transport.blob import Blob, open_regular
 from srprov.transport.deadline import Deadline
@@ -58,8 +59,7 @@ def answer(stream: Stream, image: ServedImage, sent: Sent) -> None:
         _Connection(stream, image, sent)
 
 
-@dataclass(frozen=True, slots=True)
-class _Content:
+class _Content(msgspec.Struct, frozen=True):
     """What stands at one path."""
 
     kind: str

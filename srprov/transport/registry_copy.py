@@ -9,8 +9,9 @@ Source: Docker Engine API 1.41, "Create an image", "Inspect an image", "Tag an i
 from __future__ import annotations
 
 import threading
-from dataclasses import replace
 from typing import TYPE_CHECKING
+
+from msgspec.structs import replace
 
 from srprov.layers import read_image
 from srprov.session import Progress, no_progress

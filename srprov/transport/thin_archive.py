@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import tarfile
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+
+import msgspec
 
 from srprov.layers import MANIFEST, Image, config_name, layer_name, manifest, read_config
 from srprov.transport.blobs import Blob
@@ -19,8 +20,7 @@ _LONGEST_CONFIG = 1 << 20
 _END = b"\0" * 1024
 
 
-@dataclass(frozen=True, slots=True)
-class ThinArchive:
+class ThinArchive(msgspec.Struct, frozen=True):
     """One image under one tag, without the layers that the robot has."""
 
     image: Image

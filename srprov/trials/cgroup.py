@@ -10,7 +10,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
+
+import msgspec
 
 from srprov.trials.files import Files, first, links, number, total, value_of
 
@@ -37,8 +39,7 @@ _ESCAPED = re.compile(r"\\([0-7]{3})")
 _LONGEST_PATH = 1000
 
 
-@dataclass(frozen=True, slots=True)
-class Mount:
+class Mount(msgspec.Struct, frozen=True):
     """Where a hierarchy of groups can be seen, and which of its groups is seen there."""
 
     place: str
@@ -210,11 +211,10 @@ def _network(lines: Sequence[str]) -> tuple[int | None, int | None]:
     return total(one for one, _ in own), total(one for _, one in own)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Used:
+class Used(msgspec.Struct, frozen=True, kw_only=True):
     """What a service used, up to the last time that it was read."""
 
-    counters: Counters = field(default_factory=dict)
+    counters: Counters = msgspec.field(default_factory=dict)
     moment: float = 0.0
     """When that was, by the controller's clock, in seconds since the epoch; 0 when it never was."""
     finished: float = 0.0

@@ -9,14 +9,14 @@ Source: RFC 956; RFC 5905, "Clock filter algorithm".
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+
+import msgspec
 
 _DRIFT = 500e-6
 """Seconds a second: faster than any clock drifts that has not stepped; what NTP allows too."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Sample:
+class Sample(msgspec.Struct, frozen=True, kw_only=True):
     """One question, in seconds since the epoch: by the controller's clock but for `robot`."""
 
     asked: float
@@ -26,8 +26,7 @@ class Sample:
     """The step of the robot's answer."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Offset:
+class Offset(msgspec.Struct, frozen=True, kw_only=True):
     """A robot's clock minus the controller's, in seconds; the truth lies within `error_s` of it."""
 
     offset_s: float

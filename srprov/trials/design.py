@@ -16,7 +16,8 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+
+import msgspec
 
 from srprov.definitions.trialpoints import MOST_TRIALS, combinations, most_points
 from srprov.definitions.trialsmodel import TrialDefinitions, TrialSettings
@@ -25,8 +26,7 @@ from srprov.errors import UsageError
 _POINT_DIGITS = 10
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Point:
+class Point(msgspec.Struct, frozen=True, kw_only=True):
     """One combination of the parameters' values."""
 
     id: str
@@ -34,8 +34,7 @@ class Point:
     """Parameter -> its value as text."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Trial:
+class Trial(msgspec.Struct, frozen=True, kw_only=True):
     """One repetition of a point."""
 
     id: str
@@ -46,8 +45,7 @@ class Trial:
     """0 to 2**31 - 1"""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Design:
+class Design(msgspec.Struct, frozen=True, kw_only=True):
     """All trials of an experiment."""
 
     points: tuple[Point, ...]

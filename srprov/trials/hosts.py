@@ -7,7 +7,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+
+import msgspec
 
 from srprov import time_sync
 from srprov.time_sync import TimeSync
@@ -45,8 +46,7 @@ _THROTTLE = re.compile(r"/sys/devices/system/cpu/cpu[0-9]{1,4}/thermal_throttle/
 _NOW, _SINCE_BOOT = 0xF, 0xF0000
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class HostReading:
+class HostReading(msgspec.Struct, frozen=True, kw_only=True):
     """A robot at one moment; None where it does not say."""
 
     uptime_s: float | None = None
@@ -60,7 +60,7 @@ class HostReading:
     read: int | None = None
     """Bytes, of all disks that are devices."""
     written: int | None = None
-    links: Mapping[str, tuple[int | None, int | None]] = field(default_factory=dict)
+    links: Mapping[str, tuple[int | None, int | None]] = msgspec.field(default_factory=dict)
     """Interface -> bytes received and sent."""
     temperature_c: float | None = None
     """The warmest zone's."""

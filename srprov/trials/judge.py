@@ -14,7 +14,8 @@ The status says whether the apparatus worked, the verdict whether the robots did
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
+
+import msgspec
 
 from srprov.definitions.trialsmodel import Condition, Conditions, TrialSettings
 from srprov.trials.reading import Reading
@@ -25,8 +26,7 @@ Match = tuple[str, str]
 """A service, and a pattern that some line of its log matched."""
 
 
-@dataclass(frozen=True, slots=True)
-class End:
+class End(msgspec.Struct, frozen=True):
     """How a trial ended."""
 
     status: str

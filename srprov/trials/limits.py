@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+
+import msgspec
 
 from srprov.definitions.trialsmodel import Limits
 from srprov.trials.clock import Offset
@@ -12,8 +13,7 @@ from srprov.trials.hosts import HostReading
 _MIB = 1 << 20
 
 
-@dataclass(frozen=True, slots=True)
-class Finding:
+class Finding(msgspec.Struct, frozen=True):
     """What about one robot is surely beyond a limit, or not known well enough to tell."""
 
     robot: str

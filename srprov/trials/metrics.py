@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from typing import Any
+
+import msgspec
 
 from srprov.definitions.trialsmodel import Metric
 from srprov.linear_regex import any_of, compiled
@@ -38,8 +39,7 @@ def from_json(text: str, pointer: str) -> float | None:
         return None
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Scanned:
+class Scanned(msgspec.Struct, frozen=True, kw_only=True):
     """What one pass over a log gave."""
 
     values: Mapping[str, float]

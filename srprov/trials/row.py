@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import datetime as dt
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+
+import msgspec
 
 from srprov.trials.clock import Offset, stepped
 from srprov.trials.design import Trial
@@ -15,22 +16,21 @@ _LAST_MOMENT = 253_402_300_000.0
 """The end of the year 9999."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Seen:
+class Seen(msgspec.Struct, frozen=True, kw_only=True):
     """All that is known of an attempt when it is over; times in seconds, by the controller's clock where not said."""
 
     end: End
-    readings: Mapping[str, Reading] = field(default_factory=dict)
+    readings: Mapping[str, Reading] = msgspec.field(default_factory=dict)
     """Service -> its container; times by its robot's clock."""
-    robots: Mapping[str, str] = field(default_factory=dict)
+    robots: Mapping[str, str] = msgspec.field(default_factory=dict)
     """Service -> its robot."""
-    before: Mapping[str, Offset | None] = field(default_factory=dict)
-    after: Mapping[str, Offset | None] = field(default_factory=dict)
+    before: Mapping[str, Offset | None] = msgspec.field(default_factory=dict)
+    after: Mapping[str, Offset | None] = msgspec.field(default_factory=dict)
     began: float = 0.0
     ready_s: float = 0.0
     duration_s: float = 0.0
     stop_s: float = 0.0
-    matched: Mapping[str, float] = field(default_factory=dict)
+    matched: Mapping[str, float] = msgspec.field(default_factory=dict)
     """Service -> when its log matched what ended the trial, by its robot's clock."""
 
 

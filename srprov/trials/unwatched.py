@@ -8,7 +8,9 @@ clock. Pure.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov.definitions.trialsmodel import TrialSettings
 from srprov.trials.judge import End, Match, ended
@@ -18,8 +20,7 @@ _LAG_S = 1.0
 """Until a controller that watches has seen that a trial is over, and asks its services to end."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Told:
+class Told(msgspec.Struct, frozen=True, kw_only=True):
     """When events of an attempt were, by the run's journal."""
 
     created: float

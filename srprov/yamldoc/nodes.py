@@ -10,7 +10,9 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov.errors import DefinitionError, Diagnostic, Location
 
@@ -30,8 +32,7 @@ _MOST_PROBLEMS = 100
 Path = tuple[str | int, ...]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Source:
+class Source(msgspec.Struct, frozen=True, eq=False):
     """One file that was read: its name as the user gave it, and its lines for excerpts."""
 
     file: str
@@ -52,8 +53,7 @@ class Source:
         return self.lines[line - 1] if 0 < line <= len(self.lines) else ""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Scalar:
+class Scalar(msgspec.Struct, frozen=True, eq=False):
     """A word, number or text; `plain` is false for quoted and block text, which is never a number, boolean or null."""
 
     source: Source
@@ -65,8 +65,7 @@ class Scalar:
     """An explicit tag other than YAML's own, e.g. `!vault`."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Seq:
+class Seq(msgspec.Struct, frozen=True, eq=False):
     """A list."""
 
     source: Source
@@ -76,15 +75,14 @@ class Seq:
     tag: str = ""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Map:
+class Map(msgspec.Struct, frozen=True, eq=False):
     """A map; `keys` holds where each key is written."""
 
     source: Source
     line: int
     column: int
-    entries: Mapping[str, Node] = field(default_factory=dict)
-    keys: Mapping[str, Scalar] = field(default_factory=dict)
+    entries: Mapping[str, Node] = msgspec.field(default_factory=dict)
+    keys: Mapping[str, Scalar] = msgspec.field(default_factory=dict)
     tag: str = ""
 
 

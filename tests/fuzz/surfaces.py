@@ -7,7 +7,6 @@ Only srprov's own errors may come of it.
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import hashlib
 import io
 import json
@@ -19,6 +18,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from msgspec.structs import replace
 
 from srprov import disk
 from srprov.cli.config import default_map
@@ -191,7 +192,7 @@ def _engine(_folder: Path, content: bytes) -> None:
         module.parse([Reply(status=200, out=said)] * len(module.queries()))
     real = replies(COMPUTER)
     for index in range(len(real)):
-        answers = [dataclasses.replace(one, out=said) if index == at else one for at, one in enumerate(real)]
+        answers = [replace(one, out=said) if index == at else one for at, one in enumerate(real)]
         parse_host(Host(name="r1", address="r1"), answers, None)
 
 
@@ -303,7 +304,7 @@ def _plan_text() -> str:
     world = World().add("r1", "r2")
     what = experiment(service("a", robot="r1"), service("b", depends_on={"a": "started"}, command=("x",)))
     planned = made(world, Definitions(experiment=what, containers={}), AS_IT_IS)
-    return dump(plan_file(dataclasses.replace(planned, definitions=None)))
+    return dump(plan_file(replace(planned, definitions=None)))
 
 
 def _facts_text() -> str:

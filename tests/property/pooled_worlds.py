@@ -7,9 +7,11 @@ puts each part into each slot.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from itertools import product
 from random import Random
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov.assignment import problem, solve
 from srprov.assignment.cost import at_slot, load, terms
@@ -22,16 +24,15 @@ from tests.unit.assignment.worlds import GIB, experiment, found, robot, service
 Placed = dict[str, tuple[str, int]]
 
 
-@dataclass(frozen=True, kw_only=True)
-class World:
+class World(msgspec.Struct, frozen=True, kw_only=True):
     """An experiment, robots, their slots, where services run now, and earlier runs."""
 
     what: Experiment
     where: Snapshot
     slots: Mapping[str, int]
-    previous: Mapping[str, str] = field(default_factory=dict)
+    previous: Mapping[str, str] = msgspec.field(default_factory=dict)
     history: tuple[Mapping[str, float], ...] = ()
-    taken: Mapping[str, tuple[TakenPort, ...]] = field(default_factory=dict)
+    taken: Mapping[str, tuple[TakenPort, ...]] = msgspec.field(default_factory=dict)
 
     def problem(self, **options: bool) -> Problem:
         return problem.build(

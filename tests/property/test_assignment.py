@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from random import Random
 from unittest import mock
 
+import msgspec
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from srprov.assignment import conflict as conflicts
 from srprov.assignment import explain, few_slots, problem, solve, solve_arrays
@@ -26,12 +27,11 @@ NAMES = ("a", "b", "c", "d", "e", "f")
 ROBOTS = ("r1", "r2", "r3", "r4", "r5", "r6")
 
 
-@dataclass(frozen=True, kw_only=True)
-class World:
+class World(msgspec.Struct, frozen=True, kw_only=True):
     what: Experiment
     where: Snapshot
     slots: Mapping[str, int]
-    previous: Mapping[str, str] = field(default_factory=dict)
+    previous: Mapping[str, str] = msgspec.field(default_factory=dict)
 
     def solve(self, **options: bool) -> Assignment:
         return solve.solve(self.problem(**options))

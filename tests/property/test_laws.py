@@ -11,7 +11,6 @@ after a failure at any command, the next apply ends where an undisturbed one wou
 from __future__ import annotations
 
 import copy
-import dataclasses
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -21,6 +20,7 @@ import pytest
 from hypothesis import HealthCheck as Hypothesis
 from hypothesis import given, note, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from srprov.execution import RunOptions, conditions
 from srprov.planning.text import plan_text
@@ -321,7 +321,7 @@ def test_order_says_nothing(
         for kind in ("containers", "networks", "volumes", "images"):
             setattr(robot.engine, kind, shuffled(getattr(robot.engine, kind)))
         robot.kernel.links = shuffled(robot.kernel.links)
-    permuted = dataclasses.replace(what, services=shuffled(dict(what.services)))
+    permuted = replace(what, services=shuffled(dict(what.services)))
     assert plan_text(plan_for(world, permuted), commands=True) == text
 
 

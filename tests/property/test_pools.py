@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from itertools import pairwise
 from random import Random
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 from ortools.math_opt.python import mathopt
 
 from benchmarks.assignment import paper

@@ -5,7 +5,6 @@ The robots are in memory here; `tests/lab/test_tampered_plans.py` does the same 
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import os
 import subprocess
@@ -16,6 +15,7 @@ from typing import Any
 from unittest import mock
 
 import pytest
+from msgspec.structs import replace
 
 from srprov.controller.owners import read_owner
 from srprov.controller.permissions import permit_run
@@ -220,13 +220,13 @@ def copying(saved: PlanFile, name: str, source: str, **of: str) -> str:
         if step.module == "image" and step.name == name and step.host != source:
             assert step.want is not None
             params = ImageParams(source="copy", from_=source, **of)
-            want = dataclasses.replace(step.want, params=params, written={"source": "copy", "from": source, **of})
+            want = replace(step.want, params=params, written={"source": "copy", "from": source, **of})
             due = due_step(want, None)
             assert due is not None
-            steps.append(dataclasses.replace(step, want=want, change=due.change))
+            steps.append(replace(step, want=want, change=due.change))
         else:
             steps.append(step)
-    return dump(dataclasses.replace(saved, plan=dataclasses.replace(saved.plan, steps=tuple(steps)), proof=""))
+    return dump(replace(saved, plan=replace(saved.plan, steps=tuple(steps)), proof=""))
 
 
 def test_a_plan_file_copies_only_images_that_were_built_under_their_tag(
@@ -267,15 +267,15 @@ def test_a_plan_file_records_the_placement_of_its_own_resources(
             for key, one in forged.items():
                 value[key] = {**value[key], **one} if key in ("robots", "services") else one
             written_as = {**step.want.written, "content": canonical(value) + "\n"}
-            params = dataclasses.replace(step.want.params, content=written_as["content"])
-            due = due_step(dataclasses.replace(step.want, params=params, written=written_as), None)
+            params = replace(step.want.params, content=written_as["content"])
+            due = due_step(replace(step.want, params=params, written=written_as), None)
             assert due is not None
-            steps.append(dataclasses.replace(step, want=due.want, change=due.change))
+            steps.append(replace(step, want=due.want, change=due.change))
         else:
             steps.append(step)
     (tmp_path / "plan.json").write_text(dump(saved))
     assert read_source(str(tmp_path / "plan.json"))
-    plan = dataclasses.replace(saved.plan, steps=tuple(steps))
-    (tmp_path / "plan.json").write_text(dump(dataclasses.replace(saved, plan=plan, proof="")))
+    plan = replace(saved.plan, steps=tuple(steps))
+    (tmp_path / "plan.json").write_text(dump(replace(saved, plan=plan, proof="")))
     with pytest.raises(UsageError, match=r"placement\.json asks for playbook"):
         read_source(str(tmp_path / "plan.json"))

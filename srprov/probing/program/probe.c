@@ -10,7 +10,11 @@
  * Small packets and those as large as the MTU are ICMP echo requests that must not be fragmented: the kernel at the
  * other end answers them. They carry who sent them to whom, so the other end knows what it heard, also where its
  * answers are lost; and the port where its TCP is heard, so no port has to be free. Between services there are also one
- * TCP connection, with a segment each way, and a UDP datagram to a multicast group.
+ * TCP connection, with a segment each way, and a UDP datagram to a multicast group. Loss and round trips are measured
+ * between the robots' own addresses; elsewhere one packet that comes back is enough.
+ *
+ * A machine that heard all that it waits for tells the others so, once for all of its endpoints, and goes on answering
+ * until all of them said the same.
  *
  * It ends when nobody wants anything any more, when it ran for QUIET_MS and learned nothing, or after LIMIT_MS; nothing that it
  * hears makes it stay longer. Then it writes a line of JSON for every SELF, as srprov/probing/answers.py reads it.
@@ -37,9 +41,10 @@
 #define MOST_SERVED 192 /* and those of others */
 #define LARGEST 9216    /* bytes of a packet; a larger MTU is tried up to this */
 #define SEGMENT 1000    /* bytes that TCP carries in each direction */
-#define PINGS 5
+#define PINGS 5       /* between the robots' own addresses; to and from others one */
 #define CALLS 4       /* tries of a TCP connection: the kernel itself sends a lost SYN again only after a second */
 #define SPREAD_US 700 /* between the first packets to two peers, so that no queue on the way overflows */
+#define HELLO_US 40000 /* after the first packet, then twice as long up to eight times */
 #define GROUP "239.255.83.80"
 #define GROUP_PORT 47583
 
@@ -96,6 +101,7 @@ static int endpoint_count, self_count, home_place;
 static unsigned char magic[4];
 static unsigned mtus[2];
 static long long now, progress;
+static int ready; /* nothing here waits for anything but for the others' being ready */
 static const unsigned smaller[] = {8, 28, 50, 80, 130, 250, 500};
 
 static long long clock_us(void) {
@@ -108,12 +114,18 @@ static long long clock_us(void) {
 
 static int is_service(int i) { return endpoints[i].letter == 's' || endpoints[i].letter == 'r'; }
 
+static int is_robot(int i) { return endpoints[i].letter == 'g'; }
+
 static int is_underlay(int i) { return endpoints[i].letter == 'u'; }
 
 static int asked(const struct self *me, int i) {
     if (i == me->index || is_underlay(i) != is_underlay(me->index)) return 0;
     return endpoints[i].letter != 's' || endpoints[me->index].letter != 's';
 }
+
+static int between_robots(const struct self *me, int i) { return is_robot(me->index) && is_robot(i); }
+
+static unsigned pings(const struct self *me, int i) { return between_robots(me, i) ? PINGS : 1; }
 
 static int with_streams(const struct self *me, int i) { return is_service(me->index) && is_service(i); }
 
@@ -122,13 +134,14 @@ static unsigned whole(const struct self *me) {
     return mtu > LARGEST ? LARGEST : mtu;
 }
 
-static int pings_done(const struct peer *p) {
-    return p->got && p->sent >= PINGS && (p->got >= p->sent || now > p->pinged + 250000 + 2 * (long long)p->rtt_max);
+static int pings_done(const struct self *me, int i) {
+    const struct peer *p = &me->peers[i];
+    return p->got && p->sent >= pings(me, i) && (p->got >= p->sent || now > p->pinged + 250000 + 2 * (long long)p->rtt_max);
 }
 
 static int complete(const struct self *me, int i) {
     const struct peer *p = &me->peers[i];
-    if (!p->heard || !pings_done(p) || !p->sized) return 0;
+    if (!p->heard || !pings_done(me, i) || !p->sized) return 0;
     return !with_streams(me, i) || (p->cast && p->call >= WORKED);
 }
 
@@ -186,8 +199,8 @@ static void echo(struct self *me, int i, int kind, unsigned flags, unsigned size
 static void hello(struct self *me, int i) {
     struct peer *p = &me->peers[i];
     unsigned flags = 0;
-    if (complete(me, i)) flags |= DONE;
-    if (!p->heard || !p->peer_done) flags |= WANT;
+    if (between_robots(me, i) && ready) flags |= DONE;
+    if (!p->heard || (between_robots(me, i) && !p->peer_done)) flags |= WANT;
     if (with_streams(me, i) && !p->cast) flags |= WANT_CAST;
     if (flags & DONE) p->told_done = 1;
     p->hello_sent = now;
@@ -461,39 +474,45 @@ static void size_due(struct self *me, int i) {
     p->next_size = now + (pause < 80000 ? 80000 : pause > 500000 ? 500000 : pause);
 }
 
+/* bit 0: all is known of this pair; bit 1: and nothing more is to be told */
 static int due(struct self *me, int i) {
     struct peer *p = &me->peers[i];
-    int is_complete = complete(me, i);
-    if (now >= p->next_ping && p->sent < 100 && !(p->got && p->sent >= PINGS)) {
+    unsigned wanted = pings(me, i);
+    int is_complete = complete(me, i), over = is_complete;
+    if (now >= p->next_ping && p->sent < 100 && !(p->got && p->sent >= wanted)) {
         p->sent++;
         p->pinged = now;
-        p->next_ping = now + (p->sent < PINGS ? 10000 : 100000);
+        p->next_ping = now + (p->sent < wanted ? 10000 : 100000);
         echo(me, i, PING, 0, 0);
     }
     if (p->got && !p->sized && now >= p->next_size) size_due(me, i);
     if (p->tries && p->tries < CALLS && p->call < WORKED && now - p->called > p->tries * 400000LL) give_up_call(me, i);
     if (with_streams(me, i) && p->heard && p->port && p->call == IDLE) begin_call(me, i);
-    if ((is_complete && !p->told_done) || (!(is_complete && p->peer_done) && now >= p->next_hello)) {
-        p->next_hello = now + (p->hellos++ < 10 ? 40000 : 100000);
+    if (between_robots(me, i)) over = ready && p->peer_done;
+    if ((between_robots(me, i) && ready && !p->told_done) || (!over && now >= p->next_hello)) {
+        /* who begins late asks for what it has missed; who waits for it need not ask often */
+        p->next_hello = now + (HELLO_US << (p->hellos < 3 ? p->hellos : 3));
+        p->hellos++;
         hello(me, i);
     }
-    return is_complete && p->peer_done;
+    return is_complete | over << 1;
 }
 
 static int all_due(void) {
-    int over = 1;
+    int known = 3;
     for (int s = 0; s < self_count; s++) {
         struct self *me = &selves[s];
         int wanted = 0;
         if (me->failed) continue;
         for (int i = 0; i < endpoint_count; i++) {
             if (!asked(me, i)) continue;
-            if (!due(me, i)) over = 0;
+            known &= due(me, i);
             wanted |= me->peers[i].cast_due;
         }
         if (is_service(me->index) && wanted && now - me->peers[me->index].cast_sent >= 20000) cast(me, me->index);
     }
-    return over;
+    ready = known & 1;
+    return known == 3;
 }
 
 static void wait_and_hear(void) {
@@ -740,7 +759,7 @@ int main(int count, char **words) {
         for (int i = 0; i < endpoint_count && !selves[s].failed; i++) {
             int after = (i - selves[s].index + endpoint_count) % endpoint_count;
             selves[s].peers[i].next_ping = begun + after % 128 * SPREAD_US;
-            selves[s].peers[i].next_hello = selves[s].peers[i].next_ping + SPREAD_US;
+            selves[s].peers[i].next_hello = selves[s].peers[i].next_ping + HELLO_US;
         }
         if (is_service(selves[s].index) && !selves[s].failed) cast(&selves[s], selves[s].index);
     }
@@ -753,7 +772,7 @@ int main(int count, char **words) {
     for (int s = 0; s < self_count; s++) {
         struct self *me = &selves[s];
         for (int i = 0; i < endpoint_count && !me->failed; i++)
-            if (asked(me, i) && complete(me, i)) hello(me, i);
+            if (ready && asked(me, i) && between_robots(me, i)) hello(me, i);
         put_self(me, now - begun);
     }
     flush();

@@ -11,8 +11,9 @@ import io
 import threading
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
+
+import msgspec
 
 from srprov.errors import TransportError
 from srprov.pace import LEAST_RATE
@@ -175,8 +176,7 @@ Dial = Callable[[float], EngineSocket]
 """Opens a stream to the engine within so many seconds; raises EngineGone in words, or TimeoutError."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class EngineLink:
+class EngineLink(msgspec.Struct, frozen=True, kw_only=True):
     """How the engine of one robot is reached."""
 
     host: str

@@ -15,7 +15,8 @@ import hmac
 import os
 import threading
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+
+import msgspec
 
 from srprov import regular_file
 from srprov.errors import HostKeyError
@@ -25,8 +26,7 @@ from srprov.wire import sh
 _appending = threading.Lock()
 
 
-@dataclass(frozen=True, slots=True)
-class KnownKey:
+class KnownKey(msgspec.Struct, frozen=True):
     """One line of a known_hosts file that speaks of the robot."""
 
     file: str

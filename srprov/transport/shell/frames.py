@@ -2,16 +2,16 @@ r"""The language between srprov and a robot's shell: what is written to it, and 
 
 Takes commands and bytes, returns bytes and replies; pure. A batch is one text. Each command in it runs as `(eval
 'command') </dev/null`, so that neither `exit`, a syntax error nor a command that reads its standard input can touch
-the shell itself, at the price of one fork. After each one the shell prints `\n<nonce> <index> <status>\n` on both its
-streams; the nonce is 128 fresh random bits per batch, so that output may be any bytes and no temporary file is needed
-on the robot. A first boundary (index `begin`) throws away what a background process of an earlier command may have
-printed meanwhile.
+the shell itself, at the price of one fork; questions of ours that do none of this run without it. After each one the
+shell prints `\n<nonce> <index> <status>\n` on both its streams; the nonce is 128 fresh random bits per batch, so that
+output may be any bytes and no temporary file is needed on the robot. A first boundary (index `begin`) throws away what
+a background process of an earlier command may have printed meanwhile.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 
 from srprov.wire import quote
 
@@ -85,15 +85,21 @@ def start_command(nonce: str, then: str, *, root: bool, mark: str = "", ask: boo
     return f'exec sh -c \'if [ "$(id -u)" = 0 ]; then {inner}; fi; exec {sudo} sh -c "{again}"\''
 
 
-def batch(nonce: str, commands: Sequence[str]) -> bytes:
+def batch(nonce: str, commands: Sequence[str], in_place: Collection[int] = ()) -> bytes:
     """Return the text of one batch for a shell's standard input.
+
+    Args:
+        nonce: As in `Frames`.
+        commands: Each is run in a subshell.
+        in_place: Indices of those that the shell runs itself.
 
     Raises:
         ValueError: A command holds a NUL byte.
     """
     lines = [_boundary(nonce, BEGIN, "0")]
     for index, command in enumerate(commands):
-        lines.append(f"(eval {quote(command)}) </dev/null; _s=$?; {_boundary(nonce, str(index), '$_s')}")
+        run = f"{{ eval {quote(command)}; }}" if index in in_place else f"(eval {quote(command)})"
+        lines.append(f"{run} </dev/null; _s=$?; {_boundary(nonce, str(index), '$_s')}")
     return ("\n".join(lines) + "\n").encode("utf-8", "surrogateescape")
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import secrets
 import threading
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING
 
 from srprov.errors import DeadlineError, TransportError
@@ -42,7 +42,8 @@ class Shell:
             TransportError: The connection or the shell died.
         """
         commands = [query.command for query in queries]
-        return self._exchange(commands, [query.timeout_s for query in queries], commands)
+        in_place = {at for at, query in enumerate(queries) if query.in_place}
+        return self._exchange(commands, [query.timeout_s for query in queries], commands, in_place=in_place)
 
     def run(self, script: str, timeout_s: float, progress: Progress, shown: str) -> Reply:
         """Run a script and pass its output lines to `progress` as they come; errors show `shown` instead of it.
@@ -66,13 +67,18 @@ class Shell:
         self._streams.close()
 
     def _exchange(
-        self, commands: Sequence[str], limits_s: Sequence[float], shown: Sequence[str], progress: Progress | None = None
+        self,
+        commands: Sequence[str],
+        limits_s: Sequence[float],
+        shown: Sequence[str],
+        progress: Progress | None = None,
+        in_place: Collection[int] = (),
     ) -> list[Reply]:
         """Write one batch and wait for all of its answers; `progress` gets the lines of a single command."""
         if not commands:
             return []
         nonce = secrets.token_hex(16)
-        text = batch(nonce, commands)
+        text = batch(nonce, commands, in_place)
         with self._lock:
             if self._closed:
                 raise TransportError(self._host, "its connection is closed", hint="connect again")

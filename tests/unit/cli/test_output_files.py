@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import os
 import subprocess
 import threading
@@ -12,6 +11,7 @@ from pathlib import Path
 import click
 import pytest
 from click.testing import CliRunner
+from msgspec.structs import replace
 
 from srprov import regular_file
 from srprov.cli.output_options import EVENTS
@@ -30,7 +30,7 @@ _THEIRS = 65534
 @pytest.fixture(name="saved")
 def a_plan_for_a_file() -> PlanFile:
     what = Definitions(experiment=experiment(service("one", robot="r1")), containers={})
-    return plan_file(dataclasses.replace(made(World().add("r1"), what), definitions=None))
+    return plan_file(replace(made(World().add("r1"), what), definitions=None))
 
 
 def events_to(path: str) -> None:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
+from msgspec.structs import replace
 
 from srprov.controller.awaiting import Awaited, awaited, standing, wait
 from srprov.controller.located import Located, Whereabouts, locate

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from srprov.controller.authority import check_file
 from srprov.controller.saved import check_plan
@@ -80,13 +80,13 @@ def test_a_plan_file_puts_no_other_address_on_a_robots_bridge(address: str) -> N
         want = step.want
         if want is None or (want.module, want.host) != ("vxlan", "r1"):
             return step
-        params = dataclasses.replace(want.params, addresses=(forged,))
-        want = dataclasses.replace(want, params=params, written={**want.written, "addresses": [forged]})
+        params = replace(want.params, addresses=(forged,))
+        want = replace(want, params=params, written={**want.written, "addresses": [forged]})
         due = due_step(want, None)
         assert due is not None
-        return dataclasses.replace(step, want=want, change=due.change)
+        return replace(step, want=want, change=due.change)
 
-    plan = dataclasses.replace(saved.plan, steps=tuple(with_address(step) for step in saved.plan.steps))
-    changed = dataclasses.replace(saved, plan=plan, proof="")
+    plan = replace(saved.plan, steps=tuple(with_address(step) for step in saved.plan.steps))
+    changed = replace(saved, plan=plan, proof="")
     with pytest.raises(UsageError, match="its addresses are not such as services on the network there may have"):
         check_file(load(dump(changed), "plan.json"), "plan.json")

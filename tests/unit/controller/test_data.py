@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from srprov.controller.data import data_now, held_fast, holdings
 from srprov.controller.data_owner import check_owner, check_saved
@@ -81,7 +82,7 @@ def test_a_move_of_data_is_said_and_refused_until_it_is_decided() -> None:
     assert refused.value.exit_code == 9
     for how in ("move", "leave"):
         _, decided = data_of(web(robot="r2"), seen, "r2", {"web": "r1"}, data=how)
-        permit_run(dataclasses.replace(plan, data=decided.moves), ())
+        permit_run(replace(plan, data=decided.moves), ())
         assert bool(decided.copies) == (how == "move")
 
 
@@ -170,19 +171,19 @@ def test_a_plan_from_a_file_is_held_against_the_tokens_of_who_wrote_it() -> None
             check_saved(plan, (), seen, owners)
     check_saved(plan, (), seen, [MINE])
     with pytest.raises(RefusedError):
-        check_saved(dataclasses.replace(plan, instance="y"), (), seen, [MINE])
+        check_saved(replace(plan, instance="y"), (), seen, [MINE])
 
 
 def test_each_replica_has_a_volume_of_its_own() -> None:
     """And one on each robot has the name as it stands."""
     mounts = (Mount(kind="volume", source="log", target="/l"), Mount(kind="tree", source="/e/t", target="/t"))
     one = service("web", mounts=mounts)
-    some = expand(experiment(dataclasses.replace(one, replicas=2)), {})
+    some = expand(experiment(replace(one, replicas=2)), {})
     assert [[m.source for m in s.runtime.mounts] for s in some.services.values()] == [
         ["log-1", "/e/t"],
         ["log-2", "/e/t"],
     ]
-    everywhere = expand(experiment(dataclasses.replace(one, per_robot=())), {"r1": [], "r2": []})
+    everywhere = expand(experiment(replace(one, per_robot=())), {"r1": [], "r2": []})
     assert {m.source for s in everywhere.services.values() for m in s.runtime.mounts} == {"log", "/e/t"}
 
 

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 import hashlib
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from srprov.controller.authority import check_file
 from srprov.controller.data_sets import data_set, refuse_files, used_data
@@ -86,7 +86,7 @@ def test_a_plan_file_has_the_hash_and_no_path(file: str, tmp_path: Path, monkeyp
         (f"/var/lib/srprov/.data/{SHA}/data", True),
         (f"/var/lib/srprov/.data/{'0' * 64}/data", True),
     }
-    silent = dataclasses.replace(saved, plan=dataclasses.replace(saved.plan, permissions=()))
+    silent = replace(saved, plan=replace(saved.plan, permissions=()))
     with pytest.raises(UsageError, match="asks for fetch"):
         check_file(silent, "plan.json")
 

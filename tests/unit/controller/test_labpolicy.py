@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from srprov.controller import labpolicy
 from srprov.controller.labpolicy import enforce, narrowed, read_policies
@@ -62,17 +62,17 @@ def test_kinds_are_allowed_per_group_of_the_inventory(tmp_path: Path) -> None:
     given = policies(tmp_path, "allow:\n  all: []\n  arms: [device]\n")
     made = plan(devices=(("/dev/x", "/dev/x", "rw"),))
     permit_run(made, ("all",), ARMS, given)
-    elsewhere = dataclasses.replace(made, assignment={"a": "r2"})
+    elsewhere = replace(made, assignment={"a": "r2"})
     assert "does not allow device on r2" in refused(elsewhere, given)
 
 
 def test_a_playbook_is_about_all_robots_also_where_a_service_has_its_name(tmp_path: Path) -> None:
     given = policies(tmp_path, "allow:\n  all: []\n  arms: [playbook]\n")
     asks = Permission(kind="playbook", service="a", what="states anything on the robots, as root")
-    made = dataclasses.replace(plan(), permissions=(asks,))
+    made = replace(plan(), permissions=(asks,))
     permit_run(made, ("all",), ARMS, given)
-    elsewhere = dataclasses.replace(made.steps[0], host="r2")
-    assert "does not allow playbook on r2" in refused(dataclasses.replace(made, steps=(elsewhere,)), given)
+    elsewhere = replace(made.steps[0], host="r2")
+    assert "does not allow playbook on r2" in refused(replace(made, steps=(elsewhere,)), given)
 
 
 def test_a_plan_is_not_even_made(tmp_path: Path) -> None:
@@ -176,7 +176,7 @@ def test_a_build_starts_from_the_registries_of_the_lab(tmp_path: Path, text: str
         host="r1", module="image", name="srprov/x:1", written={},
         params=ImageParams(source="build", blob=context_tar(text, ())),
     )  # fmt: skip
-    built = dataclasses.replace(made, steps=(dataclasses.replace(image, want=build),))
+    built = replace(made, steps=(replace(image, want=build),))
     if wrong:
         assert f"the image {wrong} on r1" in refused(built, given)
     else:

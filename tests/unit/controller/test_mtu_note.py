@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import pytest
+from msgspec.structs import replace
 
 from srprov.controller.mtu_note import mtu_notes
 from srprov.facts.model import Snapshot
@@ -36,6 +35,6 @@ def test_another_mtu_is_said_with_the_robot_that_asks_for_it(before: int, now: i
     overlay = layout(WHAT, PLACED, snapshot)
     mine = Observed(module="network", name=overlay.network, instance="hello", state={"mtu": before})
     theirs = Observed(module="network", name="srprov.theirs", instance="theirs", state={"mtu": 1200})
-    notes = mtu_notes(overlay, dataclasses.replace(snapshot, observed={"r1": (mine, theirs), "r2": ()}))
+    notes = mtu_notes(overlay, replace(snapshot, observed={"r1": (mine, theirs), "r2": ()}))
     assert len(notes) == (1 if words else 0)
     assert all(word in notes[0] for word in words), notes

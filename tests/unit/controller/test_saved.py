@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 from unittest import mock
 
 import pytest
+from msgspec.structs import replace
 
 from srprov.controller.authority import check_file, wants_of
 from srprov.controller.owners import owners_folder, read_owner
@@ -47,7 +47,7 @@ def world() -> World:
 def planned(world: World, what: Experiment = SECOND) -> Planned:
     request = PlanRequest(exact=True, adopt=True, owner=read_owner(what.name, what.file))
     whole = made(world, Definitions(experiment=what, containers={}), request)
-    return dataclasses.replace(whole, definitions=None)
+    return replace(whole, definitions=None)
 
 
 def reread(one: Planned) -> PlanFile:
@@ -108,14 +108,14 @@ def test_steps_that_do_not_follow_are_named(world: World) -> None:
     saved = reread(planned(world))
     first = next(step for step in saved.plan.steps if step.want)
     steps = tuple(step for step in saved.plan.steps if step is not first)
-    changed = dataclasses.replace(saved, plan=dataclasses.replace(saved.plan, steps=steps))
+    changed = replace(saved, plan=replace(saved.plan, steps=steps))
     with pytest.raises((UsageError, StalePlan)):
         check_plan(changed, fleet(world), adopt=True)
 
 
 def test_a_plan_from_elsewhere_sends_nothing_to_a_robot_that_does_not_answer(world: World) -> None:
     """Its address is only what the file says; the robot may be anywhere."""
-    saved = dataclasses.replace(reread(planned(world)), proof="")
+    saved = replace(reread(planned(world)), proof="")
     check_plan(saved, fleet(world), adopt=True)
     world.robots["r3"].gone = True
     with pytest.raises(RefusedError, match=r"packets would go to 10\.0\.0\.3"):
@@ -128,7 +128,7 @@ def test_a_plan_from_elsewhere_changes_no_instance_that_was_made_here(world: Wor
         saved = reread(planned(world))
     check_plan(saved, fleet(world))
     for proof in ("", "0" * 40):
-        forged = dataclasses.replace(saved, proof=proof)
+        forged = replace(saved, proof=proof)
         with pytest.raises(RefusedError, match=r"not written on this controller.* on r1, r2, r3"):
             check_plan(forged, fleet(world))
         check_plan(forged, fleet(world), adopt=True)
@@ -146,8 +146,8 @@ def test_a_step_of_a_kind_that_there_is_not_and_a_wait_that_cannot_end_are_refus
 
     def read(**changed: object) -> None:
         first = next(step for step in saved.plan.steps if step.module == "container")
-        steps = tuple(dataclasses.replace(one, **changed) if one is first else one for one in saved.plan.steps)  # type: ignore[arg-type] # any field
-        text = dump(dataclasses.replace(saved, plan=dataclasses.replace(saved.plan, steps=steps)))
+        steps = tuple(replace(one, **changed) if one is first else one for one in saved.plan.steps)  # type: ignore[arg-type] # any field
+        text = dump(replace(saved, plan=replace(saved.plan, steps=steps)))
         check_file(load(text, "plan.json"), "plan.json")
 
     read()
@@ -167,7 +167,7 @@ def test_a_unit_in_a_plan_file_asks_for_its_permission(world: World) -> None:
     written = {**link.written, "link": link.name}
     unit = resource("unit", f"srprov-{saved.plan.instance}.service", written, host=link.host)
     with pytest.raises(UsageError, match=r"network.persist asks for unit \(.*\), which is not among them"):
-        check_file(dataclasses.replace(saved, also_wanted=(*saved.also_wanted, unit)), "plan.json")
+        check_file(replace(saved, also_wanted=(*saved.also_wanted, unit)), "plan.json")
 
 
 @pytest.mark.parametrize("wrong", ["gone", "more", "other"])
@@ -182,8 +182,6 @@ def test_a_link_in_a_plan_file_without_its_own_filter_asks_for_a_permission(worl
                "other": (resource("vxlan_filter", "srpv00000001", written, host="r1"),)}[wrong]  # fmt: skip
     also = tuple(one for one in saved.also_wanted if one != closed)
     steps = tuple(one for one in saved.plan.steps if one.want != closed)
-    tampered = dataclasses.replace(
-        saved, plan=dataclasses.replace(saved.plan, steps=steps), also_wanted=(*also, *changed)
-    )
+    tampered = replace(saved, plan=replace(saved.plan, steps=steps), also_wanted=(*also, *changed))
     with pytest.raises(UsageError, match=r"r1/vxlan:srpv\w+ asks for playbook"):
         check_file(tampered, "plan.json")

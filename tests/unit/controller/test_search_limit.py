@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import click
 import pytest
+from msgspec.structs import replace
 
 from srprov.assignment import solve
 from srprov.assignment.model import Assignment, Problem
@@ -27,7 +26,7 @@ def limits(monkeypatch: pytest.MonkeyPatch) -> list[float | None]:
 
     def stopped(problem: Problem, seconds: float | None = None) -> Assignment:
         seen.append(seconds)
-        return dataclasses.replace(really(problem, seconds), optimal=False, gap=GAP)
+        return replace(really(problem, seconds), optimal=False, gap=GAP)
 
     monkeypatch.setattr(solve, "solve", stopped)
     return seen

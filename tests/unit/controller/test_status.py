@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import time
 from typing import Any
 from unittest import mock
+
+from msgspec.structs import replace
 
 from srprov.controller import ownership
 from srprov.controller.status import Status, containers_of, status_of
@@ -203,7 +204,7 @@ def test_a_thousand_instances_on_each_of_a_dozen_robots_are_told_in_time() -> No
     }  # fmt: skip
     known = fleet(World().add(*robots)).gather(Detail.BASIC)
     began = time.process_time()
-    status = status_of(dataclasses.replace(known, observed=there))
+    status = status_of(replace(known, observed=there))
     assert len(status.services) == 12_000
     assert time.process_time() - began < 2
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from srprov.controller.trial_instances import with_instances
 from srprov.controller.trial_run import chosen

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import pytest
+from msgspec.structs import replace
 
 from srprov.cli.options import budget
 from srprov.errors import UsageError
@@ -21,7 +20,7 @@ def test_no_step_begins_when_too_many_robots_failed(max_fail: int | None, begins
     plan = plan_for(w, what)
     w.robots["r1"].fault = Fault(at=1)
 
-    result = run(w, plan, dataclasses.replace(QUICK, max_fail=max_fail, forks=1))
+    result = run(w, plan, replace(QUICK, max_fail=max_fail, forks=1))
 
     second = [one for one in result.results if one.step.host == "r2"]
     assert {one.outcome for one in second} == {Outcome.CHANGED if begins else Outcome.NOT_REACHED}
@@ -33,9 +32,9 @@ def test_no_step_begins_when_too_many_robots_failed(max_fail: int | None, begins
 def test_a_robot_that_may_be_away_is_no_failure(tolerate: frozenset[str], code: int) -> None:
     """Only the robots that the user said may be away do not count."""
     w = World().add("r1")
-    plan = dataclasses.replace(plan_for(w, experiment(service("a", robot="r1"))), unreachable={"r9": "no route"})
+    plan = replace(plan_for(w, experiment(service("a", robot="r1"))), unreachable={"r9": "no route"})
 
-    assert run(w, plan, dataclasses.replace(QUICK, tolerate=tolerate)).exit_code == code
+    assert run(w, plan, replace(QUICK, tolerate=tolerate)).exit_code == code
 
 
 @pytest.mark.parametrize(

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+import dataclasses
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from srprov.controller.authority import check_file
 from srprov.controller.owners import Owner, keep
@@ -126,7 +127,7 @@ def test_a_plan_file_that_was_not_written_here_neither_reads_nor_removes_data(
     world = begun()
     definitions = Definitions(experiment=web("r1"), containers={})
     mine = made(world, definitions, PlanRequest(owner=OWNER, adopt=True))
-    keep(replace(OWNER, source=mine.plan.source))
+    keep(dataclasses.replace(OWNER, source=mine.plan.source))
     file = plan_file(replace(mine, definitions=None))
     read = load(dump(proved(file, OWNER)), "plan.json")
     assert check_plan(read, fleet(world), adopt=True).plan == mine.plan
@@ -134,7 +135,7 @@ def test_a_plan_file_that_was_not_written_here_neither_reads_nor_removes_data(
         replace(read, proof=""),
         replace(read, proof="é"),
         replace(read, proof=proved(replace(file, made_by="another"), OWNER).proof),
-        proved(file, replace(OWNER, token="guessed")),
+        proved(file, dataclasses.replace(OWNER, token="guessed")),
     ):
         with pytest.raises(RefusedError, match=f"{LOG} on r1"):
             check_plan(load(dump(one), "plan.json"), fleet(world), adopt=True)
@@ -165,7 +166,7 @@ def test_a_move_that_was_cut_off_anywhere_is_ended_from_a_plan_file_too(
         world.fault = None
         request = PlanRequest(owner=OWNER, data="move", adopt=True)
         planned = made(world, Definitions(experiment=web("r2"), containers={}), request)
-        keep(replace(OWNER, source=planned.plan.source))
+        keep(dataclasses.replace(OWNER, source=planned.plan.source))
         file = proved(plan_file(replace(planned, definitions=None)), OWNER)
         assert run(world, check_plan(load(dump(file), "plan.json"), fleet(world), adopt=True).plan).exit_code == 0, at
         moved(world)

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
+from msgspec.structs import replace
 
 from srprov.execution import Outcome
 from srprov.execution.robot import round_trip_size

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 from collections.abc import Sequence
 
 import pytest
+from msgspec.structs import replace
 
 from srprov.definitions.containermodel import Requirements
 from srprov.definitions.model import Placement
@@ -64,7 +64,7 @@ def test_what_is_there_already_needs_neither(world: World, what: Experiment) -> 
 def test_what_may_move_is_a_choice(world: World) -> None:
     apply(world, FREE)
     assert asked(world, FREE, reassign=True) == (2, 2)
-    roaming = dataclasses.replace(FREE, placement=Placement(slots_per_robot=8, sticky=False))
+    roaming = replace(FREE, placement=Placement(slots_per_robot=8, sticky=False))
     assert asked(world, roaming) == (2, 2)
 
 
@@ -83,9 +83,7 @@ def rootless(world: World, name: str) -> None:
         reply = query(asked)
         if asked.path != "/info":
             return reply
-        return dataclasses.replace(
-            reply, out=json.dumps({**json.loads(reply.out), "SecurityOptions": ["name=rootless"]})
-        )
+        return replace(reply, out=json.dumps({**json.loads(reply.out), "SecurityOptions": ["name=rootless"]}))
 
     engine.query = answer  # type: ignore[method-assign]
 

@@ -1,10 +1,10 @@
 """`facts --json` and the table."""
 
-import dataclasses
 import json
 from pathlib import Path
 
 import jsonschema
+from msgspec.structs import replace
 from robot_outputs import COMPUTER, LATER, PI, replies
 
 from srprov import data
@@ -33,7 +33,7 @@ def test_the_schema_names_every_field_and_describes_it() -> None:
     definitions = data.schema("facts")["$defs"]
     for kind, name in ((HostFacts, "robot"), (Docker, "docker"), (Link, "link")):
         properties = definitions[name]["properties"]
-        assert list(properties) == [field.name for field in dataclasses.fields(kind)]
+        assert list(properties) == list(kind.__struct_fields__)
         assert all(value["description"].endswith(".") for value in properties.values())
 
 
@@ -48,7 +48,7 @@ def test_the_table() -> None:
 
 
 def test_an_unknown_speed_is_a_question_mark() -> None:
-    assert "  ?  " in facts_table({"r": dataclasses.replace(ONE, speed_mbit=0.0)}, {})
+    assert "  ?  " in facts_table({"r": replace(ONE, speed_mbit=0.0)}, {})
 
 
 def test_no_robots_is_a_heading() -> None:

@@ -1,10 +1,10 @@
 """One robot's facts, from what real robots answer."""
 
-import dataclasses
 import json
 import subprocess
 
 import pytest
+from msgspec.structs import replace
 from robot_outputs import (
     BUSYBOX,
     COMPUTER,
@@ -255,9 +255,7 @@ def test_a_rootless_engine_with_its_data_elsewhere() -> None:
 
 
 def test_the_inventory_wins_and_adds() -> None:
-    host = dataclasses.replace(
-        HOST, tags=("lidar", "amd64"), slots=3, devices=("/dev/ttyS3",), bandwidth_mbit=54.0, user="robot"
-    )
+    host = replace(HOST, tags=("lidar", "amd64"), slots=3, devices=("/dev/ttyS3",), bandwidth_mbit=54.0, user="robot")
     facts = parse_host(host, replies(COMPUTER), None)
     assert facts.tags == ("amd64", "camera", "lidar")
     assert "/dev/ttyS3" in facts.devices

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import pytest
+from msgspec.structs import replace
 
 from srprov.facts.model import Docker, HostFacts
 from srprov.facts.preconditions import Check, Clock, Verdict, judge, precondition_queries
@@ -76,7 +75,7 @@ def test_what_is_missing_has_a_remedy(
     change: dict[str, object], texts: tuple[str, ...], name: str, verdict: Verdict, remedy: str
 ) -> None:
     """Exactly the check that is about it complains, and says what to do."""
-    checks = by_name(judge(dataclasses.replace(WELL, **change), replies(*texts), RIGHT))  # type: ignore[arg-type] # table of fields
+    checks = by_name(judge(replace(WELL, **change), replies(*texts), RIGHT))  # type: ignore[arg-type] # table of fields
 
     assert (checks[name].verdict, [c.name for c in checks.values() if c.remedy]) == (verdict, [name])
     assert remedy in checks[name].remedy

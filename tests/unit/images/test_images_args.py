@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import pytest
 from controller_disk import Disk
+from msgspec.structs import replace
 
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.dockerfile import until_stage
@@ -60,7 +59,7 @@ def test_both_are_in_the_tag_and_a_later_stage_is_not() -> None:
         made = ContainerDefinition(
             name="t", file="/t.cdf", folder="/", dockerfile="/d/Dockerfile", dockerfile_text=text
         )
-        cdf = dataclasses.replace(made, **more)  # type: ignore[arg-type]
+        cdf = replace(made, **more)  # type: ignore[arg-type]
         disk = Disk({"/d/Dockerfile": text.encode(), "/src/a": b"1"})
         return plan_image(cdf, disk.listing, disk.read).tag
 
@@ -79,5 +78,5 @@ def test_the_marks_stand_at_the_end_of_the_stage_that_is_built() -> None:
     assert text.count("FROM") == 1
     assert text.endswith('LABEL srprov.cdf="t"\nLABEL srprov.instance=""\n')
     with pytest.raises(DefinitionError) as refused:
-        plan_image(dataclasses.replace(cdf, target="x"), disk.listing, disk.read)
+        plan_image(replace(cdf, target="x"), disk.listing, disk.read)
     assert refused.value.problems[0].path == "dockerfile"

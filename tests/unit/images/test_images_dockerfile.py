@@ -1,6 +1,5 @@
 """CDF -> Dockerfile: complete, in an order that shares layers, and deaf to hostile values."""
 
-import dataclasses
 import json
 import re
 from pathlib import Path
@@ -9,6 +8,7 @@ from types import MappingProxyType
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from srprov.definitions.containermodel import BuildFile, ContainerDefinition, Repository, Runtime
 from srprov.errors import DefinitionError, Location
@@ -17,7 +17,7 @@ from srprov.images.dockerfile import instruction_lines, render_dockerfile
 from tests.bounded import bounded
 
 CDF = ContainerDefinition(name="talker", file="/lab/talker.cdf", folder="/lab", base="debian:bookworm")
-FULL = dataclasses.replace(
+FULL = replace(
     CDF,
     apt=("ros-core", "curl=7.88.*"),
     pip=("numpy == 1.26.4", "cyclonedds"),
@@ -57,13 +57,13 @@ def test_the_smallest_definition() -> None:
 
 
 def test_beginning_with_nothing() -> None:
-    found = render_dockerfile(dataclasses.replace(CDF, base="scratch"))
+    found = render_dockerfile(replace(CDF, base="scratch"))
     assert found.text.startswith("FROM scratch\n")
     assert found.pinned
 
 
 def test_definitions_with_equal_packages_share_their_first_layers() -> None:
-    other = dataclasses.replace(FULL, name="listener", apt=tuple(reversed(FULL.apt)), run=("true",), files=())
+    other = replace(FULL, name="listener", apt=tuple(reversed(FULL.apt)), run=("true",), files=())
     one, two = render_dockerfile(FULL, COMMITS).text.split("\n"), render_dockerfile(other).text.split("\n")
     env = next(i for i, line in enumerate(one) if line.startswith("ENV GREETING"))
     assert one[:env] == two[:env]
@@ -122,12 +122,12 @@ def test_the_line_map_leads_back_to_the_definition() -> None:
 )
 def test_hostile_values_are_refused(change: dict[str, object]) -> None:
     with pytest.raises(DefinitionError) as caught:
-        render_dockerfile(dataclasses.replace(CDF, **change))
+        render_dockerfile(replace(CDF, **change))
     assert len(caught.value.problems) == 1
 
 
 def test_all_problems_are_said_at_once_and_at_their_lines() -> None:
-    bad = dataclasses.replace(
+    bad = replace(
         FULL, apt=("a;b",), pip=("--x",), build_environment={"A": "\n"}, run=("fine",), lines={"packages.apt": 5}
     )
     with pytest.raises(DefinitionError) as caught:
@@ -151,7 +151,7 @@ def test_all_problems_are_said_at_once_and_at_their_lines() -> None:
     ],
 )
 def test_a_run_line_stays_one_instruction(script: str) -> None:
-    lines = render_dockerfile(dataclasses.replace(CDF, run=(script,))).text.splitlines()
+    lines = render_dockerfile(replace(CDF, run=(script,))).text.splitlines()
     assert len(lines) == 3
     assert json.loads(lines[1].removeprefix("RUN ")) == ["/bin/sh", "-ec", script]
 
@@ -161,7 +161,7 @@ any_text = st.text(max_size=30)
 
 @given(value=any_text, dest=any_text, script=any_text, folder=any_text, argument=any_text)
 def test_no_value_becomes_an_instruction(value: str, dest: str, script: str, folder: str, argument: str) -> None:
-    cdf = dataclasses.replace(
+    cdf = replace(
         CDF,
         build_environment={"A": value},
         files=(BuildFile(source="/x", dest="/" + dest),),

@@ -1,11 +1,11 @@
 """The content tag: equal content, equal tag; anything that goes in, another one."""
 
-import dataclasses
 import io
 import tarfile
 
 import pytest
 from controller_disk import Disk
+from msgspec.structs import replace
 
 from srprov.definitions.containermodel import BuildFile, ContainerDefinition, Requirements, Runtime
 from srprov.errors import DefinitionError, Location
@@ -39,7 +39,7 @@ def plan(cdf: ContainerDefinition, lab: Disk) -> ImagePlan:
 
 
 def test_the_plan_is_complete(lab: Disk) -> None:
-    found = plan(dataclasses.replace(CDF, platforms=("linux/arm64",)), lab)
+    found = plan(replace(CDF, platforms=("linux/arm64",)), lab)
     assert found.tag == "srprov/talker:ba52aa2d34507f84"
     assert (found.base, found.pinned, found.platforms) == ("docker.io/library/debian:bookworm", False, ("linux/arm64",))
     with tarfile.open(fileobj=io.BytesIO(found.context)) as tar:
@@ -51,7 +51,7 @@ def test_the_plan_is_complete(lab: Disk) -> None:
 
 
 def test_equal_definitions_in_other_folders_have_one_tag(lab: Disk) -> None:
-    moved = dataclasses.replace(
+    moved = replace(
         CDF,
         file="/home/x/t.cdf",
         folder="/home/x",
@@ -60,10 +60,7 @@ def test_equal_definitions_in_other_folders_have_one_tag(lab: Disk) -> None:
         base="docker.io/library/debian:bookworm",
         description="another word",
         requires=Requirements(tags=("lidar",)),
-        files=tuple(
-            dataclasses.replace(f, source=f.source.replace("/lab", "/home/x"), mode=f.mode.lstrip("0"))
-            for f in CDF.files
-        ),
+        files=tuple(replace(f, source=f.source.replace("/lab", "/home/x"), mode=f.mode.lstrip("0")) for f in CDF.files),
     )
     there = Disk({name.replace("/lab", "/home/x"): content for name, content in FILES.items()})
     one, two = plan(CDF, lab), plan(moved, there)
@@ -82,13 +79,13 @@ def test_equal_definitions_in_other_folders_have_one_tag(lab: Disk) -> None:
         {"build_environment": {"A": "1"}},
         {"runtime": Runtime(command=("x",))},
         {"files": CDF.files[:1]},
-        {"files": (dataclasses.replace(CDF.files[0], mode="0644"), CDF.files[1])},
+        {"files": (replace(CDF.files[0], mode="0644"), CDF.files[1])},
         {"name": "listener"},
     ],
     ids=str,
 )
 def test_whatever_goes_in_changes_the_tag(lab: Disk, change: dict[str, object]) -> None:
-    assert plan(dataclasses.replace(CDF, **change), lab).tag != plan(CDF, lab).tag
+    assert plan(replace(CDF, **change), lab).tag != plan(CDF, lab).tag
 
 
 def test_a_files_content_and_executable_bit_change_the_tag(lab: Disk) -> None:
@@ -106,7 +103,7 @@ def test_a_files_content_and_executable_bit_change_the_tag(lab: Disk) -> None:
     [("talker", "talker"), ("My Talker_2", "my-talker-2"), ("--", "cdf"), ("grüße", "gr-e"), ("a" * 200, "a" * 100)],
 )
 def test_names_become_repositories(lab: Disk, name: str, repository: str) -> None:
-    assert plan(dataclasses.replace(CDF, name=name), lab).tag.split(":")[0] == f"srprov/{repository}"
+    assert plan(replace(CDF, name=name), lab).tag.split(":")[0] == f"srprov/{repository}"
 
 
 def test_files_that_are_not_there_are_problems_at_their_lines() -> None:
@@ -120,7 +117,7 @@ def test_files_that_are_not_there_are_problems_at_their_lines() -> None:
 
 def test_a_ready_image_has_nothing_to_build(lab: Disk) -> None:
     with pytest.raises(ValueError, match="ready image"):
-        plan(dataclasses.replace(CDF, base="", image="debian"), lab)
+        plan(replace(CDF, base="", image="debian"), lab)
 
 
 def from_dockerfile(text: bytes, **change: object) -> ImagePlan:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from srprov.definitions.containermodel import HealthCheck, Logging, Mount, Runtime
 from srprov.modules import MODULES
@@ -86,7 +86,7 @@ def labels(resource: Resource) -> dict[str, str]:
 
 def test_every_run_time_field_is_covered() -> None:
     """A new field of Runtime must be in the hash, or be named here as one that makes no difference."""
-    assert {field.name for field in dataclasses.fields(Runtime)} == set(OTHER) | NO_PART
+    assert set(Runtime.__struct_fields__) == set(OTHER) | NO_PART
 
 
 @pytest.mark.parametrize("field", OTHER)
@@ -113,14 +113,14 @@ def test_the_order_of_maps_says_nothing(environment: dict[str, str], random: Any
     items = list(environment.items())
     random.shuffle(items)
     run = WANT.params.run
-    one, two = (dataclasses.replace(run, environment=dict(each)) for each in (environment.items(), items))
-    assert parts_of(dataclasses.replace(WANT.params, run=one)) == parts_of(dataclasses.replace(WANT.params, run=two))
+    one, two = (replace(run, environment=dict(each)) for each in (environment.items(), items))
+    assert parts_of(replace(WANT.params, run=one)) == parts_of(replace(WANT.params, run=two))
 
 
 def test_another_instance_or_source_is_a_label_and_no_restart() -> None:
     """Taking an instance over from another source changes no container."""
     here = wanted()
-    moved = dataclasses.replace(here, params=dataclasses.replace(here.params, source="elsewhere"))
+    moved = replace(here, params=replace(here.params, source="elsewhere"))
     assert labels(here)["srprov.config-hash"] == labels(moved)["srprov.config-hash"]
     assert labels(moved)["srprov.source"] == "elsewhere"
 
@@ -163,4 +163,4 @@ def test_limits_that_somebody_changed_are_named(found: dict[str, str], changed: 
     run = Runtime(
         mem_limit=64 << 20, mem_reservation=1024, cpus=0.5, cpuset="0-1", pids_limit=64, restart="on-failure:3"
     )
-    assert changed_limits(dataclasses.replace(WANT.params, run=run), found) == changed
+    assert changed_limits(replace(WANT.params, run=run), found) == changed

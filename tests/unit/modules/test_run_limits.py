@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from srprov.data import schema
 from srprov.definitions.containermodel import HealthCheck, Logging, Runtime
@@ -35,7 +35,7 @@ NEVER = HealthCheck(test=("CMD", "true"), interval_s=1e9)
 )  # fmt: skip
 def test_what_no_edf_could_say_is_refused(field: str, value: Any) -> None:
     """Spelt in another way, a value would pass the question for its permission; or hold a robot for ever."""
-    (wrong,) = broken(dataclasses.replace(Runtime(), **{field: value}))
+    (wrong,) = broken(replace(Runtime(), **{field: value}))
     assert wrong.startswith(field)
 
 

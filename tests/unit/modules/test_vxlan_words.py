@@ -20,7 +20,7 @@ def script(instance: str) -> str:
     (command,) = change.commands
     assert isinstance(command, Run)
     guard, _, rest = command.script.partition("\n")
-    assert guard.startswith("{ nft list table bridge srpv1 ||") and guard.endswith("exit 1; }")
+    assert guard.startswith("case $({ nft list table bridge srpv1 ||") and guard.endswith("exit 1 ;; esac")
     return rest
 
 

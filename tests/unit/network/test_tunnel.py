@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from srprov.definitions.model import NetworkSettings
 from srprov.errors import UsageError
@@ -21,7 +21,7 @@ INSTANCE = "experiment"
 
 
 def made(snapshot: Snapshot | None = None, *, rotate: bool = False, **network: Any) -> Overlay:
-    settings = dataclasses.replace(HIDDEN, **network)
+    settings = replace(HIDDEN, **network)
     return layout(three(network=settings), PLACED, snapshot or lab(), instance=INSTANCE, rotate=rotate)
 
 
@@ -46,7 +46,7 @@ def having(snapshot: Snapshot, instance: str = INSTANCE, **slots: str) -> Snapsh
         for robot, letters in slots.items()
     }  # fmt: skip
     observed = {robot: (*snapshot.observed.get(robot, ()), *seen.get(robot, ())) for robot in snapshot.facts}
-    return dataclasses.replace(snapshot, observed=observed)
+    return replace(snapshot, observed=observed)
 
 
 def tunnel_base(instance: str) -> int:
@@ -98,8 +98,8 @@ def test_a_rotation_that_was_cut_off_is_ended_where_most_robots_are(slots: dict[
 
 
 def test_keys_are_not_rotated_without_all_members_nor_without_encryption() -> None:
-    away = dataclasses.replace(lab(), unreachable={"r3": "gone"})
-    away = dataclasses.replace(away, facts={name: one for name, one in away.facts.items() if name != "r3"},
+    away = replace(lab(), unreachable={"r3": "gone"})
+    away = replace(away, facts={name: one for name, one in away.facts.items() if name != "r3"},
                                placements={INSTANCE: {"robots": {"r3": {"vtep": "192.168.0.3"}}}})  # fmt: skip
     with pytest.raises(UsageError, match="r3 cannot be reached"):
         made(away, rotate=True)
@@ -112,14 +112,14 @@ def test_a_port_that_somebody_has_is_passed_over_and_ones_own_stays() -> None:
     base = tunnel_base(INSTANCE)
     assert tunnel().port == base
     held = TakenPort(address="", port=base + 1, protocol="udp", by="a program")
-    assert tunnel(dataclasses.replace(lab(), taken={"r2": (held,)})).port == base + 2
-    assert tunnel(dataclasses.replace(having(lab(), r1="a"), taken={"r2": (held,)})).port == base
-    tcp = dataclasses.replace(held, protocol="tcp")
-    assert tunnel(dataclasses.replace(lab(), taken={"r2": (tcp,)})).port == base
+    assert tunnel(replace(lab(), taken={"r2": (held,)})).port == base + 2
+    assert tunnel(replace(having(lab(), r1="a"), taken={"r2": (held,)})).port == base
+    tcp = replace(held, protocol="tcp")
+    assert tunnel(replace(lab(), taken={"r2": (tcp,)})).port == base
 
 
 def test_what_robots_say_of_ports_leads_nowhere_strange() -> None:
     """A robot that says a port of the system for its own interface does not have others listen there."""
     liar = Observed(module="wireguard", name=f"{tunnel_name(INSTANCE)}a", instance=INSTANCE, state={"listen_port": 53})
-    snapshot = dataclasses.replace(lab(), observed={"r1": (liar,), "r2": (), "r3": ()})
+    snapshot = replace(lab(), observed={"r1": (liar,), "r2": (), "r3": ()})
     assert tunnel(snapshot).port == tunnel_base(INSTANCE)

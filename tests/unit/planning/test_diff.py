@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 import json
 from collections.abc import Iterable
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from srprov.errors import PlanError
 from srprov.planning.diff import diff, removal_plan
@@ -79,7 +79,7 @@ def test_a_circle_is_refused_by_name() -> None:
 def test_two_resources_with_one_id_are_refused() -> None:
     """Two wishes for one thing are a bug of a playbook, and both places are named."""
     with pytest.raises(PlanError, match=r"r1/volume:a stands in p, 1 and in q, 2"):
-        diff([volume("a"), dataclasses.replace(volume("a"), source="q, 2")], {}, "hello")
+        diff([volume("a"), replace(volume("a"), source="q, 2")], {}, "hello")
 
 
 def test_only_our_orphans_are_removed() -> None:
@@ -307,5 +307,5 @@ def test_plan_json_is_canonical_and_holds_only_json() -> None:
     ]
     assert set(by_module["file"]["commands"][0]) == {"put", "bytes", "sha256", "mode", "in_place"}
     guard, _, calls = by_module["vxlan"]["commands"][0]["run"].partition("\n")
-    assert guard.endswith("exit 1; }") and calls.startswith("ip -batch - <<'_END_OF_CALLS_' || exit\nlink add")
+    assert guard.endswith("exit 1 ;; esac") and calls.startswith("ip -batch - <<'_END_OF_CALLS_' || exit\nlink add")
     assert first["counts"] == {"create": 14, "update": 0, "replace": 0, "delete": 0, "run": 0}

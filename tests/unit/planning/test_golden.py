@@ -9,13 +9,13 @@ writes the files anew, and `git diff tests/golden` shows what a user would see.
 
 from __future__ import annotations
 
-import dataclasses
 import os
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from srprov.definitions.playbook import read
 from srprov.definitions.playbookmodel import ADDED, AFTER, BEFORE
@@ -120,7 +120,7 @@ def playbooks() -> Plan:
         for place, text in lines.items():
             file = Path(folder) / f"{place}.yml"
             file.write_text(text)
-            made[place] = dataclasses.replace(read(str(file), file.name, file.name, place), file=f"/p/{file.name}")
+            made[place] = replace(read(str(file), file.name, file.name, place), file=f"/p/{file.name}")
     what = experiment(WEB, playbooks=(made[BEFORE], made[AFTER]))
     return plan_for(World().add("r1"), what, allowed=frozenset({"playbook"}), playbooks=(made[ADDED],))
 
@@ -146,7 +146,7 @@ SCENES: tuple[Callable[[], Plan], ...] = (
 
 def priced(plan: Plan) -> Plan:
     """Return the plan with fixed costs: what a placement costs is assignment's to say, and tested there."""
-    return dataclasses.replace(plan, cost=0.5 * len(plan.costs), costs=dict.fromkeys(plan.costs, 0.5))
+    return replace(plan, cost=0.5 * len(plan.costs), costs=dict.fromkeys(plan.costs, 0.5))
 
 
 def compared(name: str, text: str) -> None:

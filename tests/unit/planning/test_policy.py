@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from srprov.definitions.containermodel import ContainerDefinition, Logging, Mount
 from srprov.definitions.model import NetworkSettings
@@ -135,7 +135,7 @@ def test_an_overlay_asks_for_what_it_takes_from_the_robots_own_network(
     network: NetworkSettings, asked: list[tuple[str, str]]
 ) -> None:
     """The kernel sends packets to such a subnet into the overlay, whoever has the addresses in the lab's network."""
-    found = permissions(dataclasses.replace(experiment(service("a")), network=network))
+    found = permissions(replace(experiment(service("a")), network=network))
     assert [(one.kind, one.service) for one in found] == asked
     said = {"host-network": network.subnet or "", "low-port": str(network.port), "unit": "as root"}
     assert all(said[one.kind] in one.what for one in found)
@@ -157,18 +157,18 @@ IMAGES: list[tuple[str, str]] = [
 def test_an_image_that_may_be_of_another_experiment_is_asked_for(name: str, kind: str) -> None:
     """By the name that srprov gives what it builds, by an id, or by what only the builder can read."""
     cdf = ContainerDefinition(name="x", file="/e/x.cdf", folder="/e", images=(name,))
-    user = dataclasses.replace(service("a"), image="", cdf="/e/x.cdf")
+    user = replace(service("a"), image="", cdf="/e/x.cdf")
     found = permissions(experiment(user), {"/e/x.cdf": cdf})
     assert [one.kind for one in found] == ([kind] if kind else [])
     if not name.startswith(("sha256", "$")):
-        direct = permissions(experiment(dataclasses.replace(service("a"), image=name)))
+        direct = permissions(experiment(replace(service("a"), image=name)))
         assert [one.kind for one in direct] == ([kind] if kind else [])
 
 
 def test_what_the_engine_fetches_for_a_build_is_asked_for() -> None:
     """It does so itself, from the robot's own network: not what a container of the build could reach."""
     cdf = ContainerDefinition(name="x", file="/e/x.cdf", folder="/e", fetches=("http://127.0.0.1:2375/info /x",))
-    user = dataclasses.replace(service("a"), image="", cdf="/e/x.cdf")
+    user = replace(service("a"), image="", cdf="/e/x.cdf")
     (found,) = permissions(experiment(user), {"/e/x.cdf": cdf})
     assert (found.kind, found.service) == ("engine-fetch", "a")
     assert "http://127.0.0.1:2375/info" in found.what
@@ -184,17 +184,17 @@ def test_what_the_engine_fetches_for_a_build_is_asked_for() -> None:
 def test_a_registry_that_only_the_robot_knows_is_asked_for(image: str) -> None:
     """Its engine would ask its own loopback, or whoever has that name there."""
     cdf = ContainerDefinition(name="x", file="/e/x.cdf", folder="/e", images=(image,))
-    user = dataclasses.replace(service("a"), image="", cdf="/e/x.cdf")
+    user = replace(service("a"), image="", cdf="/e/x.cdf")
     for found in (
         permissions(experiment(user), {"/e/x.cdf": cdf}),
-        permissions(experiment(dataclasses.replace(service("a"), image=image))),
+        permissions(experiment(replace(service("a"), image=image))),
     ):
         assert [(one.kind, one.what.partition(": ")[0]) for one in found] == [("engine-fetch", image)]
 
 
 @pytest.mark.parametrize("image", ["ros:humble", "a/b", "ghcr.io/a/b:1", "registry.lab.example:5000/team/image"])
 def test_a_public_registry_is_not_asked_for(image: str) -> None:
-    assert permissions(experiment(dataclasses.replace(service("a"), image=image))) == ()
+    assert permissions(experiment(replace(service("a"), image=image))) == ()
 
 
 def test_reading_a_secret_of_the_controller_is_asked() -> None:
@@ -202,7 +202,8 @@ def test_reading_a_secret_of_the_controller_is_asked() -> None:
     use = SecretUse(source="token", target="/run/secrets/token")
     found = permissions(
         experiment(
-            dataclasses.replace(service("a"), secrets=(use,)), secrets={"token": SecretSource(name="token", env="HOME")}
+            replace(service("a"), secrets=(use,)),
+            secrets={"token": SecretSource(name="token", env="HOME")},
         )
     )
     assert [(one.kind, one.service, one.what) for one in found] == [("secret", "a", "token, from the variable HOME")]

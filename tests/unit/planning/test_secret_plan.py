@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import base64
-import dataclasses
 import hashlib
 import json
 import os
 from collections.abc import Iterator
 
 import pytest
+from msgspec.structs import replace
 
 from srprov.cli.plan import write_plan
 from srprov.controller.plan import Planned
@@ -45,9 +45,9 @@ def _none_left() -> Iterator[None]:
 def wanted(**more: object) -> Definitions:
     """Return an experiment whose service `web` gets the secret, on robot r1."""
     what = experiment(service("web", robot="r1", **more), service("other", robot="r1"))
-    web = dataclasses.replace(what.services["web"], secrets=USES)
+    web = replace(what.services["web"], secrets=USES)
     services = {**what.services, "web": web}
-    return Definitions(experiment=dataclasses.replace(what, services=services, secrets={"token": TOKEN}), containers={})
+    return Definitions(experiment=replace(what, services=services, secrets={"token": TOKEN}), containers={})
 
 
 def planned(world: World, value: str = VALUE, **more: object) -> Planned:
@@ -58,7 +58,7 @@ def planned(world: World, value: str = VALUE, **more: object) -> Planned:
 
 def file_of(made: Planned) -> PlanFile:
     """Return the plan as a file, without inputs."""
-    return plan_file(dataclasses.replace(made, definitions=None))
+    return plan_file(replace(made, definitions=None))
 
 
 def steps(made: Planned) -> dict[str, str]:
@@ -179,6 +179,6 @@ def test_a_plan_file_with_the_value_in_clear_is_refused(tmp_path: object) -> Non
     with pytest.raises(RefusedError, match="secret 'token'") as caught:
         write_plan(target, file_of(made), world.vault)
     assert VALUE not in f"{caught.value} {caught.value.hint}"
-    write_plan(target, dataclasses.replace(file_of(planned(world)), inputs={"e.edf": f"# {VALUE}\n"}), world.vault)
+    write_plan(target, replace(file_of(planned(world)), inputs={"e.edf": f"# {VALUE}\n"}), world.vault)
     with open(target, encoding="utf-8") as stream:
         assert json.load(stream)["inputs"] == {"e.edf": "# ***\n"}

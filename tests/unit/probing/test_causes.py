@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import time
-from dataclasses import replace
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from srprov.probing.causes import Cause, cause_json, judged
 from srprov.probing.evidence import Evidence

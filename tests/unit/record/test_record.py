@@ -19,7 +19,8 @@ from srprov.definitions.model import Host, Inventory
 from srprov.execution import Event
 from srprov.planning.planfile import PlanFile, document
 from srprov.record import RunFolder, RunInputs, default_root, event_json, run_id, write_inputs
-from srprov.record.documents import inputs, inventory_document, plain
+from srprov.record.documents import inputs, inventory_document
+from srprov.record.plain import plain
 from srprov.resource import Action
 from srprov.secret import Hidden, Secret, forget
 from tests.fakes import World

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import dataclasses
 import json
 import warnings
 from pathlib import Path
@@ -11,6 +10,7 @@ from pathlib import Path
 import csvw  # type: ignore[import-untyped]  # it has no annotations
 import pandas
 import pytest
+from msgspec.structs import replace
 
 from srprov.controller.trial_report import TrialsReport
 from srprov.definitions.trialsmodel import Metric, Parameter, TrialDefinitions
@@ -135,5 +135,5 @@ def test_the_line_that_run_ends_with_loads_the_attempts_that_count(tmp_path: Pat
     assert set(columns(GIVEN)) == set(found.columns)
     (tmp_path / "digits").mkdir()
     (tmp_path / "digits" / "trials.csv").write_text("point,status\n0123456789,ok\n12e4567890,ok\n")
-    same = eval(dataclasses.replace(report, folder=tmp_path / "digits").loading, {"pandas": pandas})
+    same = eval(replace(report, folder=tmp_path / "digits").loading, {"pandas": pandas})
     assert list(same["point"]) == ["0123456789", "12e4567890"]

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-import dataclasses
 import re
+from inspect import get_annotations
 from pathlib import Path
 from typing import Any
 
+import msgspec
 import pytest
 from jsonschema import Draft202012Validator
+from msgspec.structs import replace
 
 from srprov.controller import plan
 from srprov.controller.playbooks import playbooks
@@ -20,7 +22,7 @@ from srprov.errors import DefinitionError, RefusedError
 from srprov.execution import Outcome
 from srprov.modules import MODULES
 from srprov.modules.file import FileParams
-from srprov.modules.params import NOT_WRITTEN, AnyText, Mode
+from srprov.modules.params import AnyText, Mode
 from srprov.planning.plan import Plan
 from srprov.resource import Action
 from srprov.wire import Query
@@ -109,18 +111,19 @@ def json_types(written: str) -> set[str]:
 def test_the_schema_says_what_the_module_takes(kind: str) -> None:
     """The same parameters, required or not, of the same types: what validates can be read, and the other way round."""
     stated = schema("playbook")["$defs"][kind]
-    fields = {field.name.rstrip("_"): field for field in dataclasses.fields(MODULES[kind].params)}
-    fields = {name: field for name, field in fields.items() if field.metadata != NOT_WRITTEN}
+    params = MODULES[kind].params
+    every = {name: text for one in reversed(params.__mro__) for name, text in get_annotations(one).items()}
+    written = {name: text for name, text in every.items() if "NOT_WRITTEN" not in str(text)}
+    fields = {one.name.rstrip("_"): one for one in msgspec.structs.fields(params) if one.name in written}
     assert set(stated["properties"]) == {kind, *fields, "needs"}
-    none = dataclasses.MISSING
-    must = {name for name, one in fields.items() if one.default is none and one.default_factory is none}
+    must = {name for name, one in fields.items() if one.required}
     assert set(stated["required"]) == {kind, *must}
     for name, field in fields.items():
         rule = stated["properties"][name]
         types = {one["type"] for one in rule.get("anyOf", [rule]) if "type" in one}
-        assert types == json_types(str(field.type)), name
+        assert types == json_types(written[field.name]), name
         if "enum" in rule:
-            assert str(field.type) == f"Literal[{', '.join(map(repr, rule['enum']))}]", name
+            assert written[field.name] == f"Literal[{', '.join(map(repr, rule['enum']))}]", name
 
 
 def test_our_own_playbooks_hold_to_the_schema() -> None:
@@ -418,8 +421,8 @@ def test_the_plan_shows_playbooks_that_are_not_ours(write: Any) -> None:
     """A line for each, with the file of those that the user's folder gave."""
     from srprov.planning.text import plan_text
 
-    own = dataclasses.replace(write(playbooks()["40-services.yml"], REPLACES, "40-services.yml"), file="/u/4.yml")
-    own = dataclasses.replace(own, file="/u/40-services.yml")
+    own = replace(write(playbooks()["40-services.yml"], REPLACES, "40-services.yml"), file="/u/4.yml")
+    own = replace(own, file="/u/40-services.yml")
     shown = plan_text(plan_for(World().add("r1"), with_playbooks(write(MARKER)), allowed=ALLOW, playbooks=(own,)))
     assert "  40-services.yml  replaces srprov's own, from /u/40-services.yml\n" in shown
     assert "  p.yml            before srprov's own, from the experiment\n" in shown

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
+import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -68,8 +68,7 @@ JSON = st.recursive(
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class FreeParams:
+class FreeParams(msgspec.Struct, frozen=True, kw_only=True):
     """Parameters of any type."""
 
     content: Any = None

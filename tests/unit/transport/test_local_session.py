@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import gzip
 import os
 import socket
@@ -15,6 +14,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from srprov.definitions.model import Host
 from srprov.errors import DeadlineError, TransportError
@@ -200,7 +200,7 @@ def test_what_is_no_engine_is_a_value(session: Session, play: Callable[[Answer],
     play(lambda *_: said)
     call = EngineCall(method="POST", path="/x", timeout_s=0.5)
     one = session.ask([EngineQuery(path="/x", timeout_s=0.5)])[0]
-    for reply in (one, session.execute(call), session.execute(dataclasses.replace(call, stream=True))):
+    for reply in (one, session.execute(call), session.execute(replace(call, stream=True))):
         assert (reply.status, reply.ok) == (0, False) and reply.err
     with pytest.raises(TransportError, match="stopped giving"):
         list(session.save_image("a:1", 0.5))
@@ -414,7 +414,7 @@ def test_a_compressed_answer_is_refused(session: Session, play: Callable[[Answer
     bomb = gzip.compress(b"x" * (64 * MIB))
     play(lambda *_: reply(bomb, more="Content-Encoding: gzip\r\n"))
     call = EngineCall(method="POST", path="/x")
-    for done in (session.execute(call), session.execute(dataclasses.replace(call, stream=True))):
+    for done in (session.execute(call), session.execute(replace(call, stream=True))):
         assert not done.ok and "compressed" in done.err
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import subprocess
-from dataclasses import replace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from srprov.definitions.trialsmodel import Parameter, TrialDefinitions, TrialSettings
 from srprov.errors import UsageError
