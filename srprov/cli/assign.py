@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
-from msgspec.structs import replace
 
 from srprov.cli import inputs, options
 from srprov.cli.output import err, out, out_json, tell_unreachable

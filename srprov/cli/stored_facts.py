@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+from msgspec.structs import replace
 
 from srprov import regular_file
 from srprov.errors import UsageError
@@ -49,5 +49,5 @@ def stored_facts(path: Path, inventory: Inventory) -> tuple[Snapshot, object]:
     away = {
         name: found.unreachable.get(name, "not in the stored facts") for name in inventory.hosts if name not in facts
     }
-    stored = dataclasses.replace(found, facts=facts, observed={name: () for name in facts}, unreachable=away)
+    stored = replace(found, facts=facts, observed={name: () for name in facts}, unreachable=away)
     return stored, document.get("decided")

@@ -6,12 +6,13 @@ neither.
 
 from __future__ import annotations
 
-import dataclasses
 import os
 import posixpath
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov import disk
 from srprov.controller.compose_plan import addresses_of, check_same, edf_of
@@ -42,8 +43,7 @@ _COPIED_FIRST = ("git", "outside")
 """Kinds of permission without which nothing is copied: what is fetched, and files from outside of the folder."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Source:
+class Source(msgspec.Struct, frozen=True, kw_only=True):
     """What is to be exported."""
 
     file: str
@@ -88,8 +88,8 @@ def read(file: str, allowed: frozenset[str], profiles: tuple[str, ...] = (), *, 
 def twin(source: Source) -> Export:
     """Return one Compose file with all services, for one PC."""
     experiment = source.definitions.experiment
-    once = {name: dataclasses.replace(one, per_robot=None) for name, one in experiment.services.items()}
-    return _exported(source, expand(dataclasses.replace(experiment, services=once), {}), {}, {})
+    once = {name: replace(one, per_robot=None) for name, one in experiment.services.items()}
+    return _exported(source, expand(replace(experiment, services=once), {}), {}, {})
 
 
 def on_planned_robots(source: Source) -> Export:
@@ -131,9 +131,9 @@ def on_chosen_robots(
     placed = solve.solve(choice.problem, request.search_limit_s).placed
     experiment = at_home(choice.experiment, placed, snapshot.facts)
     notes = idle_notes(source.definitions, choice.experiment, snapshot)
-    known = dataclasses.replace(source.definitions, notes=(*source.definitions.notes, *notes))
+    known = replace(source.definitions, notes=(*source.definitions.notes, *notes))
     addresses = {name: facts.underlay_address for name, facts in snapshot.facts.items()}
-    return on_robots(dataclasses.replace(source, definitions=known), experiment, placed, addresses)
+    return on_robots(replace(source, definitions=known), experiment, placed, addresses)
 
 
 def on_robots(
@@ -148,7 +148,7 @@ def on_robots(
         addresses: Robot -> the address that other robots reach, as far as known.
     """
     services = {name: experiment.services[name] for name in placed}
-    return _exported(source, dataclasses.replace(experiment, services=services), placed, addresses)
+    return _exported(source, replace(experiment, services=services), placed, addresses)
 
 
 def _exported(
@@ -159,7 +159,7 @@ def _exported(
     with disk.together():
         return export(
             Wanted(
-                definitions=dataclasses.replace(source.definitions, experiment=experiment, containers=containers),
+                definitions=replace(source.definitions, experiment=experiment, containers=containers),
                 placed=placed, robots=addresses, profiles=source.every_profile, open=source.open,
                 env_files=_env_files(source), texts=_texts(source), edf=source.file, notes=source.definitions.notes,
                 listing=disk.listing, read=disk.read, tar=disk.tree_tar,

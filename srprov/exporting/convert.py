@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
 from itertools import chain
 from types import MappingProxyType
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov.definitions.model import Definitions, Experiment
 from srprov.errors import DefinitionError
@@ -30,20 +32,19 @@ COMPOSE, README = "compose.yml", "README.md"
 _KEEP_OUT = "*\n!.gitignore\n"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Wanted:
+class Wanted(msgspec.Struct, frozen=True, kw_only=True):
     """What is exported, and how files are read."""
 
     definitions: Definitions
     """As they were read with `open`; the experiment with every instance as a service of its own."""
     placed: Mapping[str, str]
     """Service -> robot; empty: all on one PC."""
-    robots: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    robots: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Robot -> the address that others reach, as far as known."""
     profiles: bool = False
     """Profiles are still to be chosen: services keep theirs."""
     open: Open
-    env_files: Mapping[str, Mapping[str, str]] = field(default_factory=lambda: MappingProxyType({}))
+    env_files: Mapping[str, Mapping[str, str]] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Service in the EDF -> what its env_files say."""
     texts: Mapping[str, str]
     """Path as it is shown -> text, of the EDF and the CDFs that are YAML."""

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import posixpath
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
+
+import msgspec
 
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.exporting.model import File
@@ -21,8 +22,7 @@ from srprov.images.plan import ContextFile
 from srprov.images.tag import Checkouts, generated, repository_of
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Built:
+class Built(msgspec.Struct, frozen=True, kw_only=True):
     """One image to be built."""
 
     name: str

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from types import MappingProxyType
+
+import msgspec
 
 from srprov.errors import Location
 
@@ -16,8 +17,7 @@ Path = tuple[str, ...]
 """Keys that lead to a field of the EDF."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Remark:
+class Remark(msgspec.Struct, frozen=True, kw_only=True):
     """What became of a field in this experiment, where it is not what its line of the table says."""
 
     path: Path
@@ -25,8 +25,7 @@ class Remark:
     words: str
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class File:
+class File(msgspec.Struct, frozen=True, kw_only=True):
     """One file of the export."""
 
     path: str
@@ -38,8 +37,7 @@ class File:
     is_folder: bool = False
 
 
-@dataclass(frozen=True, kw_only=True, slots=True, order=True)
-class Need:
+class Need(msgspec.Struct, frozen=True, kw_only=True, order=True):
     """What whoever uses the export must give: it is not in it."""
 
     kind: str
@@ -50,8 +48,7 @@ class Need:
     """One sentence."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Machine:
+class Machine(msgspec.Struct, frozen=True, kw_only=True):
     """One machine, which has a Compose file of its own."""
 
     robot: str
@@ -65,8 +62,7 @@ class Machine:
         return f"{self.robot}/" if self.robot else ""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Field:
+class Field(msgspec.Struct, frozen=True, kw_only=True):
     """One field that the EDF or a CDF has, and what became of it."""
 
     kind: str
@@ -76,8 +72,7 @@ class Field:
     words: str
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Export:
+class Export(msgspec.Struct, frozen=True, kw_only=True):
     """All that is written, and the report."""
 
     experiment: str
@@ -91,11 +86,10 @@ class Export:
     notes: tuple[str, ...] = ()
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Part:
+class Part(msgspec.Struct, frozen=True, kw_only=True):
     """What one piece of the conversion gives."""
 
     files: tuple[File, ...] = ()
     remarks: tuple[Remark, ...] = ()
     needs: tuple[Need, ...] = ()
-    document: Mapping[str, object] = field(default_factory=lambda: MappingProxyType({}))
+    document: Mapping[str, object] = msgspec.field(default_factory=lambda: MappingProxyType({}))

@@ -10,8 +10,10 @@ import errno
 import os
 import posixpath
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
 from typing import Any
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov import plain_tar
 from srprov.definitions.containermodel import Mount, Seed
@@ -24,14 +26,13 @@ Tar = Callable[[str], bytes]
 """Absolute path -> a tar with one top entry, see `disk.tree_tar`; raises OSError."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Shipping:
+class Shipping(msgspec.Struct, frozen=True, kw_only=True):
     """What turns mounts into files of the export."""
 
     experiment: Experiment
     machine: Machine
     tar: Tar
-    copied: dict[str, str] = field(default_factory=dict)
+    copied: dict[str, str] = msgspec.field(default_factory=dict)
     """Place in the export -> the path that was copied there."""
 
     def mounts(self, service: Service) -> Part:

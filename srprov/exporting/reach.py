@@ -8,9 +8,11 @@ hosts files. What `network.discovery` gives to containers is made by the same co
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 from typing import Any
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov.definitions.model import Experiment, Service
 from srprov.errors import UsageError
@@ -29,15 +31,14 @@ _BY_ADDRESS = ("static-peers", "discovery-server", "ros1")
 _ITSELF = "127.0.0.1"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Reach:
+class Reach(msgspec.Struct, frozen=True, kw_only=True):
     """The network of one machine's file."""
 
     modes: Mapping[str, str]
     """Service -> `bridge` (the network that Compose makes), `host` or `none`."""
     overlay: Overlay
     """Who has which name and address, as far as it is known here."""
-    network: Mapping[str, Any] = field(default_factory=lambda: MappingProxyType({}))
+    network: Mapping[str, Any] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """What is said of the network that Compose makes; empty: nothing."""
     gateway: str = ""
     """The machine's address on that network, where it is fixed."""

@@ -7,8 +7,9 @@ gives the keys of a Compose service, the files that it needs and what is to be s
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
+
+import msgspec
 
 from srprov.definitions.model import Experiment, Service
 from srprov.exporting.images import Built
@@ -26,8 +27,7 @@ _CONDITIONS = {
 }
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Surroundings:
+class Surroundings(msgspec.Struct, frozen=True, kw_only=True):
     """What the services of one machine have in common."""
 
     experiment: Experiment

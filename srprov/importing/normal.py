@@ -6,8 +6,9 @@ Values only. Pure.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
+
+import msgspec
 
 from srprov.errors import DefinitionError
 from srprov.importing.position import Path, Position
@@ -17,8 +18,7 @@ class Refused(DefinitionError):
     """What Compose refuses, or srprov does; `problems` has each one with its place, message and hint."""
 
 
-@dataclass(frozen=True, slots=True)
-class Variable:
+class Variable(msgspec.Struct, frozen=True):
     """One variable at one place that asks for it."""
 
     name: str
@@ -29,8 +29,7 @@ class Variable:
     at: Position
 
 
-@dataclass(frozen=True, slots=True)
-class Note:
+class Note(msgspec.Struct, frozen=True):
     """Something that is allowed and that the user should know."""
 
     at: Position
@@ -38,8 +37,7 @@ class Note:
     hint: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class Normal:
+class Normal(msgspec.Struct, frozen=True):
     """One project: all files merged, variables put in, everything in its long form."""
 
     document: Mapping[str, Any]

@@ -5,10 +5,10 @@ Takes paths and the user's choices; gives a `Normal`. Reads the files and what t
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from srprov.errors import Diagnostic
@@ -112,7 +112,7 @@ def _project_name(given: str | None, files: Sequence[File], folder: str, reading
         tree = source.tree(reading.text(file.path, file.shown, file.named), file.shown)
         name = tree.get("name")
         if name is not None and isinstance(name.data, str) and name.data:
-            written = replace(variables, used=[]).put_in(name.data, name.at)
+            written = dataclasses.replace(variables, used=[]).put_in(name.data, name.at)
             if variables.problems:
                 raise Refused(variables.problems)
     tidy = _tidy(written) or _tidy(os.path.basename(folder))

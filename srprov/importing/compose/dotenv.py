@@ -11,7 +11,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+
+import msgspec
 
 from srprov.errors import Diagnostic
 from srprov.importing.normal import Refused
@@ -24,8 +25,7 @@ _EXPORT = re.compile(r"export\s+")
 MOST_LINES = 10_000
 
 
-@dataclass(frozen=True, slots=True)
-class Entry:
+class Entry(msgspec.Struct, frozen=True):
     """One line: a name, and its value, or None for a name alone that nothing is known of."""
 
     name: str

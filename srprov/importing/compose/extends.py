@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 
+import msgspec
+
 from srprov.errors import Diagnostic
 from srprov.importing.compose import paths
 from srprov.importing.compose.forms import long
@@ -51,8 +53,7 @@ def extended(tree: Value, reset: Resets, file: File, loading: Loading) -> Value:
     return tree.of({**tree.data, "services": services.of(done)})
 
 
-@dataclass(frozen=True)
-class _Services:
+class _Services(msgspec.Struct, frozen=True):
     """Services that name one another, and the file that they stand in."""
 
     all: Value

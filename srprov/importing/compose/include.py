@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import replace
 
 from srprov.importing.compose import envfiles, paths
 from srprov.importing.compose.loading import File, Loading
@@ -42,7 +42,7 @@ def included(tree: Value, file: File, loading: Loading, load: Load) -> Value:
 def _below(file: File, loading: Loading, wishes: Value) -> Loading:
     if len(loading.open) >= DEEPEST:
         raise refuse(wishes, f"projects include one another more than {DEEPEST} deep", ("include",))
-    return replace(loading, open=(*loading.open, os.path.realpath(file.path)))
+    return dataclasses.replace(loading, open=(*loading.open, os.path.realpath(file.path)))
 
 
 def _with(result: Value, other: Value, kind: str) -> Value:

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+
+import msgspec
 
 from srprov.errors import Diagnostic
 from srprov.importing.compose import resets, source
@@ -15,8 +18,7 @@ from srprov.importing.compose.variables import Variables
 from srprov.importing.normal import Note, Refused
 
 
-@dataclass(frozen=True, slots=True)
-class File:
+class File(msgspec.Struct, frozen=True):
     """A Compose file: where it is, and what it is called in messages."""
 
     path: str
@@ -50,7 +52,7 @@ class Loading:
 
     def within(self, folder: str, variables: Variables) -> Loading:
         """Return what an included project is read with."""
-        return replace(self, folder=folder, variables=variables)
+        return dataclasses.replace(self, folder=folder, variables=variables)
 
 
 def first_look(file: File, loading: Loading) -> tuple[Value, resets.Resets]:

@@ -6,8 +6,10 @@ Trees are never changed: a rule that changes something makes new nodes. Pure.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
 from typing import Any
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov.errors import Diagnostic
 from srprov.importing.normal import Refused
@@ -16,8 +18,7 @@ from srprov.importing.position import Path, Position
 Scalar = str | int | float | bool | None
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Value:
+class Value(msgspec.Struct, frozen=True, eq=False):
     """One node: a map of nodes, a list of nodes, or a scalar."""
 
     data: Any

@@ -10,6 +10,8 @@ import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
+import msgspec
+
 from srprov.errors import Diagnostic
 from srprov.importing.normal import Refused, Variable
 from srprov.importing.position import Position
@@ -28,8 +30,7 @@ LARGEST_RESULT = 4 * 1024 * 1024
 MOST_VARIABLES = 20_000
 
 
-@dataclass(frozen=True, slots=True)
-class Origin:
+class Origin(msgspec.Struct, frozen=True):
     """A variable's value, and where it comes from: `--set` or the name of a file."""
 
     value: str
