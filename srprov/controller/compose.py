@@ -6,6 +6,7 @@ neither.
 
 from __future__ import annotations
 
+import functools
 import os
 import posixpath
 from collections.abc import Collection, Mapping
@@ -14,7 +15,7 @@ from typing import TYPE_CHECKING
 import msgspec
 from msgspec.structs import replace
 
-from srprov import disk
+from srprov import disk, plain_tar
 from srprov.controller.compose_plan import addresses_of, check_same, edf_of
 from srprov.controller.permissions import permit_planning
 from srprov.controller.robots_words import at_home
@@ -162,10 +163,14 @@ def _exported(
                 definitions=replace(source.definitions, experiment=experiment, containers=containers),
                 placed=placed, robots=addresses, profiles=source.every_profile, open=source.open,
                 env_files=_env_files(source), texts=_texts(source), edf=source.file, notes=source.definitions.notes,
-                listing=disk.listing, read=disk.read, tar=disk.tree_tar,
+                listing=disk.listing, read=disk.read, shipped=functools.cache(_shipped),
                 checkout=_checkout(containers, source.allowed),
             )
         )  # fmt: skip
+
+
+def _shipped(path: str) -> tuple[plain_tar.Member, ...]:
+    return tuple(plain_tar.members(disk.tree_tar(path)))
 
 
 def _checkout(containers: Mapping[str, ContainerDefinition], allowed: Collection[str]) -> Checkouts:

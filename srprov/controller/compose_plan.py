@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 import os
-import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from srprov.controller.context import is_record_path
 from srprov.definitions.model import Definitions
-from srprov.errors import UsageError
+from srprov.errors import DefinitionError, UsageError
 from srprov.modules.file import FileParams
 from srprov.network.record import read_record
 from srprov.secret import redact
 from srprov.untrusted import mapping, parse_json
+from srprov.yamldoc import loader
+from srprov.yamldoc.nodes import Map
 
 if TYPE_CHECKING:
     from srprov.planning.planfile import PlanFile
-
-_IS_EDF = re.compile(r"^edf\s*:", re.MULTILINE)
 
 
 def edf_of(plan: PlanFile, file: str) -> str:
@@ -27,7 +26,7 @@ def edf_of(plan: PlanFile, file: str) -> str:
     Raises:
         UsageError: It is at none of these places.
     """
-    names = [name for name, text in plan.inputs.items() if "/" not in name and _IS_EDF.search(text)]
+    names = [name for name, text in plan.inputs.items() if "/" not in name and _is_edf(name, text)]
     if not names:
         raise UsageError(f"{file} was made from no EDF", hint="name an EDF, or a plan of one")
     written = plan.plan.source.rpartition(":")[2]
@@ -35,6 +34,15 @@ def edf_of(plan: PlanFile, file: str) -> str:
         if os.path.isfile(path):
             return path
     raise UsageError(f"the EDF of this plan, {names[0]}, is not there", hint="put the plan beside its EDF")
+
+
+def _is_edf(name: str, text: str) -> bool:
+    """Return whether a text is an EDF; others beside it are CDFs, Dockerfiles and playbooks."""
+    try:
+        root = loader.parse(text, name)
+    except DefinitionError:
+        return False
+    return isinstance(root, Map) and "edf" in root.entries
 
 
 def check_same(plan: PlanFile, found: Definitions, file: str) -> None:

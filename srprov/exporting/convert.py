@@ -18,7 +18,7 @@ from srprov.definitions.model import Definitions, Experiment
 from srprov.errors import DefinitionError
 from srprov.exporting.images import Built, built
 from srprov.exporting.model import Export, File, Machine, Need, Part
-from srprov.exporting.mounts import Shipping, Tar
+from srprov.exporting.mounts import Shipped, Shipping
 from srprov.exporting.reach import Reach, reaches
 from srprov.exporting.readme import readme
 from srprov.exporting.report import fields_of, refused
@@ -53,7 +53,7 @@ class Wanted(msgspec.Struct, frozen=True, kw_only=True):
     notes: tuple[str, ...] = ()
     listing: Listing
     read: Read
-    tar: Tar
+    shipped: Shipped
     checkout: Checkouts
 
 
@@ -98,7 +98,7 @@ def _machine(wanted: Wanted, machine: Machine, reach: Reach, images: Mapping[str
     experiment, containers = wanted.definitions.experiment, wanted.definitions.containers
     around = Surroundings(
         experiment=experiment, machine=machine, reach=reach, open=wanted.open, env_files=wanted.env_files,
-        shipping=Shipping(experiment=experiment, machine=machine, tar=wanted.tar),
+        shipping=Shipping(experiment=experiment, machine=machine, shipped=wanted.shipped),
         images={key: one.image for key, one in containers.items() if one.image}, built=images,
         profiles=wanted.profiles, platforms={key: one.platforms for key, one in containers.items()},
     )  # fmt: skip

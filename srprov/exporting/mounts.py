@@ -9,21 +9,21 @@ from __future__ import annotations
 import errno
 import os
 import posixpath
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import msgspec
 from msgspec.structs import replace
 
-from srprov import plain_tar
 from srprov.definitions.containermodel import Mount, Seed
 from srprov.definitions.model import Experiment, Service
 from srprov.errors import UsageError
 from srprov.exporting.model import ADAPTED, File, Machine, Need, Part, Remark
 from srprov.exporting.text import Raw
+from srprov.plain_tar import Member
 
-Tar = Callable[[str], bytes]
-"""Absolute path -> a tar with one top entry, see `disk.tree_tar`; raises OSError."""
+Shipped = Callable[[str], Sequence[Member]]
+"""Absolute path -> what is there, below one top entry, as srprov would ship it; raises OSError."""
 
 
 class Shipping(msgspec.Struct, frozen=True, kw_only=True):
@@ -31,7 +31,7 @@ class Shipping(msgspec.Struct, frozen=True, kw_only=True):
 
     experiment: Experiment
     machine: Machine
-    tar: Tar
+    shipped: Shipped
     copied: dict[str, str] = msgspec.field(default_factory=dict)
     """Place in the export -> the path that was copied there."""
 
@@ -135,7 +135,7 @@ class Shipping(msgspec.Struct, frozen=True, kw_only=True):
             UsageError: It cannot be read, or is too large and may not be.
         """
         try:
-            tar = self.tar(source)
+            members = self.shipped(source)
         except OSError as error:
             if may_be_large and error.errno == errno.EFBIG:
                 return None
@@ -148,7 +148,7 @@ class Shipping(msgspec.Struct, frozen=True, kw_only=True):
                 link=member.link,
                 is_folder=member.is_folder,
             )
-            for member in plain_tar.members(tar)
+            for member in members
         )
 
 

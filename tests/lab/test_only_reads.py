@@ -11,6 +11,7 @@ import base64
 import contextlib
 import os
 import re
+import shutil
 import socket
 import threading
 from collections.abc import Iterator
@@ -146,6 +147,7 @@ def test_what_plans_only_reads_and_what_applies_does_not(listening: Listening, t
         ("facts", "-i", inventory),
         ("doctor", "-i", inventory),
         ("assign", str(path), "-i", inventory, "--explain"),
+        ("export", "compose", str(path), "-i", inventory, "-o", str(tmp_path / "exported")),
         ("plan", str(path), "-i", inventory, "-v"),
         ("plan", str(path), "-i", inventory, "--format", "markdown"),
         ("plan", str(path), "-i", inventory, "-o", str(tmp_path / "plan.json"), "--reassign"),
@@ -160,6 +162,7 @@ def test_what_plans_only_reads_and_what_applies_does_not(listening: Listening, t
         since = lab.shell(ROBOT, "date", "+%s.%N").out.strip()
         for verb in (*looks, *more):
             listening.told()  # the test's own looks
+            shutil.rmtree(tmp_path / "exported", ignore_errors=True)
             done = lab.srprov(*verb)
             assert done.code == 0, done
             heard = listening.told()
