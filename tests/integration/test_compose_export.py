@@ -14,6 +14,7 @@ from srprov.definitions.expand import expand
 from srprov.definitions.model import Experiment
 from srprov.exporting.folder import write as put
 from srprov.exporting.model import Export
+from tests import compose_oracle
 from tests.compose_values import of_compose, of_service
 from tests.property.edfs import experiments, write
 from tests.real_compose import config
@@ -30,6 +31,14 @@ def exported(edf: Path, folder: Path) -> Export:
         if need.kind == "file" and not (folder / need.name).exists():
             (folder / need.name).write_text("given")
     return made
+
+
+def same_for_both(folder: Path) -> None:
+    """Compare what Compose reads with what srprov's own reader of Compose files does."""
+    theirs = compose_oracle.compose(folder, ["compose.yml"], profiles=["*"], project=None)
+    mine, _ = compose_oracle.ours(folder, ["compose.yml"], profiles=["*"], project=None)
+    assert (mine.refusal, theirs.refusal) == ("", "")
+    assert compose_oracle.comparable(mine.document) == compose_oracle.comparable(theirs.document)
 
 
 def differences(experiment: Experiment, found: dict[str, Any], folder: Path) -> dict[str, Any]:
@@ -53,6 +62,7 @@ def test_every_example_is_read_by_compose_as_it_is_meant(tmp_path: Path, example
     exported(ROOT / example, tmp_path / "out")
     found, said = config(tmp_path / "out")
     assert said == ""
+    same_for_both(tmp_path / "out")
     experiment = compose.read(str(ROOT / example), frozenset()).definitions.experiment  # at the first point
     wrong = differences(expand(experiment, {}), found, tmp_path / "out")
     # what discovery tells is no part of the EDF
@@ -85,4 +95,5 @@ def read_by_compose(folder: Path, document: dict[str, Any]) -> None:
     edf = write(folder / "in", document)
     exported(edf, folder / "out")
     found, _ = config(folder / "out", API_KEY="given")
+    same_for_both(folder / "out")
     assert differences(expand(load_experiment(edf).experiment, {}), found, folder / "out") == {}
