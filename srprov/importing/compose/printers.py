@@ -164,7 +164,7 @@ def _pairs(value: Value, path: Path) -> Mapping[str, Value]:
 
 
 def hosts(value: Value, path: Path) -> object:
-    """Return further hosts as `name=address`, in order."""
+    """Return further hosts as `name=address`, in the order of these texts."""
     entries: list[Value] = []
     for name, item in value.data.items() if isinstance(value.data, dict) else ():
         entries += [
@@ -177,8 +177,7 @@ def hosts(value: Value, path: Path) -> object:
         if not sign or not address:
             raise refuse(item, f"'{item.data[:100]}' has no address", (*path, number))
         entries.append(item.of(f"{name}={_bare(address)}"))
-    by_name = sorted(entries, key=lambda entry: entry.data.partition("=")[0])
-    return by_name
+    return sorted(entries, key=lambda entry: entry.data)
 
 
 def _bare(address: str) -> str:
