@@ -105,6 +105,8 @@ ROOMS: Mapping[str, Room] = {
     ),
     # Files of other tools -> experiments: reads what strangers wrote, and reaches no robot.
     "importing": room("errors private regular_file untrusted image_reference linear_regex yamldoc definitions"),
+    # A Compose project in its normal form -> the folder of an experiment.
+    "conversion": room("errors names private regular_file yamldoc definitions importing"),
     # Compose files of an experiment: as values, but for the one file that writes them into a folder.
     "exporting": room("errors plain_tar definitions facts.model images network yamldoc"),
     "lab": room("errors regular_file yamldoc", "yaml"),
@@ -163,6 +165,7 @@ FILES: Mapping[str, Room] = {
     "cli/facts_table.py": cli_file("facts"),
     "cli/images.py": cli_file("execution sizes"),
     "cli/images_prune.py": cli_file("execution sizes"),
+    "cli/importing.py": cli_file("conversion"),
     "cli/lab.py": cli_file("lab"),
     "cli/lock.py": cli_file("definitions.lockfile"),
     "cli/locks.py": cli_file("execution"),

@@ -40,13 +40,15 @@ OWN_KEYS = PROJECT_KEYS | {
     *("older-than", "cache", "since", "timestamps", "until", "env", "user", "workdir", "tty"),
     *("metric", "over", "watch", "no-secret"),
     *("discard", "rerun", "reason", "accept-changes", "rotate-keys", "no-probe", "network", "profile"),
-    *("margin", "strict", "with", "map", "twin"),
+    *("margin", "strict", "with", "map", "twin", "set", "name", "env-file", "robot-map",
+      "home"),
 }
 PARAMETERS = {"inventory": "inventories", "json": "as_json", "format": "form", "out": "target", "facts": "stored",
-              "profile": "profiles", "margin": "margins", "with": "others", "map": "pairs"}  # fmt: skip
+              "profile": "profiles", "margin": "margins", "with": "others", "map": "pairs",
+              "set": "settings", "env-file": "env_files"}  # fmt: skip
 """Options that have another name in the code."""
-_LISTS = ("inventory", "allow", "until", "env", "profile", "margin", "with", "map")
-_GROUPS = {"export": ("compose",)}
+_LISTS = ("inventory", "allow", "until", "env", "profile", "margin", "with", "map", "set", "env-file")
+_GROUPS = {"export": ("compose",), "import": ("compose", "swarmrob")}
 """Verbs that stand for several: what is set for one holds for those."""
 _MOST_BYTES = 1 << 20
 _BEYOND = 1e15

@@ -50,10 +50,14 @@ _VERBS = {
     "start": "Start services that were stopped.",
     "locks": "Show who is changing which robot.",
     "destroy": "Remove everything that an instance owns.",
+    "import": "Make an experiment of Docker Compose or SwarmRob files; no robot is asked.",
     "export": "Write an experiment as Docker Compose files.",
     "lab": "The embedded lab: robots on this machine.",
     "schema": "Print a JSON Schema.",
 }
+
+_MODULES = {"import": "importing"}
+"""Verbs whose names no module and no function can have -> the name of both."""
 
 
 class _LazyGroup(click.Group):
@@ -65,8 +69,8 @@ class _LazyGroup(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         if cmd_name not in _VERBS:
             return None
-        module = importlib.import_module(f"srprov.cli.{cmd_name}")
-        command = getattr(module, cmd_name)
+        name = _MODULES.get(cmd_name, cmd_name)
+        command = getattr(importlib.import_module(f"srprov.cli.{name}"), name)
         assert isinstance(command, click.Command)
         return command
 

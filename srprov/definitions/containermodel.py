@@ -50,7 +50,10 @@ class Requirements(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class HealthCheck(msgspec.Struct, frozen=True, kw_only=True):
-    """How Docker tells whether a container is healthy; `test` is `("CMD", …)`, `("CMD-SHELL", text)` or `("NONE",)`."""
+    """How Docker tells whether a container is healthy; `test` is `("CMD", …)`, `("CMD-SHELL", text)` or `("NONE",)`.
+
+    An empty test is the image's own; a time or a count of 0 is then the image's too.
+    """
 
     test: tuple[str, ...]
     interval_s: float = 30.0

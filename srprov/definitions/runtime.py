@@ -122,33 +122,33 @@ def _limits(get: Callable[[str], Node | None], read: _Read) -> Runtime:
 
 
 def healthcheck(node: Node | None, findings: Findings, path: Path) -> HealthCheck | None:
-    """Read one healthcheck; a switched-off one is `("NONE",)`."""
+    """Read one healthcheck; a switched-off one is `("NONE",)`, one without a test that of the image."""
     if not isinstance(node, Map):
         return None
     get = node.entries.get
-    test, disabled = get("test"), flag(get("disable"))
-    if disabled:
+    if flag(get("disable")):
         return HealthCheck(test=("NONE",))
-    if test is None:
-        findings.add(node, "the healthcheck has no 'test'", path, "give the command, e.g. test: rostopic list")
-        return None
-    words = ("CMD-SHELL", text(test)) if isinstance(test, Scalar) else texts(test)
-    wrong = words[0] not in ("CMD", "CMD-SHELL", "NONE") or (words[0] == "CMD-SHELL" and len(words) != 2)
-    if wrong or (words[0] == "NONE") != (len(words) == 1):
-        findings.add(test, "a healthcheck's list is [CMD, word…], [CMD-SHELL, text] or [NONE]", (*path, "test"))
-        return None
-    retries = nodes.as_int(node.entries["retries"]) if "retries" in node.entries else 3
+    test = get("test")
+    words: tuple[str, ...] = ()
+    if test is not None:
+        words = ("CMD-SHELL", text(test)) if isinstance(test, Scalar) else texts(test)
+        wrong = words[0] not in ("CMD", "CMD-SHELL", "NONE") or (words[0] == "CMD-SHELL" and len(words) != 2)
+        if wrong or (words[0] == "NONE") != (len(words) == 1):
+            findings.add(test, "a healthcheck's list is [CMD, word…], [CMD-SHELL, text] or [NONE]", (*path, "test"))
+            return None
+    retries = nodes.as_int(node.entries["retries"]) if "retries" in node.entries else None
 
     def seconds(key: str, default: float) -> float:
         given = get(key)
         read: Callable[[Node], float] = lambda node: values.duration(text(node))  # noqa: E731 - too small for a name
-        return default if given is None else guarded(read, given, default, findings, (*path, key))
+        usual = default if words else 0.0
+        return usual if given is None else guarded(read, given, usual, findings, (*path, key))
 
     return HealthCheck(
         test=words,
         interval_s=seconds("interval", 30.0),
         timeout_s=seconds("timeout", 30.0),
-        retries=retries or 3,
+        retries=retries or (3 if words else 0),
         start_period_s=seconds("start_period", 0.0),
     )
 

@@ -89,9 +89,8 @@ def _figures(run: Runtime) -> Iterator[str]:
     for one in seconds:
         if not 0 <= one <= _LONGEST_S:
             yield f"{'stop_grace_s' if one == run.stop_grace_s else 'healthcheck'}: {one} is not within 24 hours"
-    if check and (
-        check.retries not in range(1, _MOST_RETRIES + 1) or check.test[:1] not in (("NONE",), ("CMD",), ("CMD-SHELL",))
-    ):
+    tests = ((), ("NONE",), ("CMD",), ("CMD-SHELL",))
+    if check and (check.retries not in range(1 if check.test else 0, _MOST_RETRIES + 1) or check.test[:1] not in tests):
         yield "healthcheck: its test or its retries cannot be"
     if run.oom_score_adj not in range(-1000, 1001):
         yield f"oom_score_adj: {run.oom_score_adj} is not within -1000 and 1000"

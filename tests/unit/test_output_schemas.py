@@ -26,6 +26,7 @@ OUTPUTS = (
     "export",
     "facts",
     "images",
+    "import",
     "locks",
     "logs",
     "plan",

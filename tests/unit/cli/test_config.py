@@ -10,7 +10,7 @@ import click
 import pytest
 
 from srprov.cli.config import _GROUPS, OWN_KEYS, PARAMETERS, PROJECT_KEYS, default_map, user_folder
-from srprov.cli.main import _VERBS, run
+from srprov.cli.main import _MODULES, _VERBS, run
 from srprov.errors import UsageError
 
 VERBS = {"plan": "", "apply": ""}
@@ -173,7 +173,8 @@ def test_every_option_has_its_place_in_the_lists() -> None:
     hidden = {"heartbeat", "help"}
     found = {}
     for verb in _VERBS.keys() - {"lab"}:
-        command = getattr(importlib.import_module(f"srprov.cli.{verb}"), verb)
+        name = _MODULES.get(verb, verb)
+        command = getattr(importlib.import_module(f"srprov.cli.{name}"), name)
         below = command.commands.values() if isinstance(command, click.Group) else [command]
         for option in (one for each in below for one in each.params if isinstance(one, click.Option)):
             found[max(option.opts, key=len).lstrip("-")] = option.name

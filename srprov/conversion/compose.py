@@ -1,0 +1,58 @@
+"""Compose files -> a draft of an experiment: which files are one machine's, and what the experiment is called."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path as FilePath
+
+from srprov.conversion import robots
+from srprov.conversion.experiment import Draft, convert
+from srprov.conversion.project import Choices, Machine, instance_name
+from srprov.importing.normal import Normal
+from srprov.importing.read import normalise
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Wanted:
+    """What the user asked for."""
+
+    files: Sequence[str]
+    folder: str
+    profiles: Sequence[str] = ()
+    env_files: Sequence[str] = ()
+    settings: Mapping[str, str] = field(default_factory=dict)
+    robot_map: str = ""
+    name: str = ""
+    home: str = "robot"
+
+
+def draft(wanted: Wanted) -> Draft:
+    """Return the experiment that Compose files describe.
+
+    Raises:
+        Refused: A file is refused by Compose, or cannot be read.
+        DefinitionError: The map of robots is wrong.
+    """
+    grouped = robots.by_robot(wanted.robot_map, wanted.files) if wanted.robot_map else {"": list(wanted.files)}
+    machines = [_machine(files, robot, wanted) for robot, files in grouped.items()]
+    name = wanted.name or (
+        os.path.basename(os.path.abspath(wanted.folder))
+        if len(machines) > 1
+        else str(machines[0].normal.document.get("name") or "")
+    )
+    choices = Choices(home=wanted.home, chosen_profiles=bool(wanted.profiles) and "*" not in wanted.profiles)
+    return convert(machines, instance_name(name), choices, os.path.abspath(wanted.folder))
+
+
+def _machine(files: Sequence[str], robot: str, wanted: Wanted) -> Machine:
+    normal: Normal = normalise(
+        [FilePath(one) for one in files],
+        profiles=tuple(wanted.profiles) or ("*",),
+        env_files=[FilePath(one) for one in wanted.env_files],
+        settings=dict(wanted.settings),
+        project=wanted.name or None,
+    )
+    folders = dict.fromkeys(os.path.dirname(os.path.realpath(one)) for one in files)
+    return Machine(normal, tuple(folders), robot)

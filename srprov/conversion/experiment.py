@@ -1,0 +1,172 @@
+"""Compose projects -> one experiment, as values: the EDF, its CDFs, what is copied, and what became of each key.
+
+Takes machines and the user's choices; gives a `Draft`. Looks at the file system; writes nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from srprov.conversion import names_used, services
+from srprov.conversion.kept import Kept
+from srprov.conversion.notes import Finding, Notes
+from srprov.conversion.project import Choices, Machine, Making, Project, service_name
+from srprov.importing.normal import Note, Variable
+from srprov.importing.position import Path, Position
+
+_PLAIN_DRIVERS = (None, "", "local")
+_OWN_ADDRESS = ("macvlan", "ipvlan")
+_PATHS = ("image", "volumes", "devices", "build", "ports")
+"""Keys of a service in which a variable without a value makes something else of it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Draft:
+    """An experiment that is not written yet."""
+
+    edf: Mapping[str, Any]
+    cdfs: Mapping[str, Mapping[str, Any]]
+    copies: Mapping[str, str]
+    """Path in the experiment -> the file or folder that is copied there."""
+    texts: Mapping[str, str]
+    withheld: frozenset[str]
+    """Real paths of files that are never copied: they hold secrets."""
+    findings: tuple[Finding, ...]
+    variables: tuple[Variable, ...]
+    notes: tuple[Note, ...]
+    origins: Mapping[str, tuple[Notes, Path]]
+    """Service of the EDF -> where it comes from."""
+
+    @property
+    def refused(self) -> tuple[Finding, ...]:
+        """Return what makes the import fail."""
+        return tuple(one for one in self.findings if one.kept is Kept.REFUSED)
+
+
+def convert(machines: Sequence[Machine], name: str, choices: Choices, folder: str) -> Draft:
+    """Return the experiment that some machines' projects are together; `folder` is where it will lie."""
+    making = Making(name, choices)
+    projects = [_project(machine, making) for machine in machines]
+    for project in projects:
+        _names(project, projects)
+    for project in projects:
+        chosen = names_used.hostnames(project)
+        for service, given in (project.document.get("services") or {}).items():
+            made = services.entry(service, given, chosen.get(service, ""), project, folder)
+            making.services[project.names[service]] = made
+            making.origins[project.names[service]] = (project.notes, ("services", service))
+        _healthchecks(project)
+        _top(project)
+    findings = [one for project in projects for one in (*project.notes.finished(), *_unset(project))]
+    return Draft(
+        edf=_edf(making),
+        cdfs=making.cdfs,
+        copies=making.copies,
+        texts=making.texts,
+        withheld=frozenset(making.withheld),
+        findings=tuple(sorted(findings, key=lambda one: (one.at, one.key, one.message))),
+        variables=tuple(one for project in projects for one in project.machine.normal.variables),
+        notes=tuple(one for project in projects for one in project.machine.normal.warnings),
+        origins=making.origins,
+    )
+
+
+def _project(machine: Machine, making: Making) -> Project:
+    return Project(machine, making, machine.normal.document, Notes(machine.normal))
+
+
+def _names(project: Project, projects: Sequence[Project]) -> None:
+    """Choose the names of a project's services."""
+    for written in project.document.get("services") or {}:
+        taken = [name for other in projects for name in other.names.values()]
+        wanted = service_name(written)
+        chosen = project.making.free(wanted, taken, project.machine.robot)
+        project.names[written] = chosen
+        if chosen != written:
+            why = (
+                "an EDF has names in lower case, without dots" if wanted != written else "the name is another's already"
+            )
+            project.notes.adapted(("services", written), f"the service is '{chosen}': {why}")
+
+
+def _healthchecks(project: Project) -> None:
+    """Give each service that is awaited to be healthy a healthcheck: without one of its own, that of its image."""
+    for service in project.names.values():
+        waits = project.making.services[service].get("depends_on")
+        for other, wanted in waits.items() if isinstance(waits, dict) else ():
+            entry = project.making.services.get(other)
+            if wanted["condition"] == "healthy" and entry is not None and "healthcheck" not in entry:
+                entry["healthcheck"] = {}
+                notes, at = project.notes, project.making.origins[other][1] if other in project.making.origins else ()
+                notes.adapted(at, "its health is awaited: it must have a healthcheck in its image")
+
+
+def _top(project: Project) -> None:
+    """Say what became of volumes, networks and the name."""
+    for name, entry in (project.document.get("volumes") or {}).items():
+        driver, external = (entry or {}).get("driver"), (entry or {}).get("external")
+        if driver not in _PLAIN_DRIVERS:
+            words = f"the driver '{str(driver)[:60]}' is not known here"
+            project.notes.refused(("volumes", name, "driver"), words, "mount it on the robots, and bind the path")
+        if external:
+            words = "a volume of the experiment: what an outer one holds already is not taken over"
+            project.notes.adapted(("volumes", name, "external"), words)
+            project.notes.exact(("volumes", name, "name"))
+    for name, entry in (project.document.get("networks") or {}).items():
+        if (entry or {}).get("driver") in _OWN_ADDRESS:
+            words = f"no service has an address of the robots' network by '{entry['driver']}'"
+            project.notes.refused(("networks", name, "driver"), words, "take 'network_mode: host'")
+        if name == "default":
+            for key in entry or {}:
+                project.notes.exact(("networks", name, key))
+    if project.document.get("name") == project.making.name:
+        project.notes.exact(("name",))
+
+
+def _unset(project: Project) -> list[Finding]:
+    """Return a finding for each variable without a value that would make another path, image or port."""
+    found = []
+    for one in project.machine.normal.variables:
+        at = next(iter(_paths_at(project, one.at)), ()) if one.source == "unset" else ()
+        if at:
+            words = f"${{{one.name}}} has no value: nothing stands in its place"
+            hint = f"--set {one.name}=VALUE, or --env-file FILE"
+            found.append(Finding(one.at, ".".join(map(str, at)), Kept.REFUSED, words, hint))
+    return list(dict.fromkeys(found))
+
+
+def _paths_at(project: Project, at: Position) -> list[Path]:
+    places = project.machine.normal.positions
+    return [
+        path
+        for path, place in places.items()
+        if (place.file, place.line) == (at.file, at.line)
+        and len(path) > 2
+        and path[0] == "services"
+        and path[2] in _PATHS
+    ]
+
+
+def _edf(making: Making) -> dict[str, Any]:
+    found: dict[str, Any] = {"edf": 1, "name": making.name}
+    slots = _slots(making)
+    if slots > 1:
+        found["placement"] = {"slots_per_robot": slots}
+    if making.secrets:
+        found["secrets"] = making.secrets
+    if making.volumes:
+        found["volumes"] = making.volumes
+    found["services"] = making.services
+    return found
+
+
+def _slots(making: Making) -> int:
+    """Return how many services a robot must take: as many as its own file has, or all of them."""
+    by_robot: dict[str, int] = {}
+    for one in making.services.values():
+        robot = str(one.get("robot", ""))
+        by_robot[robot] = by_robot.get(robot, 0) + (0 if "per_robot" in one else int(one.get("replicas", 1)))
+    anywhere = by_robot.pop("", 0)
+    return anywhere + max(by_robot.values(), default=0)

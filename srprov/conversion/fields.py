@@ -1,0 +1,155 @@
+"""Fields of a service that an EDF has by the same name, or nearly: one function for each kind of value. Pure."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from srprov.conversion.project import Project
+from srprov.conversion.table_service import SAME
+from srprov.importing.position import Path
+
+_Given = Mapping[str, Any]
+_SIZES = ("mem_limit", "mem_reservation", "shm_size")
+_NUMBERS = ("oom_score_adj", "cpus")
+_NAMESPACES = {"ipc": ("host", "private", "shareable", "none"), "pid": ("host",)}
+_EXPOSED = re.compile(r"[0-9]{1,5}(-[0-9]{1,5})?(/(tcp|udp))?")
+_OURS = re.compile(r"srprov(\.|\Z)")
+_PROFILE_FILE = re.compile(r"(seccomp|apparmor|label)[=:](?P<value>.*)", re.DOTALL)
+
+
+def same(given: _Given, project: Project, at: Path) -> dict[str, Any]:
+    """Return the fields that are taken as they are."""
+    found: dict[str, Any] = {}
+    for key in SAME:
+        value = given.get(key)
+        if value is None or key == "profiles" or value == "" or value is False:
+            continue
+        if value == [] and key != "entrypoint":
+            continue
+        if key in _SIZES:
+            found[key] = size_text(int(value))
+        elif key in _NUMBERS:
+            found[key] = float(value) if key == "cpus" else int(value)
+        else:
+            found[key] = value
+    for option in given.get("security_opt") or ():
+        named = _PROFILE_FILE.fullmatch(option)
+        if named and named[1] == "seccomp" and named["value"] not in ("unconfined", "builtin"):
+            project.notes.refused(
+                (*at, "security_opt"), f"'{option[:80]}' names a file of this machine", "robots have no such file"
+            )
+    return found
+
+
+def size_text(size: int) -> str:
+    """Return bytes in the largest unit that divides them."""
+    for unit, factor in (("g", 1 << 30), ("m", 1 << 20), ("k", 1 << 10)):
+        if size and size % factor == 0:
+            return f"{size // factor}{unit}"
+    return str(size)
+
+
+def environment(given: _Given, project: Project, at: Path) -> dict[str, Any]:
+    """Return `environment` without what only the caller would give a value; those of env files stand in it already."""
+    found: Mapping[str, str | None] = given.get("environment") or {}
+    path = (*at, "environment")
+    for name in sorted(name for name, value in found.items() if value is None):
+        words = f"'{name}' has no value: it is left out"
+        project.notes.adapted((*path, name), words, f"--set {name}=VALUE, or a bare {name} in the experiment's file")
+    kept = {name: value for name, value in found.items() if value is not None}
+    return {"environment": kept} if kept else {}
+
+
+def namespaces(given: _Given, project: Project, at: Path) -> dict[str, Any]:
+    """Return `ipc` and `pid`."""
+    found = {}
+    for key, known in _NAMESPACES.items():
+        value = given.get(key)
+        if value in known:
+            found[key] = value
+        elif value and (key, value) != ("pid", "private"):
+            project.notes.refused((*at, key), f"'{key}: {str(value)[:60]}': {_another(str(value))}")
+    return found
+
+
+def _another(value: str) -> str:
+    return "the namespace of another container cannot be joined" if ":" in value else "no engine has it"
+
+
+def various(given: _Given, project: Project, at: Path) -> dict[str, Any]:
+    """Return the fields that need a look at their values."""
+    found: dict[str, Any] = {}
+    if limits := given.get("ulimits"):
+        found["ulimits"] = {name: _limit(value) for name, value in limits.items()}
+    if labels := given.get("labels"):
+        for name in sorted(name for name in labels if _OURS.match(name)):
+            project.notes.dropped((*at, "labels"), f"the label '{name[:60]}' is srprov's own")
+        found["labels"] = {name: str(value) for name, value in labels.items() if not _OURS.match(name)}
+    if ports := given.get("expose"):
+        fit = [str(port) for port in ports if _EXPOSED.fullmatch(str(port))]
+        for port in ports:
+            if str(port) not in fit:
+                project.notes.dropped((*at, "expose"), f"'{str(port)[:40]}' is no port of tcp or udp")
+        found["expose"] = fit
+    processes = int(given.get("pids_limit") or 0)
+    if processes > 0:
+        found["pids_limit"] = processes
+    elif processes:
+        project.notes.dropped((*at, "pids_limit"), "no limit is the default")
+    if quota := int(float(given.get("cpu_quota") or 0)):
+        period = int(float(given.get("cpu_period") or 0)) or 100_000
+        found["cpus"] = round(quota / period, 3)
+    return {key: value for key, value in found.items() if value not in ({}, [])} | _pull(given, project, at)
+
+
+def _limit(value: object) -> object:
+    if isinstance(value, Mapping):
+        return int(value["single"]) if "single" in value else {key: int(value[key]) for key in ("soft", "hard")}
+    return int(str(value))
+
+
+def _pull(given: _Given, project: Project, at: Path) -> dict[str, Any]:
+    policy = given.get("pull_policy")
+    if policy is None:
+        return {}
+    if policy not in ("missing", "if_not_present", "always", "never", "build"):
+        project.notes.adapted((*at, "pull_policy"), f"a plan has no clock: '{str(policy)[:40]}' is 'always'")
+        policy = "always"
+    return {"pull_policy": policy}
+
+
+def profiles(given: _Given, project: Project, at: Path) -> dict[str, Any]:
+    """Return `profiles`, unless the user chose some already."""
+    named = given.get("profiles") or []
+    if named and project.making.choices.chosen_profiles:
+        project.notes.adapted(
+            (*at, "profiles"), "the service is always wanted: its profile was named when it was imported"
+        )
+        return {}
+    return {"profiles": named} if named else {}
+
+
+def gpus(given: _Given, project: Project, at: Path) -> dict[str, Any]:
+    """Return `gpus`, of the key itself or of what `deploy` reserves."""
+    wanted: list[tuple[Path, Mapping[str, Any]]] = [
+        ((*at, "gpus", index), one) for index, one in enumerate(given.get("gpus") or ())
+    ]
+    deploy = given.get("deploy") or {}
+    reserved = ((deploy.get("resources") or {}).get("reservations") or {}).get("devices") or ()
+    for index, one in enumerate(reserved):
+        path = (*at, "deploy", "resources", "reservations", "devices", index)
+        if "gpu" in one.get("capabilities", ()) or one.get("driver") == "nvidia":
+            wanted.append((path, one))
+        else:
+            project.notes.refused(path, "devices that are no GPUs cannot be reserved", "name them in 'devices'")
+    count = 0
+    for path, one in wanted:
+        ids = one.get("device_ids") or []
+        number = int(one.get("count", len(ids) or -1))
+        if number == -1:
+            project.notes.exact((*path, "count"))
+            return {"gpus": "all"}
+        count += number
+    return {"gpus": count} if count else {}

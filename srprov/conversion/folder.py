@@ -1,0 +1,171 @@
+"""A draft -> a folder with an experiment that validates, or nothing at all.
+
+Takes a draft and the folder's name. Writes into a folder beside it first, checks what is there as `validate` does, and
+then gives it its name; problems are told at the lines of the files that they come from.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import secrets
+import shutil
+import stat
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path as FilePath
+
+from srprov import __version__, private, regular_file
+from srprov.conversion.experiment import Draft
+from srprov.conversion.report import as_markdown
+from srprov.definitions import check_files
+from srprov.errors import Diagnostic, UsageError
+from srprov.importing.normal import Refused
+from srprov.yamldoc import writer
+
+EDF = "experiment.edf"
+REPORT = "import-report.md"
+_MOST_BYTES = 96 * regular_file.MIB
+_MOST_FILES = 20_000
+_LEFT_OUT = frozenset({".git"})
+
+
+def check_target(folder: str) -> None:
+    """Check that a folder is new or empty.
+
+    Raises:
+        UsageError: It is not.
+    """
+    try:
+        entries = os.listdir(folder)
+    except FileNotFoundError:
+        if not os.path.isdir(os.path.dirname(os.path.abspath(folder))):
+            raise UsageError(f"there is no folder for {folder}", hint="make it first") from None
+        return
+    except OSError as error:
+        raise UsageError(f"cannot write to {folder}: {error.strerror}") from None
+    if entries:
+        raise UsageError(f"{folder} holds files already", hint="name a folder that is new or empty")
+
+
+def write(draft: Draft, folder: str, files: Sequence[str]) -> None:
+    """Write an experiment into a new or empty folder.
+
+    Raises:
+        Refused: What was made does not validate, or a file cannot be copied; nothing is left.
+        UsageError: The folder cannot be written.
+    """
+    check_target(folder)
+    beside = f"{os.path.abspath(folder)}.{secrets.token_hex(4)}.part"
+    try:
+        os.mkdir(beside, 0o700)
+        _fill(draft, beside, folder, files)
+        if problems := check_files([os.path.join(beside, EDF)], ("*",) if _has_profiles(draft) else ()):
+            raise Refused([_at_home(one, draft, beside) for one in problems])
+        with contextlib.suppress(FileNotFoundError):
+            os.rmdir(folder)
+        os.rename(beside, folder)
+    except OSError as error:
+        raise UsageError(f"cannot write {folder}: {error.strerror}") from error
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
+
+
+def _has_profiles(draft: Draft) -> bool:
+    return any("profiles" in one for one in draft.edf["services"].values())
+
+
+def _fill(draft: Draft, beside: str, folder: str, files: Sequence[str]) -> None:
+    copying = _Copying(draft.withheld, (os.path.realpath(folder), beside))
+    for place, source in sorted(draft.copies.items()):
+        try:
+            copying.take(source, os.path.join(beside, place))
+        except OSError as error:
+            which = error.filename or source
+            raise UsageError(
+                f"cannot copy {which}: {error.strerror}", hint="leave it out, or make it an image's"
+            ) from error
+    for place, text in draft.texts.items():
+        path = FilePath(beside, place)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        private.write_file(path, text)
+        path.chmod(0o644)
+    names = ", ".join(os.path.basename(one) for one in files)
+    about = f"Made from {names} by srprov import {__version__}; {REPORT} says how."
+    for name, definition in draft.cdfs.items():
+        private.write_file(os.path.join(beside, name), writer.document(definition, about))
+    private.write_file(os.path.join(beside, EDF), writer.document(draft.edf, about))
+    private.write_file(os.path.join(beside, REPORT), as_markdown(draft, files))
+
+
+class _Copying:
+    """Copies files and folders with their modes, within limits; links stay links."""
+
+    def __init__(self, withheld: frozenset[str], passed_over: tuple[str, ...]) -> None:
+        self.withheld = withheld
+        self.passed_over = passed_over
+        self.bytes = 0
+        self.files = 0
+
+    def take(self, source: str, target: str) -> None:
+        """Copy a file, or a folder with all below it.
+
+        Raises:
+            OSError: It cannot be read, or is too much.
+        """
+        if os.path.isdir(source):
+            os.makedirs(target, 0o755, exist_ok=True)
+            for entry in sorted(os.listdir(source)):
+                inner = os.path.join(source, entry)
+                if entry not in _LEFT_OUT and inner not in self.passed_over:
+                    self._entry(inner, os.path.join(target, entry))
+        elif source not in self.withheld:
+            os.makedirs(os.path.dirname(target), 0o755, exist_ok=True)
+            self._file(source, target)
+
+    def _entry(self, source: str, target: str) -> None:
+        about = os.lstat(source)
+        if stat.S_ISLNK(about.st_mode):
+            if not os.path.lexists(target):
+                os.symlink(os.readlink(source), target)
+        elif stat.S_ISDIR(about.st_mode):
+            self.take(source, target)
+        elif source not in self.withheld:
+            self._file(source, target)
+
+    def _file(self, source: str, target: str) -> None:
+        self.files += 1
+        if self.files > _MOST_FILES:
+            raise OSError(0, f"more than {_MOST_FILES} files would be copied")
+        content, about = regular_file.read_with_status(source, _MOST_BYTES)
+        self.bytes += len(content)
+        if self.bytes > _MOST_BYTES:
+            raise OSError(0, f"more than {_MOST_BYTES // regular_file.MIB} MiB would be copied")
+        FilePath(target).write_bytes(content)
+        os.chmod(target, stat.S_IMODE(about.st_mode) & 0o777)
+
+
+def _at_home(problem: Diagnostic, draft: Draft, beside: str) -> Diagnostic:
+    """Return a problem of what was written as one of what it was made from."""
+    file = os.path.relpath(problem.location.file, beside)
+    for place, source in sorted(draft.copies.items(), reverse=True):
+        if file == place or file.startswith(f"{place}/"):
+            where = os.path.normpath(os.path.join(source, os.path.relpath(file, place)))
+            return replace(problem, location=replace(problem.location, file=where))
+    built = next((name for name, one in draft.edf["services"].items() if one.get("cdf") == file), "")
+    parts = problem.path.split(".")
+    name, key = built, ("build",)
+    if not built and len(parts) > 1:
+        name, key = (_user(parts[1], draft), ("volumes",)) if parts[0] == "volumes" else (parts[1], tuple(parts[2:3]))
+    notes, at = draft.origins.get(name) or next(iter(draft.origins.values()))
+    path = (*at, *key) if name in draft.origins else ()
+    hint = f"{problem.hint}; " if problem.hint else ""
+    shown = ".".join(map(str, path))
+    return Diagnostic(notes.normal.position_of(path), problem.message, shown, "", f"{hint}of what it became here")
+
+
+def _user(volume: str, draft: Draft) -> str:
+    """Return the first service that mounts a named volume."""
+    services = draft.edf["services"].items()
+    mounts = ((name, one) for name, entry in services for one in entry.get("volumes", ()))
+    return next((name for name, one in mounts if str(one).startswith(f"{volume}:")), "")

@@ -1,0 +1,130 @@
+"""The names by which services reach each other: which of those that Compose gives a service are used, and kept.
+
+Takes a project; gives a `hostname` for each service that needs one. An overlay knows a service by its own name and by
+one `hostname`; Compose by container names and aliases too. Pure.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from srprov.conversion.project import Project
+from srprov.importing.position import Path
+
+_HOST = re.compile(r"[A-Za-z0-9]([A-Za-z0-9._-]{0,61}[A-Za-z0-9])?")
+_WORD = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.:-]*")
+_FURTHER = "a service has one 'hostname'; use the service's own name in the file"
+
+
+def on_overlay(given: Mapping[str, Any]) -> bool:
+    """Return whether a service has names that others can use at all."""
+    mode = str(given.get("network_mode") or "")
+    return mode in ("", "bridge", "default")
+
+
+def hostnames(project: Project) -> dict[str, str]:
+    """Return service (as Compose has it) -> its `hostname`; what cannot be kept is noted."""
+    services: Mapping[str, Mapping[str, Any]] = project.document.get("services") or {}
+    words = {name: _words(given) for name, given in services.items()}
+    found: dict[str, str] = {}
+    for name, given in services.items():
+        at = ("services", name)
+        others = set().union(*(words[other] for other in services if other != name))
+        used = {
+            alias: path for alias, path in _names(name, project) if alias in others and alias != project.names[name]
+        }
+        own = str(given.get("hostname") or "")
+        for alias, path in used.items():
+            project.notes.adapted(path, f"others use the name '{alias}': it is the service's 'hostname'")
+        if len({*used, *filter(None, [own])}) > 1:
+            further = next(alias for alias in used if alias != own)
+            project.notes.refused(
+                used[further], f"'{further}' is used by other services, beside another name", _FURTHER
+            )
+        chosen = own or next(iter(used), "")
+        why = _not_possible(chosen, name, given, project)
+        if chosen and why and used:
+            project.notes.refused(used[next(iter(used))], f"other services use '{chosen}', but {why}", _FURTHER)
+        elif own and why:
+            project.notes.dropped((*at, "hostname"), why)
+        elif chosen and chosen != project.names[name]:
+            found[name] = chosen
+        _addresses(name, given, project, set().union(*words.values()))
+    return found
+
+
+def _not_possible(chosen: str, name: str, given: Mapping[str, Any], project: Project) -> str:
+    """Return why a service cannot have a `hostname`, or nothing."""
+    if not chosen:
+        return ""
+    if not on_overlay(given):
+        return f"a service with 'network: {given['network_mode']}' has no name of its own"
+    if replicas(given) != 1 or (given.get("deploy") or {}).get("mode") == "global":
+        return "several instances of a service cannot have one name"
+    if not _HOST.fullmatch(chosen):
+        return f"'{chosen[:60]}' is no host's name"
+    taken = {*project.names.values(), *project.making.services} - {project.names[name]}
+    if chosen in taken or chosen in {one.get("hostname") for one in project.making.services.values()}:
+        return f"'{chosen}' is the name of another service"
+    return ""
+
+
+def replicas(given: Mapping[str, Any]) -> int:
+    """Return how many of a service run."""
+    deploy = given.get("deploy") or {}
+    wanted = given.get("scale") if given.get("scale") is not None else deploy.get("replicas")
+    return 1 if wanted is None else int(wanted)
+
+
+def _names(name: str, project: Project) -> Iterator[tuple[str, Path]]:
+    """Yield the further names that Compose gives a service, each with its place."""
+    services: Mapping[str, Mapping[str, Any]] = project.document.get("services") or {}
+    given, at = services[name], ("services", name)
+    if not on_overlay(given):
+        return
+    if name != project.names[name]:
+        yield name, at
+    if given.get("container_name"):
+        yield str(given["container_name"]), (*at, "container_name")
+    else:
+        whole = str(project.document.get("name"))
+        for one in (f"{whole}-{name}-1", f"{whole}_{name}_1", f"{name}_1", f"{name}-1"):
+            if one not in services:
+                yield one, at
+    for network, settings in (given.get("networks") or {}).items():
+        for alias in (settings or {}).get("aliases") or ():
+            if alias != name:
+                yield str(alias), (*at, "networks", network, "aliases")
+    for other, entry in services.items():
+        for link in entry.get("links") or ():
+            target, _, alias = str(link).partition(":")
+            if target == name and alias not in ("", name):
+                yield alias, ("services", other, "links")
+
+
+def _addresses(name: str, given: Mapping[str, Any], project: Project, words: set[str]) -> None:
+    for network, settings in (given.get("networks") or {}).items():
+        for key in ("ipv4_address", "ipv6_address"):
+            address = str((settings or {}).get(key) or "")
+            if address and address in words:
+                path = ("services", name, "networks", network, key)
+                hint = f"use the service's name, {project.names[name]}"
+                project.notes.refused(
+                    path, f"the address {address[:40]} is used in the file, and will be another", hint
+                )
+
+
+def _words(given: Mapping[str, Any]) -> set[str]:
+    """Return all words in a service's texts that may be a host's name."""
+    texts = [str(value) for value in (given.get("environment") or {}).values() if value]
+    for key in ("command", "entrypoint"):
+        texts += [str(word) for word in given.get(key) or ()]
+    texts += [str(word) for word in (given.get("healthcheck") or {}).get("test") or ()]
+    found: set[str] = set()
+    for text in texts:
+        for match in _WORD.finditer(text):
+            word = match[0].rstrip(".:")
+            found |= {word, word.partition(":")[0]}
+    return found

@@ -1,0 +1,127 @@
+"""A Compose project that is being converted, and the experiment that it becomes a part of.
+
+Takes normal forms, and the folders of the files; gathers what is to be written. Looks at the file system,
+reads nothing.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+from srprov import names
+from srprov.conversion.notes import Notes
+from srprov.importing.normal import Normal
+from srprov.importing.position import Path
+
+FILES = "files"
+"""Folder of the experiment that what the files name is copied to."""
+
+
+@dataclass(frozen=True, slots=True)
+class Machine:
+    """One Compose project: the files that one machine runs."""
+
+    normal: Normal
+    folders: tuple[str, ...]
+    """Real paths of the folders of its files: what these name is taken from there, and from nowhere else.
+
+    Relative paths begin at the first.
+    """
+    robot: str = ""
+    """The robot that it is pinned to."""
+
+
+@dataclass(frozen=True, slots=True)
+class Choices:
+    """What the user chose."""
+
+    home: str = "robot"
+    """The user of the robots whose home `~` is."""
+    chosen_profiles: bool = False
+    """Services were chosen by their profiles already."""
+
+
+@dataclass
+class Making:
+    """The experiment so far."""
+
+    name: str
+    choices: Choices = field(default_factory=Choices)
+    services: dict[str, dict[str, Any]] = field(default_factory=dict)
+    volumes: dict[str, dict[str, str]] = field(default_factory=dict)
+    """Named volumes that begin with a folder: name -> `seed`."""
+    secrets: dict[str, dict[str, str]] = field(default_factory=dict)
+    cdfs: dict[str, dict[str, Any]] = field(default_factory=dict)
+    """CDF's file name -> what it says."""
+    copies: dict[str, str] = field(default_factory=dict)
+    """Path in the experiment -> the file or folder that is copied there."""
+    texts: dict[str, str] = field(default_factory=dict)
+    """Path in the experiment -> the text of a file that is written there."""
+    withheld: set[str] = field(default_factory=set)
+    """Real paths of files that hold secrets: they are never copied."""
+    origins: dict[str, tuple[Notes, Path]] = field(default_factory=dict)
+    """Service -> where it comes from."""
+
+    def free(self, wanted: str, taken: Iterable[str], robot: str) -> str:
+        """Return a name that nothing has yet: the wanted one, or one with the robot's or a number."""
+        known = set(taken)
+        choices = (wanted, *([f"{wanted}-{_word(robot)}"] if robot else []), *(f"{wanted}-{n}" for n in range(2, 1000)))
+        return next(one for one in choices if one not in known)
+
+
+@dataclass
+class Project:
+    """One machine's project on its way."""
+
+    machine: Machine
+    making: Making
+    document: Mapping[str, Any]
+    notes: Notes
+    names: dict[str, str] = field(default_factory=dict)
+    """The service's name in Compose -> in the experiment."""
+    volume_names: dict[str, str] = field(default_factory=dict)
+    """The same of volumes."""
+
+    def path(self, written: str) -> str:
+        """Return the absolute path of what is written relative to the project's folder."""
+        return os.path.normpath(os.path.join(self.machine.folders[0], written))
+
+    @property
+    def base(self) -> str:
+        """The folder that the paths of copies are relative to."""
+        return os.path.commonpath(self.machine.folders)
+
+    def place(self, source: str) -> str:
+        """Return where a file or folder goes in the experiment; empty when it lies outside of the files' folders."""
+        real = os.path.realpath(self.path(source))
+        if not any(real == one or real.startswith(one.rstrip("/") + "/") for one in self.machine.folders):
+            return ""
+        below = os.path.relpath(real, self.base)
+        first = [FILES, *([_word(self.machine.robot)] if self.machine.robot else [])]
+        return os.path.normpath(os.path.join(*first, below))
+
+    def take(self, source: str) -> str:
+        """Have a file or folder copied into the experiment, and return its path there; empty when it lies outside."""
+        place = self.place(source)
+        if place:
+            self.making.copies[place] = os.path.realpath(self.path(source))
+        return place
+
+
+def service_name(written: str) -> str:
+    """Return the name that a service of Compose has in an EDF; it may be taken."""
+    short = re.sub(r"[^a-z0-9_-]", "-", written.lower())[:63].strip("-_")
+    return short if names.valid("service", short) else f"service-{short}"[:63].strip("-_")
+
+
+def instance_name(written: str) -> str:
+    """Return the name of an experiment that is made of a project's."""
+    return re.sub(r"[^a-z0-9-]+", "-", written.lower())[:32].strip("-") or "imported"
+
+
+def _word(robot: str) -> str:
+    return re.sub(r"[^a-z0-9-]+", "-", robot.lower())[:30].strip("-") or "robot"

@@ -1,0 +1,30 @@
+"""SwarmRob's definitions -> a draft of an experiment: what SwarmRob reads is converted as of Compose files."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+from srprov.conversion.experiment import Draft, convert
+from srprov.conversion.kept import Kept
+from srprov.conversion.notes import Finding
+from srprov.conversion.project import Choices, Machine, instance_name
+from srprov.importing import swarmrob
+
+
+def draft(files: Sequence[str], folder: str, settings: Mapping[str, str], name: str = "") -> Draft:
+    """Return the experiment that a definition of SwarmRob, with its Dockerfiles, describes.
+
+    Raises:
+        Refused: With everything that is wrong.
+    """
+    found = swarmrob.read(files, settings, name)
+    machine = Machine(found.normal, found.folders)
+    made = convert([machine], instance_name(str(found.normal.document["name"])), Choices(), os.path.abspath(folder))
+    more = [
+        Finding(found.normal.position_of(path), ".".join(map(str, path)), Kept.DROPPED, message)
+        for path, message in found.passed_over
+    ]
+    findings = sorted((*made.findings, *more), key=lambda one: (one.at, one.key, one.message))
+    return replace(made, findings=tuple(findings))

@@ -1,0 +1,118 @@
+"""Values -> YAML text that `loader` reads as the same values, laid out as people write it.
+
+Takes maps, lists, text, numbers, booleans; gives block style, with short lists in one line. Pure. A text that could be
+read as something else, by YAML 1.1 or 1.2, is in double quotes.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+_PLAIN = re.compile(r"[A-Za-z0-9_./~$^@%+=,<>()-][A-Za-z0-9_./~$^@%+=,<>():;!&*?| \"'\\-]*", re.ASCII)
+_INDICATOR = re.compile(r"[-?:,\[\]{}#&*!|>'\"%@`=<]|~\Z")
+_WORD = re.compile(r"(true|false|yes|no|on|off|y|n|null|none|~|[-+]?\.(inf|nan))", re.IGNORECASE)
+_NUMBER = re.compile(r"[-+.0-9][0-9a-fA-FxXoO_.:,eE+-]*")
+_BLOCK = re.compile(r"[\t\x20-\x7e\xa0-\ud7ff\ue000-\ufffd\n]*")
+_LONGEST_FLOW = 100
+_ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\r": "\\r"}
+
+
+def document(value: Mapping[str, Any], comment: str = "") -> str:
+    """Return a document; `comment` is text that stands before it."""
+    head = [f"# {line}".rstrip() for line in comment.splitlines()]
+    return "\n".join([*head, *_block(value, "")]) + "\n"
+
+
+def scalar(value: object) -> str:
+    """Return a value that holds no others, in one line."""
+    if isinstance(value, bool) or value is None:
+        return "null" if value is None else str(value).lower()
+    if isinstance(value, int | float):
+        return str(value)
+    text = str(value)
+    return text if _is_plain(text) else quoted(text)
+
+
+def quoted(text: str) -> str:
+    """Return text in double quotes; what is not printable is escaped."""
+    return '"' + "".join(_ESCAPES.get(one) or (one if one.isprintable() else _escaped(one)) for one in text) + '"'
+
+
+def _escaped(letter: str) -> str:
+    code = ord(letter)
+    return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}" if code < 0x10000 else f"\\U{code:08x}"
+
+
+def _is_plain(text: str) -> bool:
+    """Return whether text may stand without quotes, also inside of a list in one line."""
+    return (
+        _PLAIN.fullmatch(text) is not None
+        and not _INDICATOR.match(text)
+        and not _WORD.fullmatch(text)
+        and not _NUMBER.fullmatch(text)
+        and ": " not in text
+        and " #" not in text
+        and text[-1] not in ": "
+        and not set(text) & set(",[]{}")
+        and not text.startswith(("---", "..."))
+    )
+
+
+def _block(value: Mapping[str, Any], indent: str) -> Iterator[str]:
+    for key, one in value.items():
+        yield from _entry(f"{indent}{scalar(str(key))}:", one, indent)
+
+
+def _entry(head: str, value: object, indent: str) -> Iterator[str]:
+    """Yield the lines of one value after what stands before it."""
+    if isinstance(value, Mapping) and value:
+        yield head
+        yield from _block(value, f"{indent}  ")
+    elif isinstance(value, list | tuple) and value:
+        if flow := _flow(value, len(head)):
+            yield f"{head} {flow}"
+            return
+        yield head
+        for one in value:
+            yield from _item(one, f"{indent}  ")
+    elif isinstance(value, str) and _is_script(value):
+        yield f"{head} |{'' if value.endswith(chr(10)) else '-'}"
+        yield from (f"{indent}  {line}".rstrip() for line in value.removesuffix("\n").split("\n"))
+    else:
+        yield f"{head} {_empty(value)}"
+
+
+def _empty(value: object) -> str:
+    return "{}" if isinstance(value, Mapping) else "[]" if isinstance(value, list | tuple) else scalar(value)
+
+
+def _item(value: object, indent: str) -> Iterator[str]:
+    if isinstance(value, Mapping) and value:
+        first, *rest = _block(value, f"{indent}  ")
+        yield f"{indent}- {first.lstrip()}"
+        yield from rest
+    else:
+        yield from _entry(f"{indent}-", value, indent)
+
+
+def _flow(value: list[Any] | tuple[Any, ...], before: int) -> str:
+    """Return a list of short words in one line, or nothing."""
+    if any(isinstance(one, Mapping | list | tuple) for one in value):
+        return ""
+    text = f"[{', '.join(scalar(one) for one in value)}]"
+    return text if before + len(text) < _LONGEST_FLOW else ""
+
+
+def _is_script(text: str) -> bool:
+    """Return whether text with several lines reads the same as a literal block."""
+    lines = text.split("\n")
+    ended = text.endswith("\n") and not text.endswith("\n\n")
+    return (
+        len(lines) > 1
+        and lines[0][:1] not in ("", " ", "\t")
+        and (ended or lines[-1] != "")
+        and _BLOCK.fullmatch(text) is not None
+        and not any(line != line.rstrip() for line in lines)
+    )

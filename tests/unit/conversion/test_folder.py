@@ -1,0 +1,139 @@
+"""A draft becomes a folder that validates, or nothing; and what the report says of it."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from srprov.conversion import report
+from srprov.conversion.folder import check_target, write
+from srprov.definitions import load_experiment
+from srprov.errors import UsageError
+from srprov.importing.normal import Refused
+from tests.unit.conversion.making import draft, project
+
+IMAGE = {"image": "busybox:1"}
+MOUNT = {"volumes": [{"type": "bind", "source": ".", "target": "/ws"}]}
+
+
+@pytest.fixture
+def stack(tmp_path: Path) -> Path:
+    """Give a folder as teams have them."""
+    folder = tmp_path / "stack"
+    for name in ("config", ".git", "sub"):
+        (folder / name).mkdir(parents=True)
+    (folder / "config" / "start.sh").write_text("#!/bin/sh\n")
+    (folder / "config" / "start.sh").chmod(0o755)
+    (folder / "config" / "link").symlink_to("start.sh")
+    (folder / ".git" / "HEAD").write_text("x")
+    (folder / "tok.txt").write_text("hunter2")
+    (folder / "compose.yaml").write_text("services: {}\n")
+    return folder
+
+
+def made(stack: Path, services: dict[str, Any], **more: Any) -> Path:
+    target = stack.parent / "out"
+    write(draft(project(services, **more), stack, out="../out"), str(target), ["compose.yaml"])
+    return target
+
+
+def left(folder: Path) -> list[str]:
+    return sorted(one.name for one in folder.iterdir())
+
+
+def test_the_folder_validates_and_holds_what_is_mounted(stack: Path) -> None:
+    use = {"secrets": [{"source": "tok", "target": "/run/secrets/tok"}]}
+    target = made(stack, {"a": {**IMAGE, **MOUNT, **use}}, secrets={"tok": {"name": "lab_tok", "file": "./tok.txt"}})
+    experiment = load_experiment(target / "experiment.edf").experiment
+    assert experiment.services["a"].runtime.mounts[0].seed is not None
+    assert os.path.normpath(experiment.secrets["tok"].file) == str(stack / "tok.txt")
+    assert left(target) == ["experiment.edf", "files", "import-report.md"]
+    assert (target / "files" / "config" / "start.sh").stat().st_mode & 0o111
+    assert os.readlink(target / "files" / "config" / "link") == "start.sh"
+
+
+def test_neither_secrets_nor_the_history_are_copied(stack: Path) -> None:
+    use = {"secrets": [{"source": "tok", "target": "/run/secrets/tok"}]}
+    target = made(stack, {"a": {**IMAGE, **MOUNT, **use}}, secrets={"tok": {"name": "lab_tok", "file": "./tok.txt"}})
+    assert left(target / "files") == ["compose.yaml", "config", "sub"]
+    assert not any(b"hunter2" in one.read_bytes() for one in target.rglob("*") if one.is_file())
+
+
+def test_a_folder_inside_of_what_is_copied_does_not_copy_itself(stack: Path) -> None:
+    target = stack / "out"
+    target.mkdir()
+    write(draft(project({"a": {**IMAGE, **MOUNT}}), stack), str(target), ["compose.yaml"])
+    assert left(target / "files") == ["compose.yaml", "config", "sub", "tok.txt"]
+
+
+@pytest.mark.parametrize(
+    ("service", "key", "said"),
+    [
+        ({"image": "Not An Image"}, "services.a.image", "no image reference"),
+        ({**IMAGE, "stop_signal": "SIGNOPE"}, "services.a.stop_signal", "a signal that Linux has"),
+        ({**IMAGE, "volumes": [{"type": "bind", "source": "./out", "target": "/o"}]}, "services.a.volumes", "leaves"),
+    ],
+)
+def test_what_does_not_validate_is_told_at_the_files_own_place(
+    stack: Path, service: dict[str, Any], key: str, said: str
+) -> None:
+    (stack / "out").mkdir()
+    (stack / "out" / "link").symlink_to("/etc")
+    found = draft(project({"a": service}), stack, out="../out")
+    with pytest.raises(Refused) as refused:
+        write(found, str(stack.parent / "out"), ["compose.yaml"])
+    (problem,) = refused.value.problems
+    assert (problem.path, problem.location.file) == (key, str(stack / "compose.yaml"))
+    assert left(stack.parent) == ["stack"]
+
+
+def test_nothing_is_left_when_a_file_cannot_be_copied(stack: Path) -> None:
+    os.mkfifo(stack / "config" / "pipe")
+    found = draft(project({"a": {**IMAGE, **MOUNT}}), stack, out="../out")
+    with pytest.raises(UsageError, match=r"cannot copy .*pipe"):
+        write(found, str(stack.parent / "out"), ["compose.yaml"])
+    assert left(stack.parent) == ["stack"]
+
+
+def test_a_folder_that_holds_something_is_not_touched(stack: Path) -> None:
+    with pytest.raises(UsageError, match="holds files already"):
+        check_target(str(stack))
+    with pytest.raises(UsageError, match="no folder for"):
+        check_target(str(stack / "none" / "out"))
+    with pytest.raises(UsageError, match="cannot write to"):
+        check_target(str(stack / "compose.yaml"))
+
+
+def test_the_report_in_all_forms(stack: Path) -> None:
+    service = {
+        **IMAGE,
+        "dns": ["8.8.8.8"],
+        "network_mode": "service:b",
+        "volumes": [{"type": "bind", "source": "~/x|y", "target": "/x"}],
+    }
+    found = draft(project({"a": service}), stack)
+    assert report.summary(found) == "5 exact, 1 adapted, 1 dropped, 1 refused"
+    text = report.as_text(found).splitlines()
+    place = f"{stack / 'compose.yaml'}:"
+    assert text[0].startswith(place) and text[0].endswith("[services.a.network_mode]") and ": refused: " in text[0]
+    page = report.as_markdown(found, [str(stack / "compose.yaml")])
+    assert str(stack) not in page, "reports travel with experiments"
+    assert [line for line in page.splitlines() if line.startswith("## ")] == [
+        "## Refused: the experiment would be another one",
+        "## Dropped: nothing in an experiment does it",
+        "## Adapted: kept by other means",
+    ]
+    assert "'~/x\\|y' is in the home" in page
+    log = json.loads(report.as_sarif(found))
+    results = log["runs"][0]["results"]
+    assert [(one["ruleId"], one["level"]) for one in results] == [
+        ("refused", "error"), ("dropped", "warning"), ("adapted", "note"),
+    ]  # fmt: skip
+    region = results[1]["locations"][0]["physicalLocation"]["region"]
+    dropped = next(one for one in found.findings if one.key == "services.a.dns")
+    assert region == {"startLine": dropped.at.line, "startColumn": dropped.at.column}
+    assert results[1]["locations"][0]["logicalLocations"] == [{"fullyQualifiedName": "services.a.dns"}]
