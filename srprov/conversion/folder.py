@@ -154,6 +154,7 @@ def _at_home(problem: Diagnostic, draft: Draft, beside: str) -> Diagnostic:
             return replace(problem, location=replace(problem.location, file=where))
     built = next((name for name, one in draft.edf["services"].items() if one.get("cdf") == file), "")
     parts = problem.path.split(".")
+    key: tuple[str, ...]
     name, key = built, ("build",)
     if not built and len(parts) > 1:
         name, key = (_user(parts[1], draft), ("volumes",)) if parts[0] == "volumes" else (parts[1], tuple(parts[2:3]))

@@ -28,7 +28,7 @@ def reached(name: str, condition: str, reply: Reply) -> tuple[bool, str]:
         return False, f"{name} exited with code {code} before it was healthy"
     if health == "unhealthy":
         return False, f"{name} is unhealthy: {_last_check(state)}"
-    if status == "running" and health in (None, "none"):
+    if status == "running" and (state.get("Health") is None or health == "none"):
         return False, f"{name} has no healthcheck: neither the definitions nor its image say one"
     return health == "healthy", ""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -97,6 +98,21 @@ def test_healthcheck_and_durations(full: Definitions) -> None:
     assert services["roscore"].runtime.healthcheck == expected
     merged = HealthCheck(test=("CMD-SHELL", "true"), interval_s=3, timeout_s=2)
     assert services["talker"].runtime.healthcheck == merged
+
+
+def test_a_healthcheck_without_a_test_is_the_images_own(tmp_path: Path) -> None:
+    """What is not said stays the image's: the engine takes an empty test and figures of 0 for that."""
+    own = HealthCheck(test=(), interval_s=0, timeout_s=0, retries=0)
+    assert _runtime(tmp_path, "healthcheck: {}").healthcheck == own
+    assert _runtime(tmp_path, "healthcheck: {interval: 5s, retries: 2}").healthcheck == replace(
+        own, interval_s=5, retries=2
+    )
+    edf = tmp_path / "w.edf"
+    edf.write_text(
+        "edf: 1\nname: w\nservices:\n  a: {image: x, healthcheck: {}}\n"
+        "  b: {image: x, depends_on: {a: {condition: healthy}}}\n"
+    )
+    assert load_experiment(edf).experiment.services["b"].depends_on == {"a": "healthy"}
 
 
 def test_ports(full: Definitions) -> None:

@@ -21,6 +21,7 @@ NEVER = HealthCheck(test=("CMD", "true"), interval_s=1e9)
         ("ulimits", (("RTPRIO", 99, 99),)), ("ulimits", (("MEMLOCK", -1, -1),)), ("ulimits", (("nofile", -2, 1),)),
         ("stop_grace_s", 1e9), ("stop_grace_s", -1.0), ("healthcheck", NEVER),
         ("healthcheck", HealthCheck(test=("SHELL", "true"))), ("healthcheck", HealthCheck(test=("CMD",), retries=1001)),
+        ("healthcheck", HealthCheck(test=("CMD", "x"), retries=0)),
         ("ipc", "container:other"), ("pid", "container:other"), ("pid", "Host"), ("gpus", "-1"),
         ("pull_policy", "never!"),
         ("cap_add", ("net_admin",)), ("devices", (("dev/x", "/dev/x", "rwm"),)), ("device_cgroup_rules", ("x",)),
@@ -50,4 +51,5 @@ def test_what_an_edf_says_is_taken() -> None:
         oom_score_adj=-1000, labels={"srprovider": "x"}, logging=Logging(driver="local"), init=False,
     )  # fmt: skip
     assert list(broken(Runtime())) == list(broken(many)) == []
+    assert list(broken(Runtime(healthcheck=HealthCheck(test=(), interval_s=0, timeout_s=0, retries=0)))) == []
     assert set(schema("edf")["$defs"]["ulimits"]["propertyNames"]["enum"]) == _ULIMITS

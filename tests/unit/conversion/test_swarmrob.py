@@ -1,0 +1,83 @@
+"""SwarmRob's definitions: what it reads becomes an experiment, what it stumbles over is refused at its line."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from jsonschema import Draft202012Validator
+
+from srprov import data
+from srprov.cli.main import run
+from srprov.definitions import load_experiment
+from tests.unit.conversion.test_services import cases
+
+MARK = "▶"
+
+
+def _write(folder: Path, files: dict[str, str]) -> list[str]:
+    for name, text in files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_text(text.replace(MARK, ""), encoding="utf-8")
+    return list(files)
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    folder = tmp_path / "lab"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    return folder
+
+
+@pytest.mark.parametrize("case", [one for one in cases("swarmrob.yml") if "makes" in one.values[0]])
+def test_what_swarmrob_reads_becomes_an_experiment(
+    case: dict[str, Any], here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = _write(here, case["files"])
+    code = run(["import", "swarmrob", *files, *case.get("options", ()), "--format", "json", "-o", "../out"])
+    shown = capsys.readouterr()
+    assert code == 0, shown.err
+    document = json.loads(shown.out)
+    assert list(Draft202012Validator(data.schema("import")).iter_errors(document)) == []
+    written = yaml.safe_load((here / "../out/experiment.edf").read_text())
+    assert written["services"] == case["makes"]
+    assert written["name"] == "lab"
+    assert [f"{one['line']}: {one['kept']} {one['key']}" for one in document["findings"]] == case.get("says", [])
+    load_experiment(here / "../out/experiment.edf")
+
+
+@pytest.mark.parametrize("case", [one for one in cases("swarmrob.yml") if "refused" in one.values[0]])
+def test_what_it_stumbles_over_is_refused_at_its_line(
+    case: dict[str, Any], here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = _write(here, case["files"])
+    assert run(["import", "swarmrob", *files, "-o", "../out"]) == 5
+    shown = capsys.readouterr().err
+    assert not (here / "../out").exists()
+    for part in case["refused"]:
+        assert part in shown
+    for name, text in case["files"].items():
+        for number, line in enumerate(text.split("\n"), 1):
+            if MARK in line:
+                assert f"{name}:{number}:{line.index(MARK) + 1}: error: " in shown
+
+
+def test_strict_writes_nothing_when_a_key_is_dropped(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    _write(here, {"a.yaml": "services:\n a:\n  image: busybox\n  tty: true\n"})
+    assert run(["import", "swarmrob", "a.yaml", "--strict", "-o", "../out"]) == 5
+    shown = capsys.readouterr()
+    assert "a.yaml:4:3: dropped: SwarmRob passes over 'tty'" in shown.out
+    assert "error: nothing was written: 1 dropped, and --strict" in shown.err
+    assert not (here / "../out").exists()
+    assert run(["import", "swarmrob", "a.yaml", "-o", "../out"]) == 0
+
+
+def test_a_folder_that_holds_files_stays_as_it_is(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    _write(here, {"a.yaml": "services:\n a:\n  image: busybox\n", "../out/mine": "x"})
+    assert run(["import", "swarmrob", "a.yaml", "-o", "../out"]) == 5
+    assert "../out holds files already" in capsys.readouterr().err
+    assert [one.name for one in (here / "../out").iterdir()] == ["mine"]
