@@ -19,7 +19,8 @@ rooms stand in that order; `tests/test_rooms.py` holds them to it:
     execution/    Plan and sessions -> RunResult; the only room that changes robots
     trials/       which trials there are, and what came of them; pure
     record/       the folder on the controller that keeps a run: inputs, facts, plan, events, result
-    importing/    files of other tools, such as Docker Compose's -> an experiment
+    importing/    files of other tools, such as Docker Compose's -> values that know their place
+    conversion/   those values -> the folder of an experiment, and what became of each key
     exporting/    an experiment -> files for other tools, such as Docker Compose
     evidence/     a run of trials as one file, and whether such a file is true
     lab/          the embedded lab: robots on this machine

@@ -186,7 +186,8 @@ def test_every_option_has_its_place_in_the_lists() -> None:
 def test_a_verb_that_stands_for_several_hands_its_defaults_on(tmp_path: Path) -> None:
     """Click looks for those of `export compose` below `export`, under the name of the second word."""
     for verb in _VERBS.keys() - {"lab"}:
-        command = getattr(importlib.import_module(f"srprov.cli.{verb}"), verb)
+        name = _MODULES.get(verb, verb)
+        command = getattr(importlib.import_module(f"srprov.cli.{name}"), name)
         assert isinstance(command, click.Group) == (verb in _GROUPS), verb
         assert not isinstance(command, click.Group) or tuple(sorted(command.commands)) == _GROUPS[verb]
     write(tmp_path / "srprov.toml", "forks = 3\n[export]\ntimeout = 2.0\n")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import mmap
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,6 +14,7 @@ import pytest
 from srprov.conversion import matrix
 from srprov.conversion.kept import Kept
 from srprov.conversion.table import TABLE, VERSION, key_of, kinds, row_of
+from tests import compose_oracle
 from tests.unit.conversion.making import draft, project
 from tests.unit.conversion.test_services import CASES, cases
 
@@ -107,3 +110,13 @@ def test_what_is_said_of_a_key_is_in_one_of_its_classes(tmp_path: Path) -> None:
 )
 def test_places_belong_to_keys(path: tuple[str | int, ...], key: str) -> None:
     assert key_of(path) == key
+
+
+@pytest.mark.skipif(not compose_oracle.AVAILABLE, reason="there is no Docker Compose for this machine")
+def test_the_keys_are_those_of_the_schema_that_compose_has_inside() -> None:
+    """A newer Compose would bring keys that nobody classified."""
+    with compose_oracle.program().open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+        start = content.rfind(b"{", 0, content.find(b'"$id": "compose_spec.json"'))
+        text = content[start : start + 300_000].decode("utf-8", "replace")
+    schema, _ = json.JSONDecoder().raw_decode(text)
+    assert keys_of(schema) == set(KEYS)
