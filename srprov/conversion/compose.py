@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path as FilePath
+
+import msgspec
 
 from srprov.conversion import robots
 from srprov.conversion.experiment import Draft, convert
@@ -14,15 +15,14 @@ from srprov.importing.normal import Normal
 from srprov.importing.read import normalise
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Wanted:
+class Wanted(msgspec.Struct, frozen=True, kw_only=True):
     """What the user asked for."""
 
     files: Sequence[str]
     folder: str
     profiles: Sequence[str] = ()
     env_files: Sequence[str] = ()
-    settings: Mapping[str, str] = field(default_factory=dict)
+    settings: Mapping[str, str] = msgspec.field(default_factory=dict)
     robot_map: str = ""
     name: str = ""
     home: str = "robot"

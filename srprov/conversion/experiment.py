@@ -6,8 +6,9 @@ Takes machines and the user's choices; gives a `Draft`. Looks at the file system
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
+
+import msgspec
 
 from srprov.conversion import names_used, services
 from srprov.conversion.kept import Kept
@@ -22,8 +23,7 @@ _PATHS = ("image", "volumes", "devices", "build", "ports")
 """Keys of a service in which a variable without a value makes something else of it."""
 
 
-@dataclass(frozen=True, slots=True)
-class Draft:
+class Draft(msgspec.Struct, frozen=True):
     """An experiment that is not written yet."""
 
     edf: Mapping[str, Any]

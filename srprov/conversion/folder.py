@@ -12,8 +12,9 @@ import secrets
 import shutil
 import stat
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path as FilePath
+
+from msgspec.structs import replace
 
 from srprov import __version__, private, regular_file
 from srprov.conversion.experiment import Draft

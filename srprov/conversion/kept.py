@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
+
+import msgspec
 
 
 class Kept(enum.Enum):
@@ -19,8 +20,7 @@ class Kept(enum.Enum):
     """The import fails: the experiment would be another one."""
 
 
-@dataclass(frozen=True, slots=True)
-class Row:
+class Row(msgspec.Struct, frozen=True):
     """One key of the Compose specification."""
 
     path: str

@@ -5,7 +5,7 @@ Takes a project's normal form; gives findings, each with its place. Pure.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import msgspec
 
 from srprov.conversion.kept import Kept
 from srprov.conversion.table import present
@@ -16,8 +16,7 @@ from srprov.importing.position import Path, Position
 _UNKNOWN = "is no key of the Compose specification as it is known here"
 
 
-@dataclass(frozen=True, slots=True)
-class Finding:
+class Finding(msgspec.Struct, frozen=True):
     """What became of one key at one place."""
 
     at: Position

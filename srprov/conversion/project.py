@@ -12,6 +12,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+import msgspec
+
 from srprov import names
 from srprov.conversion.notes import Notes
 from srprov.importing.normal import Normal
@@ -21,8 +23,7 @@ FILES = "files"
 """Folder of the experiment that what the files name is copied to."""
 
 
-@dataclass(frozen=True, slots=True)
-class Machine:
+class Machine(msgspec.Struct, frozen=True):
     """One Compose project: the files that one machine runs."""
 
     normal: Normal
@@ -35,8 +36,7 @@ class Machine:
     """The robot that it is pinned to."""
 
 
-@dataclass(frozen=True, slots=True)
-class Choices:
+class Choices(msgspec.Struct, frozen=True):
     """What the user chose."""
 
     home: str = "robot"

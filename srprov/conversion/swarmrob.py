@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from srprov.conversion.experiment import Draft, convert
 from srprov.conversion.kept import Kept

@@ -6,8 +6,9 @@ Tests hold it to the JSON schema of Compose 2.40.3: each key has a row, or lies 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
+
+import msgspec
 
 from srprov.conversion.kept import Kept, Row
 from srprov.conversion.table_parts import GRANTED, MOUNTS, NETWORK, ORDER
@@ -48,8 +49,7 @@ def key_of(path: Path) -> str:
     return ".".join(words)
 
 
-@dataclass(frozen=True, slots=True)
-class Present:
+class Present(msgspec.Struct, frozen=True):
     """One key of a project that was read."""
 
     path: Path

@@ -13,8 +13,9 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
+
+import msgspec
 
 from srprov.definitions import dockerfile
 from srprov.errors import DefinitionError, Diagnostic, did_you_mean
@@ -28,8 +29,7 @@ _TOP = ("version", "services")
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*", re.ASCII)
 
 
-@dataclass(frozen=True, slots=True)
-class Found:
+class Found(msgspec.Struct, frozen=True):
     """What the files say."""
 
     normal: Normal

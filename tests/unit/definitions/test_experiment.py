@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from srprov.definitions import check_files, load_container, load_experiment
 from srprov.definitions.containermodel import HealthCheck, Mount, Runtime
