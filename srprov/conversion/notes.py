@@ -84,7 +84,7 @@ def _of_itself(path: Path, value: object, project: str) -> bool:
     last = path[-1]
     if path[0] in ("volumes", "networks", "secrets", "configs") and last == "name":
         return value == f"{project}_{path[1]}"
-    return value is None or (path[0] == "services" and (last, value) in _DEFAULTS)
+    return value in (None, {}, []) or (path[0] == "services" and (last, value) in _DEFAULTS)
 
 
 _DEFAULTS: tuple[tuple[str, object], ...] = (
