@@ -12,6 +12,7 @@ rooms stand in that order; `tests/test_rooms.py` holds them to it:
     assignment/   who runs what; pure
     network/      VNI, subnet, addresses, FDB, hosts file; pure
     git/          repositories of others, on the controller: names -> commits -> files
+    snapshot/     robots that were set up by hand -> an experiment: questions and parsers; pure
     images/       CDF -> Dockerfile, build context and content tag; pure
     rendering/    playbook and context -> Resources; pure
     modules/      one file per kind of resource: queries, parse, check, commands; pure

@@ -268,6 +268,62 @@ def _sed(words: Sequence[str]) -> bool:
     return list(words[:1]) == ["-n"] and not any("w" in word.rpartition("/")[2] for word in words[1:])
 
 
+_CAPS = ("-all", "-all,+dac_read_search")
+_LIMITED = {"--nproc=0:0", "--fsize=0:0"}
+"""No further process, and no byte into any file."""
+_TRIES_TO_FORK = ["sh", "-c", "(:) && echo forks"]
+_GIT_ASKS: tuple[list[str], ...] = (
+    ["rev-parse", "--quiet", "--verify", "HEAD"],
+    ["symbolic-ref", "--quiet", "--short", "HEAD"],
+    ["config", "--local", "--no-includes", "--null", "--get-regexp"],
+    ["for-each-ref", "--count=1", "--contains", "HEAD"],
+    ["diff-index", "--patch", "--no-ext-diff", "--no-textconv", "--no-color"],
+    ["ls-files", "--others", "--exclude-standard"],
+    ["ls-files", "-v", "-z"],
+)
+"""What git is asked in a repository, each with its first words; nothing else, and not without limits."""
+
+
+def _setpriv(words: Sequence[str]) -> bool:
+    """`setpriv … prlimit … PROGRAM`: one that the kernel lets start no other, write nothing, and that is not root."""
+    at = next((at for at, word in enumerate(words) if not word.startswith("--")), len(words))
+    for name, equals, value in (word.partition("=") for word in words[:at]):
+        known = {
+            "--reuid": value.isdigit() and int(value) > 0,
+            "--regid": value.isdigit(),
+            "--inh-caps": value in _CAPS,
+            "--ambient-caps": value in _CAPS,
+            "--bounding-set": value in _CAPS,
+        }
+        if not (known.get(name, False) if equals else name in ("--clear-groups", "--no-new-privs")):
+            return False
+    rest = list(words[at:])
+    if "--no-new-privs" not in words[:at] or rest[:1] != ["prlimit"]:
+        return False
+    limits = [word for word in rest[1:] if re.fullmatch(r"--(nproc|fsize|core|data|cpu)=[0-9]+:[0-9]+", word)]
+    program = rest[1 + len(limits) :]
+    return set(limits) >= _LIMITED and (program == _TRIES_TO_FORK or _git(program))
+
+
+def _git(words: Sequence[str]) -> bool:
+    if list(words[:2]) != ["env", "-i"] or "git" not in words:
+        return False
+    at = list(words).index("git")
+    if not all(re.match(r"(GIT_[A-Z_]+|PATH|HOME|LC_ALL)=", word) for word in words[2:at]):
+        return False
+    rest = list(words[at + 1 :])
+    while rest[:1] in (["--no-pager"], ["--no-replace-objects"], ["-c"]):
+        rest = rest[2:] if rest[0] == "-c" else rest[1:]
+    writes = any(word.startswith(("--output", "--ext-diff", "--textconv")) for word in rest)
+    return any(rest[: len(asked)] == asked for asked in _GIT_ASKS) and not writes
+
+
+def _apt_cache(words: Sequence[str]) -> bool:
+    """`policy`, with caches that are in no file."""
+    told = ["-o", "Dir::Cache::pkgcache=", "-o", "Dir::Cache::srcpkgcache=", "policy"]
+    return list(words[:5]) == told and not any(word.startswith("-") for word in words[5:])
+
+
 _BUILTINS = "printf echo test [ read exit : true false continue break unset umask cd"
 _PROGRAMS = "cat ls readlink grep tr head tail wc df stat sha256sum uname id getconf sleep cut du"
 _DIAL = ["system", "dial-stdio"]
@@ -295,7 +351,11 @@ READS: dict[str, Callable[[Sequence[str]], bool]] = {
     ),
     "iw": lambda words: list(words[:1]) == ["dev"] and list(words[2:]) == ["link"],
     "modprobe": lambda words: list(words[:1]) == ["-n"],
-    "timeout": lambda words: list(words[1:]) == ["chronyc", "-c", "-n", "tracking"],
+    "chronyc": lambda words: list(words) == ["-c", "-n", "tracking"],
+    "base64": lambda words: not words,
+    "dpkg-query": lambda words: list(words[:2]) == ["-W", "-f"] and len(words) == 3,
+    "apt-cache": _apt_cache,
+    "setpriv": _setpriv,
     "docker": lambda words: (
         list(words) in (_DIAL, ["-H", "unix:///var/run/docker.sock", *_DIAL])
         or list(words[:1]) in (["version"], ["info"])
@@ -327,6 +387,8 @@ def _violations(words: Sequence[Word]) -> list[str]:
         return [shown]
     if name.text == "exec":
         return _violations(words[1:]) if words[1:] else []
+    if name.text == "timeout":
+        return _violations(words[2:]) if len(words) > 2 and rest[0].isdigit() else [shown]
     if name.text == "eval":
         return shell_violations(rest[0]) if len(words) == 2 and words[1].literal else [shown]
     if name.text == "sh":

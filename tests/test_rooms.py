@@ -50,7 +50,7 @@ ROOMS: Mapping[str, Room] = {
     "controller": room(
         "errors layers regular_file wire session resource secret data datasets disk owner private untrusted time_sync"
         " sizes image_reference git_address git linear_regex definitions transport facts assignment network images"
-        " rendering modules planning execution record trials probing plain_tar exporting yamldoc"
+        " rendering modules planning execution record trials probing plain_tar exporting snapshot yamldoc"
     ),
     "datasets": room("private regular_file untrusted"),
     "disk": room("regular_file images.plan"),
@@ -77,6 +77,8 @@ ROOMS: Mapping[str, Room] = {
     "assignment": room("errors sizes definitions.containermodel definitions.model facts.model"),
     "network": room("errors names untrusted definitions.model facts.model"),
     "probing": room("errors untrusted wire network"),
+    # Robots that were set up by hand, as an experiment: questions and parsers, no robot and no file.
+    "snapshot": room("git_address image_reference redaction untrusted wire"),
     "images": room(
         "errors plain_tar wire image_reference definitions.containermodel definitions.dockerfile definitions.model",
         "jinja2",

@@ -39,6 +39,7 @@ _VERBS = {
     "compare": "Say what is the same in two runs of trials, and what is not; no robot is asked.",
     "replay": "Run the trials of such a file again, on other robots, and compare.",
     "status": "Show the running experiment.",
+    "snapshot": "Write an experiment from robots that were set up by hand.",
     "probe": "Try the overlay: whether all robots and services reach each other, and why not.",
     "images": "Show the images that srprov built on robots; prune: remove what nobody uses.",
     "wait": "Wait until jobs have completed, services are healthy, or something was printed.",

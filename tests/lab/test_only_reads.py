@@ -42,6 +42,10 @@ cp -p /etc/passwd /etc/passwd.before
 sed -i 's|^\\(root:.*\\):[^:]*$|\\1:/usr/local/bin/listener|' /etc/passwd
 grep ^root: /etc/passwd
 """
+CODE = """\
+git init -q /root/code && cd /root/code && echo 1 >a && git add a && git -c user.name=a -c user.email=a@b.c commit -qm 1
+git remote add origin https://h.example/code.git && git update-ref refs/remotes/origin/main HEAD && echo 2 >a
+"""
 TAKE_DOWN = "mv /etc/passwd.before /etc/passwd; rm -rf /var/log/told /usr/local/bin/listener"
 
 
@@ -156,6 +160,7 @@ def test_what_plans_only_reads_and_what_applies_does_not(listening: Listening, t
         ("status", str(path), "-i", inventory, "--volumes"),
         ("images", "-i", inventory),
         ("locks", "-i", inventory),
+        ("snapshot", ROBOT, "-i", inventory, "-o", str(tmp_path / "taken")),
     ]
 
     def look(*more: tuple[str, ...]) -> None:
@@ -167,6 +172,9 @@ def test_what_plans_only_reads_and_what_applies_does_not(listening: Listening, t
             assert done.code == 0, done
             heard = listening.told()
             assert heard.violations() == [], verb
+            if verb[0] == "snapshot":
+                shutil.rmtree(tmp_path / "taken")
+                assert any(b"setpriv" in text and b"git" in text for text in heard.shell)
             if verb[0] == "validate":
                 assert not heard.command_lines
                 continue
@@ -174,12 +182,17 @@ def test_what_plans_only_reads_and_what_applies_does_not(listening: Listening, t
             assert {"eval", "printf"} <= words or verb[0] == "images", verb  # which asks the engine alone
             if verb[0] != "locks":
                 requests = [path for sent in heard.engine for _, path in engine_requests(sent)]
-                assert any(path.endswith("/_ping") for path in requests) or verb[0] == "images", (verb, requests)
+                pinged = any(path.endswith("/_ping") for path in requests)
+                assert pinged or verb[0] in ("images", "snapshot"), (verb, requests)
                 assert any("/containers/json" in path for path in requests) or verb[0] == "logs", (verb, requests)
         until = lab.shell(ROBOT, "date", "+%s.%N").out.strip()
         assert lab.shell(ROBOT, "docker", "events", "--since", since, "--until", until).out == ""
 
-    look()
+    lab.shell(ROBOT, "sh", "-c", CODE)  # for `snapshot`, which asks repositories
+    try:
+        look()
+    finally:
+        lab.shell(ROBOT, "rm", "-rf", "/root/code")
 
     listening.told()
     applied = lab.srprov("apply", str(path), "-i", inventory, "--yes", "--settle", "0")

@@ -33,6 +33,7 @@ OUTPUTS = (
     "probe",
     "run",
     "runs",
+    "snapshot",
     "status",
     "trials",
     "trials-run",

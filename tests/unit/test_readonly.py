@@ -13,14 +13,16 @@ from srprov.facts.preconditions import precondition_queries
 from srprov.facts.probes import counters
 from srprov.probing import look
 from srprov.probing.script import run, upload
+from srprov.snapshot import debian, gitscript, questions, sources
 from srprov.transport.shell.frames import batch, start_command
 from srprov.trials import hosts
-from srprov.wire import Query
+from srprov.wire import Query, sh
 from tests.fakes import World
 from tests.readonly import READS, commands, engine_requests, engine_violations, shell_violations
 from tests.unit.probing.worlds import request
 from tests.worlds import experiment, plan_for, service
 
+OF_ROOT = gitscript.Found(folder="/root/w", uid=0, gid=0)
 QUESTIONS = [
     *host_queries(),
     counters(0),
@@ -32,7 +34,16 @@ QUESTIONS = [
     *look.queries(request(tunnel=20000), "r2", {}),
     Query(command=time_sync.SCRIPT),
     Query(command=hosts.SCRIPT),
+    *(question.query() for question in questions.QUESTIONS),
+    *(Query(command=gitscript.script(OF_ROOT, root=root)) for root in (True, False)),
+    Query(command=gitscript.script(gitscript.Found(folder="/home/a b/it's", uid=1000, gid=100), root=True)),
+    debian.policy_query(["tree", "g++"]),
+    sources.origins_query(),
+    sources.keys_query(
+        [sources.Source("http://a/b", "c", key="/etc/apt/keyrings/a.gpg"), sources.Source("http://b", "c")]
+    ),
 ]
+CONFINED = sh(*gitscript.confined(OF_ROOT, 5, root=True))
 
 
 @pytest.mark.parametrize("question", [one for one in QUESTIONS if isinstance(one, Query)], ids=lambda q: q.command[:30])
@@ -98,8 +109,33 @@ def test_what_changes_something_is_seen(script: str) -> None:
     assert shell_violations(script), [[word.text for word in words] for words in commands(script)]
 
 
+@pytest.mark.parametrize(
+    "script",
+    [
+        "base64 -d", "timeout 5 reboot", "timeout 5 sh -c 'rm x'", "timeout -k 1 5 ls", "timeout 5",
+        "env -i git status",
+        "git diff", "dpkg-query -W", "apt-cache policy tree", "apt-cache -o Dir::Cache::pkgcache= search x",
+        f"{sh('apt-cache', '-o', 'Dir::Cache::pkgcache=', '-o', 'Dir::Cache::srcpkgcache=', 'policy', '-o', 'x')}",
+        f"{CONFINED} reboot", f"{CONFINED} sh -c 'rm x'", f"{CONFINED} env -i git status",
+        f"{CONFINED} env -i git diff",
+        f"{CONFINED} env -i LD_PRELOAD=x git ls-files -v -z",
+        f"{CONFINED} env -i GIT_DIR=x git ls-files -v -z --output=x",
+        f"{CONFINED} env -i git --exec-path=/tmp ls-files -v -z", f"{CONFINED} env -i git diff-index --patch HEAD",
+        *(
+            f"{CONFINED.replace(word, '')} {sh('sh', '-c', '(:) && echo forks')}"
+            for word in ("--nproc=0:0", "--fsize=0:0", "--no-new-privs", "prlimit")
+        ),
+        f"{CONFINED.replace('--reuid=65534', '--reuid=0')} {sh('sh', '-c', '(:) && echo forks')}",
+        f"{CONFINED.replace('dac_read_search', 'sys_admin')} {sh('sh', '-c', '(:) && echo forks')}",
+    ],
+)  # fmt: skip
+def test_a_program_that_could_do_more_than_read_is_seen(script: str) -> None:
+    """Without one of its limits, as root, or asked anything else, git is not let pass."""
+    assert shell_violations(script)
+
+
 def test_the_list_is_closed_and_says_nothing_that_writes() -> None:
-    writers = "rm mv cp dd tee touch mkdir rmdir ln chmod chown kill mount tar base64 sysctl sh eval exec env xargs"
+    writers = "rm mv cp dd tee touch mkdir rmdir ln chmod chown kill mount tar git sysctl sh eval exec env xargs"
     assert not set(READS) & set(writers.split())
 
 

@@ -1,0 +1,172 @@
+"""Robots that were set up by hand -> a folder with an experiment; nothing is changed on any robot.
+
+Takes the fleet; writes the folder as a whole, once what is in it was read back and is valid. A part of a definition
+that srprov's own rules refuse is left out and noted, so that a robot's odd words do not cost the rest.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from srprov import private
+from srprov.controller.fleet import Fleet
+from srprov.controller.snapshot_check import Checker
+from srprov.controller.snapshot_look import Seen, look
+from srprov.errors import TransportError, UsageError
+from srprov.secret import Secret
+from srprov.snapshot import report
+from srprov.snapshot.containers import service_of, without
+from srprov.snapshot.folder import Robot, definition_of
+from srprov.snapshot.hider import Hider
+from srprov.snapshot.settings import service_name
+from srprov.untrusted import mapping, string
+
+REPORT = "report.md"
+_MOST_KNOWN = 100
+_VOCABULARY = "experiment robots secrets notes unreachable services packages installed repositories workspaces commit"
+_SERVICES = 900
+"""Of an experiment; an EDF takes 1000."""
+
+
+def snapshot(fleet: Fleet, target: Path, name: str) -> dict[str, Any]:
+    """Look at all robots of the fleet and write the experiment; return the report as JSON values.
+
+    Raises:
+        UsageError: The folder is not empty or cannot be written, or no robot gave anything.
+    """
+    _check_target(target)
+    seen, unreachable = _look(fleet)
+    if not seen:
+        raise UsageError(
+            "no robot could be looked at", hint="; ".join(f"{k}: {v}" for k, v in sorted(unreachable.items()))
+        )
+    robots = _robots(seen)
+    hider = Hider(value for robot in robots for one in robot.services for value in one.hidden)
+    _make_known(hider)
+    robots = [_cleaned(robot, hider) for robot in robots]
+    definitions = {robot.name: one for robot in robots if (one := definition_of(robot))}
+    with _draft(target) as draft:
+        robots, definitions = Checker(draft, robots, definitions, hider).checked(name)
+        document = report.document(name, robots, definitions, unreachable)
+        clean = _without(document, hider)
+        private.write_file(draft / REPORT, hider.without_strong(report.markdown(clean)))
+        _put(draft, target)
+    return {"folder": str(target), **clean}
+
+
+def _check_target(target: Path) -> None:
+    try:
+        if target.exists() and (not target.is_dir() or any(target.iterdir())):
+            raise UsageError(f"{target} is there already", hint="name a new folder with -o")
+    except OSError as error:
+        raise UsageError(f"{target}: {error.strerror}") from error
+
+
+def _look(fleet: Fleet) -> tuple[list[Seen], dict[str, str]]:
+    """Ask all robots at the same time."""
+    names = sorted(fleet.inventory.hosts)
+    seen, unreachable = [], {}
+    with ThreadPoolExecutor(max(1, min(len(names), fleet.forks))) as pool:
+        asked = {name: pool.submit(lambda name: look(fleet.sessions.get(name), name), name) for name in names}
+        for name, future in asked.items():
+            try:
+                seen.append(future.result())
+            except TransportError as error:
+                unreachable[name] = error.message
+    return seen, unreachable
+
+
+def _robots(seen: Sequence[Seen]) -> list[Robot]:
+    """Return the robots with their containers as services, whose names are all different."""
+    shorts: dict[str, str] = {}
+    for one in seen:
+        shorts[one.name] = _fresh(service_name(one.name), shorts.values())
+    taken = {f"{short}-host" for short in shorts.values()}
+    robots = []
+    for one in seen:
+        robot = Robot(
+            name=one.name, short=shorts[one.name], host=one.host, repositories=one.repositories, notes=one.notes
+        )
+        services = []
+        for box, image in one.containers:
+            if len(taken) >= _SERVICES:
+                one.notes.lost("containers", f"an experiment has at most {_SERVICES} services")
+                break
+            own = service_name(string(mapping(box).get("Name")).lstrip("/"))
+            name = own if own not in taken else _fresh(f"{own[:40]}-{robot.short[:18]}", taken)
+            taken.add(name)
+            services.append(service_of(name, box, image, one.runtime, one.notes))
+        robots.append(replace(robot, services=tuple(services)))
+    return robots
+
+
+def _fresh(name: str, taken: Any) -> str:  # noqa: ANN401 - any collection of names
+    found, number = name, 2
+    while found in taken:
+        found, number = f"{name[:46]}-{number}", number + 1
+    return found
+
+
+def _make_known(hider: Hider) -> None:
+    """Let all output of this process hide the values; not a word of the report's own, or it could not be read."""
+    for value in hider.strong[:_MOST_KNOWN]:
+        if value.strip().lower() not in _VOCABULARY:
+            with contextlib.suppress(ValueError):  # too short to be hidden
+                Secret(value)
+
+
+def _cleaned(robot: Robot, hider: Hider) -> Robot:
+    """Return a robot in whose services and patches no secret stands once more."""
+    repositories = []
+    for one in robot.repositories:
+        text = one.patch.decode("utf-8", "surrogateescape")
+        if hider.without(text) != text:
+            robot.notes.secret(
+                f"repository {one.folder}", "its changes hold a value that is a secret: there is no patch"
+            )
+            repositories.append(replace(one, patch=b""))
+        else:
+            repositories.append(one)
+    services = tuple(without(one, hider, robot.notes) for one in robot.services)
+    return replace(robot, services=services, repositories=tuple(repositories))
+
+
+def _without(value: Any, hider: Hider) -> Any:  # noqa: ANN401 - JSON is any
+    """Return JSON values in which no text holds a secret; the names of fields stay."""
+    if isinstance(value, str):
+        return hider.without_strong(value)
+    if isinstance(value, Mapping):
+        return {key: _without(one, hider) for key, one in value.items()}
+    return [_without(one, hider) for one in value] if isinstance(value, list) else value
+
+
+@contextlib.contextmanager
+def _draft(target: Path) -> Iterator[Path]:
+    """Give a new folder beside the target; it is gone afterwards."""
+    try:
+        parent = target.absolute().parent
+        parent.mkdir(parents=True, exist_ok=True)
+        draft = Path(tempfile.mkdtemp(prefix=f".{target.name[:60]}.", dir=parent))
+    except OSError as error:
+        raise UsageError(f"{error.filename or target}: {error.strerror}") from error
+    try:
+        yield draft
+    except OSError as error:
+        raise UsageError(f"{error.filename or target}: {error.strerror}") from error
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
+
+
+def _put(draft: Path, target: Path) -> None:
+    """Put the folder into its place, which is empty or not there."""
+    if target.is_dir() and not target.is_symlink():
+        target.rmdir()
+    os.rename(draft, target)

@@ -1,0 +1,151 @@
+"""The files of a snapshot, written and read back by srprov's own rules; what they refuse is left out and noted.
+
+Takes a folder of its own and robots; writes there. Reads what it wrote.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from srprov import private
+from srprov.definitions import load_experiment
+from srprov.errors import DefinitionError
+from srprov.images.dockerfile import render_dockerfile
+from srprov.snapshot.folder import EDF_NAME, Definition, Robot, experiment_of
+from srprov.snapshot.hider import Hider
+from srprov.snapshot.notes import Notes
+from srprov.snapshot.yamltext import dump
+
+_HEAD = "Written by `srprov snapshot`; report.md says what was not captured."
+_TRIED = "try.edf"
+_MOST_TRIED = 200
+"""Entries of a list that are tried one by one; a longer one is kept or dropped as a whole."""
+_OF_CDF = ("cdf", "name", "base")
+_OF_SERVICE = ("image", "cdf", "robot")
+
+
+class Checker:
+    """Writes one experiment."""
+
+    def __init__(
+        self, folder: Path, robots: Sequence[Robot], definitions: Mapping[str, Definition], hider: Hider
+    ) -> None:
+        """Take the folder, and all that goes there."""
+        self.folder, self.robots, self.definitions, self.hider = folder, list(robots), dict(definitions), hider
+
+    def checked(self, name: str) -> tuple[list[Robot], dict[str, Definition]]:
+        """Write all files; return the robots and definitions as they are there.
+
+        Raises:
+            OSError: Something cannot be written.
+        """
+        for robot in self.robots:
+            if robot.name in self.definitions:
+                self._define(robot)
+        self.robots = [self._served(robot) for robot in self.robots]
+        if self._fault(experiment_of(name, self.robots, self.definitions)):
+            self._one_by_one(name)
+        whole = experiment_of(name, self.robots, self.definitions)
+        if fault := self._fault(whole):
+            self.robots[0].notes.lost("experiment", f"srprov refuses it as a whole: {fault}")
+        self._write(EDF_NAME, whole)
+        return self.robots, self.definitions
+
+    def _define(self, robot: Robot) -> None:
+        """Write a CDF with its files, without what is refused."""
+        one = self.definitions[robot.name]
+        for path, content in one.files.items():
+            place = self.folder / path
+            private.make_folder(place.parent)
+            with private.open_new(place) as stream:
+                stream.write(content)
+        subject = f"host {robot.name}"
+        values = self._kept(
+            one.values, _OF_CDF, lambda values: self._fault_of_cdf(one.file, values), subject, robot.notes
+        )
+        if fault := self._fault_of_cdf(one.file, values):
+            robot.notes.lost(subject, f"srprov refuses its definition: {fault}")
+            del self.definitions[robot.name]
+            (self.folder / one.file).unlink()
+            return
+        self.definitions[robot.name] = replace(one, values=values)
+
+    def _served(self, robot: Robot) -> Robot:
+        services = []
+        for one in robot.services:
+            subject = f"container {one.name}"
+            fields = self._kept(dict(one.fields), _OF_SERVICE, self._fault_of_service, subject,
+                                robot.notes)  # fmt: skip
+            if fault := self._fault_of_service(fields):
+                robot.notes.lost(subject, f"srprov refuses it: {fault}")
+                continue
+            secrets = one.secrets if "secrets" in fields else {}
+            services.append(replace(one, fields=fields, secrets=secrets))
+        return replace(robot, services=tuple(services))
+
+    def _one_by_one(self, name: str) -> None:
+        """Keep the services that go together."""
+        whole, self.robots = self.robots, [replace(robot, services=()) for robot in self.robots]
+        for index, robot in enumerate(whole):
+            for one in robot.services:
+                before = self.robots[index]
+                self.robots[index] = replace(before, services=(*before.services, one))
+                if fault := self._fault(experiment_of(name, self.robots, self.definitions)):
+                    robot.notes.lost(f"container {one.name}", f"does not go together with the others: {fault}")
+                    self.robots[index] = before
+
+    def _kept(
+        self,
+        values: dict[str, Any],
+        needed: Sequence[str],
+        fault_of: Callable[[dict[str, Any]], str],
+        subject: str,
+        notes: Notes,
+    ) -> dict[str, Any]:
+        """Return the values without those that are refused."""
+        if not fault_of(values):
+            return values
+        kept = {key: value for key, value in values.items() if key in needed}
+        for key, value in values.items():
+            if key in needed or not (fault := fault_of({**kept, key: value})):
+                kept[key] = value
+                continue
+            some = []
+            if isinstance(value, list) and len(value) <= _MOST_TRIED and key not in ("command", "entrypoint"):
+                some = [one for one in value if not fault_of({**kept, key: [one]})]
+            if some and not fault_of({**kept, key: some}):
+                kept[key] = some
+                notes.lost(subject, f"{len(value) - len(some)} of its {key}: an EDF or CDF does not take them: {fault}")
+            else:
+                notes.lost(subject, f"its {key}: an EDF or CDF does not take it: {fault}")
+        return kept
+
+    def _fault_of_cdf(self, file: str, values: Mapping[str, Any]) -> str:
+        self._write(file, values)
+        return self._fault({"edf": 1, "name": "try", "services": {"one": {"cdf": file}}}, rendered=True)
+
+    def _fault_of_service(self, fields: Mapping[str, Any]) -> str:
+        secrets = {name: {"env": "X"} for name in fields.get("secrets", ())}
+        return self._fault(
+            {"edf": 1, "name": "try", "services": {"one": fields}, **({"secrets": secrets} if secrets else {})}
+        )
+
+    def _fault(self, values: Mapping[str, Any], *, rendered: bool = False) -> str:
+        """Return the first thing that is wrong with an experiment, or nothing."""
+        path = self.folder / _TRIED
+        try:
+            self._write(_TRIED, values)
+            definitions = load_experiment(str(path), profiles=("*",))
+            for one in definitions.containers.values() if rendered else ():
+                render_dockerfile(one, ["0" * 40 for _ in one.repositories])
+        except DefinitionError as error:
+            return error.problems[0].message
+        finally:
+            path.unlink(missing_ok=True)
+        return ""
+
+    def _write(self, name: str, values: Mapping[str, Any]) -> None:
+        private.write_file(self.folder / name, self.hider.without_strong(dump(values, _HEAD)))

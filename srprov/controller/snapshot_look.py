@@ -1,0 +1,163 @@
+"""One robot, looked at for a snapshot: a few round trips of questions that only read.
+
+Takes a Reader; gives what it said, already read. The first round trip asks the host and lists containers; the second
+inspects these and asks apt where packages come from; further ones ask repositories, and what changed in containers.
+"""
+
+from __future__ import annotations
+
+import posixpath
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, TypeVar
+
+from srprov.session import Reader
+from srprov.snapshot.debian import parse_policy, policy_query
+from srprov.snapshot.gitscript import TIMEOUT_S, script
+from srprov.snapshot.host import Host, read_host, with_origins
+from srprov.snapshot.notes import Notes
+from srprov.snapshot.questions import ENGINE, QUESTIONS
+from srprov.snapshot.repositories import MOST_PATCHES, Repository, parse_repository
+from srprov.snapshot.sources import keys_query, origins_query, parse_keys, parse_origins
+from srprov.untrusted import integer, mapping, mappings, string, string_map, strings, text
+from srprov.wire import AnyQuery, EngineQuery, Query, Reply
+
+_T = TypeVar("_T")
+MOST_CONTAINERS = 200
+_AT_ONCE = 8
+"""Repositories, or containers, of one round trip: so many answers together are short enough."""
+_ID = re.compile(r"[0-9a-f]{64}")
+_IMAGE = re.compile(r"sha256:[0-9a-f]{64}")
+_INSTANCE = "srprov.instance"
+_RUNS = ("running", "paused", "restarting")
+_SHOWN = 6
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Seen:
+    """What one robot said."""
+
+    name: str
+    host: Host
+    repositories: tuple[Repository, ...] = ()
+    containers: tuple[tuple[Mapping[str, Any], Mapping[str, Any]], ...] = ()
+    """(container, image) as the engine has them."""
+    runtime: str = "runc"
+    notes: Notes = field(default_factory=Notes)
+
+
+def look(reader: Reader, name: str) -> Seen:
+    """Ask one robot everything.
+
+    Raises:
+        TransportError: It cannot be talked to any more.
+    """
+    notes = Notes()
+    replies = reader.ask([*(question.query() for question in QUESTIONS), *ENGINE])
+    host = read_host(replies[: len(QUESTIONS)], notes)
+    listed, info = replies[len(QUESTIONS) :]
+    chosen = _chosen(listed, notes)
+    wanted = [*host.chosen.by_hand, *host.chosen.others]
+    origins: list[AnyQuery] = [origins_query(), policy_query(one.name for one in wanted)] if wanted else []
+    inspected: list[Reply] = []
+    questions = [question for one, image in chosen for question in _inspect(one, image)]
+    for some in _pieces(questions, 2 * _AT_ONCE) or [()]:
+        answers = list(reader.ask([*origins, *some]))
+        if origins:
+            signed, policy = parse_origins(answers[0].out), parse_policy(answers[1].out)
+            host = with_origins(host, policy, signed, notes)
+        inspected += answers[len(origins) :]
+        origins = []
+    if host.elsewhere and host.sources:
+        host = replace(host, keys=parse_keys(reader.ask([keys_query(host.sources)])[0].out))
+    containers = tuple(_inspected(inspected, notes))
+    _note_changes(reader, containers, notes)
+    return Seen(
+        name=name,
+        host=host,
+        repositories=tuple(_repositories(reader, host, notes)),
+        containers=containers,
+        runtime=text(mapping(info.json()).get("DefaultRuntime"), length=60) or "runc",
+        notes=notes,
+    )
+
+
+def _pieces(items: Sequence[_T], size: int) -> list[Sequence[_T]]:
+    return [items[at : at + size] for at in range(0, len(items), size)]
+
+
+def _chosen(listed: Reply, notes: Notes) -> list[tuple[str, str]]:
+    """Return (container, image) ids of those that run and are nobody's instance."""
+    if not listed.ok:
+        notes.lost("containers", f"the Docker Engine does not list them: {listed.err or listed.status}")
+        return []
+    found = []
+    for one in mappings(listed.json()):
+        identity, image = string(one.get("Id")), string(one.get("ImageID"))
+        subject = f"container {text(next(iter(strings(one.get('Names'))), identity[:12]), length=80).lstrip('/')}"
+        instance = string_map(one.get("Labels")).get(_INSTANCE, "")
+        if not _ID.fullmatch(identity) or not _IMAGE.fullmatch(image):
+            notes.lost(subject, "the engine gives it no id, or no image")
+        elif instance:
+            notes.adapted(subject, f"belongs to the instance {text(instance, length=40)}: its own EDF says what it is")
+        elif string(one.get("State")) not in _RUNS:
+            notes.lost(
+                subject, f"does not run ({text(string(one.get('Status')), length=60)}): start it, and look again"
+            )
+        else:
+            found.append((identity, image))
+    if len(found) > MOST_CONTAINERS:
+        notes.lost("containers", f"only {MOST_CONTAINERS} of {len(found)} are captured")
+    return sorted(found)[:MOST_CONTAINERS]
+
+
+def _inspect(container: str, image: str) -> tuple[EngineQuery, EngineQuery]:
+    return (
+        EngineQuery(path=f"/containers/{container}/json", params=(("size", "1"),), timeout_s=60),
+        EngineQuery(path=f"/images/{image}/json"),
+    )
+
+
+def _inspected(replies: Sequence[Reply], notes: Notes) -> Iterator[tuple[Mapping[str, Any], Mapping[str, Any]]]:
+    for box, image in zip(replies[::2], replies[1::2], strict=True):
+        about = mapping(box.json())
+        if not box.ok or not image.ok or not _ID.fullmatch(string(about.get("Id"))):
+            notes.lost("container", f"cannot be looked at, or went away meanwhile: {text(box.err or image.err)}")
+        else:
+            yield about, mapping(image.json())
+
+
+def _note_changes(
+    reader: Reader, containers: Sequence[tuple[Mapping[str, Any], Mapping[str, Any]]], notes: Notes
+) -> None:
+    """Note what was changed in the files of containers, each asked by itself: such an answer may be long."""
+    for box, _ in containers:
+        subject = f"container {text(string(box.get('Name')), length=80).lstrip('/')}"
+        (reply,) = reader.ask([EngineQuery(path=f"/containers/{string(box.get('Id'))}/changes", timeout_s=60)])
+        if not reply.ok:
+            notes.lost(subject, "what was changed in its files cannot be listed")
+            continue
+        paths = {string(one.get("Path")) for one in mappings(reply.json())}
+        folders = {posixpath.dirname(path) for path in paths}
+        changed = sorted(path for path in paths - folders if path)
+        if changed:
+            size = integer(box.get("SizeRw"))
+            more = f", and {len(changed) - _SHOWN} more" if len(changed) > _SHOWN else ""
+            shown = ", ".join(text(path, length=50) for path in changed[:_SHOWN])
+            notes.lost(subject, f"files changed since it was made ({size} bytes): {shown}{more}")
+
+
+def _repositories(reader: Reader, host: Host, notes: Notes) -> Iterator[Repository]:
+    room = MOST_PATCHES
+    for some in _pieces(host.found, _AT_ONCE):
+        queries = [Query(command=script(one, root=host.root), timeout_s=TIMEOUT_S) for one in some]
+        for found, reply in zip(some, reader.ask(queries), strict=True):
+            one = parse_repository(found, reply.out, notes)
+            if one is None:
+                continue
+            room -= len(one.patch)
+            if room < 0 and one.patch:
+                notes.lost(f"repository {one.folder}", "has no patch: those of others are long already")
+                one = Repository(folder=one.folder, url=one.url, commit=one.commit, branch=one.branch)
+            yield one

@@ -1,0 +1,114 @@
+"""What is asked of one git repository of a robot, so that nothing of it can start a program there.
+
+Gives shell text for a repository; `repositories.py` reads the answer. Pure.
+
+git runs programs that a repository's own configuration and attributes name, and there will be more such keys than
+anybody lists. So git is started where the kernel lets it start none: as the repository's owner with no capability, and
+with a limit of no further process (RLIMIT_NPROC), which root alone is exempt from. A repository of root's is read by
+`nobody`, who may read everything and nothing else (CAP_DAC_READ_SEARCH). It can write no byte either (RLIMIT_FSIZE).
+The script first tries to start a process in the same way, and gives up where that succeeds. That git is told not to use
+such keys as well, by its environment and `-c`, is for its answers to be right, not for safety.
+
+Source: setrlimit(2), capabilities(7), execve(2), git-config(1), gitattributes(5).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from srprov.wire import quote, sh
+
+NOBODY = 65534
+MOST_PATCH = 384 << 10
+"""Bytes of a repository's patch."""
+MOST_NAMES = 16 << 10
+_SHORT_S, _LONG_S = 5, 20
+TIMEOUT_S = 6 * _SHORT_S + _LONG_S + 20
+"""Of all that is asked of one repository."""
+LIMITS = ("--nproc=0:0", "--fsize=0:0", "--core=0:0", "--data=1073741824:1073741824", "--cpu=20:20")
+_ENVIRONMENT = (
+    "PATH=/usr/local/bin:/usr/bin:/bin", "LC_ALL=C", "HOME=/nonexistent", "GIT_CONFIG_NOSYSTEM=1",
+    "GIT_CONFIG_SYSTEM=/dev/null", "GIT_CONFIG_GLOBAL=/dev/null", "GIT_ATTR_NOSYSTEM=1", "GIT_OPTIONAL_LOCKS=0",
+    "GIT_NO_LAZY_FETCH=1", "GIT_ALLOW_PROTOCOL=none", "GIT_TERMINAL_PROMPT=0",
+)  # fmt: skip
+_SETTINGS = (
+    "core.fsmonitor=false", "core.untrackedCache=false", "core.preloadIndex=false", "index.threads=1",
+    "pack.threads=1", "core.hooksPath=/dev/null", "core.attributesFile=/dev/null", "core.excludesFile=/dev/null",
+    "core.bigFileThreshold=4m", "core.quotePath=true", "core.sshCommand=false", "credential.helper=",
+    "protocol.allow=never", "diff.ignoreSubmodules=all", "diff.renames=false", "diff.noprefix=false",
+    "diff.mnemonicPrefix=false", "diff.relative=false", "diff.interHunkContext=0",
+    "diff.autoRefreshIndex=false", "filter.lfs.required=false",
+    "filter.lfs.clean=", "filter.lfs.process=",
+)  # fmt: skip
+# `diff` would write what it learned into the index; this one never does
+_DIFF = (
+    "diff-index", "--patch", "--no-ext-diff", "--no-textconv", "--no-color", "--no-renames", "--ignore-submodules=all",
+    "--full-index", "--src-prefix=a/", "--dst-prefix=b/", "--unified=3", "HEAD", "--",
+)  # fmt: skip
+ASKED: tuple[tuple[str, int, int, tuple[str, ...]], ...] = (
+    ("commit", 100, _SHORT_S, ("rev-parse", "--quiet", "--verify", "HEAD")),
+    ("branch", 300, _SHORT_S, ("symbolic-ref", "--quiet", "--short", "HEAD")),
+    ("remotes", 8 << 10, _SHORT_S, ("config", "--local", "--no-includes", "--null", "--get-regexp",
+                                     "^remote[.].*[.]url")),
+    ("pushed", 300, _SHORT_S, ("for-each-ref", "--count=1", "--contains", "HEAD", "--format=%(refname)",
+                               "refs/remotes")),
+    ("patch", MOST_PATCH, _LONG_S, _DIFF),
+    ("untracked", MOST_NAMES, _SHORT_S, ("ls-files", "--others", "--exclude-standard", "--directory", "-z")),
+    ("flags", MOST_NAMES, _SHORT_S, ("ls-files", "-v", "-z")),
+)  # fmt: skip
+"""Name of the answer -> its most bytes, the seconds that it may take, git's words."""
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """A repository as `find` told of it."""
+
+    folder: str
+    """Absolute; where its files are."""
+    uid: int
+    gid: int
+
+
+def confined(found: Found, seconds: int, *, root: bool) -> tuple[str, ...]:
+    """Return the words before a program that shall start no other one, write nothing and read what the owner may."""
+    if not root:
+        who: tuple[str, ...] = ()
+    elif found.uid == 0:
+        only = "-all,+dac_read_search"
+        who = (f"--reuid={NOBODY}", f"--regid={NOBODY}", "--clear-groups", f"--inh-caps={only}",
+               f"--ambient-caps={only}", f"--bounding-set={only}")  # fmt: skip
+    else:
+        who = (f"--reuid={found.uid}", f"--regid={found.gid}", "--clear-groups", "--inh-caps=-all",
+               "--bounding-set=-all")  # fmt: skip
+    return ("timeout", str(seconds), "setpriv", *who, "--no-new-privs", "prlimit", *LIMITS)
+
+
+def script(found: Found, *, root: bool) -> str:
+    """Return what is asked of a repository; `root` says that the shell is root's.
+
+    Raises:
+        ValueError: Its path holds a NUL byte.
+    """
+    folder, place = quote(found.folder), quote(f"{found.folder}/.git")
+    lines = [
+        f"[ -d {place} ] && [ ! -L {place} ] && [ ! -L {folder} ] || {{ echo 'odd kind'; exit 0; }}",
+        f"[ ! -e {place}/commondir ] || {{ echo 'odd commondir'; exit 0; }}",
+        f"[ ! -s {place}/objects/info/alternates ] || {{ echo 'odd alternates'; exit 0; }}",
+        f"[ ! -e {folder}/.gitmodules ] || echo 'odd submodules'",
+    ]
+    if root and found.uid == 0:
+        other = f"timeout {_LONG_S} find {folder} -xdev ! -uid 0 -printf x -quit 2>/dev/null"
+        lines.append(f"o=$({other}); [ -z \"$o\" ] || {{ echo 'odd mixed'; exit 0; }}")
+    forks = sh(*confined(found, _SHORT_S, root=root), "sh", "-c", "(:) && echo forks")
+    lines.append(f"o=$({forks} 2>/dev/null); [ -z \"$o\" ] || {{ echo 'odd forks'; exit 0; }}")
+    for name, most, seconds, words in ASKED:
+        ask = sh(*confined(found, seconds, root=root), *_git(found.folder, words))
+        lines.append(f"printf '{name} '")
+        lines.append(f"{{ {ask} 2>/dev/null; printf '\\0%s' $?; }} | head -c {most} | base64 | tr -d '\\n'; echo")
+    return "\n".join([*lines, ":"])
+
+
+def _git(folder: str, words: tuple[str, ...]) -> tuple[str, ...]:
+    where = (f"GIT_DIR={folder}/.git", f"GIT_WORK_TREE={folder}")
+    settings = (word for setting in _SETTINGS for word in ("-c", setting))
+    return ("env", "-i", *_ENVIRONMENT, *where, "git", "--no-pager", "--no-replace-objects", *settings, *words)

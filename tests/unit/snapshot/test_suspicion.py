@@ -1,0 +1,89 @@
+"""What looks like a secret, and what does not; no case of either is missed by the other's rule."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+from srprov.redaction import MASK
+from srprov.snapshot.hider import Hider
+from srprov.snapshot.notes import MOST, Notes
+from srprov.snapshot.suspicion import masked, masked_words, secret_variable
+
+SECRET = [
+    ("DB_PASSWORD", "x"),
+    ("MYSQL_ROOT_PASSWORD", "robot"),
+    ("wifiPsk", "12345678"),
+    ("API-KEY", "abc"),
+    ("Auth.Token", "t"),
+    ("AWS_SECRET_ACCESS_KEY", "wJalrXUtnFEMI/K7MDENG/bPxRfiCYEXAMPLEKEY"),
+    ("URL", "postgres://robot:hunter2@db/lab"),
+    ("REMOTE", "https://ghp_abcdefghijklmnopqrstuvwxyz0123456789@github.com/a/b"),
+    ("CONFIG", '{"password": "hunter2"}'),
+    ("ARGS", "--user a --token=abcdef"),
+    ("PEM", "-----BEGIN OPENSSH PRIVATE KEY-----\nb3Bl\n-----END"),
+    ("HEADER", "Authorization: Bearer abcdef.ghi"),
+    ("X", "AKIAIOSFODNN7EXAMPLE"),
+    ("Y", "kJ8sT2vQ9xLmZ4pW7bNc3Rf6"),
+    ("HASH", "$6$rounds$abcdefghijklmnop"),
+    ("HEXED", "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08"),
+]
+PLAIN = [
+    ("PWD", "/home/robot"),
+    ("ALLOW_EMPTY_PASSWORD", "yes"),
+    ("DB_PASSWORD", ""),
+    ("POSTGRES_PASSWORD_FILE", "/run/secrets/db"),
+    ("SSH_AUTH_SOCK", "/run/agent.sock"),
+    ("ROS_MASTER_URI", "http://robot1:11311"),
+    ("ROS_DISTRO", "humble"),
+    ("PATH", "/opt/ros/humble/bin:/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"),
+    ("CYCLONEDDS_URI", "file:///config/cyclonedds_discovery_of_all_robots.xml"),
+    ("KEYBOARD", "de"),
+    ("TITLE", "Two robots talk over ROS, 2024-01-01 10:20:30"),
+    ("RMW_IMPLEMENTATION", "rmw_cyclonedds_cpp"),
+    ("GIT", "ssh://git@github.com/lab/driver.git"),
+    ("LONG", "thisIsOneVeryLongWordInCamelCaseWithNumber2Inside"),
+]
+
+
+@pytest.mark.parametrize(("name", "value"), SECRET)
+def test_a_secret_is_seen_by_its_name_or_by_its_value(name: str, value: str) -> None:
+    assert secret_variable(name, value)
+
+
+@pytest.mark.parametrize(("name", "value"), PLAIN)
+def test_what_robots_usually_have_is_none(name: str, value: str) -> None:
+    assert not secret_variable(name, value)
+    assert masked(f"{name}={value}") == f"{name}={value}"
+
+
+def test_a_text_keeps_what_is_no_secret() -> None:
+    assert masked("run --password=hunter2 --speed=3") == f"run --password={MASK} --speed=3"
+    assert masked("mqtt://robot:hunter2@broker:1883/a") == f"mqtt://robot:{MASK}@broker:1883/a"
+    assert masked("token: 'abc def'  # of the lab") == f"token: '{MASK}'  # of the lab"
+    assert masked_words(["app", "--password", "hunter2", "-v", "x"]) == ["app", "--password", MASK, "-v", "x"]
+
+
+def test_the_time_is_linear_in_the_text() -> None:
+    begin = time.process_time()
+    for text in ("a" * 400_000, "password=" * 40_000, "://a" * 90_000, "a='" * 100_000, "-----BEGIN " * 30_000):
+        masked(text)
+    assert time.process_time() - begin < 2
+    assert masked("a" * ((1 << 20) + 1)) == MASK
+
+
+def test_a_value_is_hidden_in_every_form_and_a_usual_word_only_by_itself() -> None:
+    hider = Hider(["hunter2-and-more", "robot"])
+    assert hider.without("x aHVudGVyMi1hbmQtbW9yZQ== y") == "x ***== y"
+    assert hider.without("--pass robot /home/robot robots robot1") == "--pass *** /home/robot robots robot1"
+    assert hider.without_strong("robot hunter2-and-more") == "robot ***"
+
+
+def test_notes_hold_no_secret_and_have_an_end() -> None:
+    notes = Notes()
+    notes.lost("repository https://a:hunter2@h/x", "token=abcdef\x1b[31m")
+    assert "hunter2" not in str(notes.all()) and "abcdef" not in str(notes.all()) and "\x1b" not in str(notes.all())
+    for number in range(2 * MOST):
+        notes.lost(f"x{number}", "y")
+    assert len(notes.all()) == MOST + 1 and notes.all()[-1].words == f"{MOST + 1} more things are not listed"
