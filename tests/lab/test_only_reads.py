@@ -11,6 +11,7 @@ import base64
 import contextlib
 import os
 import re
+import shutil
 import socket
 import threading
 from collections.abc import Iterator
