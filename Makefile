@@ -10,7 +10,7 @@ WORKERS ?= 2
 FUZZ_SECONDS ?= 3600
 PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
-.PHONY: help setup demo test unit soak lint fmt type clean bench-assignment bench-transfer bench-images bench-provisioning bench-trials bench-network bench-containers
+.PHONY: help setup demo evidence test unit soak lint fmt type clean bench-assignment bench-transfer bench-images bench-provisioning bench-trials bench-network bench-containers
 
 help: ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | column -t -s '|' 2>/dev/null \
@@ -21,6 +21,9 @@ setup: ## install what is missing (Debian packages as root, .venv); safe to repe
 
 demo: setup ## three robots on this machine, ROS 1 talker and listener on them
 	@tools/demo.sh
+
+evidence: setup ## trials on this machine as a signed bundle, verified and run again on other robots (needs root; two minutes)
+	@tools/evidence.sh
 
 test: setup lint type ## everything: lint, types, all tests (needs root, for the lab)
 	@echo "test: pytest, $(WORKERS) processes with a lab each"

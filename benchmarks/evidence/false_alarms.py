@@ -16,9 +16,11 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from statistics import NormalDist, fmean, variance
 
-from srprov.evidence import student
+from srprov.definitions.trialsmodel import Margin
 from srprov.evidence.compare_runs import read
-from srprov.evidence.effects import CONFIDENCE, Margin, bounds, effect, judged
+from srprov.evidence.effects import bounds, effect, judged
+from srprov.trials import student
+from srprov.trials.power import CONFIDENCE
 
 GRADES = ("equivalent", "inconclusive", "different")
 _Z = NormalDist().inv_cdf(0.975)

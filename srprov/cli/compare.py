@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import click
@@ -15,7 +15,7 @@ from srprov.cli.output import err, out, out_json
 from srprov.errors import UsageError
 
 if TYPE_CHECKING:
-    from srprov.evidence.effects import Margin
+    from srprov.definitions.trialsmodel import Margin
     from srprov.evidence.grades import Section
 
 _EXISTING = click.Path(exists=True)
@@ -54,8 +54,9 @@ def compare(
 
 
 def show_comparison(
-    a: Sequence[str], b: Sequence[str], margins: Mapping[str, Margin], *, strict: bool, as_json: bool
-) -> int:
+    a: Sequence[str], b: Sequence[str], margins: Mapping[str, Margin], *, strict: bool, as_json: bool,
+    only: Collection[str] = (),
+) -> int:  # fmt: skip
     """Compare two sides, say what came of it, and return the exit code.
 
     Raises:
@@ -64,7 +65,7 @@ def show_comparison(
     from srprov.evidence.compare import compare as of
     from srprov.evidence.grades import DIFFERENT, INCONCLUSIVE
 
-    found = of(a, b, margins)
+    found = of(a, b, margins, only)
     failed = found.answer == DIFFERENT or (strict and found.answer == INCONCLUSIVE)
     if as_json:
         sections = [{"grade": one.grade, **msgspec.to_builtins(one)} for one in found.sections]
@@ -100,7 +101,7 @@ def _lines(one: Section) -> list[str]:
 
 def _margin(text: str) -> tuple[str, Margin]:
     """Read METRIC=VALUE."""
-    from srprov.evidence.effects import Margin
+    from srprov.definitions.trialsmodel import Margin
 
     name, _, value = text.partition("=")
     relative = value.endswith("%")

@@ -40,7 +40,7 @@ OWN_KEYS = PROJECT_KEYS | {
     *("older-than", "cache", "since", "timestamps", "until", "env", "user", "workdir", "tty"),
     *("metric", "over", "watch", "no-secret"),
     *("discard", "rerun", "reason", "accept-changes", "rotate-keys", "no-probe", "network", "profile"),
-    *("margin", "strict", "with", "map", "twin", "set", "name", "env-file", "robot-map", "home"),
+    *("margin", "strict", "with", "map", "twin", "set", "name", "env-file", "robot-map", "home", "lab"),
 }
 PARAMETERS = {"inventory": "inventories", "json": "as_json", "format": "form", "out": "target", "facts": "stored",
               "profile": "profiles", "margin": "margins", "with": "others", "map": "pairs",

@@ -237,8 +237,13 @@ def chosen(function: _F) -> _F:
     return limit(exclude(function))
 
 
-def robots(function: _F) -> _F:
-    """Add the options of every verb that talks to robots."""
-    for option in (ASK_BECOME, TIMEOUT, FORKS, JSON, INVENTORY):
+def robots_anywhere(function: _F) -> _F:
+    """Add the options of every verb that talks to robots, but for which robots those are."""
+    for option in (ASK_BECOME, TIMEOUT, FORKS, JSON):
         function = option(function)
     return function
+
+
+def robots(function: _F) -> _F:
+    """Add the options of every verb that talks to robots."""
+    return INVENTORY(robots_anywhere(function))

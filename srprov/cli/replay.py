@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
 import click
+from click.core import ParameterSource
 from msgspec.structs import replace
 
 from srprov.cli import inputs, options, output_options
@@ -19,13 +21,20 @@ from srprov.controller.request import PlanRequest
 from srprov.errors import UsageError
 
 if TYPE_CHECKING:
+    from srprov.controller.trial_request import TrialsRequest
+    from srprov.definitions.model import Inventory
+    from srprov.evidence.replay import Replay
     from srprov.facts.model import Snapshot
     from srprov.session import Pulse
 
 
 @click.command()
 @click.argument("bundle", metavar="BUNDLE", type=click.Path(exists=True, dir_okay=False))
-@options.robots
+@click.option("-i", "--inventory", "inventories", multiple=True, metavar="FILE",
+              help="Inventory; may be repeated. Needed without --lab.")  # fmt: skip
+@click.option("--lab", is_flag=True, help="On robots of an embedded lab that is brought up for it, and taken down "
+              "after it (Linux, root). That it can be done is shown so, not that the numbers hold.")  # fmt: skip
+@options.robots_anywhere
 @options.locking
 @options.planning
 @click.option("-o", "--out", "target", type=click.Path(file_okay=False, path_type=Path), required=True, metavar="DIR",
@@ -33,7 +42,9 @@ if TYPE_CHECKING:
 @click.option("--map", "pairs", multiple=True, metavar="OLD=NEW",
               help="NEW of the inventory does the part of OLD in the bundle; may be repeated. Others keep their "
               "names.")  # fmt: skip
-@click.option("--only", multiple=True, metavar="TRIAL|POINT", help="Only this trial, or trials of this point.")
+@click.option("--only", multiple=True, metavar="TRIAL|POINT",
+              help="Only this trial, or trials of this point; only these are compared, then.")  # fmt: skip
+@click.option("--resume", is_flag=True, help="Go on with the replay in DIR that was cut off.")
 @MARGINS
 @STRICT
 @click.option("--signers", type=click.Path(exists=True, dir_okay=False), default=None, metavar="FILE",
@@ -45,49 +56,79 @@ if TYPE_CHECKING:
 @output_options.QUIET
 @click.option("--no-color", is_flag=True, help="Plain text; so does NO_COLOR.")
 def replay(
-    bundle: str, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, request: PlanRequest,
-    unreachable: str, lock_wait: float, stop_timeout: float, pulse: Pulse, target: Path, pairs: tuple[str, ...],
-    only: tuple[str, ...], margins: tuple[str, ...], strict: bool, signers: str | None, yes: bool,
-    wait_timeout: float, events: TextIO | None, no_color: bool,
+    bundle: str, inventories: tuple[str, ...], lab: bool, as_json: bool, forks: int, timeout: float,
+    request: PlanRequest, unreachable: str, lock_wait: float, stop_timeout: float, pulse: Pulse, target: Path,
+    pairs: tuple[str, ...], only: tuple[str, ...], resume: bool, margins: tuple[str, ...], strict: bool,
+    signers: str | None, yes: bool, wait_timeout: float, events: TextIO | None, no_color: bool,
 ) -> int:  # fmt: skip
     """Run the trials of a bundle again, on robots of yours, and compare what comes of it.
 
     The bundle is verified first. The same trials with the same seeds in the same order, services on the robots that
     do the parts of their old ones. What the experiment asks for needs --allow, as that of any file of a stranger.
     """
-    from srprov.controller.source import read_definitions
     from srprov.controller.trial_request import TrialsRequest
     from srprov.evidence import replay as evidence
 
     refuse_without_terminal(yes)
     if unreachable != "fail":
         raise UsageError("trials need all their robots", hint="leave --unreachable out")
+    _check_robots(inventories, pairs, lab=lab)
     asked, judged_by = dict(map(_pair, pairs)), margins_of(margins)
-    inventory = inputs.load_inventory(inventories)
+    ours = None if lab else inputs.load_inventory(inventories)
     output_options.note(f"verifying {bundle}")
     evidence.check(bundle, signers or "")
     again = evidence.read(bundle)
-    inventory = evidence.mapped(inventory, again.robots, asked)
-    evidence.unpack(bundle, target / "experiment")
-    request = replace(request, placed=again.placed)
-    definitions = read_definitions(str(target / "experiment" / again.edf), request.allowed, request.profiles)
-
-    def robots(snapshot: Snapshot) -> Iterator[str]:
-        yield "\nWho does whose part:\n"
-        yield from evidence.differences(again, asked, snapshot)
-
+    wanted = TrialsRequest(folder=target / "run", only=only, resume=resume)
     manner = Manner(
         forks=forks, timeout=timeout, lock_wait=lock_wait, stop_timeout=stop_timeout, wait_timeout=wait_timeout,
         pulse=pulse, events=events, color=not no_color, as_json=as_json, yes=yes,
     )  # fmt: skip
-    wanted = TrialsRequest(folder=target / "run", only=only)
+    code = _again(bundle, again, ours, asked, replace(request, placed=again.placed), wanted, manner)
+    if code:
+        err(f"not compared with {bundle}, as it is not whole; --resume goes on")
+        return code
+    return show_comparison([bundle], [str(target / "run")], judged_by, strict=strict, as_json=as_json, only=only)
+
+
+def _again(
+    bundle: str, again: Replay, ours: Inventory | None, asked: dict[str, str], request: PlanRequest,
+    wanted: TrialsRequest, manner: Manner,
+) -> int:  # fmt: skip
+    """Run the trials; without an inventory of the user's, on a lab. Return the exit code."""
+    from srprov.controller.source import read_definitions
+    from srprov.evidence import replay as evidence
+
+    assert wanted.folder is not None  # the verb names it
+    folder = wanted.folder.parent / "experiment"
+    if ours is not None:
+        evidence.mapped(ours, again.robots, asked)  # before anything is written
+    evidence.unpack(bundle, folder)
+    definitions = read_definitions(str(folder / again.edf), request.allowed, request.profiles)
     check_wanted(definitions, wanted)
-    report = run_session(definitions, inventory, request, wanted, manner, robots)
+    with ExitStack() as stack:
+        if ours is None:
+            from srprov.cli.replay_lab import lab_for
+
+            ours, asked = stack.enter_context(lab_for(again))
+
+        def robots(snapshot: Snapshot) -> Iterator[str]:
+            yield "\nWho does whose part:\n"
+            yield from evidence.differences(again, asked, snapshot)
+
+        inventory = evidence.mapped(ours, again.robots, asked)
+        report = run_session(definitions, inventory, request, wanted, manner, robots)
     if report.exit_code:
         show_report(report, as_json=False)
-        err(f"not compared with {bundle}, as it is not whole")
-        return report.exit_code
-    return show_comparison([bundle], [str(target / "run")], judged_by, strict=strict, as_json=as_json)
+    return report.exit_code
+
+
+def _check_robots(inventories: tuple[str, ...], pairs: tuple[str, ...], *, lab: bool) -> None:
+    """Refuse neither robots nor a lab, and both."""
+    source = click.get_current_context().get_parameter_source("inventories")
+    if lab and (pairs or (inventories and source is not ParameterSource.DEFAULT_MAP)):
+        raise UsageError("--lab brings robots of its own", hint="leave --map and --inventory out")
+    if not lab and not inventories:
+        raise UsageError("nobody says on which robots", hint="name an inventory with -i, or try it with --lab")
 
 
 def _pair(text: str) -> tuple[str, str]:

@@ -22,12 +22,12 @@ def trials(file: str, as_json: bool) -> int:
     from srprov.controller.trial_values import listed
 
     experiment = inputs.load_experiment(file).experiment
-    rows, size = listed(experiment)
+    rows, notes = listed(experiment)
     if as_json:
         out_json({"experiment": experiment.name, "trials": rows})
     else:
         out(table([_shown(row) for row in rows], ("order", "trial", "point", "repetition", "seed", "parameters")))
-    err(size)
+    err("\n".join(notes))
     return 0
 
 

@@ -20,6 +20,9 @@ from srprov.errors import UsageError
 
 _LARGEST = 8 * regular_file.MIB
 """Of a definition file: what it may have as one."""
+_LARGEST_TEXT = regular_file.MIB
+FOR_READERS = ("LICENSE", "LICENSE.txt", "LICENSE.md", "COPYING", "CITATION.cff")
+"""Names of files that say what may be done with an experiment, and how it is cited."""
 _CHANGED = "it was changed after it was planned: run the command again"
 
 
@@ -32,6 +35,23 @@ class InputFile(msgspec.Struct, frozen=True, kw_only=True):
     """Where a symbolic link points to; it has no content."""
     data: tuple[str, int] | None = None
     """sha256 and size of a data set, whose content is not kept: it may be large."""
+    for_readers: bool = False
+    """Nothing that is run follows from it."""
+
+
+def reader_files(planned: Planned) -> dict[str, InputFile]:
+    """Return what lies beside the EDF for whoever gets the experiment: its license, and how it is cited."""
+    found: dict[str, InputFile] = {}
+    if planned.definitions is None:
+        return found
+    folder = planned.definitions.experiment.folder
+    for name in FOR_READERS:
+        try:
+            content = regular_file.read(os.path.join(folder, name), _LARGEST_TEXT)
+            found[name] = InputFile(content=content, for_readers=True)
+        except OSError:  # most experiments have none of them
+            continue
+    return found
 
 
 def definition_files(planned: Planned) -> dict[str, InputFile]:
@@ -148,6 +168,7 @@ def listing(files: Mapping[str, InputFile], places: Mapping[str, str], kept: Map
             "path": path,
             **_told(one, places[path], kept.get(path, b"")),
             **({"executable": True} if one.executable else {}),
+            **({"for_readers": True} if one.for_readers else {}),
             **({"redacted": True} if path in kept and kept[path] != one.content else {}),
         }
         for path, one in sorted(files.items())

@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 from srprov import private
 from srprov.controller.hardware_tokens import tokens
-from srprov.controller.input_files import InputFile, definition_files, listing, shipped_files
+from srprov.controller.input_files import InputFile, definition_files, listing, reader_files, shipped_files
 from srprov.controller.plan import Planned
 from srprov.controller.run import run_inputs
 from srprov.controller.trial_plan import TrialPlan
@@ -40,7 +40,7 @@ def keep_session(folder: Path, number: int, plan: TrialPlan, inventory: Inventor
         OSError: Something cannot be written.
     """
     whole = replace(plan.base, desired=(*plan.base.desired, *plan.services))
-    files = {**shipped_files(whole), **definition_files(whole)}
+    files = {**reader_files(whole), **shipped_files(whole), **definition_files(whole)}
     home = folder / SESSIONS / str(number)
     shutil.rmtree(home, ignore_errors=True)
     sink = PlainFolder(home)

@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from srprov.definitions.model import Definitions, Experiment, Service
 from srprov.definitions.trialsmodel import TrialDefinitions
-from srprov.trials import Design, design
+from srprov.trials import Design, design, power
 
 
 def at_first_point(definitions: Definitions) -> Definitions:
@@ -48,11 +48,11 @@ def design_notes(given: TrialDefinitions | None) -> tuple[str, ...]:
     made = design(given)
     first = ", ".join(f"{name}={value}" for name, value in made.points[0].values.items())
     here = f"; here with {first}" if first else ""
-    return (f"{in_words(given, made)}; `srprov run` runs them{here}",)
+    return (f"{in_words(given, made)}; `srprov run` runs them{here}", *power.in_words(given, made))
 
 
-def listed(experiment: Experiment) -> tuple[list[dict[str, Any]], str]:
-    """Return a row per trial, in order, as `schemas/trials.schema.json` has it, and the design's size in words.
+def listed(experiment: Experiment) -> tuple[list[dict[str, Any]], tuple[str, ...]]:
+    """Return a row per trial, in order, as `schemas/trials.schema.json` has it; the design's size and power in words.
 
     Raises:
         UsageError: The design has too many trials, or none.
@@ -70,7 +70,7 @@ def listed(experiment: Experiment) -> tuple[list[dict[str, Any]], str]:
         }
         for order, trial in enumerate(made.trials, start=1)
     ]
-    return rows, in_words(given, made)
+    return rows, (in_words(given, made), *power.in_words(given, made))
 
 
 def in_words(given: TrialDefinitions, made: Design) -> str:

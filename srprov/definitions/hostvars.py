@@ -30,7 +30,7 @@ READ = frozenset((
     "ansible_ssh_private_key_file", "ansible_private_key_file",
     "ansible_host", "ansible_ssh_host", "ansible_port", "ansible_ssh_port", "ansible_user", "ansible_ssh_user",
     "ansible_password", "ansible_ssh_pass", "ansible_ssh_password",
-    "srprov_tags", "srprov_slots", "srprov_underlay", "srprov_devices", "srprov_bandwidth_mbit",
+    "srprov_tags", "srprov_slots", "srprov_underlay", "srprov_devices", "srprov_bandwidth_mbit", "srprov_pid",
 ))  # fmt: skip
 """Every variable that `host` reads; a test holds it to that."""
 
@@ -57,6 +57,7 @@ def host(name: str, variables: Variables, groups: tuple[str, ...], place: Node, 
         underlay=reader.text("srprov_underlay"),
         devices=reader.words("srprov_devices"),
         bandwidth_mbit=reader.node("srprov_bandwidth_mbit", nodes.as_number),
+        pid=reader.text("srprov_pid") or "",
         groups=groups,
         location=nodes.location(place),
     )

@@ -46,6 +46,8 @@ class Host(msgspec.Struct, frozen=True, kw_only=True):
     """Interface or address that other robots reach."""
     devices: tuple[str, ...] = ()
     bandwidth_mbit: float | None = None
+    pid: str = ""
+    """Persistent identifier of the instrument, such as a DOI or a handle."""
     groups: tuple[str, ...] = ()
     location: Location = _NOWHERE
 

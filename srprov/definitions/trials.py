@@ -14,7 +14,7 @@ from typing import TypeVar
 
 from srprov.definitions import trialchecks, trialconditions
 from srprov.definitions.model import Service
-from srprov.definitions.trialsmodel import Limits, Metric, Parameter, Result, TrialDefinitions, TrialSettings
+from srprov.definitions.trialsmodel import Limits, Margin, Metric, Parameter, Result, TrialDefinitions, TrialSettings
 from srprov.definitions.values import duration, scalars, text, texts
 from srprov.yamldoc import nodes
 from srprov.yamldoc.fields import size_in_bytes
@@ -192,6 +192,14 @@ def _result(node: Node, path: Path, findings: Findings) -> Result:
     )
 
 
+def _margin(node: Node | None) -> Margin | None:
+    """Return a margin, whose form the schema has checked: a number, or a percentage."""
+    if node is None:
+        return None
+    given = text(node)
+    return Margin(float(given[:-1]) / 100, relative=True) if given.endswith("%") else Margin(float(given))
+
+
 def _metrics(root: Map) -> tuple[Metric, ...]:
     found = []
     for name, node in sorted(_map(root.entries.get("metrics")).items()):
@@ -207,6 +215,7 @@ def _metrics(root: Map) -> tuple[Metric, ...]:
                 reduce=text(get("reduce"), "last"),
                 unit=text(get("unit")),
                 better=text(get("better")),
+                margin=_margin(get("margin")),
                 description=text(get("description")),
             )
         )

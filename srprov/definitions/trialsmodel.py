@@ -59,6 +59,19 @@ def folder_of(path: str) -> str:
     return posixpath.dirname(clean) if "." in posixpath.basename(clean)[1:] else clean
 
 
+class Margin(msgspec.Struct, frozen=True):
+    """How much two runs may differ and still count as equal."""
+
+    value: float
+    """In the metric's unit; of a relative one, a share of the first run's."""
+    relative: bool = False
+
+    @property
+    def text(self) -> str:
+        """Return it as it is written."""
+        return f"{self.value * 100:g} %" if self.relative else f"{self.value:g}"
+
+
 class Metric(msgspec.Struct, frozen=True, kw_only=True):
     """A number that a trial gives, from a JSON file of its results or from a log."""
 
@@ -73,6 +86,8 @@ class Metric(msgspec.Struct, frozen=True, kw_only=True):
     unit: str = ""
     better: str = ""
     """`less`, `more` or nothing"""
+    margin: Margin | None = None
+    """None: nobody said how much it may differ."""
     description: str = ""
 
 

@@ -9,8 +9,12 @@ that a bundle holds is run.
     story          a run, from all of its files
     private_words  addresses, hosts and users of the lab, and what stands for them
     secrets        what must not leave the house
-    crate          what there is, as an RO-Crate says it
-    papers         README and CITATION.cff
+    crate          what there is, as an RO-Crate says it; crate_*: its parts
+    papers         README
+    citation       CITATION.cff and LICENSE
+    deposits       what archives ask for
+    checklist      what reviewers ask, and what a bundle shows of it
+    descriptions   all of these, and by which rules they are written
     make           the folder of a run -> a bundle
     checks_*       each check of `verify`, one file for each part of what is compared
     verify         a bundle -> findings

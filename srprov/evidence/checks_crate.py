@@ -7,10 +7,9 @@ from typing import Any
 from urllib.parse import unquote
 
 from srprov import __version__
-from srprov.evidence import crate, papers
+from srprov.evidence import descriptions
 from srprov.evidence.checks_files import Hashed
-from srprov.evidence.crate_base import Told
-from srprov.evidence.files import ABOUT, CRATE, GENERATED, MANIFEST, SIGNATURE, NotThere, content, json_of
+from srprov.evidence.files import ABOUT, CRATE, NotThere, content, json_of
 from srprov.evidence.story import Story
 from srprov.untrusted import mapping, mappings, string
 
@@ -66,29 +65,30 @@ def made_by(hashed: Hashed) -> str:
 
 
 def follows(hashed: Hashed, story: Story) -> Iterator[str]:
-    """Write crate and papers again, and compare them byte by byte."""
+    """Write what describes the bundle again, and compare it byte by byte."""
     files = hashed.files
-    own = {*GENERATED, MANIFEST, SIGNATURE}
-    hashes = {name: (size, hashed.sha256(name)) for name, size in files.sizes.items() if name not in own}
-    for name in (ABOUT, "README.md", "CITATION.cff"):
-        if name in files.sizes:
-            hashes[name] = (files.sizes[name], hashed.sha256(name))
-    told = Told(
-        story=story,
-        facts=json_of(files, f"{story.home}/facts.json"),
-        environment=json_of(files, f"{story.home}/environment.json"),
-        files=hashes,
-    )
-    texts = {"README.md": papers.readme(told), "CITATION.cff": papers.citation(told), CRATE: crate.text(told)}
-    for name, text in texts.items():
-        if content(files, name) != text.encode("utf-8", "replace"):
+    hashes = {
+        name: (size, hashed.sha256(name)) for name, size in files.sizes.items() if name not in descriptions.NOT_LISTED
+    }
+    for name, data in descriptions.written(descriptions.told_of(files, story, hashes)):
+        if content(files, name) != data:
             yield f"{name} is not what follows from the run"
 
 
 def is_ours(hashed: Hashed) -> str:
-    """Return why it cannot be said what follows, or nothing."""
+    """Return why another srprov than this one made it, or nothing."""
     try:
         version = made_by(hashed)
     except NotThere as error:
         return str(error)
     return "" if version == __version__ else f"it was made by srprov {version[:40]}, and this is {__version__}"
+
+
+def has_our_rules(hashed: Hashed) -> str:
+    """Return why it cannot be said how this one describes it, or nothing."""
+    if strange := is_ours(hashed):
+        return strange
+    rules = json_of(hashed.files, ABOUT).get("descriptions")
+    if rules != descriptions.RULES:
+        return f"it is described by the rules {str(rules)[:40]}, and this srprov has {descriptions.RULES}"
+    return ""

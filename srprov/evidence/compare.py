@@ -5,16 +5,16 @@ Takes paths of run folders and bundles; gives a Comparison. Offline, without rob
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
 import msgspec
 from msgspec.structs import replace
 
+from srprov.definitions.trialsmodel import Margin
 from srprov.errors import UsageError, visible
 from srprov.evidence import compare_inputs, compare_outcomes, compare_runs, grades
 from srprov.evidence.compare_outcomes import SUCCESS, Judging
 from srprov.evidence.compare_runs import Run
-from srprov.evidence.effects import Margin
 from srprov.evidence.grades import Line, Section
 
 _MOST_LINES = 100
@@ -44,18 +44,21 @@ class Comparison(msgspec.Struct, frozen=True, kw_only=True):
         return grades.answer(self.sections)
 
 
-def compare(a: Sequence[str], b: Sequence[str], margins: Mapping[str, Margin]) -> Comparison:
+def compare(
+    a: Sequence[str], b: Sequence[str], margins: Mapping[str, Margin], only: Collection[str] = ()
+) -> Comparison:
     """Compare two sides.
 
     Args:
         a: Run folders and bundles of one side.
         b: Of the other one.
         margins: Metric -> how much it may differ; `success` is the share of trials with that verdict.
+        only: Trials and points that are compared; empty: all.
 
     Raises:
         UsageError: A run cannot be read, or no run has a metric that a margin names.
     """
-    with compare_runs.read([*a, *b]) as runs:
+    with compare_runs.read([*a, *b], only) as runs:
         here, there = runs[: len(a)], runs[len(a) :]
         _check(margins, runs)
         sections = [_section(*one, runs) for one in _SECTIONS]
@@ -100,6 +103,8 @@ def _visible(line: Line) -> Line:
 
 
 def _notes(a: Sequence[Run], b: Sequence[Run]) -> Iterable[str]:
+    if a[0].only:
+        yield f"only {len(a[0].trials)} of {len(a[0].story.last.design.trials)} trials are compared, as asked for"
     if len(a) == len(b) == 1:
         yield (
             "how much runs differ from one day to the next is not known from one run a side: what is not interleaved "

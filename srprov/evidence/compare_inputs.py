@@ -28,23 +28,26 @@ def definitions(a: Run, b: Run) -> Iterator[Line]:
     """Compare each file that the experiment is made of, and which variables of the controller it takes."""
     here, there = (dict(_named(one)) for one in (a, b))
     for name in sorted(here.keys() | there.keys()):
-        if name not in here or name not in there:
-            yield Line(name, DIFFERENT, f"only in {(a if name in here else b).name}")
-        elif here[name][1] == there[name][1]:
+        one, other = here.get(name), there.get(name)
+        if one and other and one[1] == other[1]:
             yield Line(name, IDENTICAL)
+        elif not any(found[2] for found in (one, other) if found):
+            yield Line(name, EQUIVALENT, "it differs, and is for readers: nothing that is run follows from it")
+        elif one and other:
+            yield _file(name, _text(a, one[0]), _text(b, other[0]))
         else:
-            yield _file(name, _text(a, here[name][0]), _text(b, there[name][0]))
+            yield Line(name, DIFFERENT, f"only in {(a if one else b).name}")
     taken = [sorted(strings(one.inputs.get("variables"))) for one in (a, b)]
     if taken[0] != taken[1]:
         yield Line("variables", DIFFERENT, f"{', '.join(taken[0]) or 'none'}; {', '.join(taken[1]) or 'none'}")
 
 
-def _named(run: Run) -> Iterator[tuple[str, tuple[str, str]]]:
-    """Return name -> (name in the run, sha256); the EDF's name is the same in all runs."""
+def _named(run: Run) -> Iterator[tuple[str, tuple[str, str, bool]]]:
+    """Return name -> (name in the run, sha256, what is run may follow from it); the EDF's name is always the same."""
     for one in mappings(run.inputs.get("files"), most=100_000):
         file = string(one.get("file"))
         name = "the EDF" if file == run.inputs.get("edf") else string(one.get("path"))
-        yield name, (f"{run.story.home}/{file}", string(one.get("sha256")))
+        yield name, (f"{run.story.home}/{file}", string(one.get("sha256")), one.get("for_readers") is not True)
 
 
 def _text(run: Run, name: str) -> str:

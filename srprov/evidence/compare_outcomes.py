@@ -9,12 +9,14 @@ from statistics import fmean
 
 from msgspec.structs import replace
 
+from srprov.definitions.trialsmodel import Margin
 from srprov.evidence import effects
 from srprov.evidence.compare_runs import Run
-from srprov.evidence.effects import Effect, Margin, TooFew
+from srprov.evidence.effects import Effect, TooFew
 from srprov.evidence.files import NotThere, json_of
 from srprov.evidence.grades import DIFFERENT, EQUIVALENT, IDENTICAL, INCONCLUSIVE, UNKNOWN, Line
 from srprov.evidence.story import attempt_folder
+from srprov.trials.power import FEWEST_TRIALS
 from srprov.untrusted import mapping, mappings, string
 
 SUCCESS = "success"
@@ -27,7 +29,7 @@ Side = Sequence[Run]
 
 def execution(a: Run, b: Run) -> Iterator[Line]:
     """Compare which trials were run, with which seeds, in which order, and whether all of them count."""
-    here, there = ([trial.id for trial in run.story.last.design.trials] for run in (a, b))
+    here, there = ([trial.id for trial in run.trials] for run in (a, b))
     if set(here) != set(there):
         for run, only in ((a, set(here) - set(there)), (b, set(there) - set(here))):
             if only:
@@ -36,7 +38,7 @@ def execution(a: Run, b: Run) -> Iterator[Line]:
         yield Line("trials", EQUIVALENT, f"the same {len(here)}, in another order")
     else:
         yield Line("trials", IDENTICAL, f"the same {len(here)}, in the same order")
-    seeds = [{trial.id: trial.seed for trial in run.story.last.design.trials} for run in (a, b)]
+    seeds = [{trial.id: trial.seed for trial in run.trials} for run in (a, b)]
     both = seeds[0].keys() & seeds[1].keys()
     other = {one for one in both if seeds[0][one] != seeds[1][one]}
     yield Line("seeds", DIFFERENT if other else IDENTICAL, f"of {len(other)} trials: {_some(other)}" if other else "")
@@ -109,8 +111,13 @@ class Judging:
     def _unit(self, name: str) -> str:
         return next((one.unit for one in self.a[0].story.given.metrics if one.name == name), "")
 
+    def _margin(self, name: str) -> Margin | None:
+        """Return the margin that was asked for, or else the one of the first run's experiment."""
+        stated = (one.margin for one in self.a[0].story.given.metrics if one.name == name)
+        return self.margins.get(name) or next(stated, None)
+
     def _metric(self, name: str) -> Line:
-        margin = self.margins.get(name)
+        margin = self._margin(name)
         of_a, of_b = ([run.values(name) for run in side] for side in (self.a, self.b))
         if len(of_a) == len(of_b) == 1 and of_a[0] == of_b[0] and of_a[0]:
             return Line(name, IDENTICAL, f"in each of {sum(map(len, of_a[0].values()))} trials")
@@ -121,7 +128,7 @@ class Judging:
         means = "; ".join(f"{side} {_summary(one)}" for side, one in (("A", of_a), ("B", of_b)))
         head = f"{means}{' ' + self._unit(name) if self._unit(name) else ''}"
         try:
-            fewest = effects.FEWEST_RUNS if several else effects.FEWEST_TRIALS
+            fewest = effects.FEWEST_RUNS if several else FEWEST_TRIALS
             found = effects.effect(here, there, ratio=ratio and not several, fewest=fewest)
         except TooFew as error:
             return Line(name, UNKNOWN, f"{head}; {error}")
@@ -132,15 +139,18 @@ class Judging:
     def _judged(self, name: str, found: Effect, head: str, margin: Margin | None, mean_a: float) -> Line:
         text = f"{head}; B - A {found.text}"
         if margin is None:
-            return Line(name, UNKNOWN, f"{text}; nobody said how much may differ (--margin {name}=…)")
+            return Line(name, UNKNOWN, f"{text}; nobody said how much may differ ({self._how(name)})")
         within = effects.bounds(margin, found, mean_a)
         grade = effects.judged(found, within)
-        text += f", margin {margin.text}"
+        text += f", margin {margin.text}" + ("" if name in self.margins else " of the EDF")
         if grade == DIFFERENT:
             self.chances[name] = effects.chance(found, within)
         if grade == INCONCLUSIVE and within[0] < found.estimate < within[1]:
             text += f"; about {effects.needed(found, within)} times as many would settle it"
         return Line(name, grade, text)
+
+    def _how(self, name: str) -> str:
+        return f"--margin {name}=…" + ("" if name == SUCCESS else ", or `margin` of the metric in the EDF")
 
     def _successes(self) -> list[Line]:
         of = [[row.get("verdict") for run in side for row in run.counted] for side in (self.a, self.b)]

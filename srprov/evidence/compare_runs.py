@@ -6,7 +6,7 @@ Reads run folders and bundles; of a bundle every file must have the hash of its 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,6 +19,7 @@ from srprov.evidence import checks_files, story
 from srprov.evidence.checks_files import Hashed
 from srprov.evidence.files import Files, NotThere, json_of, of_run, opened
 from srprov.evidence.story import Story, attempt_folder
+from srprov.trials import Trial
 from srprov.trials.judge import COUNTED
 from srprov.trials.marks import Row
 from srprov.untrusted import decimal, mapping, string
@@ -35,6 +36,14 @@ class Run:
     """As the user named it."""
     files: Files
     story: Story
+    only: frozenset[str] = frozenset()
+    """Trials and points that are compared; empty: all."""
+
+    @cached_property
+    def trials(self) -> tuple[Trial, ...]:
+        """Return the trials of the last session's design that are compared, in its order."""
+        every = self.story.last.design.trials
+        return tuple(one for one in every if not self.only or self.only & {one.id, one.point.id})
 
     @cached_property
     def inputs(self) -> Mapping[str, Any]:
@@ -50,7 +59,8 @@ class Run:
     def counted(self) -> tuple[Row, ...]:
         """Return the attempts that count, one of each trial, in the order in which they ended."""
         last = {string(row.get("trial")): row for row in self.story.rows if row.get("status") in COUNTED}
-        return tuple(last.values())
+        wanted = {one.id for one in self.trials}
+        return tuple(row for name, row in last.items() if not self.only or name in wanted)
 
     @cached_property
     def images(self) -> Mapping[str, tuple[str, str]]:
@@ -78,17 +88,21 @@ class Run:
 
 
 @contextmanager
-def read(paths: Sequence[str]) -> Iterator[tuple[Run, ...]]:
+def read(paths: Sequence[str], only: Collection[str] = ()) -> Iterator[tuple[Run, ...]]:
     """Read runs, each the folder of one or a bundle; they are open as long as the block lasts.
+
+    Args:
+        paths: Where they are.
+        only: Trials and points that are compared; empty: all.
 
     Raises:
         UsageError: One is neither, or cannot be read, or does not have the hashes of its manifest.
     """
     with ExitStack() as stack:
-        yield tuple(_read(path, stack) for path in paths)
+        yield tuple(_read(path, stack, frozenset(only)) for path in paths)
 
 
-def _read(path: str, stack: ExitStack) -> Run:
+def _read(path: str, stack: ExitStack, only: frozenset[str]) -> Run:
     is_folder = Path(path).is_dir()
     try:
         files: Files = of_run(Path(path)) if is_folder else stack.enter_context(opened(path))
@@ -96,7 +110,7 @@ def _read(path: str, stack: ExitStack) -> Run:
             hashed = Hashed(files)
             if wrong := next(chain(checks_files.hashes(hashed), checks_files.nothing_else(hashed)), ""):
                 raise UsageError(f"{path}: {wrong}", hint=f"srprov verify {path} says what else is wrong")
-        return Run(name=path, files=files, story=stack.enter_context(story.read(files)))
+        return Run(name=path, files=files, story=stack.enter_context(story.read(files)), only=only)
     except (OSError, ValueError) as error:
         hint = "name the folder of a run of trials, or what `srprov bundle` made of one"
         raise UsageError(f"{path} cannot be compared: {error}", hint=hint) from error

@@ -15,6 +15,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+from srprov.evidence import crate_runs
 from srprov.evidence.crate_base import (
     Entity,
     Told,
@@ -84,6 +85,8 @@ def _entities(told: Told) -> Iterator[Entity]:
     yield from robots(told)
     yield from images(story)
     yield from agents(told)
+    yield from crate_runs.sessions(told)
+    yield from crate_runs.environment(told)
     yield from (one for action in actions for one in action.entities)
 
 
@@ -100,7 +103,7 @@ def _root(told: Told, actions: Sequence[Action]) -> Iterator[Entity]:
         "datePublished": ended_utc(story)[:10],
         "license": ref("#license"), "author": refs(author_ids(story)), "conformsTo": refs(sorted(_PROFILES)),
         "mainEntity": ref(file_id(story.edf)), "hasPart": refs([*listed, *folders]),
-        "mentions": refs(sorted(action.name for action in actions)),
+        "mentions": refs(sorted([*crate_runs.session_names(told), *(action.name for action in actions)])),
     }  # fmt: skip
     license_ = string(experiment.metadata.get("license"))
     yield {
@@ -155,7 +158,8 @@ def _files(told: Told) -> Iterator[Entity]:
 def _file(name: str, files: Mapping[str, tuple[int, str]]) -> Entity:
     size, sha256 = files[name]
     _, dot, end = name.rpartition("/")[2].rpartition(".")
+    form = _FORMATS.get(dot + end, "application/octet-stream") if dot else "text/plain"
     return {
         "@id": file_id(name), "@type": "File", "name": name.rpartition("/")[2], "contentSize": str(size),
-        "sha256": sha256, "encodingFormat": _FORMATS.get(dot + end, "application/octet-stream"),
+        "sha256": sha256, "encodingFormat": form,
     }  # fmt: skip

@@ -25,6 +25,14 @@ class Told(msgspec.Struct, frozen=True, kw_only=True):
     environment: Mapping[str, Any]
     files: Mapping[str, tuple[int, str]]
     """Name -> size and sha256, of all but the crate itself, the manifest and its signature."""
+    inventory: Mapping[str, Any] = msgspec.field(default_factory=dict)
+    """`inputs/inventory.yml` of the last session."""
+    own: Mapping[str, bytes] = msgspec.field(default_factory=dict)
+    """What lies beside the EDF for readers, such as LICENSE: name -> content."""
+    size: int = 0
+    """Bytes of the bundle's files but for what describes it."""
+    data_sets: tuple[str, ...] = ()
+    """Their places below the inputs; they are not in the bundle."""
 
 
 def ref(name: str) -> Entity:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from srprov.evidence.crate_base import Entity, Told, author_ids, image_id, output_id, ref, refs, robot_id
+from srprov.evidence.crate_runs import software
+from srprov.evidence.deposits import instruments
 from srprov.evidence.story import Story
 from srprov.untrusted import mapping, string
 
@@ -44,6 +46,7 @@ def _is_number(text: str) -> bool:
 
 def robots(told: Told) -> Iterator[Entity]:
     """Return the robots, with what reproduces a result or explains it."""
+    pids = dict(instruments(told))
     for name, one in sorted(mapping(told.facts.get("robots")).items()):
         about = mapping(one)
         docker = mapping(about.get("docker"))
@@ -55,7 +58,7 @@ def robots(told: Told) -> Iterator[Entity]:
         values = {key: str(value) for key, value in shown.items() if value}
         yield {
             "@id": robot_id(name), "@type": "IndividualProduct", "name": name, "model": string(about.get("board")),
-            "serialNumber": string(about.get("machine_id")),
+            "serialNumber": string(about.get("machine_id")), "identifier": pids.get(name, ""),
             "additionalProperty": refs(f"{robot_id(name)}-{key.replace(' ', '-')}" for key in values),
         }  # fmt: skip
         for key, value in values.items():
@@ -66,20 +69,11 @@ def robots(told: Told) -> Iterator[Entity]:
 
 
 def agents(told: Told) -> Iterator[Entity]:
-    """Return who ran it, and srprov."""
+    """Return who ran it, and with which software."""
     names = told.story.definitions.experiment.authors
     for name, word in zip(author_ids(told.story), names or ("The user who ran srprov",), strict=True):
         yield {"@id": name, "@type": "Person", "name": word}
-    version = string(told.environment.get("srprov"))
-    yield {
-        "@id": srprov_id(told), "@type": "SoftwareApplication", "name": "srprov", "version": version,
-        "url": ref("https://pypi.org/project/srprov/"), "description": "The provisioner that ran the trials.",
-    }  # fmt: skip
-
-
-def srprov_id(told: Told) -> str:
-    """Return the identifier of the srprov that ran it."""
-    return f"https://pypi.org/project/srprov/{string(told.environment.get('srprov'))}/"
+    yield from software(told)
 
 
 def images(story: Story) -> Iterator[Entity]:

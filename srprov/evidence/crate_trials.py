@@ -8,6 +8,7 @@ from typing import Any
 
 import msgspec
 
+from srprov.evidence import crate_runs
 from srprov.evidence.crate_base import Entity, Told, author_ids, file_id, image_id, ref, refs, robot_id, utc
 from srprov.evidence.story import attempt_folder
 from srprov.trials.judge import COUNTED
@@ -27,12 +28,13 @@ def trials(told: Told) -> Iterator[Action]:
     """Return an action for each attempt."""
     story = told.story
     images = [image_id(service) for service in story.images if service in story.services]
+    environment = crate_runs.names(crate_runs.environment(told))
     for row in story.rows:
         if "point" in row:
-            yield _trial(told, row, images)
+            yield _trial(told, row, images, environment)
 
 
-def _trial(told: Told, row: Mapping[str, Any], images: Sequence[str]) -> Action:
+def _trial(told: Told, row: Mapping[str, Any], images: Sequence[str], environment: Sequence[str]) -> Action:
     story, folder = told.story, attempt_folder(row)
     name = f"#{folder[7:]}"
     values = {one.name: string(row.get(f"p_{one.name}")) for one in story.given.parameters}
@@ -45,6 +47,7 @@ def _trial(told: Told, row: Mapping[str, Any], images: Sequence[str]) -> Action:
     ]
     verdict = {"@id": f"{name}-verdict", "@type": "PropertyValue", "name": "verdict",
                "value": string(row.get("verdict")) or "unknown"}  # fmt: skip
+    used = crate_runs.usage(name, row)
     counts = row.get("status") in COUNTED
     there = [f"{folder}/"] if f"{folder}/trial.json" in told.files else []
     action: Entity = {
@@ -56,9 +59,10 @@ def _trial(told: Told, row: Mapping[str, Any], images: Sequence[str]) -> Action:
         "object": refs([*(one["@id"] for one in levels), seed["@id"]]),
         "result": refs([*there, *(one["@id"] for one in numbers), verdict["@id"]]),
         "prov:used": refs(robot_id(robot) for robot in sorted(set(story.services.values()))),
-        "containerImage": refs(images),
+        "containerImage": refs(images), "resourceUsage": refs(crate_runs.names(used)),
+        "environment": refs([*environment, *(one["@id"] for one in levels), seed["@id"]]),
     }  # fmt: skip
-    return Action(name, (action, *levels, seed, *numbers, verdict))
+    return Action(name, (action, *levels, seed, *numbers, verdict, *used))
 
 
 def _value(name: str, key: str, value: str, of: str) -> Entity:

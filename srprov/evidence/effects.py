@@ -15,32 +15,19 @@ from statistics import fmean, variance
 
 import msgspec
 
-from srprov.evidence import student
+from srprov.definitions.trialsmodel import Margin
+from srprov.trials import student
+from srprov.trials.power import CONFIDENCE, FEWEST_TRIALS
 
-CONFIDENCE = 0.90
-"""Of an interval: inside of a margin it is two one-sided tests at 5 %."""
 _TAIL = (1 - CONFIDENCE) / 2
 _Z = 1.6448536269514722
 """Of the normal distribution, for the same confidence."""
 _MOST_RATIO = 700.0
 """Logarithm of what still is a number."""
-FEWEST_TRIALS, FEWEST_RUNS = 5, 3
-"""A side; below that no interval says anything."""
+FEWEST_RUNS = 3
+"""A side, where each has several; as for trials, below that no interval says anything."""
 Values = Mapping[str, Sequence[float]]
 """Point of the design -> what its trials gave."""
-
-
-class Margin(msgspec.Struct, frozen=True):
-    """How much two sides may differ and still count as equal."""
-
-    value: float
-    """In the metric's unit; of a relative one, a share of A's."""
-    relative: bool = False
-
-    @property
-    def text(self) -> str:
-        """Return it as it is written."""
-        return f"{self.value * 100:g} %" if self.relative else f"{self.value:g}"
 
 
 class Effect(msgspec.Struct, frozen=True, kw_only=True):

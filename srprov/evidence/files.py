@@ -32,8 +32,6 @@ MANIFEST = "manifest-sha256.txt"
 SIGNATURE = f"{MANIFEST}.sig"
 CRATE = "ro-crate-metadata.json"
 ABOUT = "bundle.json"
-GENERATED = ("README.md", "CITATION.cff", ABOUT, CRATE)
-"""What a bundle has beside the files of the run, without the manifest and its signature."""
 _TABLES = ("trials.csv", "metrics.csv", "clocks.csv", "hosts.csv", "containers.csv", "csv-metadata.json")
 _FOLDERS = ("sessions", "trials")
 _UNFINISHED = re.compile(r"trials/[^/]+/(\.parts/|logs/.*\.part\Z)|[^/]+/[^/]+\.part\Z|sessions/.*\.part\Z")

@@ -18,11 +18,9 @@ from typing import Any, BinaryIO
 import msgspec
 
 from srprov.errors import RefusedError, UsageError
-from srprov.evidence import crate, papers, secrets, stored_zip, story
-from srprov.evidence.crate_base import Told
+from srprov.evidence import descriptions, secrets, stored_zip, story
 from srprov.evidence.files import (
     ABOUT,
-    CRATE,
     MANIFEST,
     SIGNATURE,
     Files,
@@ -234,14 +232,13 @@ def _described(
 ) -> Iterator[tuple[str, bytes]]:
     """Return what a bundle has beside the files of the run."""
     with story.read(files) as found:
-        told = Told(
-            story=found,
-            facts=json_of(files, f"{found.home}/facts.json"),
-            environment=json_of(files, f"{found.home}/environment.json"),
-            files=hashes,
-        )
-        about = {"format": FORMAT, "run": found.run, "srprov": told.environment.get("srprov"), "redaction": counts}
+        told = descriptions.told_of(files, found, hashes)
+        about = {
+            "format": FORMAT,
+            "run": found.run,
+            "srprov": told.environment.get("srprov"),
+            "descriptions": descriptions.RULES,
+            "redaction": counts,
+        }
         yield ABOUT, (json.dumps(mapping(about), indent=2) + "\n").encode()
-        yield "README.md", papers.readme(told).encode("utf-8", "replace")
-        yield "CITATION.cff", papers.citation(told).encode("utf-8", "replace")
-        yield CRATE, crate.text(told).encode("utf-8", "replace")
+        yield from descriptions.written(told)

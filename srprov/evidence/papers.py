@@ -1,20 +1,13 @@
-"""What a person reads first in a bundle, README.md, and how to cite it, CITATION.cff. Pure.
-
-Source: Citation File Format 1.2.0.
-"""
+"""What a person reads first in a bundle: README.md. Pure."""
 
 from __future__ import annotations
 
-import json
-import re
 from collections import Counter
 
 from srprov.evidence.crate_base import Told, ended_utc
 from srprov.evidence.files import MANIFEST, SIGNATURE
+from srprov.evidence.story import Story
 from srprov.untrusted import mapping, string
-
-_ORCID = re.compile(r"\(?\s*(https://orcid\.org/\d{4}-\d{4}-\d{4}-\d{3}[\dX])\s*\)?", re.ASCII)
-
 
 _LIMITS = """\
 ## What this does not show
@@ -59,12 +52,33 @@ A failed or interrupted attempt is in here like any other.
 
 ## Run it again
 
-    srprov run {story.edf} -i YOUR-INVENTORY -o results
+    srprov replay BUNDLE.zip -i YOUR-INVENTORY -o again{_maps(story)}
 
-with srprov {version}. Images are not in the bundle: their names and ids are in `journal.jsonl` and
-`ro-crate-metadata.json`, and they must be obtainable, or are built from the definitions.
+with srprov {version}: it verifies the bundle, runs the same trials with the same seeds in the same order, on robots of
+yours that do the parts of these, and compares what comes of it. `srprov run {story.edf}`
+runs the experiment alone, wherever its services fit. {_had(told)}
 
 {_LIMITS}"""
+
+
+def _maps(story: Story) -> str:
+    return "".join(f" --map {robot}=YOURS" for robot in sorted(set(story.last.assignment.values())))
+
+
+def _had(told: Told) -> str:
+    """Return what of the experiment must be had from elsewhere."""
+    inside = any(name.startswith("images/") for name in told.files)
+    images = (
+        ""
+        if inside
+        else """\
+Images are not in the bundle: their names
+and ids are in `journal.jsonl` and `ro-crate-metadata.json`, and they must be obtainable, or are built from the
+definitions."""
+    )
+    count = len(told.data_sets)
+    sets = f" {count} data set{'s' * (count > 1)} must be had too: `{told.story.home}/inputs.json` has the sha256."
+    return (images + sets * bool(count)).strip()
 
 
 def _contents(home: str, edf: str) -> str:
@@ -80,6 +94,9 @@ def _contents(home: str, edf: str) -> str:
 | `{home}/plan.json`, `rendered/` | what was done before the first trial, and what should be true on each robot |
 | `trials/ID/` | logs, results and what the engine said of each container, for each attempt |
 | `ro-crate-metadata.json` | all of that for programs, as an RO-Crate |
+| `LICENSE`, `CITATION.cff` | what may be done with it, and how to cite it |
+| `CHECKLIST.md` | what reviewers of artifacts ask, and what of that is here |
+| `.zenodo.json`, `datacite.json` | for a deposit in an archive |
 """
 
 
@@ -101,39 +118,3 @@ def _robots(told: Told) -> str:
         )
         lines.append("| " + " | ".join(cell.replace("|", "/") for cell in cells) + " |")
     return "\n".join(lines)
-
-
-def citation(told: Told) -> str:
-    """Return CITATION.cff; JSON texts are YAML."""
-    experiment = told.story.definitions.experiment
-    authors = [_author(one) for one in experiment.authors] or [{"name": "The authors of the experiment"}]
-    lines = [
-        "cff-version: 1.2.0",
-        "message: If you use these data, please cite them as below.",
-        f"title: {_text(f'{experiment.name}: run {told.story.run}')}",
-        "type: dataset",
-        f"date-released: {ended_utc(told.story)[:10]}",
-        "authors:",
-    ]
-    for author in authors:
-        first, *rest = (f"{key}: {_text(value)}" for key, value in author.items())
-        lines += [f"  - {first}", *(f"    {one}" for one in rest)]
-    license_, doi = (string(experiment.metadata.get(key)) for key in ("license", "doi"))
-    lines += [f"license: {_text(license_)}"] if license_ else []
-    lines += ["references:", "  - type: article", f"    doi: {_text(doi)}", f"    title: {_text(experiment.name)}",
-              "    authors:", *(f"      - name: {_text(_name(one))}" for one in authors)] if doi else []  # fmt: skip
-    return "\n".join(lines) + "\n"
-
-
-def _author(word: str) -> dict[str, str]:
-    orcid = _ORCID.search(word)
-    name = _ORCID.sub("", word).partition("<")[0].strip() or "unnamed"
-    return {"name": name, **({"orcid": orcid[1]} if orcid else {})}
-
-
-def _name(author: dict[str, str]) -> str:
-    return author["name"]
-
-
-def _text(text: str) -> str:
-    return json.dumps(text, ensure_ascii=False)

@@ -23,9 +23,19 @@ from srprov.evidence.files import MOST_TEXT, Files, below, content, json_of, ope
 from srprov.evidence.session import data_sets
 from srprov.evidence.story import Story
 from srprov.facts.model import Snapshot
-from srprov.untrusted import mapping
+from srprov.untrusted import mapping, string
 
 _INVENTORY = "inventory.yml"
+
+
+class Needed(msgspec.Struct, frozen=True, kw_only=True):
+    """What a robot must have for its services, as their definitions ask for it."""
+
+    tags: tuple[str, ...]
+    devices: tuple[str, ...]
+    """Those of `requires`, and those that containers are given."""
+    arch: str
+    """Docker's name of what it was."""
 
 
 class Replay(msgspec.Struct, frozen=True, kw_only=True):
@@ -37,6 +47,8 @@ class Replay(msgspec.Struct, frozen=True, kw_only=True):
     """Service -> robot, as the bundle names it."""
     facts: Mapping[str, Any]
     """Robot -> what it was like then."""
+    needs: Mapping[str, Needed] = msgspec.field(default_factory=dict)
+    """Robot that did something -> what it needs for that."""
 
     @property
     def robots(self) -> tuple[str, ...]:
@@ -67,7 +79,19 @@ def read(bundle: str) -> Replay:
     with _opened(bundle) as (files, told):
         facts = mapping(json_of(files, f"{told.home}/facts.json").get("robots"))
         edf = told.edf.removeprefix(f"{told.home}/inputs/")
-        return Replay(edf=edf, placed=dict(told.last.assignment), facts=facts)
+        placed = dict(told.last.assignment)
+        needs = {robot: _needed(told, robot, facts) for robot in sorted(set(placed.values()))}
+        return Replay(edf=edf, placed=placed, facts=facts, needs=needs)
+
+
+def _needed(told: Story, robot: str, facts: Mapping[str, Any]) -> Needed:
+    every = told.last.choice.experiment.services
+    services = [every[name] for name, other in sorted(told.last.assignment.items()) if other == robot and name in every]
+    tags = {tag for one in services for tag in one.requires.tags}
+    devices = {path for one in services for path in one.requires.devices}
+    devices |= {path for one in services for path, _, _ in one.runtime.devices}
+    arch = string(mapping(facts.get(robot)).get("arch"))
+    return Needed(tags=tuple(sorted(tags)), devices=tuple(sorted(devices)), arch=arch)
 
 
 def unpack(bundle: str, folder: Path) -> None:

@@ -103,8 +103,7 @@ def _findings(hashed: Hashed, told: Story | None, why: str, signers: str) -> Ite
 
 def _of_story(hashed: Hashed, told: Story) -> Iterator[Finding]:
     files = hashed.files
-    strange = checks_crate.is_ours(hashed)
-    solved = partial(checks_run.placement, told, files, ours=not strange)
+    solved = partial(checks_run.placement, told, files, ours=not checks_crate.is_ours(hashed))
     checks: tuple[tuple[str, str, Callable[[], Iterable[str]]], ...] = (
         ("D2", "points, ids and seeds follow from the experiment", partial(checks_run.design, told)),
         ("D3", "trials were begun in the design's order", partial(checks_run.order, told)),
@@ -118,11 +117,11 @@ def _of_story(hashed: Hashed, told: Story) -> Iterator[Finding]:
     )
     for name, what, check in checks:
         yield _done(name, what, check)
-    if strange:
-        yield Finding("S2", "README, CITATION.cff and RO-Crate follow from the run", "skipped", (visible(strange),))
+    described = "README, CITATION.cff, RO-Crate and the like follow from the run"
+    if other := checks_crate.has_our_rules(hashed):
+        yield Finding("S2", described, "skipped", (visible(other),))
     else:
-        follows = partial(checks_crate.follows, hashed, told)
-        yield _done("S2", "README, CITATION.cff and RO-Crate follow from the run", follows)
+        yield _done("S2", described, partial(checks_crate.follows, hashed, told))
     yield Finding("J4", "what was run", "info", (checks_run.counted(told),))
     yield Finding("C1", "clocks", "info", (checks_run.clocks(told),))
 

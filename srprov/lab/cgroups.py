@@ -23,6 +23,8 @@ from srprov.lab.machine import SYSTEM_PATH
 from srprov.lab.places import Site
 
 ROOT = Path("/sys/fs/cgroup")
+PERIOD_US = 100_000
+"""A robot that has used its processor time waits for the next period; this is the kernel's own default."""
 
 
 class Hierarchy(msgspec.Struct, frozen=True):
@@ -85,6 +87,24 @@ def make(site: Site, robot: str = "") -> list[Path]:
             _copy_cpuset(group)
         made.append(group)
     return made
+
+
+def limit_cpus(groups: Sequence[Path], cpus: float) -> None:
+    """Let the processes of a robot use so much processor time together, as by so many CPUs.
+
+    Raises:
+        LabError: This kernel has no such limit.
+    """
+    quota = round(cpus * PERIOD_US)
+    for group in groups:
+        if version() == 2 and (group / "cpu.max").exists():
+            (group / "cpu.max").write_text(f"{quota} {PERIOD_US}")
+            return
+        if (group / "cpu.cfs_quota_us").exists():
+            (group / "cpu.cfs_period_us").write_text(str(PERIOD_US))
+            (group / "cpu.cfs_quota_us").write_text(str(quota))
+            return
+    raise LabError("this kernel cannot limit a robot's CPUs", hint="it needs CONFIG_CFS_BANDWIDTH: leave `cpus` out")
 
 
 def _copy_cpuset(group: Path) -> None:

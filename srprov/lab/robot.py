@@ -42,6 +42,8 @@ def power_on(site: Site, robots: Sequence[Robot]) -> list[Waiting]:
     launched = []
     for robot in robots:
         groups = cgroups.make(site, robot.name)
+        if robot.cpus is not None:
+            cgroups.limit_cpus(groups, robot.cpus)
         with open(site.disk(robot.name) / "boot.log", "wb") as log:
             launcher = subprocess.Popen(
                 ["/bin/sh", str(BOOT), "enter"],

@@ -25,6 +25,8 @@ USERS = ("root", "robot")
 ARCHITECTURES = ("arm64",)
 LEAST_MTU, MOST_MTU = 1280, 9000
 """bytes; less is no IPv6, and no network card does much more"""
+LEAST_CPUS = 0.05
+"""With less, a robot does not come up in time."""
 SSHD_LIMITS = ("max_startups", "max_sessions")
 
 
@@ -56,6 +58,7 @@ class Robot(msgspec.Struct, frozen=True):
     devices: tuple[str, ...] = ()
     slots: int | None = None
     load: float | None = None
+    cpus: float | None = None
     memory: Amount | None = None
     swap: Amount | None = None
     docker: bool = True
@@ -207,6 +210,7 @@ OPTIONS: Mapping[str, Callable[[FieldReader, Node], Any]] = {
     "devices": _devices,
     "slots": _slots,
     "load": _number(0, 1000),
+    "cpus": _number(LEAST_CPUS, 1000),
     "memory": _amount,
     "swap": _amount,
     "docker": FieldReader.boolean,

@@ -194,6 +194,7 @@ def _host(host: Host) -> dict[str, Any]:
         "srprov_underlay": host.underlay,
         "srprov_devices": list(host.devices) or None,
         "srprov_bandwidth_mbit": host.bandwidth_mbit,
+        "srprov_pid": host.pid or None,
     }
     return {key: value for key, value in values.items() if value is not None}
 

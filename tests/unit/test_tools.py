@@ -32,7 +32,7 @@ def test_setup_installs_everything_that_the_lab_needs() -> None:
     assert set(PACKAGES.values()) | set(IMAGE_PACKAGES.values()) <= installed
 
 
-@pytest.mark.parametrize("script", ["tools/setup.sh", "tools/demo.sh", ".ci/run"])
+@pytest.mark.parametrize("script", ["tools/setup.sh", "tools/demo.sh", "tools/evidence.sh", ".ci/run"])
 def test_scripts_can_be_run_and_parse(script: str) -> None:
     path = ROOT / script
     assert os.access(path, os.X_OK)

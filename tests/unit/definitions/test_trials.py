@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from srprov.definitions import load_experiment
-from srprov.definitions.trialsmodel import Condition, Conditions, Limits, Metric, Result, TrialDefinitions
+from srprov.definitions.trialsmodel import Condition, Conditions, Limits, Margin, Metric, Result, TrialDefinitions
 from srprov.errors import DefinitionError
 
 SERVICES = """\
@@ -88,8 +88,15 @@ def test_everything_about_trials_is_read(tmp_path: Path) -> None:
         "referee": (Result(path="/log"),),
     }
     assert found.metrics == (
-        Metric(name="goals", service="referee", pattern="^GOAL", reduce="count", better="more"),
-        Metric(name="time_to_goal", service="navigator", file="/out/result.json", pointer="/time", unit="s"),
+        Metric(name="goals", service="referee", pattern="^GOAL", reduce="count", better="more", margin=Margin(2)),
+        Metric(
+            name="time_to_goal",
+            service="navigator",
+            file="/out/result.json",
+            pointer="/time",
+            unit="s",
+            margin=Margin(0.125, relative=True),
+        ),
     )
 
 
@@ -123,8 +130,8 @@ results:
   navigator: [{path: /out/result.json, required: true}, {path: /bags, max: 5g}]
   referee: [/log]
 metrics:
-  time_to_goal: {service: navigator, json: /out/result.json#/time, unit: s}
-  goals: {service: referee, log: '^GOAL', reduce: count, better: more}
+  time_to_goal: {service: navigator, json: /out/result.json#/time, unit: s, margin: 12.5%}
+  goals: {service: referee, log: '^GOAL', reduce: count, better: more, margin: 2}
 """
 
 
@@ -171,6 +178,11 @@ metrics:
         ("metrics: {a: {service: referee}}", 7, "a metric needs 'json' or 'log'"),
         ("metrics: {a: {service: referee, log: x}}", 7, "has no group"),
         ("metrics: {a: {service: referee, log: '(?=x)'}}", 7, "no regular expression of RE2"),
+        ("metrics: {a: {service: referee, log: '(x)', margin: 0}}", 7, "not a number above 0"),
+        ("metrics: {a: {service: referee, log: '(x)', margin: -1}}", 7, "not a number above 0"),
+        ("metrics: {a: {service: referee, log: '(x)', margin: 0%}}", 7, "a percentage between 0% and 100%"),
+        ("metrics: {a: {service: referee, log: '(x)', margin: 100%}}", 7, "a percentage between 0% and 100%"),
+        ("metrics: {a: {service: referee, log: '(x)', margin: [1]}}", 7, "a list"),
         ("metrics: {a: {service: referee, json: '/x#/a'}}", 7, "/x is not among the results of 'referee'"),
     ],
 )

@@ -9,9 +9,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from srprov.evidence import crate, files, papers, stored_zip, story
-from srprov.evidence.crate_base import Told
-from srprov.evidence.files import ABOUT, CRATE, MANIFEST, Archive, json_of
+from srprov.evidence import descriptions, files, stored_zip, story
+from srprov.evidence.files import ABOUT, MANIFEST, Archive
 from srprov.record.tables import Tables
 
 Content = dict[str, bytes]
@@ -51,24 +50,18 @@ def with_manifest(content: Mapping[str, bytes]) -> Content:
 
 def forged(content: Mapping[str, bytes], *, tables: bool = True) -> Content:
     """Return files as a careful forger leaves them: tables, papers, crate and manifest follow from the others."""
-    kept = {name: data for name, data in content.items() if name not in (CRATE, "README.md", "CITATION.cff", MANIFEST)}
+    kept = {name: data for name, data in content.items() if name not in (*descriptions.GENERATED, MANIFEST)}
     try:
         with story.read(archive(kept)) as told:
             if tables:
                 texts = Tables(Path(), told.given, told.services, told.rows).texts()
                 kept |= {name: text.encode() for name, text in texts.items()}
-            there = archive(kept)
-            about = Told(
-                story=told, facts=json_of(there, f"{told.home}/facts.json"),
-                environment=json_of(there, f"{told.home}/environment.json"),
-                files={name: (len(data), hashlib.sha256(data).hexdigest()) for name, data in kept.items()},
-            )  # fmt: skip
-            for name, text in (("README.md", papers.readme(about)), ("CITATION.cff", papers.citation(about))):
-                kept[name] = text.encode()
-                about.files[name] = (len(kept[name]), hashlib.sha256(kept[name]).hexdigest())  # type: ignore[index]  # it is the dictionary above
-            kept[CRATE] = crate.text(about).encode()
+            hashes = {name: (len(data), hashlib.sha256(data).hexdigest()) for name, data in kept.items()}
+            for name, data in descriptions.written(descriptions.told_of(archive(kept), told, hashes)):
+                kept[name] = data
+                hashes[name] = (len(data), hashlib.sha256(data).hexdigest())
     except ValueError:  # what was changed can't be read any more: the old ones stay
-        kept |= {name: content[name] for name in (CRATE, "README.md", "CITATION.cff")}
+        kept |= {name: content[name] for name in descriptions.GENERATED}
     return with_manifest(kept)
 
 

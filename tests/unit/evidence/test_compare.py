@@ -14,9 +14,9 @@ from jsonschema import Draft202012Validator
 
 from srprov import data
 from srprov.cli.main import run as cli
+from srprov.definitions.trialsmodel import Margin
 from srprov.errors import UsageError
 from srprov.evidence.compare import Comparison, compare
-from srprov.evidence.effects import Margin
 from tests.trial_folders import FILES, run_folder, write_experiment
 from tests.unit.evidence.bundles import Content, packed
 
@@ -196,6 +196,32 @@ def test_without_a_margin_nobody_knows(long: Path, tmp_path: Path) -> None:
     found = between(long, copied(long, tmp_path / "b", scattered(2)))
     assert (graded(found)["metrics"], found.answer) == ("unknown", "inconclusive")
     assert "--margin steps=" in lines(found, "metrics")["steps"]
+
+
+def test_the_margin_of_the_experiment_counts_where_nobody_names_another(tmp_path: Path) -> None:
+    edf = TEN["race.edf"].replace("#/steps}", "#/steps, margin: 10%}")
+    stated = made(tmp_path, {**TEN, "race.edf": edf}, failed=0)
+    a, b = copied(stated, tmp_path / "a", scattered(1)), copied(stated, tmp_path / "b", scattered(2))
+    found = between(a, b)
+    assert graded(found)["metrics"] == "equivalent"
+    assert ", margin 10 % of the EDF" in lines(found, "metrics")["steps"]
+    assert graded(between(a, b, steps=Margin(0.001, relative=True)))["metrics"] != "equivalent"
+
+
+def test_a_part_of_the_trials_is_compared_alone(long: Path, tmp_path: Path) -> None:
+    trials = [json.loads(line) for line in (long / "journal.jsonl").read_text().splitlines()]
+    point = next(one["row"]["point"] for one in trials if one["event"] == "end")
+
+    def others_fail(row: Row) -> None:
+        if row["point"] != point:
+            row["status"] = "infrastructure"
+
+    b = copied(long, tmp_path / "b", others_fail)
+    assert graded(between(long, b))["execution"] == "different"
+    found = compare([str(long)], [str(b)], {}, [point])
+    assert graded(found) == {} and found.answer == "identical"
+    assert found.notes[0] == "only 10 of 20 trials are compared, as asked for"
+    assert graded(compare([str(long)], [str(b)], {}, [one["row"]["trial"] for one in trials if "row" in one][:1])) == {}
 
 
 def test_several_runs_a_side_are_compared_run_by_run(long: Path, tmp_path: Path) -> None:

@@ -10,10 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from srprov.evidence import student
+from srprov.definitions.trialsmodel import Margin
 from srprov.evidence.effects import (
     Effect,
-    Margin,
     TooFew,
     bounds,
     chance,
@@ -23,6 +22,7 @@ from srprov.evidence.effects import (
     needed,
     shares,
 )
+from srprov.trials import student
 
 FEW = st.lists(st.floats(-1e6, 1e6), min_size=5, max_size=12)
 

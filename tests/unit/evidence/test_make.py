@@ -78,7 +78,8 @@ def test_all_of_the_run_is_in_it(run: Path, bundled: Path) -> None:
     """Files as they came byte for byte; what srprov wrote, but for addresses, hosts and users."""
     found = unpacked(bundled)
     there = {str(path.relative_to(run)) for path in run.rglob("*") if path.is_file()} - {"sessions/1/hardware.json"}
-    more = {"README.md", "CITATION.cff", "bundle.json", "ro-crate-metadata.json", "manifest-sha256.txt"}
+    more = {"README.md", "CITATION.cff", "bundle.json", "ro-crate-metadata.json", "manifest-sha256.txt", "LICENSE",
+            "CHECKLIST.md", ".zenodo.json", "datacite.json"}  # fmt: skip
     assert set(found) == there | more
     for name in there:
         same = found[name] == (run / name).read_bytes()

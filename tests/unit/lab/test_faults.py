@@ -27,6 +27,7 @@ def test_every_fault_is_read() -> None:
 robots:
   robot1:
     ssh_latency_ms: 80
+    cpus: 0.5
     rate_mbit: 0.5
     loss_percent: 2.5
     disk_mib: 512
@@ -42,6 +43,7 @@ robots:
         Robot(
             "robot1",
             ssh_latency_ms=Latency(40, 40),
+            cpus=0.5,
             rate_mbit=0.5,
             loss_percent=2.5,
             disk_mib=512,
@@ -62,6 +64,7 @@ robots:
         ("ssh_latency_ms: -1", 21, "expected a number from 0 to 10000, not '-1'"),
         ("ssh_latency_ms: {there: 5}", 22, "unknown key 'there'"),
         ("ssh_latency_ms: {to: 5001}", 26, "expected a number from 0 to 5000, not '5001'"),
+        ("cpus: 0", 11, "expected a number from 0.05 to 1000, not '0'"),
         ("rate_mbit: 0", 16, "expected a number from 0.1 to 10000, not '0'"),
         ("loss_percent: 101", 19, "expected a number from 0 to 100, not '101'"),
         ("disk_mib: 4G", 15, "expected a whole number from 32 to 1000000, not '4G'"),
@@ -84,7 +87,12 @@ def test_a_wrong_fault_is_refused_at_its_place(option: str, column: int, message
 
 def test_a_fault_asks_for_a_reboot() -> None:
     plain = Robot("robot1").boot_digest
-    for robot in (Robot("robot1", loss_percent=1), Robot("robot1", sshd=Sshd(1)), Robot("robot1", bashrc="x")):
+    for robot in (
+        Robot("robot1", loss_percent=1),
+        Robot("robot1", cpus=1),
+        Robot("robot1", sshd=Sshd(1)),
+        Robot("robot1", bashrc="x"),
+    ):
         assert robot.boot_digest != plain
 
 

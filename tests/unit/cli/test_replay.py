@@ -1,0 +1,91 @@
+"""Where a bundle is run again: on robots that the user names, or on a lab that is made for it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from srprov.cli.main import run as cli
+from srprov.cli.replay_lab import lab_for
+from srprov.errors import LabError
+from srprov.evidence.replay import Needed, Replay
+from srprov.lab import lab as labs
+from srprov.lab import spec
+from srprov.lab.lab import Wanted
+
+NEEDS = {
+    "kuka": Needed(tags=("arm", "camera"), devices=("/dev/net/tun", "/dev/video0"), arch="amd64"),
+    "turtle": Needed(tags=(), devices=(), arch="arm64"),
+}
+REPLAY = Replay(edf="race.edf", placed={"a": "kuka", "b": "turtle"}, facts={}, needs=NEEDS)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ([], "nobody says on which robots"),
+        (["--lab", "--map", "robot1=kuka"], "--lab brings robots of its own"),
+        (["--lab", "-i", "robots.yml"], "--lab brings robots of its own"),
+    ],
+)
+def test_somebody_says_on_which_robots(
+    tmp_path: Path, words: list[str], told: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "b.zip").write_text("")
+    assert cli(["replay", str(tmp_path / "b.zip"), "-o", str(tmp_path / "again"), "--yes", *words]) == 5
+    assert told in capsys.readouterr().err
+    assert not (tmp_path / "again").exists()
+
+
+@pytest.fixture
+def calls(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, str]]:
+    """What is asked of labs, none of which is made: (verb and name, spec)."""
+    found: list[tuple[str, str]] = []
+
+    def up(name: str, wanted: Wanted, _say: Callable[[str], None]) -> list[str]:
+        found.append((f"up {name}", wanted.spec_text or ""))
+        place = Path("inventory", f"lab-{name}.yml")
+        place.parent.mkdir()
+        place.write_text("all: {hosts: {robot1: {ansible_host: 192.0.2.1}, robot2: {ansible_host: 192.0.2.2}}}\n")
+        return []
+
+    def down(name: str, _say: Callable[[str], None]) -> bool:
+        found.append((f"down {name}", ""))
+        return True
+
+    monkeypatch.setattr(labs, "up", up)
+    monkeypatch.setattr(labs, "down", down)
+    return found
+
+
+def test_a_lab_has_a_robot_for_each_part_with_what_its_services_need(
+    calls: list[tuple[str, str]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with lab_for(REPLAY) as (inventory, asked):
+        assert asked == {"kuka": "robot1", "turtle": "robot2"}
+        assert set(inventory.hosts) == {"robot1", "robot2"}
+        assert Path.cwd() == tmp_path and list(tmp_path.iterdir()) == [], "nothing is written where the user is"
+        ((first, text),) = calls
+        one, other = spec.parse(text, "lab-spec.yml").build(2)
+    assert (one.tags, one.devices, one.arch) == (("arm", "camera"), ("/dev/video0",), None)
+    assert (other.tags, other.devices, other.arch) == ((), (), "arm64")
+    assert [name for name, _ in calls] == [first, first.replace("up", "down")]
+    assert len(first) <= len("up ") + 20, "a lab's name"
+
+
+def test_a_lab_is_taken_down_whatever_happens(calls: list[tuple[str, str]], monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(KeyboardInterrupt), lab_for(REPLAY):
+        raise KeyboardInterrupt
+    assert calls[-1][0].startswith("down replay-")
+    calls.clear()
+
+    def none(*_words: object) -> list[str]:
+        raise LabError("no subnet is free")
+
+    monkeypatch.setattr(labs, "up", none)
+    with pytest.raises(LabError), lab_for(REPLAY):
+        raise AssertionError("it is not there")
+    assert [name.split("-")[0] for name, _ in calls] == ["down replay"]
