@@ -80,7 +80,7 @@ class Kernel:
 
     def show_filters(self) -> str:
         """Print what the query of filters prints."""
-        return "".join(f"{rule}\n" for rules in self.filters.values() for rule in rules)
+        return "".join("\n".join([f"table bridge {name} {{", *rules, "}\n"]) for name, rules in self.filters.items())
 
     def filter(self, script: str) -> bool:
         """Run a script of a filter, with an nft that works; return whether it was one."""

@@ -35,22 +35,22 @@ _MADE = re.compile(r"(?:table (?:inet|bridge) |:)(srpv[0-9a-f]{8})(?: \{|-in |-v
 """The beginning of a table or chain of ours."""
 _ACCEPTS_ALL = re.compile(r"-A PREROUTING(?: -m comment --comment \S+)? -j ACCEPT")
 _LINES = 100_000
-# nft tells in one go what is there, also tables that iptables made over it. The old iptables would load its module when
-# it is asked for a table, so the kernel is asked first whether that is there.
+# nft tells in one go what is there, also tables that iptables made over it, and takes as long for all as for one. The
+# old iptables would load its module when it is asked for a table, so the kernel is asked first whether that is there.
 _LIST = (
     """\
-t=$(nft list tables 2>/dev/null) || t=none
-echo "$t" | while read -r _ f n; do
-  case $n in srpv*) nft list table "$f" "$n" 2>/dev/null ;; esac
-done
+t=$(nft list ruleset 2>/dev/null) || t=none
+case $t in none) ;; *" srpv"*) printf '%s\\n' "$t" ;; esac
 """
     + "".join(
         f"""\
-case $t in none) v=$({ip}tables -V 2>/dev/null) ;; *"table {ip} raw"*) v=nf_tables ;; *) v= ;; esac
+v=
+case $t in none) v=$({ip}tables -V 2>/dev/null) ;; *"table {ip} raw"*) v=nf_tables ;; esac
 case $v in
-  *nf_tables*) {ip}tables-save -t raw ;;
-  *) grep -qsx raw /proc/net/{ip}_tables_names && {ip}tables-save -t raw ;;
-esac 2>/dev/null | grep -e srprov: -e '^[*:]' -e '^-A PREROUTING.* -j ACCEPT'
+  *nf_tables*) ;;
+  *) v= ; while read -r n; do [ "$n" != raw ] || v=legacy; done 2>/dev/null </proc/net/{ip}_tables_names ;;
+esac
+[ -z "$v" ] || {ip}tables-save -t raw 2>/dev/null | grep -e srprov: -e '^[*:]' -e '^-A PREROUTING.* -j ACCEPT'
 """
         for ip in ("ip", "ip6")
     )
@@ -98,13 +98,16 @@ class VxlanFilterModule(Module[VxlanFilterParams]):
         """Count the rules of each filter by their comments; tables and chains without a rule are one that has none."""
         seen: dict[str, dict[str, _Seen]] = {}
         made: set[tuple[str, str]] = set()
-        accepts = False
+        accepts, table = False, ""
         for line in lines_of(replies[0].out, _LINES):
-            by = IPTABLES if line.startswith(("-A ", ":")) else NFTABLES
+            by = IPTABLES if line.startswith(("-A ", ":", "*")) else NFTABLES
             accepts = not line.startswith("*") and (accepts or bool(_ACCEPTS_ALL.fullmatch(line.strip())))
             if match := _MADE.match(line):
                 made.add((match[1], by))
-            if match := _COMMENT.search(line):
+            if line.startswith("table "):
+                table = match[1] if match else ""
+            # a rule of somebody else's table may say anything
+            if (match := _COMMENT.search(line)) and (by == IPTABLES or match[2] == table):
                 one = seen.setdefault(match[2], {}).setdefault(by, _Seen(match[1], match[3], int(match[5]), accepts))
                 one.add(match[3], int(match[4]))
         for name, by in sorted(made):
