@@ -17,13 +17,13 @@ _WIDEST = 120
 """Columns of a source line that are shown; of a longer one, the part around the caret."""
 
 
-def render_problems(problems: Sequence[Diagnostic]) -> str:
+def render_problems(problems: Sequence[Diagnostic], word: str = "error") -> str:
     """Return every problem as compilers do: `file:line:column: error: message`, path, source line, caret, hint."""
-    return "\n".join(_render(problem) for problem in sorted(problems))
+    return "\n".join(_render(problem, word) for problem in sorted(problems))
 
 
-def _render(problem: Diagnostic) -> str:
-    lines = [f"{problem.location}: error: {problem.message}" + (f"  [{problem.path}]" if problem.path else "")]
+def _render(problem: Diagnostic, word: str) -> str:
+    lines = [f"{problem.location}: {word}: {problem.message}" + (f"  [{problem.path}]" if problem.path else "")]
     if problem.excerpt.strip():
         lines += _caret(problem.excerpt, problem.location.column)
     if problem.hint:
@@ -39,9 +39,13 @@ def _caret(excerpt: str, column: int) -> list[str]:
     return [f"    {part}", "    " + "".join("\t" if letter == "\t" else " " for letter in before) + "^"]
 
 
-def as_json(problems: Sequence[Diagnostic]) -> str:
-    """Return one JSON document: `{"problems": [{"file", "line", "column", "message", "path", "hint"}]}`."""
-    rows = [
+def as_json(problems: Sequence[Diagnostic], warnings: Sequence[Diagnostic] = ()) -> str:
+    """Return one JSON document: `{"problems": [{"file", "line", "column", "message", "path", "hint"}], "warnings"}`."""
+    return json.dumps({"problems": _rows(problems), "warnings": _rows(warnings)}, indent=2)
+
+
+def _rows(problems: Sequence[Diagnostic]) -> list[dict[str, Any]]:
+    return [
         {
             "file": problem.location.file,
             "line": problem.location.line,
@@ -52,22 +56,24 @@ def as_json(problems: Sequence[Diagnostic]) -> str:
         }
         for problem in sorted(problems)
     ]
-    return json.dumps({"problems": rows}, indent=2)
 
 
-def as_sarif(problems: Sequence[Diagnostic]) -> str:
+def as_sarif(problems: Sequence[Diagnostic], warnings: Sequence[Diagnostic] = ()) -> str:
     """Return a SARIF 2.1.0 log, as code hosts show it beside the lines of a pull request."""
     driver = {"name": "srprov", "version": __version__, "rules": [{"id": "definition", "name": "Definition"}]}
     run = {
         "tool": {"driver": driver},
         "columnKind": "unicodeCodePoints",
-        "results": [_result(problem) for problem in sorted(problems)],
+        "results": [
+            *(_result(problem, "error") for problem in sorted(problems)),
+            *(_result(problem, "warning") for problem in sorted(warnings)),
+        ],
     }
     log = {"$schema": "https://json.schemastore.org/sarif-2.1.0.json", "version": "2.1.0", "runs": [run]}
     return json.dumps(log, indent=2)
 
 
-def _result(problem: Diagnostic) -> dict[str, Any]:
+def _result(problem: Diagnostic, level: str) -> dict[str, Any]:
     from urllib.parse import quote
 
     words = problem.message + (f" ({problem.hint})" if problem.hint else "")
@@ -77,4 +83,4 @@ def _result(problem: Diagnostic) -> dict[str, Any]:
     }
     if problem.path:
         place["logicalLocations"] = [{"fullyQualifiedName": problem.path}]
-    return {"ruleId": "definition", "level": "error", "message": {"text": words}, "locations": [place]}
+    return {"ruleId": "definition", "level": level, "message": {"text": words}, "locations": [place]}

@@ -21,15 +21,21 @@ from srprov.cli.output import err, out
     help="How problems are shown.",
 )
 def validate(files: tuple[str, ...], profiles: tuple[str, ...], form: str) -> int:
-    """Check EDFs, CDFs, Dockerfiles and inventories, and every file that they name; show everything that is wrong."""
+    """Check EDFs, CDFs, Dockerfiles and inventories, and every file that they name; show everything that is wrong.
+
+    A warning is about what is allowed and may not be meant; the exit code is 0.
+    """
     from srprov.cli.problems import as_json, as_sarif, render_problems
-    from srprov.definitions import check_files
+    from srprov.definitions import check_files, remarks
 
     problems = check_files(files, profiles)
-    if form == "text" and problems:
-        out(render_problems(problems))
-    elif form != "text":
-        out(as_json(problems) if form == "json" else as_sarif(problems))
+    warnings = [] if problems else remarks(files)
+    if form == "text":
+        for found, word in ((problems, "error"), (warnings, "warning")):
+            if found:
+                out(render_problems(found, word))
+    else:
+        out(as_json(problems, warnings) if form == "json" else as_sarif(problems, warnings))
     count = len(problems)
     checked = f"{len(files)} file{'s' if len(files) != 1 else ''}"
     summary = f"{count} problem{'s' if count != 1 else ''} in {checked}" if count else f"{checked} valid"

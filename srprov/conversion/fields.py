@@ -105,9 +105,11 @@ def various(given: _Given, project: Project, at: Path) -> dict[str, Any]:
 
 
 def _limit(value: object) -> object:
-    if isinstance(value, Mapping):
-        return int(value["single"]) if "single" in value else {key: int(value[key]) for key in ("soft", "hard")}
-    return int(str(value))
+    """Return one number, or two; Compose prints no 0, and nothing at all for one number that is 0."""
+    if not isinstance(value, Mapping):
+        return int(str(value))
+    both = {key: int(value.get(key) or 0) for key in ("soft", "hard")}
+    return both if any(both.values()) else 0
 
 
 def _pull(given: _Given, project: Project, at: Path) -> dict[str, Any]:

@@ -9,6 +9,7 @@ field means is in `schemas/` and in docs/definitions.md.
     merging, runtime       one definition over another -> run-time part
     container, dockerfile, build, cdfs, remote  CDFs, also in git
     service, envfile, checks, experiment, pins  EDF
+    dollars                what is allowed and surprises people who come from Compose
     template, playbook, playbookmodel  playbooks that users write
     taken                  what comes from outside of the experiment's folder
     secrets, secretmodel, secretvalues  where secrets come from, and what they are
@@ -109,6 +110,24 @@ def check_files(paths: Sequence[str | Path], profiles: Collection[str] = ()) -> 
             _check(str(path), profiles)
         except DefinitionError as error:
             found.update(error.problems)
+    return sorted(found)
+
+
+def remarks(paths: Sequence[str | Path]) -> list[Diagnostic]:
+    """Return what in EDFs and CDFs is allowed and may not mean what their writers expect, sorted.
+
+    Raises:
+        DefinitionError: A file is no YAML.
+    """
+    from srprov.definitions import dockerfile
+    from srprov.definitions.dollars import remarks_on
+    from srprov.yamldoc import loader
+
+    found: set[Diagnostic] = set()
+    for path in map(str, paths):
+        kind = file_kind(path)
+        if kind in ("edf", "cdf") and not dockerfile.is_dockerfile(path):
+            found.update(remarks_on(loader.read(path), kind))
     return sorted(found)
 
 

@@ -113,3 +113,42 @@ def test_small_file_within_the_budget(folder: Path) -> None:
         subprocess.run(command, check=True, capture_output=True, env={"PYTHONPATH": str(root), "PATH": "/usr/bin:/bin"})
         best = min(best, _children_s() - begin)
     assert best < 0.4
+
+
+DOLLARS = """edf: 1
+name: a
+services:
+  a:
+    image: x
+    environment: {A: "${HOME}/b", B: $$c, C: $d}
+    command: [sh, -c, "echo ${A} $$"]
+    healthcheck: {test: "test ${A}"}
+  b: {cdf: b.cdf, environment: ["E=${F}"]}
+"""
+
+
+def test_dollars_that_compose_would_read_otherwise_are_warnings(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Nothing is wrong: the exit code is 0, and a shell's own variables are no matter."""
+    monkeypatch.chdir(tmp_path)
+    Path("a.edf").write_text(DOLLARS)
+    Path("b.cdf").write_text("cdf: 1\nimage: x\nenvironment: {G: '${H}'}\n")
+    assert run(["validate", "a.edf", "b.cdf"]) == 0
+    shown = capsys.readouterr().out.splitlines()
+    assert [line for line in shown if ": warning: " in line] == [
+        "a.edf:6:22: warning: '${HOME}' would stay as it is: no variables are substituted here"
+        "  [services.a.environment.A]",
+        "a.edf:6:38: warning: '$$' stays two dollars here; Compose reads it as one  [services.a.environment.B]",
+        "a.edf:7:23: warning: '$$' stays two dollars here; Compose reads it as one  [services.a.command.2]",
+        "a.edf:9:33: warning: '${F}' would stay as it is: no variables are substituted here"
+        "  [services.b.environment.0]",
+        "b.cdf:3:18: warning: '${H}' would stay as it is: no variables are substituted here  [environment.G]",
+    ]
+    assert shown[-1] == "2 files valid"
+    assert run(["validate", "a.edf", "--format", "json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["problems"] == [] and [one["line"] for one in found["warnings"]] == [6, 6, 7, 9]
+    assert run(["validate", "a.edf", "--format", "sarif"]) == 0
+    results = json.loads(capsys.readouterr().out)["runs"][0]["results"]
+    assert [one["level"] for one in results] == ["warning"] * 4
