@@ -12,7 +12,7 @@ import importlib.util
 import json
 import os
 import subprocess
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -24,16 +24,21 @@ SHA256 = "dba9d98e1ba5bfe11d88c99b9bd32fc4a0624a30fafe68eea34d61a3e42fd372"
 """Of Docker Compose 2.40.3 for x86-64."""
 AVAILABLE = os.uname().machine == "x86_64"
 
+_HOME = "/the-home-of-nobody"
 DIFFERENCES = {
     "dollar": "Compose prints each '$' twice, so that its output can be read again; ours is the text itself",
     "env_file": "ours keeps `env_file` beside the variables that it gave, so that they can be told from one another",
-    "extensions": "Compose prints keys `x-…` at the top alone; ours keeps them wherever they stand",
+    "extensions": "Compose prints keys `x-...` at the top alone; ours keeps them wherever they stand",
+    "unmapped": "develop, provider, models and blkio_config are read, and not brought to the form that Compose prints",
     "unset": "a variable without value or default is refused; Compose puts in an empty text and warns",
     "fraction": "a size with a fraction of a byte is refused; Compose takes `mem_limit: 10.5` for no limit",
     "outside": "files outside of the project's folder are refused; Compose reads them",
     "documents": "a second document in a file is refused; Compose lays it over the first",
-    "home": "`~` stays in paths; Compose puts in the home of whoever calls it when a file is included or extended",
-    "crash": "what makes Compose crash, such as `pid:` without a value, is taken as if it was not there",
+    "home": "`~` stays in paths; Compose puts in the home of whoever calls it where a file is included or extended",
+    "tags": "`!!bool` and `!!null` before other words are taken as they are, and two `<<` in one map; Compose refuses",
+    "merged tags": "`!reset` in a map that `<<` brings in counts; for Compose it does not",
+    "last name": "a name alone that ends a file of variables, is a name; Compose takes it for a value",
+    "crash": "what makes Compose itself crash, such as `pid:` without a value, is taken as if it was not there",
 }
 """Everything in which ours differs from Compose on purpose; docs/from-compose.md says the same in more words."""
 
@@ -71,10 +76,13 @@ def compose(
     for option, values in (("-f", files), ("--profile", profiles), ("--env-file", env_files)):
         words += [word for value in values for word in (option, value)]
     command = [*words, "config", "--format", "json", "--no-path-resolution"]
-    done = subprocess.run(command, cwd=folder, env=dict(settings or {}), capture_output=True, text=True, timeout=60)
+    # what it puts in for `~` is told from other text by a home that nobody has
+    done = subprocess.run(
+        command, cwd=folder, env={"HOME": _HOME, **(settings or {})}, capture_output=True, text=True, timeout=60
+    )
     if done.returncode:
         return Answer(None, done.stderr.strip() or "refused")
-    return Answer(json.loads(done.stdout.replace("$$", "$")), "", done.stderr)
+    return Answer(json.loads(done.stdout.replace("$$", "$").replace(_HOME, "~")), "", done.stderr)
 
 
 def ours(
@@ -140,3 +148,30 @@ FREE = {
     "depends_on",
 }
 """Maps whose keys are the user's own."""
+
+
+def differences(theirs: Answer, mine: Answer) -> list[str]:
+    """List where two answers differ, but for what differs on purpose."""
+    if theirs.refusal and mine.refusal:
+        return []
+    if mine.refusal and _only_unset(mine.refusal) and "variable is not set" in theirs.warnings:
+        return []
+    if theirs.refusal or mine.refusal:
+        return [f"Compose: {theirs.refusal[-500:] or 'accepts'}; ours: {mine.refusal[:500] or 'accepts'}"]
+    return list(_compared(comparable(theirs.document), comparable(mine.document), ""))
+
+
+def _only_unset(refusal: str) -> bool:
+    return all("has no value" in line for line in refusal.splitlines())
+
+
+def _compared(theirs: Any, mine: Any, path: str) -> Iterator[str]:
+    if isinstance(theirs, dict) and isinstance(mine, dict):
+        for name in sorted({*theirs, *mine}):
+            if name not in theirs or name not in mine:
+                who = "Compose" if name in theirs else "ours"
+                yield f"{path}.{name}: only {who} has it: {theirs.get(name, mine.get(name))!r}"
+            else:
+                yield from _compared(theirs[name], mine[name], f"{path}.{name}")
+    elif theirs != mine or isinstance(theirs, bool) != isinstance(mine, bool):
+        yield f"{path}: Compose {theirs!r}, ours {mine!r}"

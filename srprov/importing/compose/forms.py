@@ -9,6 +9,7 @@ from srprov.importing.compose import ports, volumes
 from srprov.importing.compose.scalars import shown
 from srprov.importing.compose.values import Rules, Value, grown, refuse, rewrite
 from srprov.importing.position import Path
+from srprov.yamldoc.allowance import current
 
 _STARTED = {"condition": "service_started", "required": True}
 Form = Callable[[Value, Path], Value]
@@ -66,6 +67,15 @@ def _mount(value: Value, path: Path) -> Value:
     return value.of({**value.data, "target": target.of(volumes.clean(target.data))})
 
 
+def _count(item: Value, values: int, path: Path) -> None:
+    """Count what a short text became with what is read: ranges of ports are long."""
+    left = current.get()
+    if left is not None:
+        left.values -= values
+        if left.values < 0:
+            raise refuse(item, "the project publishes too many ports", path, "network_mode: host needs no list of them")
+
+
 def _ports(value: Value, path: Path) -> Value:
     entries: list[Value] = []
     for number, item in enumerate(value.data if isinstance(value.data, list) else ()):
@@ -73,6 +83,7 @@ def _ports(value: Value, path: Path) -> Value:
             entries.append(item)
         elif isinstance(item.data, str) or (isinstance(item.data, int) and not isinstance(item.data, bool)):
             found = ports.parse(item, str(item.data), (*path, number))
+            _count(item, 4 * len(found), path)
             entries += [_keyed(item, port) for port in found]
         else:
             raise refuse(item, f"'{shown(item.data)}' is no port", (*path, number))
@@ -92,12 +103,6 @@ def _device(value: Value, path: Path) -> Value:
 def _gpus(value: Value, path: Path) -> Value:
     if value.data == "all":
         return value.of([grown({"count": "all"}, value.at)])
-    return value
-
-
-def _ulimit(value: Value, path: Path) -> Value:
-    if isinstance(value.data, int) and not isinstance(value.data, bool):
-        return _keyed(value, {"single": value.data})
     return value
 
 
@@ -128,7 +133,6 @@ _FORMS: Mapping[str, Form] = {
     "services.*.build": _one_field("context"),
     "services.*.build.additional_contexts": _pairs,
     "services.*.build.secrets.*": _one_field("source"),
-    "services.*.build.ulimits.*": _ulimit,
     "services.*.configs.*": _one_field("source"),
     "services.*.depends_on": _dependencies,
     "services.*.devices.*": _device,
@@ -141,7 +145,6 @@ _FORMS: Mapping[str, Form] = {
     "services.*.networks": _names(None),
     "services.*.ports": _ports,
     "services.*.secrets.*": _one_field("source"),
-    "services.*.ulimits.*": _ulimit,
     "services.*.volumes.*": _mount,
     "configs.*": _external,
     "networks.*": _external,

@@ -186,11 +186,8 @@ def _bare(address: str) -> str:
 
 def ulimit(value: Value, path: Path) -> object:
     """Return a limit as one number, or as two."""
-    single_one = value.get("single")
-    if single_one is not None:
-        return {} if single_one.data == 0 else single_one.data
     if not isinstance(value.data, dict):
-        return whole(value, path)
+        return whole(value, path) or {}
     limits = {
         name: item.of(whole(item, (*path, name))) for name, item in value.data.items() if name in ("soft", "hard")
     }

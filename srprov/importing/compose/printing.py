@@ -51,7 +51,7 @@ _PRINTERS: Mapping[Printer, str] = {
 }
 PRINTERS: Mapping[str, Printer] = {field: printer for printer, fields in _PRINTERS.items() for field in fields.split()}
 _KEPT = """service.command service.entrypoint service.attach service.init service.scale service.healthcheck
-    service.deploy service.logging service.build service.networks service.stop_grace_period service.develop
+    service.deploy service.logging service.build service.stop_grace_period service.develop
     service.blkio_config     dependency.required env_file.required healthcheck.retries
     deploy.replicas deploy.resources deploy.placement
     deploy.update_config deploy.rollback_config deploy.restart_policy resources.limits resources.reservations

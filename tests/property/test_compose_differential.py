@@ -1,0 +1,33 @@
+"""Generated Compose projects: Docker Compose and we take the same ones, and make the same of them.
+
+Without SRPROV_SOAK a hundred of them; with it, two thousand.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, event, given, settings
+
+from tests.compose_oracle import AVAILABLE, compose, differences, ours
+from tests.property.compose_files import SETTINGS, Project, projects
+
+pytestmark = pytest.mark.skipif(not AVAILABLE, reason="Docker Compose is there for x86-64 only")
+EXAMPLES = int(os.environ.get("SRPROV_COMPOSE_EXAMPLES", "2000" if os.environ.get("SRPROV_SOAK") else "100"))
+
+
+@settings(max_examples=EXAMPLES, deadline=None, suppress_health_check=list(HealthCheck))
+@given(projects())
+def test_generated_projects_are_read_as_compose_reads_them(project: Project) -> None:
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for path, text in project.files.items():
+            (folder / path).parent.mkdir(exist_ok=True)
+            (folder / path).write_text(text)
+        theirs = compose(folder, project.main, profiles=project.profiles, settings=SETTINGS)
+        mine, _ = ours(folder, project.main, profiles=project.profiles, settings=SETTINGS)
+        event("refused" if theirs.refusal else "accepted")
+        assert differences(theirs, mine) == []

@@ -1,0 +1,244 @@
+"""Compose files that want to hang us, fill the memory, or read what is not theirs: a clear refusal, and soon."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from srprov.importing.normal import Normal, Refused
+from srprov.importing.read import normalise
+
+SECONDS = 2.0
+SERVICE = "services: {a: {image: x}}\n"
+
+
+@pytest.fixture(autouse=True)
+def soon() -> Iterator[None]:
+    """Hold each test to two seconds."""
+    begun = time.monotonic()
+    yield
+    assert time.monotonic() - begun < SECONDS
+
+
+def read(folder: Path, text: str, **more: str) -> Normal:
+    """Read a file in a folder, with others beside it (`__` in a name is a slash, `_` before its end a dot)."""
+    for name, content in more.items():
+        path = folder / name.replace("__", "/").replace("_", ".")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(content)
+    (folder / "compose.yml").write_text(text)
+    return normalise([folder / "compose.yml"], project="p")
+
+
+def refusal(folder: Path, text: str, **more: str) -> str:
+    """Return the refusal of a file as text; each problem has file, line and column."""
+    with pytest.raises(Refused) as caught:
+        read(folder, text, **more)
+    for problem in caught.value.problems:
+        assert Path(problem.location.file).name
+        assert problem.location.line > 0 and problem.location.column > 0
+    return "\n".join(f"{one.location}: {one.message}; {one.hint}" for one in caught.value.problems)
+
+
+def test_anchors_that_stand_for_millions_of_values(tmp_path: Path) -> None:
+    lines = ["x-0: &a0 [x, x, x, x, x, x, x, x, x, x]"]
+    lines += [f"x-{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]" for n in range(1, 12)]
+    assert "compose.yml:5:" in refusal(tmp_path, "\n".join(lines) + "\n" + SERVICE)
+
+
+def test_merges_that_stand_for_millions_of_values(tmp_path: Path) -> None:
+    lines = ["x-0: &a0 {" + ", ".join(f"k{n}: v" for n in range(50)) + "}"]
+    lines += [f"x-{n}: &a{n} {{{', '.join(f'm{m}: *a{n - 1}' for m in range(10))}}}" for n in range(1, 9)]
+    assert "values" in refusal(tmp_path, "\n".join(lines) + "\n" + SERVICE)
+
+
+def test_deep_nesting(tmp_path: Path) -> None:
+    assert "nested more than" in refusal(tmp_path, f"x-a: {'[' * 5000}{']' * 5000}\n{SERVICE}")
+
+
+def test_variables_that_grow_with_each_line(tmp_path: Path) -> None:
+    lines = ["A0=" + "x" * 1000, *(f"A{n}=$A{n - 1}$A{n - 1}" for n in range(1, 60))]
+    assert "larger than" in refusal(tmp_path, SERVICE, _env="\n".join(lines))
+
+
+def test_variables_that_are_used_again_and_again(tmp_path: Path) -> None:
+    text = "services: {a: {image: x, labels: {a: '" + "$A" * 30_000 + "'}}}\n"
+    assert "larger than" in refusal(tmp_path, text, _env="A=" + "y" * 10_000 + "\n")
+
+
+def test_defaults_within_defaults(tmp_path: Path) -> None:
+    text = "services: {a: {image: '" + "${A:-" * 3000 + "x" + "}" * 3000 + "'}}\n"
+    assert "nested more than" in refusal(tmp_path, text)
+
+
+def test_a_text_of_many_variables(tmp_path: Path) -> None:
+    text = "services: {a: {image: '" + "${A:-x}" * 9000 + "'}}\n"
+    assert len(read(tmp_path, text).document["services"]["a"]["image"]) == 9000
+    assert "characters" in refusal(tmp_path, "services: {a: {image: '" + "${A:-x}" * 100_000 + "'}}\n")
+
+
+@pytest.mark.parametrize("field", ["image: '${HOME}'", "labels: ['a=$PATH']", "hostname: '${SSH_AUTH_SOCK}'"])
+def test_nothing_is_taken_from_the_environment(tmp_path: Path, field: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    for name in ("HOME", "PATH", "SSH_AUTH_SOCK"):
+        monkeypatch.setenv(name, "/canary-of-the-environment")
+    said = refusal(tmp_path, f"services: {{a: {{{field}}}}}\n")
+    assert "canary" not in said
+    assert "--set" in said
+
+
+def test_names_alone_take_nothing_from_the_environment_and_are_listed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CANARY", "of-the-environment")
+    normal = read(
+        tmp_path,
+        "services: {a: {image: x, environment: [CANARY], env_file: e.env, build: {args: [CANARY]}, secrets: [s]}}\n"
+        "secrets: {s: {environment: CANARY}}\n",
+        e_env="CANARY\n",
+    )
+    assert "of-the-environment" not in repr(normal)
+    assert normal.document["services"]["a"]["environment"] == {"CANARY": None}
+    assert [(one.name, one.source, one.value) for one in normal.variables if one.name == "CANARY"] == [
+        ("CANARY", "unset", "")
+    ] * len(normal.variables)
+    assert len(normal.variables) >= 3
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "services: {a: {extends: {file: /etc/passwd, service: root}}}\n",
+        "services: {a: {extends: {file: ../outside/base.yml, service: a}}}\n",
+        "services: {a: {extends: {file: sub/../../outside/base.yml, service: a}}}\n",
+        "services: {a: {extends: {file: link.yml, service: a}}}\n",
+        "services: {a: {extends: {file: folder/base.yml, service: a}}}\n",
+        "include: [/etc/passwd]\n" + SERVICE,
+        "include: [../outside/base.yml]\n" + SERVICE,
+        "include: [{path: sub/more.yml, env_file: ../outside/secret.env}]\n" + SERVICE,
+        "include: [{path: sub/more.yml, project_directory: ../outside}]\n" + SERVICE,
+        "services: {a: {image: x, env_file: /etc/environment}}\n",
+        "services: {a: {image: x, env_file: ../outside/secret.env}}\n",
+        "services: {a: {image: x, env_file: [{path: ../outside/secret.env, required: false}]}}\n",
+        "services: {a: {image: x, env_file: [{path: ../outside/not-there.env, required: false}]}}\n",
+        "services: {a: {image: x, label_file: ../outside/secret.env}}\n",
+        "services: {a: {image: x, env_file: '~/secret.env'}}\n",
+    ],
+)
+def test_nothing_outside_of_the_folder_is_read(tmp_path: Path, text: str) -> None:
+    project, outside = tmp_path / "project", tmp_path / "outside"
+    for folder in (project / "sub", outside):
+        folder.mkdir(parents=True)
+    (outside / "base.yml").write_text("services: {a: {image: canary}}\n")
+    (outside / "secret.env").write_text("A=canary\n")
+    (outside / ".env").write_text("A=canary\n")
+    (project / "sub/more.yml").write_text("services: {b: {image: x}}\n")
+    (project / "link.yml").symlink_to(outside / "base.yml")
+    (project / "folder").symlink_to(outside)
+    said = refusal(project, text)
+    assert "canary" not in said
+    assert "compose.yml:1:" in said or "compose.yml:2:" in said
+
+
+def test_a_link_of_env_to_a_file_outside(tmp_path: Path) -> None:
+    project = tmp_path / "project"
+    project.mkdir()
+    (tmp_path / "secret").write_text("A=canary\n")
+    (project / ".env").symlink_to(tmp_path / "secret")
+    assert "canary" not in refusal(project, SERVICE)
+
+
+def test_files_that_include_or_extend_one_another(tmp_path: Path) -> None:
+    assert "circle" in refusal(
+        tmp_path,
+        "include: [b.yml]\n" + SERVICE,
+        b_yml="include: [c.yml]\n",
+        c_yml="include: [compose.yml]\nservices: {c: {image: x}}\n",
+    )
+    assert "circle" in refusal(
+        tmp_path,
+        "services: {a: {extends: {file: d.yml, service: a}}}\n",
+        d_yml="services: {a: {extends: {file: compose.yml, service: a}}}\n",
+    )
+    assert "circle" in refusal(tmp_path, "services: {a: {extends: b}, b: {extends: c}, c: {extends: a}}\n")
+
+
+def test_includes_that_double_with_each_file(tmp_path: Path) -> None:
+    for number in range(30):
+        (tmp_path / f"f{number}.yml").write_text(f"include: [f{number + 1}.yml, ./f{number + 1}.yml]\n")
+    (tmp_path / "f30.yml").write_text(SERVICE)
+    assert refusal(tmp_path, "include: [f0.yml]\n")
+
+
+def test_services_that_grow_with_each_that_they_extend(tmp_path: Path) -> None:
+    labels = ", ".join(f"a{n}=1" for n in range(100))
+    chain = "\n".join(
+        f"  s{n}: {{extends: s{n - 1}, cap_add: [{labels.replace('a', f'b{n}-')}]}}" for n in range(1, 45)
+    )
+    text = f"services:\n  s0: {{image: x, cap_add: [{labels}]}}\n{chain}\n"
+    assert "values" in refusal(tmp_path, text)
+
+
+def test_a_long_chain_of_services(tmp_path: Path) -> None:
+    chain = "\n".join(f"  s{n}: {{extends: s{n - 1}}}" for n in range(1, 3000))
+    assert "extend" in refusal(tmp_path, f"services:\n  s0: {{image: x}}\n{chain}\n")
+
+
+def test_a_pipe_a_device_a_folder_and_a_huge_file(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.yml")
+    os.mkfifo(tmp_path / "pipe.env")
+    (tmp_path / "folder.yml").mkdir()
+    with open(tmp_path / "huge.yml", "wb") as file:
+        file.truncate(1 << 40)
+    for name in ("pipe.yml", "folder.yml", "huge.yml"):
+        said = refusal(tmp_path, f"include: [{name}]\n{SERVICE}")
+        assert "compose.yml:1:" in said
+        assert refusal(tmp_path, f"services: {{a: {{extends: {{file: {name}, service: a}}}}}}\n")
+        with pytest.raises(Refused):
+            normalise([tmp_path / name])
+    assert "pipe" in refusal(tmp_path, "services: {a: {image: x, env_file: pipe.env}}\n")
+    with pytest.raises(Refused):
+        normalise([tmp_path / "compose.yml"], env_files=[Path("/dev/zero")])
+
+
+def test_a_file_of_variables_with_a_million_lines(tmp_path: Path) -> None:
+    assert "lines" in refusal(tmp_path, SERVICE, _env="A=$$x\n" * 300_000)
+
+
+def test_one_long_line_of_quotes_in_a_command(tmp_path: Path) -> None:
+    normal = read(tmp_path, "services: {a: {image: x, command: '" + '"" ' * 100_000 + "'}}\n")
+    assert len(normal.document["services"]["a"]["command"]) == 100_000
+
+
+@pytest.mark.parametrize(
+    "text", ["a" * 3_000_000, '"' * 100_000, "- " * 200_000, "{" * 100_000, "\x00", "\ud800", "&a *a"]
+)
+def test_nonsense(tmp_path: Path, text: str) -> None:
+    (tmp_path / "compose.yml").write_bytes(text.encode("utf-8", "surrogatepass"))
+    with pytest.raises(Refused):
+        normalise([tmp_path / "compose.yml"])
+
+
+def test_ranges_of_ports_are_bounded(tmp_path: Path) -> None:
+    ranges = ", ".join([f"'{n}000-{n}999'" for n in range(1, 65)])
+    assert "too many ports" in refusal(tmp_path, f"services: {{a: {{image: x, ports: [{ranges}]}}}}\n")
+    normal = read(tmp_path, "services: {a: {image: x, ports: ['7400-8400:7400-8400/udp']}}\n")
+    assert len(normal.document["services"]["a"]["ports"]) == 1001
+
+
+def test_numbers_with_a_thousand_digits(tmp_path: Path) -> None:
+    digits = "9" * 5000
+    assert refusal(tmp_path, f"services: {{a: {{image: x, scale: {digits}}}}}\n")
+    assert refusal(tmp_path, f"services: {{a: {{image: x, stop_grace_period: {digits}s}}}}\n")
+    assert refusal(tmp_path, f"services: {{a: {{image: x, mem_limit: '{digits}'}}}}\n")
+    assert refusal(tmp_path, f"services: {{a: {{image: x, ports: ['{digits}']}}}}\n")
+
+
+def test_at_most_a_screenful_of_problems(tmp_path: Path) -> None:
+    lines = "\n".join(f"  s{n}: {{image: $V{n}, bad: 1}}" for n in range(2000))
+    with pytest.raises(Refused) as caught:
+        read(tmp_path, f"services:\n{lines}\n")
+    assert len(caught.value.problems) <= 100
