@@ -5,10 +5,12 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path as FilePath
+from typing import Any
 
 import msgspec
+from msgspec.structs import replace
 
-from srprov.conversion import robots
+from srprov.conversion import discovery, robots
 from srprov.conversion.experiment import Draft, convert
 from srprov.conversion.project import Choices, Machine, instance_name
 from srprov.importing.normal import Normal
@@ -37,13 +39,17 @@ def draft(wanted: Wanted) -> Draft:
     """
     grouped = robots.by_robot(wanted.robot_map, wanted.files) if wanted.robot_map else {"": list(wanted.files)}
     machines = [_machine(files, robot, wanted) for robot, files in grouped.items()]
+    network: dict[str, Any] = {}
+    if len(machines) == 1:
+        normal, network = discovery.restored(machines[0].normal)
+        machines = [replace(machines[0], normal=normal)]
     name = wanted.name or (
         os.path.basename(os.path.abspath(wanted.folder))
         if len(machines) > 1
         else str(machines[0].normal.document.get("name") or "")
     )
     choices = Choices(home=wanted.home, chosen_profiles=bool(wanted.profiles) and "*" not in wanted.profiles)
-    return convert(machines, instance_name(name), choices, os.path.abspath(wanted.folder))
+    return convert(machines, instance_name(name), choices, os.path.abspath(wanted.folder), network)
 
 
 def _machine(files: Sequence[str], robot: str, wanted: Wanted) -> Machine:

@@ -6,6 +6,7 @@ Takes machines and the user's choices; gives a `Draft`. Looks at the file system
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 import msgspec
@@ -17,6 +18,7 @@ from srprov.conversion.project import Choices, Machine, Making, Project, service
 from srprov.importing.normal import Note, Variable
 from srprov.importing.position import Path, Position
 
+_NOTHING: Mapping[str, Any] = MappingProxyType({})
 _PLAIN_DRIVERS = (None, "", "local")
 _OWN_ADDRESS = ("macvlan", "ipvlan")
 _PATHS = ("image", "volumes", "devices", "build", "ports")
@@ -45,9 +47,19 @@ class Draft(msgspec.Struct, frozen=True):
         return tuple(one for one in self.findings if one.kept is Kept.REFUSED)
 
 
-def convert(machines: Sequence[Machine], name: str, choices: Choices, folder: str) -> Draft:
-    """Return the experiment that some machines' projects are together; `folder` is where it will lie."""
-    making = Making(name, choices)
+def convert(
+    machines: Sequence[Machine], name: str, choices: Choices, folder: str, network: Mapping[str, Any] = _NOTHING
+) -> Draft:
+    """Return the experiment that some machines' projects are together.
+
+    Args:
+        machines: The projects.
+        name: Of the experiment.
+        choices: What the user chose.
+        folder: Where it will lie.
+        network: The EDF's `network`.
+    """
+    making = Making(name, choices, dict(network))
     projects = [_project(machine, making) for machine in machines]
     for project in projects:
         _names(project, projects)
@@ -154,6 +166,8 @@ def _edf(making: Making) -> dict[str, Any]:
     slots = _slots(making)
     if slots > 1:
         found["placement"] = {"slots_per_robot": slots}
+    if making.network:
+        found["network"] = making.network
     if making.secrets:
         found["secrets"] = making.secrets
     if making.volumes:

@@ -24,14 +24,16 @@ def same(given: _Given, project: Project, at: Path) -> dict[str, Any]:
     found: dict[str, Any] = {}
     for key in SAME:
         value = given.get(key)
-        if value is None or key == "profiles" or value == "" or value is False:
+        if value is None or key == "profiles" or value == "" or (value is False and key != "init"):
             continue
-        if value == [] and key != "entrypoint":
+        if value == [] and key not in ("command", "entrypoint"):
             continue
         if key in _SIZES:
             found[key] = size_text(int(value))
         elif key in _NUMBERS:
             found[key] = float(value) if key == "cpus" else int(value)
+        elif key == "stop_grace_period":
+            found[key] = duration_text(value)
         else:
             found[key] = value
     for option in given.get("security_opt") or ():
@@ -41,6 +43,11 @@ def same(given: _Given, project: Project, at: Path) -> dict[str, Any]:
                 (*at, "security_opt"), f"'{option[:80]}' names a file of this machine", "robots have no such file"
             )
     return found
+
+
+def duration_text(written: str) -> str:
+    """Return a duration as an EDF has it; Compose prints the sign for micro."""
+    return written.replace("µs", "us")
 
 
 def size_text(size: int) -> str:

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
+import ipaddress
 import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from srprov.conversion.fields import duration_text
 from srprov.conversion.kept import Kept
 from srprov.conversion.names_used import on_overlay
 from srprov.conversion.project import Project
@@ -17,6 +20,7 @@ _CONDITIONS = {
     "service_completed_successfully": "completed",
 }
 _Given = Mapping[str, Any]
+_Subnet = ipaddress.IPv4Network | ipaddress.IPv6Network
 _LOOPBACK = re.compile(r"(?<![A-Za-z0-9_.-])(localhost|127\.0\.0\.1)(?![A-Za-z0-9_-])")
 
 
@@ -100,17 +104,37 @@ def _range(first: int, count: int) -> str:
 
 
 def extra_hosts(given: _Given, project: Project, at: Path) -> dict[str, Any]:
-    """Return `extra_hosts` but for names of services."""
+    """Return `extra_hosts` but for what the overlay's own hosts file says, or addresses that will not be there."""
+    services = (project.document.get("services") or {}).values()
+    known = {*project.names.values(), *(str(one["hostname"]) for one in services if one.get("hostname"))}
+    networks = tuple(_subnets(project.document.get("networks") or {}))
     kept = []
     for one in given.get("extra_hosts") or ():
-        name = str(one).partition("=")[0]
-        if name in project.names.values():
-            project.notes.dropped(
-                (*at, "extra_hosts"), f"'{name[:60]}' is a service, which is found at its own address"
-            )
+        name, _, address = str(one).partition("=")
+        if name in known:
+            why = f"'{name[:60]}' is a service, which is found at its own address"
+        elif _lies_in(address, networks):
+            why = f"'{name[:60]}' is on a network of the file, whose addresses are not those of the overlay"
         else:
             kept.append(str(one))
+            continue
+        project.notes.dropped((*at, "extra_hosts"), why)
     return {"extra_hosts": kept} if kept else {}
+
+
+def _subnets(networks: Mapping[str, Any]) -> Iterator[_Subnet]:
+    for network in networks.values():
+        for one in ((network or {}).get("ipam") or {}).get("config") or ():
+            with contextlib.suppress(ValueError):
+                yield ipaddress.ip_network(str(one.get("subnet") or ""))
+
+
+def _lies_in(address: str, networks: tuple[_Subnet, ...]) -> bool:
+    try:
+        given = ipaddress.ip_address(address)
+    except ValueError:  # host-gateway; what is no address is told when the experiment is checked
+        return False
+    return any(given in network for network in networks)
 
 
 def depends_on(given: _Given, project: Project, at: Path) -> dict[str, Any]:
@@ -143,6 +167,7 @@ def healthcheck(given: _Given, project: Project, at: Path) -> dict[str, Any]:
     if check.get("disable"):
         return {"healthcheck": {"disable": True}}
     kept = {key: check[key] for key in ("test", "interval", "timeout", "retries", "start_period") if check.get(key)}
+    kept |= {key: duration_text(value) for key, value in kept.items() if key in ("interval", "timeout", "start_period")}
     if list(kept.get("test", ())) == ["NONE"]:
         return {"healthcheck": {"disable": True}}
     if "test" not in kept:

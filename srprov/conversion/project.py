@@ -51,6 +51,7 @@ class Making:
 
     name: str
     choices: Choices = field(default_factory=Choices)
+    network: dict[str, Any] = field(default_factory=dict)
     services: dict[str, dict[str, Any]] = field(default_factory=dict)
     volumes: dict[str, dict[str, str]] = field(default_factory=dict)
     """Named volumes that begin with a folder: name -> `seed`."""

@@ -56,7 +56,7 @@ SERVICE: tuple[Row, ...] = (
     exact(
         f"{_S}.extra_hosts",
         "",
-        (Kept.DROPPED, "the name of a service, which the hosts file has already"),
+        (Kept.DROPPED, "the name of a service, or an address on a network of the file"),
     ),
     dropped(f"{_S}.dns", "names are found by the hosts file, then as the robot finds them; see `extra_hosts`"),
     dropped(f"{_S}.dns_opt", "as `dns`"),

@@ -7,14 +7,14 @@ every reason why there is none. Writes nothing.
 from __future__ import annotations
 
 import shlex
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from types import MappingProxyType
 
 import msgspec
 from msgspec.structs import replace
 
-from srprov.definitions.model import Definitions, Experiment
+from srprov.definitions.model import Definitions, Experiment, Service
 from srprov.errors import DefinitionError
 from srprov.exporting.images import Built, built
 from srprov.exporting.model import Export, File, Machine, Need, Part
@@ -27,6 +27,7 @@ from srprov.exporting.text import dump
 from srprov.exporting.variables import Open
 from srprov.images.context import Listing, Read
 from srprov.images.tag import Checkouts
+from srprov.network.discovery import discovery_of
 
 COMPOSE, README = "compose.yml", "README.md"
 _KEEP_OUT = "*\n!.gitignore\n"
@@ -110,6 +111,7 @@ def _machine(wanted: Wanted, machine: Machine, reach: Reach, images: Mapping[str
     document = {
         "name": experiment.name,
         "services": {name: part.document for name, part in parts.items()},
+        "x-srprov": _for_imports(experiment, reach, services),
         "networks": {"default": dict(reach.network)} if reach.network else {},
         "volumes": dict(sorted(volumes.items())),
         "secrets": secrets.document,
@@ -125,6 +127,22 @@ def _machine(wanted: Wanted, machine: Machine, reach: Reach, images: Mapping[str
         remarks=tuple(chain.from_iterable(part.remarks for part in parts.values())),
         needs=(*secrets.needs, *chain.from_iterable(part.needs for part in parts.values())),
     )  # fmt: skip
+
+
+def _for_imports(experiment: Experiment, reach: Reach, services: Sequence[Service]) -> dict[str, object]:
+    """Return how services find each other, for `import compose`: addresses that they are told are Compose's."""
+    settings = experiment.network
+    bridged = [one for one in services if reach.modes[one.name] == "bridge"]
+    if settings.discovery == "multicast" or not bridged:
+        return {}
+    told = {one.name: discovery_of(experiment, reach.overlay, one) for one in bridged}
+    servers = set(settings.discovery_servers)
+    names = sorted(one.name for one in services if {one.name, one.instance_of} & servers)
+    return {
+        "discovery": settings.discovery,
+        **({"discovery_servers": names} if names else {}),
+        "told": {name: sorted({*found.made_with, *found.environment}) for name, found in told.items()},
+    }
 
 
 def _builds(images: Mapping[str, Built], needed: Collection[str], machine: Machine) -> Iterator[File]:

@@ -8,7 +8,7 @@ from typing import Any
 
 from hypothesis import strategies as st
 
-NAMES = ["a", "cam", "map-server", "x_1", "talker", "n0", "very-long-name-of-a-service"]
+NAMES = ["alfalfa", "camera", "map-server", "xylo_1", "talker", "nine0", "very-long-name-of-a-service"]
 TEXTS = st.text(
     st.one_of(
         st.sampled_from("ab $${}'\"\\:#-=,\n\t"), st.characters(exclude_categories=["Cs", "Cc", "Cn", "Zl", "Zp"])
@@ -116,7 +116,7 @@ def mounts(draw: st.DrawFn) -> list[Any]:
         if draw(st.booleans()) or " " in source:
             kind = "volume" if "/" not in source else "bind"
             one = {"type": kind, "source": source, "target": target, **({"read_only": True} if read_only else {})}
-            if source.startswith("/") and draw(st.booleans()):
+            if source.startswith("/opt") and draw(st.booleans()):
                 one["bind"] = {"create_host_path": draw(st.booleans())}
             found.append(one)
         else:

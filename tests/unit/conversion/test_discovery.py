@@ -1,0 +1,52 @@
+"""What `x-srprov` of a Compose file says: believed in its own form alone, and harmless in any other."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from srprov.conversion.discovery import restored
+from srprov.importing.normal import Normal
+
+FILE = {"type": "bind", "source": "./discovery/a/x", "target": "/etc/srprov/cyclonedds.xml"}
+OWN = {"type": "bind", "source": "./www", "target": "/www"}
+
+
+def project(own: object) -> Normal:
+    """Return a project with two services that are told something, and own words on it."""
+    services = {
+        name: {"environment": {"CYCLONEDDS_URI": "x", "MINE": "1"}, "volumes": [OWN, FILE]} for name in ("a", "b")
+    }
+    return Normal({"name": "p", "services": services, "x-srprov": own}, {})
+
+
+def test_what_was_told_is_taken_out_of_the_services_that_it_names() -> None:
+    own = {"discovery": "discovery-server", "discovery_servers": ["b"], "told": {"a": ["CYCLONEDDS_URI", "NONE"]}}
+    normal, network = restored(project(own))
+    assert network == {"discovery": "discovery-server", "discovery_servers": ["b"]}
+    a, b = (normal.document["services"][name] for name in ("a", "b"))
+    assert (a["environment"], a["volumes"]) == ({"MINE": "1"}, [OWN])
+    assert (b["environment"]["CYCLONEDDS_URI"], b["volumes"]) == ("x", [OWN, FILE])
+    assert [note.message for note in normal.warnings] == [
+        "the file was exported by srprov: `network.discovery` stands for what it tells containers of each other"
+    ]
+
+
+@pytest.mark.parametrize(
+    "own",
+    [
+        None, "x", [], {}, {"discovery": "ros1"}, {"discovery": "ros1", "told": []}, {"discovery": "", "told": {}},
+        {"discovery": "multicast", "told": {}}, {"discovery": ["ros1"], "told": {}},
+        {"discovery": {"a": 1}, "told": {}},
+    ],
+)  # fmt: skip
+def test_what_is_not_in_its_form_says_nothing(own: object) -> None:
+    given = project(own)
+    assert restored(given) == (given, {})
+
+
+@pytest.mark.parametrize("told", [{"a": None}, {"a": "MINE"}, {"a": {"MINE": 1}}, {"nobody": ["MINE"]}, {"a": [1, {}]}])
+def test_names_that_are_none_take_nothing_away(told: dict[str, Any]) -> None:
+    normal, _ = restored(project({"discovery": "ros1", "discovery_servers": 7, "told": told}))
+    assert normal.document["services"]["a"]["environment"] == {"CYCLONEDDS_URI": "x", "MINE": "1"}
