@@ -41,7 +41,8 @@ def placement(given: _Given, project: Project, at: Path, *, built: bool) -> dict
         else:
             project.notes.dropped(path, f"'{str(one)[:80]}' says nothing of a robot", "see `requires` and `robot`")
     requires = {**({"tags": tags} if tags else {}), **arch}
-    return found | ({"requires": requires} if requires else {}) | _number(given, deploy, project, at)
+    pinned = "robot" in found
+    return found | ({"requires": requires} if requires else {}) | _number(given, deploy, project, at, pinned=pinned)
 
 
 def _platform(given: _Given, project: Project, at: Path) -> dict[str, Any]:
@@ -55,14 +56,14 @@ def _platform(given: _Given, project: Project, at: Path) -> dict[str, Any]:
     return {"arch": [arch]}
 
 
-def _number(given: _Given, deploy: _Given, project: Project, at: Path) -> dict[str, Any]:
+def _number(given: _Given, deploy: _Given, project: Project, at: Path, *, pinned: bool) -> dict[str, Any]:
     mode, path = str(deploy.get("mode") or "replicated"), (*at, "deploy", "mode")
     found: dict[str, Any] = {"job": True} if mode.endswith("-job") else {}
     if mode.startswith("global"):
-        if not project.machine.robot:
+        if not pinned:
             project.notes.adapted(path, "one on each robot")
             return found | {"per_robot": {"tags": []}}
-        project.notes.adapted(path, "one, as the file is of one robot")
+        project.notes.adapted(path, "one, as its robot is named")
     elif mode.endswith("-job"):
         project.notes.adapted(path, "a job: having ended with 0 is right")
     count = replicas(given)

@@ -16,13 +16,11 @@ from srprov.conversion.kept import Kept
 from srprov.conversion.notes import Finding, Notes
 from srprov.conversion.project import Choices, Machine, Making, Project, service_name
 from srprov.importing.normal import Note, Variable
-from srprov.importing.position import Path, Position
+from srprov.importing.position import Path
 
 _NOTHING: Mapping[str, Any] = MappingProxyType({})
 _PLAIN_DRIVERS = (None, "", "local")
 _OWN_ADDRESS = ("macvlan", "ipvlan")
-_PATHS = ("image", "volumes", "devices", "build", "ports")
-"""Keys of a service in which a variable without a value makes something else of it."""
 
 
 class Draft(msgspec.Struct, frozen=True):
@@ -71,7 +69,7 @@ def convert(
             making.origins[project.names[service]] = (project.notes, ("services", service))
         _healthchecks(project)
         _top(project)
-    findings = [one for project in projects for one in (*project.notes.finished(), *_unset(project))]
+    findings = [one for project in projects for one in project.notes.finished()]
     return Draft(
         edf=_edf(making),
         cdfs=making.cdfs,
@@ -133,32 +131,11 @@ def _top(project: Project) -> None:
         if name == "default":
             for key in entry or {}:
                 project.notes.exact(("networks", name, key))
+    if not project.names:
+        hint = "a service whose profile is off is left out: --profile NAME"
+        project.notes.refused(("services",), "there is no service", hint)
     if project.document.get("name") == project.making.name:
         project.notes.exact(("name",))
-
-
-def _unset(project: Project) -> list[Finding]:
-    """Return a finding for each variable without a value that would make another path, image or port."""
-    found = []
-    for one in project.machine.normal.variables:
-        at = next(iter(_paths_at(project, one.at)), ()) if one.source == "unset" else ()
-        if at:
-            words = f"${{{one.name}}} has no value: nothing stands in its place"
-            hint = f"--set {one.name}=VALUE, or --env-file FILE"
-            found.append(Finding(one.at, ".".join(map(str, at)), Kept.REFUSED, words, hint))
-    return list(dict.fromkeys(found))
-
-
-def _paths_at(project: Project, at: Position) -> list[Path]:
-    places = project.machine.normal.positions
-    return [
-        path
-        for path, place in places.items()
-        if (place.file, place.line) == (at.file, at.line)
-        and len(path) > 2
-        and path[0] == "services"
-        and path[2] in _PATHS
-    ]
 
 
 def _edf(making: Making) -> dict[str, Any]:

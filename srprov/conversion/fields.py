@@ -28,6 +28,8 @@ def same(given: _Given, project: Project, at: Path) -> dict[str, Any]:
             continue
         if value == [] and key not in ("command", "entrypoint"):
             continue
+        if key in _SIZES and int(value) <= 0:
+            continue  # no limit
         if key in _SIZES:
             found[key] = size_text(int(value))
         elif key in _NUMBERS:

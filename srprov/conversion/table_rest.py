@@ -12,7 +12,11 @@ BUILD: tuple[Row, ...] = (
     exact(
         f"{_B}.context", "`dockerfile.context`", (Kept.REFUSED, "an address, or a folder outside of the files' folders")
     ),
-    exact(f"{_B}.dockerfile", "`dockerfile.dockerfile`"),
+    exact(
+        f"{_B}.dockerfile",
+        "`dockerfile.dockerfile`",
+        (Kept.REFUSED, "outside of the files' folders, or missing"),
+    ),
     adapted(f"{_B}.dockerfile_inline", "`dockerfile`", "it is written to a file"),
     exact(
         f"{_B}.args",
@@ -64,8 +68,12 @@ DEPLOY: tuple[Row, ...] = (
     adapted(f"{_R}.reservations.devices.driver", "`gpus`", "the engine's driver for GPUs is used"),
     dropped(f"{_R}.reservations.devices.options", "no field says it"),
     adapted(f"{_Y}.restart_policy", "`restart`", "what an engine by itself does", (Kept.DROPPED, "`restart` wins")),
-    adapted(f"{_Y}.restart_policy.condition", "`restart`", "what an engine by itself does"),
-    adapted(f"{_Y}.restart_policy.max_attempts", "`restart`", "`on-failure:N`"),
+    adapted(
+        f"{_Y}.restart_policy.condition", "`restart`", "what an engine by itself does", (Kept.DROPPED, "`restart` wins")
+    ),
+    adapted(
+        f"{_Y}.restart_policy.max_attempts", "`restart`", "`on-failure:N`", (Kept.DROPPED, "with another condition")
+    ),
     dropped(f"{_Y}.restart_policy.delay", "the engine waits longer after each failure"),
     dropped(f"{_Y}.restart_policy.window", "the engine counts a start as good after 10 s"),
     adapted(f"{_Y}.placement", "`robot`, `requires`", "each part by itself", (Kept.EXACT, "")),

@@ -18,8 +18,15 @@ SAME: tuple[str, ...] = (
 """Keys that an EDF has by the same name and with the same values."""
 
 SERVICE: tuple[Row, ...] = (
-    adapted("services", "`services`", "names are in lower case and have no dots; others are changed", (Kept.EXACT, "")),
-    *(exact(f"{_S}.{key}") for key in SAME if key not in ("logging", "profiles", "security_opt")),
+    adapted(
+        "services",
+        "`services`",
+        "names are in lower case and have no dots; others are changed",
+        (Kept.EXACT, ""),
+        (Kept.REFUSED, "there is none"),
+    ),
+    *(exact(f"{_S}.{key}") for key in SAME if key not in ("image", "logging", "profiles", "security_opt")),
+    exact(f"{_S}.image", "", (Kept.DROPPED, "beside `build`: an image that is built is named after its content")),
     exact(f"{_S}.security_opt", "", (Kept.REFUSED, "a profile of seccomp in a file")),
     exact(f"{_S}.profiles", "", (Kept.ADAPTED, "`--profile` chooses services when the files are imported")),
     exact(f"{_S}.logging"),

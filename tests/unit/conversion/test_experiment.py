@@ -9,7 +9,6 @@ from srprov.conversion.experiment import Draft, convert
 from srprov.conversion.kept import Kept
 from srprov.conversion.project import Choices, Machine
 from srprov.errors import Location
-from srprov.importing.normal import Normal, Variable
 from tests.unit.conversion.making import draft, normal, project
 
 IMAGE = {"image": "busybox:1"}
@@ -171,13 +170,10 @@ def test_what_cannot_be_built_is_refused(tmp_path: Path) -> None:
     ]
 
 
-def test_a_variable_without_a_value_in_a_path_is_refused(tmp_path: Path) -> None:
-    document = project({"a": {"image": "x", "environment": {"B": ""}}})
-    places = normal(document, "c.yaml").positions
-    at = {key: places[("services", "a", *key)] for key in (("image",), ("environment", "B"))}
-    variables = tuple(Variable("TAG", "unset", "", place) for place in at.values())
-    found = convert([Machine(Normal(document, places, variables), (str(tmp_path),))], "lab", Choices(), "out")
-    assert [(one.key, one.at) for one in found.refused] == [("services.a.image", at[("image",)])]
+def test_a_project_without_services_is_refused(tmp_path: Path) -> None:
+    assert [(one.key, one.message) for one in draft(project({}), tmp_path).refused] == [
+        ("services", "there is no service")
+    ]
 
 
 def test_volumes_and_networks_of_other_drivers_are_refused(tmp_path: Path) -> None:
