@@ -23,6 +23,7 @@ rooms stand in that order; `tests/test_rooms.py` holds them to it:
     importing/    files of other tools, such as Docker Compose's -> values that know their place
     conversion/   those values -> the folder of an experiment, and what became of each key
     exporting/    an experiment -> files for other tools, such as Docker Compose
+    oci/          images as files: an OCI layout, and the packages in its layers; pure
     evidence/     a run of trials as one file, and whether such a file is true
     lab/          the embedded lab: robots on this machine
 

@@ -11,9 +11,12 @@ from __future__ import annotations
 
 import base64
 import bisect
+import functools
 import hashlib
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
+
+from srprov.redaction_bytes import search
 
 SHORTEST = 4
 """Characters of a secret. A shorter one would be found in every other line, and blank out the whole output."""
@@ -186,6 +189,11 @@ class Known:
     def __bool__(self) -> bool:
         """Tell whether there is anything to look for."""
         return bool(self._found)
+
+    @functools.cached_property
+    def stands_in(self) -> Callable[[bytes], bool]:
+        """Tell whether any form stands in bytes as it is, without wraps and separators between."""
+        return search({form for each in self._found.values() for form in each})
 
     def spans(self, text: str) -> tuple[list[Span], int]:
         """Return every place of a secret, in order, and where one may begin that the end cuts off."""

@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from srprov.redaction import MASK, SHORTEST, Known, forms, in_bytes
 
-__all__ = ["MASK", "SHORTEST", "Hidden", "Secret", "Vault", "forget", "redact", "redact_lines", "redacted"]
+__all__ = ["MASK", "SHORTEST", "Hidden", "Secret", "Vault", "forget", "holds", "redact", "redact_lines", "redacted"]
 
 
 class Hidden:
@@ -134,6 +134,14 @@ _all = _All()
 def redact(text: str) -> str:
     """Return a text with every known secret, in any of its forms, as `***`."""
     return _all.known.without(text) if _all.known else text
+
+
+def holds(data: bytes) -> bool:
+    """Return whether bytes hold a known secret, in any of its forms but those with wraps and separators in them.
+
+    For gigabytes: it is a hundred times faster than `redact`.
+    """
+    return _all.known.stands_in(data)
 
 
 def redact_lines(lines: Iterable[str]) -> Iterator[str]:

@@ -172,6 +172,7 @@ class CopyImage(msgspec.Struct, frozen=True, kw_only=True):
 
     image: str
     source_host: str
+    """Empty: it comes from the controller's own cache of layers, and its id is its configuration's digest."""
     id: str = ""
     """Its id on that robot; another one is not loaded. Empty: what that robot built just now."""
     way: str = ""
@@ -188,7 +189,10 @@ class CopyImage(msgspec.Struct, frozen=True, kw_only=True):
             "whole": "docker save | docker load",
         }
         kind = how.get(self.way, "the layers that are missing, or whole")
-        return f"copy image {self.image} from {self.source_host} ({kind}, over the controller)"
+        source, over = (
+            (self.source_host, ", over the controller") if self.source_host else ("the controller's cache", "")
+        )
+        return f"copy image {self.image} from {source} ({kind}{over})"
 
 
 class CopyVolume(msgspec.Struct, frozen=True, kw_only=True):

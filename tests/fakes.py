@@ -364,6 +364,9 @@ class FakeRobot:
                 return shell_reply("injected failure")
             self.disk.put(command)
             reply = shell_reply("")
+        elif isinstance(command, CopyImage) and not command.source_host:  # from the cache of this machine
+            self.engine.images[command.image] = {}
+            reply = shell_reply("")
         elif isinstance(command, CopyImage):
             source = self.world.robots[command.source_host]
             there = command.image in source.engine.images

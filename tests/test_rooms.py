@@ -104,6 +104,7 @@ ROOMS: Mapping[str, Room] = {
     "evidence": room(
         "errors private regular_file untrusted secret linear_regex yamldoc definitions assignment facts trials record"
         " controller.choice controller.request controller.trial_instances controller.bundling"
+        " controller.bundle_images controller.kept_images transport.blob layers image_reference oci"
     ),
     # Files of other tools -> experiments: reads what strangers wrote, and reaches no robot.
     "importing": room("errors private regular_file untrusted image_reference linear_regex yamldoc definitions"),
@@ -111,6 +112,8 @@ ROOMS: Mapping[str, Room] = {
     "conversion": room("errors names private regular_file yamldoc definitions importing"),
     # Compose files of an experiment: as values, but for the one file that writes them into a folder.
     "exporting": room("errors plain_tar definitions facts.model images network yamldoc"),
+    # Images as files of strangers: nothing is opened, nothing of them is run.
+    "oci": room("image_reference layers untrusted"),
     "lab": room("errors regular_file yamldoc", "yaml"),
     "trials": room("errors linear_regex untrusted time_sync definitions.trialsmodel definitions.trialpoints"),
     "linear_regex": room(foreign="re2"),
@@ -120,7 +123,8 @@ ROOMS: Mapping[str, Room] = {
     "names": room("errors"),
     "private": room(),
     "secret": room("redaction"),
-    "redaction": room(),
+    "redaction": room("redaction_bytes"),
+    "redaction_bytes": room("linear_regex"),
     "layers": room("untrusted"),
     "plain_tar": room(),
     "sizes": room(),

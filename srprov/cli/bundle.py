@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from srprov.cli import options
+from srprov.cli import inputs, options, output_options
 from srprov.cli.output import err, out, out_json
-from srprov.errors import UsageError
+from srprov.errors import UsageError, visible
+
+_EVERY_S = 3.0
+if TYPE_CHECKING:
+    from srprov.evidence.make_images import Wish
 
 
 @click.command()
@@ -18,6 +26,18 @@ from srprov.errors import UsageError
     help="The bundle, such as race.zip.",
 )  # fmt: skip
 @click.option(
+    "--with-images", "way", type=click.Choice(["none", "ours", "all"]), default="none", show_default=True,
+    help="Also the images: those that srprov built (ours), or all; with a list of the packages in each.",
+)  # fmt: skip
+@click.option(
+    "-i", "--inventory", "inventories", multiple=True, metavar="FILE",
+    help="With --with-images: robots that have the images, such as those that ran it; without it, this machine's "
+    "engine is asked.",
+)  # fmt: skip
+@options.TIMEOUT
+@options.FORKS
+@options.ASK_BECOME
+@click.option(
     "--sign", type=click.Path(exists=True, dir_okay=False), default=None, metavar="KEY",
     help="Sign it with this SSH key, for `verify --signers`.",
 )  # fmt: skip
@@ -26,12 +46,16 @@ from srprov.errors import UsageError
     help="A file of the bundle in which what looks like a secret is none; may be repeated.",
 )  # fmt: skip
 @options.JSON
-def bundle(run: str, target: Path, sign: str | None, no_secret: tuple[str, ...], as_json: bool) -> int:
+def bundle(
+    run: str, target: Path, way: str, inventories: tuple[str, ...], timeout: float, forks: int, sign: str | None,
+    no_secret: tuple[str, ...], as_json: bool,
+) -> int:  # fmt: skip
     """Pack a run of trials into one file: all that was measured, what it was made of, and a hash of each file.
 
-    RUN is a name that `srprov runs` lists, or a folder. No robot is asked. Addresses, hosts and users of the lab are
-    replaced; results and the experiment's files stay as they are. What looks like a secret stops it, and so does the
-    value of one of the experiment's secrets, where it can be read here: variables and files are, commands are not run.
+    RUN is a name that `srprov runs` lists, or a folder. No robot is asked, but for images. Addresses, hosts and users
+    of the lab are replaced; results, the experiment's files and images stay as they are. What looks like a secret stops
+    it, and so does the value of one of the experiment's secrets, where it can be read here: variables and files are,
+    commands are not run.
     """
     from srprov.cli.runs import homes, run_folder
     from srprov.controller.bundling import known_secrets, signer
@@ -41,11 +65,44 @@ def bundle(run: str, target: Path, sign: str | None, no_secret: tuple[str, ...],
     for name in known_secrets(folder):
         err(f"note: {name} cannot be read here: nobody looks for its value")
     try:
-        made = make(folder, target, sign=signer(sign, str(target)) if sign else None, no_secret=no_secret)
+        with _wish(way, inventories, timeout, forks) as images:
+            made = make(
+                folder, target, sign=signer(sign, str(target)) if sign else None, no_secret=no_secret, images=images
+            )
     except OSError as error:
         raise UsageError(f"{error.filename or target}: {error.strerror or error}", hint="name another file") from error
     if as_json:
-        out_json({"bundle": str(target), "files": made.files, "bytes": made.size, "signed": made.signed})
+        out_json({"bundle": str(target), "files": made.files, "bytes": made.size, "signed": made.signed,
+                  "images": made.images})  # fmt: skip
     else:
-        out(f"{target}: {made.files} files, {made.size} bytes" + (", signed" if made.signed else ""))
+        there = f", {made.images} images" if way != "none" else ""
+        out(f"{target}: {made.files} files, {made.size} bytes{there}" + (", signed" if made.signed else ""))
     return 0
+
+
+@contextmanager
+def _wish(way: str, inventories: tuple[str, ...], timeout: float, forks: int) -> Iterator[Wish | None]:
+    """Return which images are wanted, and connect to whoever may have them."""
+    if way == "none":
+        yield None
+        return
+    from srprov.controller.bundle_images import Engines, own_engine
+    from srprov.evidence.make_images import Wish
+
+    asked = inputs.connect(inputs.load_inventory(inventories), timeout, forks) if inventories else own_engine(timeout)
+    with asked as fleet:
+        yield Wish(way=way, giver=Engines(fleet), say=_Slowly().say)
+
+
+class _Slowly:
+    """Says how far it is, but not each time that it is told."""
+
+    def __init__(self) -> None:
+        self._said, self._first = 0.0, ""
+
+    def say(self, text: str) -> None:
+        """Say it, if it is of another image, or some time has passed."""
+        now, first = time.monotonic(), text.partition(",")[0]
+        if first != self._first or now - self._said >= _EVERY_S:
+            self._said, self._first = now, first
+            output_options.note(visible(text))

@@ -41,10 +41,11 @@ OWN_KEYS = PROJECT_KEYS | {
     *("metric", "over", "watch", "no-secret"),
     *("discard", "rerun", "reason", "accept-changes", "rotate-keys", "no-probe", "network", "profile"),
     *("margin", "strict", "with", "map", "twin", "set", "name", "env-file", "robot-map", "home", "lab"),
+    *("with-images", "no-bundled-images"),
 }
 PARAMETERS = {"inventory": "inventories", "json": "as_json", "format": "form", "out": "target", "facts": "stored",
               "profile": "profiles", "margin": "margins", "with": "others", "map": "pairs",
-              "set": "settings", "env-file": "env_files"}  # fmt: skip
+              "set": "settings", "env-file": "env_files", "with-images": "way"}  # fmt: skip
 """Options that have another name in the code."""
 _LISTS = ("inventory", "allow", "until", "env", "profile", "margin", "with", "map", "set", "env-file")
 _GROUPS = {"export": ("compose",), "import": ("compose", "swarmrob")}

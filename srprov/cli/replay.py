@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from srprov.controller.trial_request import TrialsRequest
     from srprov.definitions.model import Inventory
     from srprov.evidence.replay import Replay
+    from srprov.evidence.replay_images import Kept
     from srprov.facts.model import Snapshot
     from srprov.session import Pulse
 
@@ -42,6 +43,8 @@ if TYPE_CHECKING:
 @click.option("--map", "pairs", multiple=True, metavar="OLD=NEW",
               help="NEW of the inventory does the part of OLD in the bundle; may be repeated. Others keep their "
               "names.")  # fmt: skip
+@click.option("--no-bundled-images", is_flag=True,
+              help="Take images by their names, also those that the bundle has.")  # fmt: skip
 @click.option("--only", multiple=True, metavar="TRIAL|POINT",
               help="Only this trial, or trials of this point; only these are compared, then.")  # fmt: skip
 @click.option("--resume", is_flag=True, help="Go on with the replay in DIR that was cut off.")
@@ -58,20 +61,20 @@ if TYPE_CHECKING:
 def replay(
     bundle: str, inventories: tuple[str, ...], lab: bool, as_json: bool, forks: int, timeout: float,
     request: PlanRequest, unreachable: str, lock_wait: float, stop_timeout: float, pulse: Pulse, target: Path,
-    pairs: tuple[str, ...], only: tuple[str, ...], resume: bool, margins: tuple[str, ...], strict: bool,
-    signers: str | None, yes: bool, wait_timeout: float, events: TextIO | None, no_color: bool,
+    pairs: tuple[str, ...], no_bundled_images: bool, only: tuple[str, ...], resume: bool, margins: tuple[str, ...],
+    strict: bool, signers: str | None, yes: bool, wait_timeout: float, events: TextIO | None, no_color: bool,
 ) -> int:  # fmt: skip
     """Run the trials of a bundle again, on robots of yours, and compare what comes of it.
 
     The bundle is verified first. The same trials with the same seeds in the same order, services on the robots that
-    do the parts of their old ones. What the experiment asks for needs --allow, as that of any file of a stranger.
+    do the parts of their old ones, with the bundle's images where it has them. What the experiment asks for needs
+    --allow, as that of any file of a stranger.
     """
     from srprov.controller.trial_request import TrialsRequest
     from srprov.evidence import replay as evidence
+    from srprov.evidence import replay_images
 
-    refuse_without_terminal(yes)
-    if unreachable != "fail":
-        raise UsageError("trials need all their robots", hint="leave --unreachable out")
+    _refuse(yes=yes, unreachable=unreachable)
     _check_robots(inventories, pairs, lab=lab)
     asked, judged_by = dict(map(_pair, pairs)), margins_of(margins)
     ours = None if lab else inputs.load_inventory(inventories)
@@ -79,11 +82,13 @@ def replay(
     evidence.check(bundle, signers or "")
     again = evidence.read(bundle)
     wanted = TrialsRequest(folder=target / "run", only=only, resume=resume)
+    kept = replay_images.bring(bundle, output_options.note, wanted=not no_bundled_images)
+    request = replace(request, placed=again.placed, bundled=kept.images)
     manner = Manner(
         forks=forks, timeout=timeout, lock_wait=lock_wait, stop_timeout=stop_timeout, wait_timeout=wait_timeout,
         pulse=pulse, events=events, color=not no_color, as_json=as_json, yes=yes,
     )  # fmt: skip
-    code = _again(bundle, again, ours, asked, replace(request, placed=again.placed), wanted, manner)
+    code = _again(bundle, again, kept, ours, asked, request, wanted, manner)
     if code:
         err(f"not compared with {bundle}, as it is not whole; --resume goes on")
         return code
@@ -91,12 +96,13 @@ def replay(
 
 
 def _again(
-    bundle: str, again: Replay, ours: Inventory | None, asked: dict[str, str], request: PlanRequest,
+    bundle: str, again: Replay, kept: Kept, ours: Inventory | None, asked: dict[str, str], request: PlanRequest,
     wanted: TrialsRequest, manner: Manner,
 ) -> int:  # fmt: skip
     """Run the trials; without an inventory of the user's, on a lab. Return the exit code."""
     from srprov.controller.source import read_definitions
     from srprov.evidence import replay as evidence
+    from srprov.evidence import replay_images
 
     assert wanted.folder is not None  # the verb names it
     folder = wanted.folder.parent / "experiment"
@@ -114,6 +120,7 @@ def _again(
         def robots(snapshot: Snapshot) -> Iterator[str]:
             yield "\nWho does whose part:\n"
             yield from evidence.differences(again, asked, snapshot)
+            yield from replay_images.in_words(kept, snapshot, again.placed)
 
         inventory = evidence.mapped(ours, again.robots, asked)
         report = run_session(definitions, inventory, request, wanted, manner, robots)
@@ -129,6 +136,13 @@ def _check_robots(inventories: tuple[str, ...], pairs: tuple[str, ...], *, lab: 
         raise UsageError("--lab brings robots of its own", hint="leave --map and --inventory out")
     if not lab and not inventories:
         raise UsageError("nobody says on which robots", hint="name an inventory with -i, or try it with --lab")
+
+
+def _refuse(*, yes: bool, unreachable: str) -> None:
+    """Refuse what cannot be, before anything is read."""
+    refuse_without_terminal(yes)
+    if unreachable != "fail":
+        raise UsageError("trials need all their robots", hint="leave --unreachable out")
 
 
 def _pair(text: str) -> tuple[str, str]:

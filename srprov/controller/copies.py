@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from srprov.assignment.model import Assignment
 from srprov.controller.ownership import previous_robots
+from srprov.controller.render_inputs import RenderInputs
+from srprov.controller.robots_words import names_notes
 from srprov.facts.model import Snapshot
 from srprov.modules import RUNNING
 
@@ -35,3 +38,13 @@ def copies(snapshot: Snapshot, instance: str, placed: Mapping[str, str]) -> tupl
         if len(hosts) > 1 and service in placed
     ]
     return (*behind, *twice)
+
+
+def placement_notes(inputs: RenderInputs, placed: Assignment) -> tuple[str, ...]:
+    """Return notes on what is where: services that stay or may run twice, a search that was stopped, what moves."""
+    twice = copies(inputs.snapshot, inputs.instance, placed.placed)
+    stay = [f"{service} stays on {placed.placed[service]}, which cannot be reached" for service in placed.frozen]
+    if placed.gap:
+        stay.append(f"the search for the best placement was stopped; {placed.gap:.3f} less may be possible")
+    moving = sorted({one for image in inputs.images.values() for one in image.moving})
+    return (*twice, *stay, *moving, *names_notes(inputs.experiment, placed.placed, inputs.snapshot.facts))

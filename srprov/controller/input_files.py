@@ -94,7 +94,8 @@ def shipped_files(planned: Planned) -> dict[str, InputFile]:
         with disk.together():
             for path, one in _listed(planned):
                 content = b"" if one.link is not None else disk.read(path)
-                if one.link is None and os.path.basename(path) != "Dockerfile" and _hash(content) not in sent:
+                compared = one.sent and one.link is None and os.path.basename(path) != "Dockerfile"
+                if compared and _hash(content) not in sent:
                     raise UsageError(f"{path} cannot be recorded: {_CHANGED}")
                 found[os.path.relpath(path, folder)] = InputFile(
                     content=content, executable=one.executable, link=one.link
@@ -124,6 +125,8 @@ def _sent(planned: Planned) -> Iterator[str]:
 class _Listed(msgspec.Struct, frozen=True):
     executable: bool
     link: str | None
+    sent: bool
+    """To a robot; else it is of an image that a bundle has, and nothing was built with it."""
 
 
 def _listed(planned: Planned) -> Iterator[tuple[str, _Listed]]:
@@ -133,16 +136,28 @@ def _listed(planned: Planned) -> Iterator[tuple[str, _Listed]]:
     assert planned.experiment is not None and planned.definitions is not None  # the caller looked
     every = [mount for one in planned.experiment.services.values() for mount in one.runtime.mounts]
     mounts = {mount.source for mount in every if mount.kind == "tree"} | {one.seed.path for one in every if one.seed}
-    sources = {file.source for one in planned.definitions.containers.values() for file in one.files if not one.image}
+    containers = planned.definitions.containers
+    sent = mounts | {file.source for one in _built(planned) for file in one.files}
+    sources = {file.source for one in containers.values() for file in one.files if not one.image}
     for source in sorted(mounts | sources):
         for item in disk.listing(source):
             if ".git" not in item.path.split("/") or ".git" in source.split("/"):
-                yield os.path.join(source, item.path).rstrip("/"), _Listed(item.executable, item.link)
-    for folder in sorted({_context(one) for one in planned.definitions.containers.values() if one.dockerfile}):
+                listed = _Listed(item.executable, item.link, source in sent)
+                yield os.path.join(source, item.path).rstrip("/"), listed
+    contexts = {_context(one) for one in _built(planned) if one.dockerfile}
+    for folder in sorted({_context(one) for one in containers.values() if one.dockerfile}):
         from srprov.images.context import folder_items
 
         for item in folder_items(folder, disk.listing, disk.read):
-            yield os.path.join(folder, item.path), _Listed(item.executable, item.link)
+            yield os.path.join(folder, item.path), _Listed(item.executable, item.link, folder in contexts)
+
+
+def _built(planned: Planned) -> Iterator[ContainerDefinition]:
+    """Return the CDFs of which an image was planned."""
+    assert planned.definitions is not None  # the caller looked
+    for key, one in planned.definitions.containers.items():
+        if not one.image and key not in planned.unbuilt:
+            yield one
 
 
 def _data_sets(planned: Planned) -> list[str]:

@@ -12,6 +12,7 @@ from pathlib import Path
 import msgspec
 from msgspec.structs import replace
 
+from srprov.controller.request import BUNDLED
 from srprov.definitions.containermodel import Runtime
 from srprov.definitions.dockerfile import images_of, unclear
 from srprov.definitions.labpolicy import LabPolicy, load
@@ -155,10 +156,11 @@ def _images(step: Step) -> Iterable[str]:
     """Return the images that a step takes from a registry, or that its container runs."""
     params = step.want.params if step.want else None
     if isinstance(params, ContainerParams):
-        return () if params.image.startswith("srprov/") else (params.image,)  # built here, of what is looked at below
+        built = params.image.startswith("srprov/") and not params.image.startswith(BUNDLED)
+        return () if built else (params.image,)  # what is built here is looked at below
     if not isinstance(params, ImageParams) or params.source == "copy":
         return ()
-    return (step.name,) if params.source == "pull" else images_of(_dockerfile(params.blob or b""))
+    return (step.name,) if params.source in ("pull", "cache") else images_of(_dockerfile(params.blob or b""))
 
 
 def _dockerfile(context: bytes) -> str:

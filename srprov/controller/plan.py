@@ -16,9 +16,10 @@ from msgspec.structs import replace
 from srprov import rendering
 from srprov.assignment import solve
 from srprov.assignment.model import Assignment
+from srprov.controller import bundled
 from srprov.controller.choice import Choice, choice_of, decided, idle_notes, settled
 from srprov.controller.context import contexts
-from srprov.controller.copies import copies
+from srprov.controller.copies import placement_notes
 from srprov.controller.data_plan import plan_data
 from srprov.controller.image_layers import with_layers
 from srprov.controller.image_plans import images_alone, images_there, moved_tags, plan_images, with_fresh
@@ -34,7 +35,7 @@ from srprov.controller.render_inputs import RenderInputs
 from srprov.controller.request import PlanRequest
 from srprov.controller.robot_images import BUILDERS, check_never
 from srprov.controller.robot_room import check_room, with_log_drivers
-from srprov.controller.robots_words import at_home, names_notes
+from srprov.controller.robots_words import at_home
 from srprov.controller.trial_values import at_first_point, design_notes
 from srprov.definitions.model import Definitions, Experiment, Inventory
 from srprov.definitions.pins import unknown_pins
@@ -78,6 +79,8 @@ class Planned(msgspec.Struct, frozen=True, kw_only=True):
     """What should be true on all robots."""
     images: Mapping[str, ImagePlan] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Tag -> what is built under it; a failed build can name the line of the CDF."""
+    unbuilt: frozenset[str] = frozenset()
+    """CDFs of which no image was planned, as their services have those of a bundle."""
     playbooks: tuple[Playbook, ...] = ()
     """Those that users wrote, the experiment's and the user's own."""
     decided: Mapping[str, Any] | None = None
@@ -141,6 +144,7 @@ def make_plan(
         plan=made, snapshot=snapshot, definitions=definitions, experiment=choice.experiment, assignment=placed,
         desired=desired, images={image.tag: image for image in inputs.images.values()}, playbooks=theirs,
         owner=inputs.data.owner, amiss=amiss, decided=decided(choice, snapshot, instance, request),
+        unbuilt=bundled.unbuilt(definitions.containers, inputs.experiment, inputs.bundled),
     )  # fmt: skip
 
 
@@ -162,8 +166,9 @@ def _inputs(
     request: PlanRequest, look: Gathering,
 ) -> RenderInputs:  # fmt: skip
     reachable = snapshot.facts.keys()
-    definitions, experiment = with_fresh(definitions, choice.experiment, placed.placed, reachable, look.ask_each)
-    images, references = plan_images(definitions.containers)
+    mine, experiment = bundled.chosen(request.bundled, choice.experiment, placed.placed, snapshot.facts)
+    definitions, experiment = with_fresh(definitions, experiment, placed.placed, reachable, look.ask_each)
+    images, references = plan_images(bundled.to_build(definitions.containers, experiment, mine))
     inputs = RenderInputs(
         instance=overlay.instance,
         source=source,
@@ -178,6 +183,7 @@ def _inputs(
         copy_way=request.copy,
         known_images=known_images() if images else {},
         images_only=request.images_only,
+        bundled=mine,
         builders=look.inventory.groups.get(BUILDERS, ()),
     )
     check_never(inputs)
@@ -230,7 +236,7 @@ def _plan(
         notes=(
             *definitions.notes,
             *moved_tags(definitions.locked, inputs.snapshot),
-            *_notes(inputs, placed),
+            *placement_notes(inputs, placed),
             *idle_notes(definitions, experiment, inputs.snapshot),
             *notes,
             *inputs.data.notes,
@@ -239,12 +245,3 @@ def _plan(
         unreachable=inputs.snapshot.unreachable,
         playbooks=tuple(PlaybookUse(name=one.name, file=one.file, place=one.place) for one in theirs),
     )
-
-
-def _notes(inputs: RenderInputs, placed: Assignment) -> tuple[str, ...]:
-    twice = copies(inputs.snapshot, inputs.instance, placed.placed)
-    stay = [f"{service} stays on {placed.placed[service]}, which cannot be reached" for service in placed.frozen]
-    if placed.gap:
-        stay.append(f"the search for the best placement was stopped; {placed.gap:.3f} less may be possible")
-    moving = sorted({one for image in inputs.images.values() for one in image.moving})
-    return (*twice, *stay, *moving, *names_notes(inputs.experiment, placed.placed, inputs.snapshot.facts))

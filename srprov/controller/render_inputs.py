@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 
 from srprov.controller.data_plan import DataPlan
+from srprov.controller.request import BundledImage
 from srprov.definitions.model import Experiment
 from srprov.facts.model import Snapshot
 from srprov.network.model import Overlay
@@ -40,5 +41,7 @@ class RenderInputs(msgspec.Struct, frozen=True, kw_only=True):
     """Content tag -> ids of images that this machine had built; a robot's own word for a tag is not enough."""
     images_only: bool = False
     """Nothing but images is wanted on robots."""
+    bundled: Mapping[str, BundledImage] = msgspec.field(default_factory=dict)
+    """Service -> the image that it has from this machine's cache of layers."""
     builders: Collection[str] = ()
     """The hosts of the inventory's group `builders`: images are built there first."""

@@ -12,8 +12,24 @@ if TYPE_CHECKING:
     from srprov.definitions.labpolicy import LabPolicy
     from srprov.definitions.playbookmodel import Playbook
 
+BUNDLED = "srprov/bundled:"
+"""How images from bundles are named on robots; the digits of their configurations' digests follow."""
 SEARCH_LIMIT_S = 30.0
 """How long a search for the best placement may take before the best one found is used."""
+
+
+class BundledImage(msgspec.Struct, frozen=True):
+    """An image that this machine has of a bundle."""
+
+    id: str
+    """The digest of its configuration."""
+    architecture: str
+    """Empty: it does not say."""
+
+    @property
+    def name(self) -> str:
+        """Return its name on robots: it cannot be another image's."""
+        return BUNDLED + self.id.removeprefix("sha256:")
 
 
 class PlanRequest(msgspec.Struct, frozen=True, kw_only=True):
@@ -25,6 +41,9 @@ class PlanRequest(msgspec.Struct, frozen=True, kw_only=True):
     """Of services that are wanted beside those that always are; `*` stands for all."""
     placed: Mapping[str, str] = msgspec.field(default_factory=dict)
     """Service -> the robot where it stays if it can, as if it ran there now: where it was when it was run elsewhere."""
+    bundled: Mapping[str, tuple[BundledImage, ...]] = msgspec.field(default_factory=dict)
+    """Service -> images that it may have, all of which are in this machine's cache of layers; it has the first one that
+    its robot runs."""
     reassign: bool = False
     """Let running services move when that is cheaper."""
     reassign_unreachable: bool = False

@@ -24,7 +24,9 @@ def normalise(text: str) -> str:
 
 
 def image_of(inputs: RenderInputs, service: Service) -> str:
-    """Return the image that a service runs: the one it names, the one its CDF names, or its build's content tag."""
+    """Return the image that a service runs: a bundle's, the one it names, its CDF's, or its build's content tag."""
+    if service.name in inputs.bundled:
+        return inputs.bundled[service.name].name
     if service.image:
         return normalise(service.image)
     if service.cdf in inputs.images:
@@ -47,6 +49,9 @@ def robot_images(inputs: RenderInputs, blobs: dict[str, bytes]) -> dict[str, lis
         if facts is None:
             continue
         image = image_of(inputs, inputs.experiment.services[name])
+        if name in inputs.bundled:
+            wanted.setdefault(host, {})[image] = _cached(inputs, image, inputs.bundled[name].id, host)
+            continue
         if image not in plans:
             wanted.setdefault(host, {})[image] = {"name": image, "source": "pull", "needs": []}
             continue
@@ -83,6 +88,18 @@ def _known(inputs: RenderInputs) -> dict[tuple[str, str], str]:
 def _copied(inputs: RenderInputs, image: str, source: str, host: str, id_: str = "") -> dict[str, Any]:
     copy = {"name": image, "source": "copy", "from": source, "needs": [resource_id(source, "image", image)]}
     return {**copy, "id": id_, "way": inputs.copy_way, "missing": None, **inputs.copied.get((host, image), {})}
+
+
+def _cached(inputs: RenderInputs, image: str, id_: str, host: str) -> dict[str, Any]:
+    found: dict[str, Any] = {
+        "name": image,
+        "source": "cache",
+        "id": id_,
+        "way": inputs.copy_way,
+        "missing": None,
+        "needs": [],
+    }
+    return {**found, **inputs.copied.get((host, image), {})}
 
 
 def _alike(inputs: RenderInputs, facts: HostFacts) -> list[str]:

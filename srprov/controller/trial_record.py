@@ -57,7 +57,8 @@ def keep_session(folder: Path, number: int, plan: TrialPlan, inventory: Inventor
     about = {"edf": _edf(whole, places), "variables": variables, "files": listing(files, places, kept)}
     sink.put_json("inputs.json", lambda: about)
     for tag, image in sorted(whole.images.items()):
-        sink.put(f"rendered/{tag.replace('/', '_')}.Dockerfile", lambda image=image: image.dockerfile)  # type: ignore[misc]
+        name = tag.replace("/", "_").replace(":", "_")  # a bundle has no names that Windows could not have
+        sink.put(f"rendered/{name}.Dockerfile", lambda image=image: image.dockerfile)  # type: ignore[misc]
 
 
 def _places(files: Iterable[str]) -> dict[str, str]:

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from srprov.definitions.trialsmodel import Margin
 from srprov.errors import UsageError, visible
-from srprov.evidence import compare_inputs, compare_outcomes, compare_runs, grades
+from srprov.evidence import compare_images, compare_inputs, compare_outcomes, compare_runs, grades
 from srprov.evidence.compare_outcomes import SUCCESS, Judging
 from srprov.evidence.compare_runs import Run
 from srprov.evidence.grades import Line, Section
@@ -22,7 +22,7 @@ _MOST_LINES = 100
 _LONGEST = 600
 _SECTIONS: tuple[tuple[str, str, bool, Callable[[Run, Run], Iterable[Line]]], ...] = (
     ("definitions", "what was to be run", True, compare_inputs.definitions),
-    ("images", "what containers are made of", True, compare_inputs.images),
+    ("images", "what containers are made of", True, compare_images.images),
     ("placement", "which robot ran what", True, compare_inputs.placement),
     ("execution", "which trials were run", True, compare_outcomes.execution),
     ("robots", "what robots are", False, compare_inputs.robots),

@@ -1,4 +1,4 @@
-"""What two runs were made of: definitions, images, placement, robots. Takes runs; gives lines. Pure."""
+"""What two runs were made of: definitions, placement, robots. Takes runs; gives lines. Pure."""
 
 from __future__ import annotations
 
@@ -98,26 +98,6 @@ def _shown(value: object) -> str:
     if isinstance(value, tuple):
         return repr(value[1][:60])
     return f"{len(value)} entries" if isinstance(value, list | dict) else str(value)
-
-
-def images(a: Run, b: Run) -> Iterator[Line]:
-    """Compare the image of each service, by its engine's id, which is a hash of its content and configuration."""
-    here, there = a.images, b.images
-    for service in sorted(here.keys() | there.keys()):
-        one, other = here.get(service), there.get(service)
-        if one is None or other is None:
-            yield Line(service, DIFFERENT, f"only in {(b if one is None else a).name}")
-        elif not (one[1] and other[1]):
-            same = "of the same name" if one[0] == other[0] else f"{one[0]}, and {other[0]}"
-            yield Line(service, UNKNOWN, f"{same}; its id is not recorded")
-        elif one[1] == other[1]:
-            yield Line(service, IDENTICAL, one[0])
-        else:
-            yield Line(service, DIFFERENT, f"{one[0]} {_id(one[1])}, and {other[0]} {_id(other[1])}")
-
-
-def _id(text: str) -> str:
-    return text.removeprefix("sha256:")[:12]
 
 
 def robots_of(a: Run, b: Run) -> dict[str, str] | None:

@@ -27,7 +27,8 @@ from srprov.evidence.crate_base import (
     ref,
     refs,
 )  # fmt: skip
-from srprov.evidence.crate_parts import agents, images, parameters, robots
+from srprov.evidence.crate_images import images
+from srprov.evidence.crate_parts import agents, parameters, robots
 from srprov.evidence.crate_trials import Action, trials
 from srprov.evidence.story import attempt_folder
 from srprov.untrusted import string
@@ -83,7 +84,7 @@ def _entities(told: Told) -> Iterator[Entity]:
     yield from _files(told)
     yield from parameters(story)
     yield from robots(told)
-    yield from images(story)
+    yield from images(told)
     yield from agents(told)
     yield from crate_runs.sessions(told)
     yield from crate_runs.environment(told)

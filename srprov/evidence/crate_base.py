@@ -9,6 +9,7 @@ from urllib.parse import quote
 import msgspec
 
 from srprov.evidence.story import Story
+from srprov.oci.layout import Stored
 from srprov.untrusted import string
 
 Entity = dict[str, Any]
@@ -33,6 +34,8 @@ class Told(msgspec.Struct, frozen=True, kw_only=True):
     """Bytes of the bundle's files but for what describes it."""
     data_sets: tuple[str, ...] = ()
     """Their places below the inputs; they are not in the bundle."""
+    images: Mapping[str, Stored] = msgspec.field(default_factory=dict)
+    """Service -> its image, where that is in the bundle."""
 
 
 def ref(name: str) -> Entity:

@@ -1,10 +1,10 @@
-"""The parts of a crate that trials refer to: parameters, results, metrics, robots, images, people, srprov. Pure."""
+"""The parts of a crate that trials refer to: parameters, results, metrics, robots, people, srprov. Pure."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
-from srprov.evidence.crate_base import Entity, Told, author_ids, image_id, output_id, ref, refs, robot_id
+from srprov.evidence.crate_base import Entity, Told, author_ids, output_id, refs, robot_id
 from srprov.evidence.crate_runs import software
 from srprov.evidence.deposits import instruments
 from srprov.evidence.story import Story
@@ -74,12 +74,3 @@ def agents(told: Told) -> Iterator[Entity]:
     for name, word in zip(author_ids(told.story), names or ("The user who ran srprov",), strict=True):
         yield {"@id": name, "@type": "Person", "name": word}
     yield from software(told)
-
-
-def images(story: Story) -> Iterator[Entity]:
-    """Return the images of the trials' services, as far as their engines named them."""
-    for service, (name, digest) in story.images.items():
-        yield {
-            "@id": image_id(service), "@type": "ContainerImage", "name": name, "identifier": digest,
-            "additionalType": ref("https://w3id.org/ro/terms/workflow-run#DockerImage"),
-        }  # fmt: skip

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 from srprov.evidence import checklist, citation, crate, deposits, papers
 from srprov.evidence.crate_base import Told
+from srprov.evidence.crate_images import of_services
 from srprov.evidence.files import ABOUT, CRATE, MANIFEST, SIGNATURE, Files, content, json_of
 from srprov.evidence.session import data_sets
 from srprov.evidence.story import Story
@@ -56,6 +57,7 @@ def told_of(files: Files, story: Story, hashes: Mapping[str, tuple[int, str]]) -
         size=sum(size for name, (size, _) in hashes.items() if name not in GENERATED and name != ABOUT),
         data_sets=tuple(sorted(data_sets(files, story.home))),
         files=hashes,
+        images=of_services(story, files),
     )
 
 

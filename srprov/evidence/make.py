@@ -18,7 +18,7 @@ from typing import Any, BinaryIO
 import msgspec
 
 from srprov.errors import RefusedError, UsageError
-from srprov.evidence import descriptions, secrets, stored_zip, story
+from srprov.evidence import descriptions, make_images, secrets, stored_zip, story
 from srprov.evidence.files import (
     ABOUT,
     MANIFEST,
@@ -30,16 +30,14 @@ from srprov.evidence.files import (
     of_run,
     sessions,
 )
-from srprov.evidence.private_words import Replacer, Words, collect, without_access, without_user
-from srprov.record.folder import in_lines
+from srprov.evidence.images import SBOMS
+from srprov.evidence.private_words import Replacer, Words, collect
+from srprov.evidence.redacted import HARDWARE, is_as_it_came, redacted
 from srprov.record.runs import trials_run
-from srprov.untrusted import mapping, string_map
+from srprov.untrusted import mapping
 
 FORMAT = 1
-HARDWARE = "hardware.json"
-"""What of a session stays at home: which serial number has which token."""
 _SPOOLED = 1 << 20
-_LONGEST_LINE = 1 << 20
 _MOST_SHOWN = 10
 Sign = Callable[[bytes], bytes]
 
@@ -50,9 +48,14 @@ class Made(msgspec.Struct, frozen=True, kw_only=True):
     files: int
     size: int
     signed: bool
+    images: int = 0
+    """How many images it holds."""
 
 
-def bundle(folder: Path, target: Path, *, sign: Sign | None = None, no_secret: Collection[str] = ()) -> Made:
+def bundle(
+    folder: Path, target: Path, *, sign: Sign | None = None, no_secret: Collection[str] = (),
+    images: make_images.Wish | None = None,
+) -> Made:  # fmt: skip
     """Write the bundle of a run.
 
     Args:
@@ -60,9 +63,10 @@ def bundle(folder: Path, target: Path, *, sign: Sign | None = None, no_secret: C
         target: The file; what is there is replaced.
         sign: Gives the signature of the manifest.
         no_secret: Names of files that a person looked at: what looks like a secret in them is none.
+        images: Which images it is to hold; None: none.
 
     Raises:
-        UsageError: The folder holds no run that has ended, or the target lies in it.
+        UsageError: The folder holds no run that has ended, or the target lies in it; or an image is nowhere.
         RefusedError: A secret is in it.
         OSError: Something cannot be read or written.
     """
@@ -71,9 +75,10 @@ def bundle(folder: Path, target: Path, *, sign: Sign | None = None, no_secret: C
     try:
         for name in files.sizes:
             stored_zip.Names().add(name)
+        there = make_images.found(images, files, target.absolute().parent)
         with tempfile.NamedTemporaryFile(dir=target.absolute().parent, prefix=".srprov-", delete=False) as stream:
             try:
-                made = _Making(files, stored_zip.Writer(stream), no_secret).all(sign)  # type: ignore[arg-type]  # its type is a wrapper's
+                made = _Making(files, stored_zip.Writer(stream), no_secret, there).all(sign)  # type: ignore[arg-type]  # its type is a wrapper's
                 stream.flush()
                 os.replace(stream.name, target)
             except BaseException:
@@ -99,6 +104,7 @@ class _Making:
     files: Folder
     writer: stored_zip.Writer
     no_secret: Collection[str]
+    images: make_images.Found
     hashes: dict[str, tuple[int, str]] = field(default_factory=dict)
     bad: list[str] = field(default_factory=list)
 
@@ -114,8 +120,10 @@ class _Making:
             if not name.endswith(f"/{HARDWARE}") or is_as_it_came(name):
                 self._copy(name, replacer)
         self._refuse_secrets()
+        self._add_images()
         counts = {"replaced": replacer.count, "words": dict(sorted(words.kinds.items()))}
-        for name, content in _described(self._written(), self.hashes, counts):
+        about = {"redaction": counts, "images": self.images.about}
+        for name, content in _described(self._written(), self.hashes, about):
             self._add(name, content)
         self._refuse_secrets()
         manifest = "".join(f"{self.hashes[name][1]}  {name}\n" for name in sorted(self.hashes)).encode()
@@ -124,7 +132,21 @@ class _Making:
             signature = sign(manifest)
             self.writer.add(SIGNATURE, len(signature), [signature])
         self.writer.finish()
-        return Made(files=len(self.writer.entries), size=self.writer.stream.tell(), signed=sign is not None)
+        return Made(
+            files=len(self.writer.entries), size=self.writer.stream.tell(), signed=sign is not None,
+            images=sum(name.startswith(SBOMS) for name in self.hashes),
+        )  # fmt: skip
+
+    def _add_images(self) -> None:
+        packing = make_images.Packing(self._add_blob, self.images)
+        for name, content in packing.all().items():
+            self._add(name, content)
+        self.bad += [f"{name}: {why}" for name, why in packing.secret.items() if name not in self.no_secret]
+        self._refuse_secrets()
+
+    def _add_blob(self, name: str, size: int, sha256: str, pieces: Iterable[bytes]) -> None:
+        self.writer.add(name, size, pieces)
+        self.hashes[name] = (size, sha256)
 
     def _written(self) -> Files:
         return archive(self.writer.stream, self.writer.entries)
@@ -134,7 +156,7 @@ class _Making:
             self._stream(name, self.files.sizes[name], self.files)
             return
         with tempfile.SpooledTemporaryFile(_SPOOLED) as spool:
-            for piece in _redacted(self.files, name, replacer):
+            for piece in redacted(self.files, name, replacer):
                 spool.write(piece)
             size = spool.tell()
             self._stream(name, size, _One(spool, name, size))  # type: ignore[arg-type]  # a spool is a stream
@@ -184,14 +206,6 @@ class _One(msgspec.Struct, frozen=True):
             yield piece
 
 
-def is_as_it_came(name: str) -> bool:
-    """Return whether a file is bundled as it is: results, whose hashes the robots gave, and the experiment's own."""
-    parts = name.split("/")
-    results = parts[0] == "trials" and len(parts) > 3 and parts[2] == "results"
-    inputs = parts[0] == "sessions" and len(parts) > 3 and parts[2] == "inputs" and parts[3:] != ["inventory.yml"]
-    return results or inputs
-
-
 def _words(files: Files) -> Words:
     words = Words()
     for home in sessions(files):
@@ -201,34 +215,8 @@ def _words(files: Files) -> Words:
     return words
 
 
-def _redacted(files: Files, name: str, replacer: Replacer) -> Iterator[bytes]:
-    """Return a file's content without the lab's private words, line by line."""
-    end = name.rpartition("/")[2]
-    if name.startswith("sessions/") and end in ("facts.json", "inventory.yml"):
-        document = json_of(files, name)
-        tokens = string_map(json_of(files, f"{'/'.join(name.split('/')[:2])}/{HARDWARE}").get("tokens"))
-        some = without_user(document, tokens) if end == "facts.json" else without_access(document)
-        yield replacer.text(in_lines(some) + "\n").encode("utf-8", "surrogateescape")
-        return
-    for line in _lines(files.pieces(name)):
-        yield replacer.line(line)
-
-
-def _lines(pieces: Iterable[bytes]) -> Iterator[bytes]:
-    """Return the lines of a file; one that is very long in parts, which are cut where no word is."""
-    before = b""
-    for piece in pieces:
-        *lines, before = (before + piece).split(b"\n")
-        yield from (line + b"\n" for line in lines)
-        if len(before) > _LONGEST_LINE:
-            at = before.rfind(b" ") + 1 or len(before)
-            yield before[:at]
-            before = before[at:]
-    yield before
-
-
 def _described(
-    files: Files, hashes: Mapping[str, tuple[int, str]], counts: Mapping[str, Any]
+    files: Files, hashes: Mapping[str, tuple[int, str]], more: Mapping[str, Any]
 ) -> Iterator[tuple[str, bytes]]:
     """Return what a bundle has beside the files of the run."""
     with story.read(files) as found:
@@ -238,7 +226,7 @@ def _described(
             "run": found.run,
             "srprov": told.environment.get("srprov"),
             "descriptions": descriptions.RULES,
-            "redaction": counts,
+            **more,
         }
         yield ABOUT, (json.dumps(mapping(about), indent=2) + "\n").encode()
         yield from descriptions.written(told)

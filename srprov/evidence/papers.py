@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections import Counter
 
 from srprov.evidence.crate_base import Told, ended_utc
+from srprov.evidence.crate_images import in_words
 from srprov.evidence.files import MANIFEST, SIGNATURE
+from srprov.evidence.images import has_images
 from srprov.evidence.story import Story
 from srprov.untrusted import mapping, string
 
@@ -67,10 +69,9 @@ def _maps(story: Story) -> str:
 
 def _had(told: Told) -> str:
     """Return what of the experiment must be had from elsewhere."""
-    inside = any(name.startswith("images/") for name in told.files)
     images = (
-        ""
-        if inside
+        in_words(told)
+        if has_images(told.files)
         else """\
 Images are not in the bundle: their names
 and ids are in `journal.jsonl` and `ro-crate-metadata.json`, and they must be obtainable, or are built from the

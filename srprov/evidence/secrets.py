@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator
 from srprov.linear_regex import compiled
 from srprov.secret import redact
 
-_OVERLAP = 16 * 1024
+OVERLAP = 16 * 1024
 """Bytes of a piece that are looked at again with the next one."""
 _PATTERNS = {
     "a private key": r"-----BEGIN [A-Z ]{0,30}PRIVATE KEY-----|PuTTY-User-Key-File-[0-9]",
@@ -48,4 +48,4 @@ def _parts(pieces: Iterable[bytes]) -> Iterator[bytes]:
     for piece in pieces:
         part = before + piece
         yield part
-        before = part[-_OVERLAP:]
+        before = part[-OVERLAP:]

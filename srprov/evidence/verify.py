@@ -14,20 +14,23 @@ from itertools import islice
 import msgspec
 
 from srprov.errors import UsageError, visible
-from srprov.evidence import checks_crate, checks_files, checks_run, checks_values, story
+from srprov.evidence import checks_crate, checks_files, checks_images, checks_run, checks_values, story
 from srprov.evidence.checks_files import Hashed
+from srprov.evidence.checks_images import Images
 from srprov.evidence.files import ABOUT, MANIFEST, SIGNATURE, NotThere, Undecided, json_of, opened
+from srprov.evidence.images import has_images
 from srprov.evidence.make import FORMAT
 from srprov.evidence.story import Story
+from srprov.untrusted import mapping, mappings, strings
 
 MOST_DETAILS = 20
 """Of one check; there may be as many as files."""
 LIMITS = (
     "that the data come from these robots, and not from a careful forger",
     "what srprov does not record: where robots stood, light, floor, batteries, firmware of sensors, people",
-    "that images can still be had: they are named by their ids, and are not in the bundle",
 )
 """What cannot be verified."""
+ABSENT = "that images can still be had: {} named by their ids, and are not in the bundle"
 
 
 class Finding(msgspec.Struct, frozen=True):
@@ -45,11 +48,18 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
 
     run: str
     findings: tuple[Finding, ...]
+    absent: str = "they are"
+    """Which images are not in it, in words; empty: none."""
 
     @property
     def failed(self) -> bool:
         """Whether something is not as it should be."""
         return any(one.result == "fail" for one in self.findings)
+
+    @property
+    def unproven(self) -> tuple[str, ...]:
+        """What cannot be verified, of this bundle."""
+        return (*LIMITS, *([ABSENT.format(self.absent)] if self.absent else []))
 
 
 def verify(path: str, signers: str = "") -> Report:
@@ -72,7 +82,19 @@ def verify(path: str, signers: str = "") -> Report:
         except NotThere as error:
             why = str(error)
         findings = tuple(_findings(hashed, told, why, signers))
-        return Report(run=told.run if told else "", findings=findings)
+        return Report(run=told.run if told else "", findings=findings, absent=_absent(hashed))
+
+
+def _absent(hashed: Hashed) -> str:
+    """Return which images are not in a bundle, in words."""
+    if not has_images(hashed.files):
+        return "they are"
+    try:
+        left = mappings(mapping(json_of(hashed.files, ABOUT).get("images")).get("left_out"))
+    except NotThere:
+        return "they are"
+    names = sorted({visible(name[:100]) for one in left for name in strings(one.get("names"))})
+    return f"{', '.join(names[:MOST_DETAILS])} are" if names else ""
 
 
 def _check_format(hashed: Hashed, path: str) -> None:
@@ -98,6 +120,10 @@ def _findings(hashed: Hashed, told: Story | None, why: str, signers: str) -> Ite
     else:
         yield Finding("*", "what follows from the experiment", "skipped", ("its files cannot be read",))
     yield _done("S1", "the RO-Crate hangs together, and is true of the files", lambda: checks_crate.structure(hashed))
+    images = Images(hashed)
+    yield _done("I2", "images are what they are called, to the last layer", lambda: checks_images.layout(images))
+    if told is not None:
+        yield from _of_images(images, told)
     yield _done("P1", "nothing looks like a secret", lambda: checks_files.no_secrets(hashed))
 
 
@@ -124,6 +150,11 @@ def _of_story(hashed: Hashed, told: Story) -> Iterator[Finding]:
         yield _done("S2", described, partial(checks_crate.follows, hashed, told))
     yield Finding("J4", "what was run", "info", (checks_run.counted(told),))
     yield Finding("C1", "clocks", "info", (checks_run.clocks(told),))
+
+
+def _of_images(images: Images, told: Story) -> Iterator[Finding]:
+    yield _done("I3", "images are those that the run had", lambda: checks_images.of_run(images, told))
+    yield _done("I4", "lists of packages follow from the images", lambda: checks_images.packages(images, told))
 
 
 def _signature(hashed: Hashed, signers: str) -> Finding:

@@ -49,7 +49,8 @@ class Missing(msgspec.Struct, frozen=True, kw_only=True):
 class ImageParams(msgspec.Struct, frozen=True, kw_only=True):
     """What a playbook says of an image."""
 
-    source: Literal["pull", "build", "copy"]
+    source: Literal["pull", "build", "copy", "cache"]
+    """`cache`: from the controller's cache of layers."""
     blob: bytes | None = None
     """The build context as a tar, for `build`."""
     unpinned: bool = False
@@ -57,7 +58,8 @@ class ImageParams(msgspec.Struct, frozen=True, kw_only=True):
     from_: str = ""
     """The robot that has it, for `copy`."""
     id: str = ""
-    """The id of what is copied, where it was built before; empty: the plan has that robot build it."""
+    """The id of what is copied, where it was built before; empty: the plan has that robot build it. Of `cache`: the
+    digest of its configuration."""
     way: Literal["", "thin", "registry", "whole"] = ""
     """How it is copied; empty: as it is possible."""
     missing: Missing | None = None
@@ -71,6 +73,8 @@ class ImageParams(msgspec.Struct, frozen=True, kw_only=True):
             raise ParameterError("source", "an image that is built needs a 'blob'")
         if self.source == "copy" and not self.from_:
             raise ParameterError("source", "an image that is copied needs a 'from'")
+        if self.source == "cache" and not IMAGE_ID.fullmatch(self.id):
+            raise ParameterError("source", "an image from the cache needs the 'id' of its configuration")
 
 
 class ImageModule(Module[ImageParams]):
@@ -137,13 +141,15 @@ def _how(want: ImageParams) -> str:
     """Return way, layers and bytes of a copy, as far as they are known."""
     if want.way == "whole":
         return f"copied whole from {want.from_}"
+    if want.source == "cache":
+        return f"loaded from the controller's cache, {want.missing or 'the layers that are missing then'}"
     through = " through a registry" if want.way == "registry" else ""
     return f"copied{through} from {want.from_}, {want.missing or 'the layers that are missing then'}"
 
 
 def _getting(name: str, want: ImageParams) -> tuple[str, Command]:
     """Return how an image gets to the robot, in words and as a command."""
-    if want.source == "copy":
+    if want.source in ("copy", "cache"):
         copy = CopyImage(
             image=name, source_host=want.from_, id=want.id, way=want.way, runs=want.runs, timeout_s=_LONG_S
         )

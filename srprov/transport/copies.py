@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from srprov.session import Progress
 from srprov.transport.data_copy import send_data
 from srprov.transport.image_copy import copy_image
+from srprov.transport.image_load import load_image
 from srprov.transport.volume_copy import copy_volume
 from srprov.wire import Copy, CopyImage, CopyVolume, Reply
 
@@ -27,6 +28,8 @@ def copy(
     Raises:
         TransportError: The robot cannot be talked to any more.
     """
+    if isinstance(command, CopyImage) and not command.source_host:
+        return load_image(command, session, options, progress)
     if isinstance(command, CopyImage):
         return copy_image(command, session, peers, options, progress)
     if isinstance(command, CopyVolume):

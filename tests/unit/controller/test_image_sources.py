@@ -8,8 +8,12 @@ from typing import Any
 
 import pytest
 
+from srprov.controller import bundled as bundles
 from srprov.controller.remembering import note_built
+from srprov.controller.request import BundledImage
 from srprov.controller.robot_images import robot_images
+from srprov.definitions.containermodel import Runtime
+from srprov.definitions.model import Experiment, Service
 from srprov.facts.model import Docker, HostFacts, Snapshot
 from srprov.images.plan import ImagePlan
 from srprov.record.memory import known_images, note_images
@@ -18,7 +22,10 @@ from srprov.resource import Observed
 TAG = "srprov/x:0123456789abcdef"
 
 
-def sources(known: dict[str, set[str]], builders: tuple[str, ...] = (), **ids: str) -> dict[str, tuple[str, str]]:
+def sources(
+    known: dict[str, set[str]], builders: tuple[str, ...] = (), bundled: dict[str, BundledImage] | None = None,
+    **ids: str,
+) -> dict[str, tuple[str, str]]:  # fmt: skip
     """Return robot -> (source, from) of the image that `b` runs, where robots list an image of an id under its tag."""
     plan = ImagePlan(tag=TAG, dockerfile="FROM x", context=b"tar", base="x", pinned=True)
     docker = Docker(version="20.10", api_version="1.41")
@@ -30,7 +37,7 @@ def sources(known: dict[str, set[str]], builders: tuple[str, ...] = (), **ids: s
         for name in facts
     }
     inputs: Any = SimpleNamespace(
-        experiment=SimpleNamespace(services={"one": SimpleNamespace(image="", cdf="x")}),
+        experiment=SimpleNamespace(services={"one": SimpleNamespace(name="one", image="", cdf="x")}),
         placed={"one": "b"},
         images={"x": plan},
         references={},
@@ -38,11 +45,14 @@ def sources(known: dict[str, set[str]], builders: tuple[str, ...] = (), **ids: s
         known_images=known,
         copy_way="",
         copied={},
+        bundled=bundled or {},
         builders=builders,
     )
     found = robot_images(inputs, {})
     assert all(one["runs"] == ["amd64", "386"] for images in found.values() for one in images)
-    assert all(one.get("id", "") in ("", ids.get(one.get("from", ""))) for images in found.values() for one in images)
+    assert bundled or all(
+        one.get("id", "") in ("", ids.get(one.get("from", ""))) for images in found.values() for one in images
+    )
     return {
         host: (one["source"], f"{one.get('from', '')} {one.get('id', '')}".strip())
         for host, images in found.items()
@@ -52,6 +62,35 @@ def sources(known: dict[str, set[str]], builders: tuple[str, ...] = (), **ids: s
 
 def test_an_image_that_this_machine_had_built_is_copied_by_its_id() -> None:
     assert sources({TAG: {"sha256:1", "sha256:2"}}, c="sha256:1") == {"b": ("copy", "c sha256:1")}
+
+
+def test_an_image_of_a_bundle_comes_from_this_machine_wherever_its_name_leads() -> None:
+    found = sources({TAG: {"sha256:1"}}, b="sha256:1", c="sha256:1", bundled={"one": BundledImage("sha256:5", "amd64")})
+    assert found == {"b": ("cache", "sha256:5")}
+
+
+def test_a_service_has_the_image_of_a_bundle_that_its_robot_runs() -> None:
+    """No registry is asked for it, whatever the experiment says; what nobody needs is not built."""
+    docker = Docker(version="20.10", api_version="1.41")
+    facts = {name: HostFacts(name=name, arch=name, docker=docker) for name in ("amd64", "arm64", "riscv64")}
+    arm, amd = BundledImage("sha256:" + "a" * 64, "arm64"), BundledImage("sha256:" + "b" * 64, "amd64")
+    services = {
+        name: Service(name=name, cdf="x", runtime=Runtime(pull_policy="always")) for name in ("one", "two", "off")
+    }
+    experiment = Experiment(name="x", file="/x.edf", folder="/", services=services)
+    placed = {"one": "amd64", "two": "riscv64", "off": "away"}
+    mine, changed = bundles.chosen(dict.fromkeys(services, (arm, amd)), experiment, placed, facts)
+    assert mine == {"one": amd} and amd.name == "srprov/bundled:" + "b" * 64
+    assert {name: one.runtime.pull_policy for name, one in changed.services.items()} == {
+        "one": "missing", "two": "always", "off": "always",
+    }  # fmt: skip
+    containers: Any = {"x": 1, "y": 2}
+    assert bundles.to_build(containers, changed, mine) == {"x": 1} and bundles.unbuilt(containers, changed, mine) == {
+        "y"
+    }
+    assert bundles.to_build(containers, changed, {}) == containers and not bundles.unbuilt(containers, changed, {})
+    whole = dict.fromkeys(services, amd)
+    assert bundles.to_build(containers, changed, whole) == {}
 
 
 @pytest.mark.parametrize("known", [{}, {TAG: {"sha256:1"}}])

@@ -125,7 +125,7 @@ def test_another_image_is_different_also_under_the_same_name(run: Path, tmp_path
         )
     found = between(run, other)
     assert (found.answer, graded(found)) == ("different", {"images": "different"})
-    assert lines(found, "images")["runner"].endswith("and runner:1 x")
+    assert "and runner:1 x; their packages" in lines(found, "images")["runner"]
 
 
 def test_robots_of_other_names_are_equivalent_and_another_kind_is_told(run: Path, tmp_path: Path) -> None:

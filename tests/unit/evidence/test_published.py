@@ -73,7 +73,8 @@ def test_plain_tools_read_its_tables(folder: Path) -> None:
 def test_it_passes_every_check_of_verify() -> None:
     report = verify(str(BUNDLE), str(SIGNERS))
     assert [(one.id, one.details) for one in report.findings if one.result == "fail"] == []
-    assert {one.id for one in report.findings if one.result == "skipped"} <= {"S2"}, "other rules, or another version"
+    skipped = {one.id for one in report.findings if one.result == "skipped"} - {"I2", "I3", "I4"}  # it has no images
+    assert skipped <= {"S2"}, "other rules, or another version"
     (run,) = (one for one in report.findings if one.id == "J4")
     assert f"{TRIALS} trials" in run.details[0], run
 

@@ -312,7 +312,7 @@ def test_the_shipped_playbooks_render() -> None:
         ("- file: x\n  content: {{ half }}\n", "content holds half a character"),
         ("- file: {{ nul }}\n  content: y\n", "its name holds a NUL"),
         ("- volume: v\n  instance: {{ nul }}\n  source: s\n", "instance holds a NUL"),
-        ("- image: i\n  source: steal\n", "source: expected one of pull, build, copy, not 'steal'"),
+        ("- image: i\n  source: steal\n", "source: expected one of pull, build, copy, cache, not 'steal'"),
         ("- image: i\n  source: build\n", "an image that is built needs a 'blob'"),
         ("- image: i\n  source: copy\n", "an image that is copied needs a 'from'"),
         ("- command: c\n  argv: [a]\n", "a command needs 'unless' or 'creates'"),

@@ -18,6 +18,7 @@ from srprov.errors import TransportError
 from srprov.spool import tidy_script
 from srprov.transport import image_deliver, image_source, link_rate
 from srprov.transport.blobs import Blobs
+from srprov.transport.copies import copy
 from srprov.transport.image_copy import copy_image
 from srprov.transport.image_source import ImageSources
 from srprov.transport.link_rate import Links
@@ -398,3 +399,60 @@ def test_a_link_is_fast_when_it_takes_and_gives_a_mebibyte_in_time(
         assert (links.gives_fast(builder), links.takes_fast(builder)) == (wanted, wanted)
     world.builder.spools = False  # its shell says something else
     assert not Links().takes_fast(builder)
+
+
+NAME = "srprov/bundled:" + IMAGE.id[7:]
+
+
+def kept(world: World, *, without: bytes = b"") -> None:
+    """Have the image in the cache of this machine, as a bundle brings it there."""
+    for content in (IMAGE.config, BASE, TOP):
+        if content != without:
+            world.sources.blobs.add_content(sha(content), [content])
+
+
+def load(world: World, **more: Any) -> Reply:
+    session: Any = world.target
+    options = ConnectOptions(image_sources=world.sources)
+    return copy(CopyImage(image=NAME, source_host="", id=IMAGE.id, **more), session, None, options, world.said.append)
+
+
+def test_an_image_of_the_cache_is_loaded_without_the_layers_that_are_there(world: World) -> None:
+    kept(world)
+    world.target.images["base"] = Made(BASE)
+    reply = load(world)
+    assert reply.ok and world.target.images[NAME].id == IMAGE.id and reply.out.startswith("sent 1 of 2 layers")
+    assert world.builder.saves == 0 and world.is_clean()
+    again = load(world)
+    assert again.ok and again.out.startswith("sent 0 of 2 layers")
+
+
+@pytest.mark.parametrize("store", ["none", "containerd"])
+def test_an_engine_of_another_store_gets_an_image_of_the_cache_whole(world: World, store: str) -> None:
+    kept(world)
+    if store == "none":
+        world.target.info.clear()
+    else:
+        world.target.info["DriverStatus"] = CONTAINERD
+    assert load(world).ok and world.target.images[NAME].id == IMAGE.id
+
+
+def test_an_engine_that_has_lost_a_layer_gets_an_image_of_the_cache_whole(world: World) -> None:
+    kept(world)
+    world.target.images["base"] = Made(BASE)
+    world.target.lost = {sha(BASE)}
+    assert load(world).ok and world.target.images[NAME].id == IMAGE.id
+    world.target.images = {"base": Made(BASE)}
+    assert not load(world, way="thin").ok
+
+
+def test_what_is_not_in_the_cache_or_is_for_another_robot_is_a_failure(world: World) -> None:
+    missing = load(world)
+    assert not missing.ok and "is not in this machine's cache of layers any more" in missing.err
+    kept(world, without=TOP)
+    assert not load(world).ok and not world.target.images
+    kept(world)
+    other: Any = CopyImage(image=NAME, source_host="", id=sha(BASE))
+    session: Any = world.target
+    found = copy(other, session, None, ConnectOptions(image_sources=world.sources), world.said.append)
+    assert not found.ok and "is the configuration of no image" in found.err

@@ -1,0 +1,121 @@
+"""Images of a run from the engines that have them, for its bundle: this machine's, or robots'.
+
+Takes the robots and ids of images; reads configurations and layers into this machine's cache of layers, where each was
+compared with its digest. Nothing is changed on any robot, but a spool that goes again where an engine's files cannot be
+read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+
+import msgspec
+
+from srprov.controller import fleet as fleets
+from srprov.controller.fleet import Fleet
+from srprov.definitions.model import Host, Inventory
+from srprov.errors import TransportError, UsageError
+from srprov.layers import Image, read_config
+from srprov.session import Session
+from srprov.transport.blobs import Blob
+from srprov.transport.image_archive import ForeignImage
+from srprov.transport.image_config import configuration
+from srprov.transport.image_source import ImageSources
+from srprov.transport.image_there import image_of, store_of
+from srprov.untrusted import json_or_none
+
+HERE = "this machine"
+Say = Callable[[str], None]
+
+
+class Read(msgspec.Struct, frozen=True, kw_only=True):
+    """An image whose configuration and layers are in this machine's cache."""
+
+    config: bytes
+    documents: tuple[bytes, ...]
+    """Configuration, manifests and indexes that were read."""
+    layers: tuple[Blob, ...]
+    """Each once, from the base up."""
+
+
+@contextmanager
+def own_engine(timeout_s: float) -> Iterator[Fleet]:
+    """Connect to the engine of this machine."""
+    here = Inventory(hosts={HERE: Host(name=HERE, address="localhost", connection="local")}, groups={"all": (HERE,)})
+    with fleets.connect(here, timeout_s=timeout_s, forks=1) as found:
+        yield found
+
+
+class Engines:
+    """Engines that may have images."""
+
+    def __init__(self, fleet: Fleet) -> None:
+        """Take the robots; those that cannot be reached are told of when an image is nowhere."""
+        self._fleet, self._sources = fleet, ImageSources()
+
+    def read(self, image: str, words: str, first: Sequence[str], say: Say) -> Read:
+        """Read an image.
+
+        Args:
+            image: Its id, as an engine has it.
+            words: It, in words.
+            first: Robots that are asked first.
+            say: Is told how far it is.
+
+        Raises:
+            UsageError: No engine has it, or gives it.
+            OSError: There is no room for it here.
+        """
+        if cached := self._cached(image):
+            return cached
+        why: dict[str, str] = {}
+        names = [one for one in first if one in self._fleet.inventory.hosts]
+        names += [one for one in sorted(self._fleet.inventory.hosts) if one not in names]
+        for name in names:
+            try:
+                session = self._fleet.sessions.get(name)
+                found = image_of(session, image)
+                if found is not None and found.id == image:
+                    return self._from(session, found, words, say)
+                why[name] = "it does not have it"
+            except TransportError as error:
+                why[name] = error.message
+            except ForeignImage as error:
+                why[name] = str(error)
+        told = "; ".join(f"{name}: {one}" for name, one in sorted(why.items()))
+        hint = "name the robots that ran it with -i, while they have it; or --with-images none"
+        raise UsageError(f"{words} cannot be had: {told}", hint=hint)
+
+    def _cached(self, image: str) -> Read | None:
+        """Return an image of which all is in the cache already."""
+        blobs = self._sources.blobs
+        if blobs.size(image) is None or (config := blobs.get(image)) is None:
+            return None
+        content = b"".join(config.content())
+        found = read_config(image, json_or_none(content.decode("utf-8", "replace")))
+        layers = [blobs.get(one, lambda: True) for one in dict.fromkeys(found.diff_ids)] if found else [None]
+        kept = tuple(one for one in layers if one is not None)
+        return Read(config=content, documents=(content,), layers=kept) if len(kept) == len(layers) else None
+
+    def _from(self, session: Session, image: Image, words: str, say: Say) -> Read:
+        classic = store_of(session) == "classic"
+        documents: list[bytes] = []
+
+        def fast() -> bool:
+            return self._sources.links.gives_fast(session)
+
+        with self._sources.source(session, image) as source:
+
+            def small(digest: str) -> Blob:
+                found = source.get(digest, f"{words}, configuration", say)
+                documents.append(b"".join(found.content()))
+                return found
+
+            found, config = configuration(image, small, classic=classic)
+            wanted = tuple(dict.fromkeys(found.diff_ids))
+            layers = [
+                source.get(one, f"{words}, layer {number} of {len(wanted)}", say, fast)
+                for number, one in enumerate(wanted, start=1)
+            ]
+        return Read(config=b"".join(config.content()), documents=tuple(documents), layers=tuple(layers))

@@ -1,0 +1,129 @@
+"""Layers of an image -> the files in which it says what is installed in it.
+
+Takes each layer's tar once; gives the few files of it that count, and what it takes away of those below. What is in
+a layer is the image's own word: it is bounded, and nothing of it is run.
+
+Source: OCI Image Format Specification, "Whiteouts"; Debian Policy, "/var/lib/dpkg/status"; apk-tools, "installed";
+PyPA, "Recording installed projects"; REP 149.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import msgspec
+
+from srprov.oci.members import Members
+
+_DATABASES = re.compile(
+    r"(?:usr/)?(?:etc|lib)/os-release|var/lib/dpkg/status|var/lib/dpkg/status\.d/[^/]+|(?:usr/)?lib/apk/db/installed"
+    r"|(?:.*/)?[^/]+\.dist-info/(?:METADATA|INSTALLER)|(?:.*/)?[^/]+\.egg-info(?:/PKG-INFO)?"
+    r"|usr/(?:local/)?lib/node_modules/(?:@[^/]+/)?[^/]+/package\.json|(?:.*/)?share/[^/]+/package\.xml"
+)
+_WHITEOUT, _OPAQUE = ".wh.", ".wh..wh..opq"
+_LONGEST = 32 << 20
+"""Bytes of one file."""
+_MOST_BYTES = 96 << 20
+_MOST_FILES = 50_000
+_LONGEST_PATH = 1024
+
+
+class Layer(msgspec.Struct, frozen=True):
+    """What of a layer counts."""
+
+    files: Mapping[str, bytes]
+    """Path -> content of what says something of packages."""
+    gone: frozenset[str] = frozenset()
+    """Files and folders that it takes away of layers below."""
+    emptied: frozenset[str] = frozenset()
+    """Folders of which nothing below is left."""
+    unread: str = ""
+    """Why it could not be read to its end, or nothing."""
+
+
+@dataclass(slots=True)
+class _Reading:
+    """What was found so far."""
+
+    files: dict[str, bytes] = field(default_factory=dict)
+    gone: set[str] = field(default_factory=set)
+    emptied: set[str] = field(default_factory=set)
+    size: int = 0
+
+
+def read(pieces: Iterable[bytes]) -> Layer:
+    """Read a layer to its end; one that is odd is given as far as it could be read, and the rest of it is passed over.
+
+    Raises:
+        ValueError: Whatever gives the pieces raises it.
+    """
+    found, why, source = _Reading(), "", _Watched(pieces)
+    try:
+        _read(Members(source), found)
+    except ValueError as error:
+        if source.failed:
+            raise
+        why = str(error)
+        for _ in source:
+            pass
+    return Layer(found.files, frozenset(found.gone), frozenset(found.emptied), why)
+
+
+class _Watched:
+    """Pieces, and whether it was they that failed."""
+
+    def __init__(self, pieces: Iterable[bytes]) -> None:
+        self._pieces, self.failed = iter(pieces), False
+
+    def __iter__(self) -> _Watched:
+        return self
+
+    def __next__(self) -> bytes:
+        try:
+            return next(self._pieces)
+        except ValueError:
+            self.failed = True
+            raise
+
+
+def _read(members: Members, found: _Reading) -> None:
+    for one in members:
+        folder, _, name = one.path.rpartition("/")
+        if name == _OPAQUE:
+            found.emptied.add(folder)
+        elif name.startswith(_WHITEOUT):
+            found.gone.add(f"{folder}/{name[len(_WHITEOUT) :]}".removeprefix("/"))
+        elif len(one.path) <= _LONGEST_PATH and _DATABASES.fullmatch(one.path):
+            if one.is_file:
+                found.size += one.size
+                if one.size > _LONGEST or found.size > _MOST_BYTES:
+                    raise ValueError("its lists of packages are longer than any sensible ones")
+                found.files[one.path] = b"".join(members.content())
+            elif not one.is_folder:  # a link, in the place of what was there
+                found.files.pop(one.path, None)
+                found.gone.add(one.path)
+        if len(found.files) + len(found.gone) + len(found.emptied) > _MOST_FILES:
+            raise ValueError(f"more than {_MOST_FILES} files in it say something of packages, or are taken away")
+
+
+def merged(layers: Sequence[Layer]) -> dict[str, bytes]:
+    """Return path -> content in the whole image, of its layers from the base up.
+
+    A folder that a layer replaces by a link is not noticed: its files stay.
+    """
+    found: dict[str, bytes] = {}
+    for one in layers:
+        if one.gone or one.emptied:
+            found = {path: data for path, data in found.items() if not _hidden(path, one)}
+        found |= one.files
+    return {path: found[path] for path in sorted(found)}
+
+
+def _hidden(path: str, layer: Layer) -> bool:
+    if path in layer.gone or ("" in layer.emptied):
+        return True
+    parts = path.split("/")
+    above = ["/".join(parts[:count]) for count in range(1, len(parts))]
+    return any(folder in layer.gone or folder in layer.emptied for folder in above)

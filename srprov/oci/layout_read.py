@@ -1,0 +1,154 @@
+"""An OCI image layout that somebody wrote -> its images, within limits; layers are not opened here.
+
+Takes names with sizes and a way to read small files; gives values, or ValueError with the first thing that is wrong. A
+layout is a stranger's: only what srprov writes is read, digests are compared with content, and no name of it is used
+but such as follow from a digest.
+
+Source: OCI Image Format Specification 1.1.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import msgspec
+
+from srprov.layers import architecture_of
+from srprov.oci.layout import (
+    CONFIG_TYPE,
+    ENGINE_IDS,
+    INDEX,
+    LAYER_TYPE,
+    LONGEST,
+    MANIFEST_TYPE,
+    MARK,
+    NAMES,
+    VERSION,
+    PackedLayer,
+    Stored,
+    blob,
+    documents,
+    leading,
+    sha256,
+    word,
+)  # fmt: skip
+from srprov.untrusted import mapping, mappings, parse_json, string
+
+MOST_IMAGES = 200
+_MOST_LAYERS = 512
+_MOST_IDS = 8
+"""Of one image: engines have stores of two kinds."""
+_DIGEST = re.compile("sha256:[0-9a-f]{64}")
+_NAME = re.compile("[A-Za-z0-9][A-Za-z0-9@:/._-]{0,400}")
+
+
+class Source(msgspec.Struct, frozen=True):
+    """The files of a layout."""
+
+    sizes: Mapping[str, int]
+    """Path below the layout -> bytes."""
+    content: Callable[[str], bytes]
+    """Gives a small file."""
+
+
+def read(source: Source) -> tuple[Stored, ...]:
+    """Read a layout.
+
+    Raises:
+        ValueError: It is not one that srprov wrote.
+    """
+    if mapping(_document(source, MARK)).get("imageLayoutVersion") != VERSION:
+        raise ValueError(f"{MARK} says another version than {VERSION}")
+    entries = mappings(_document(source, INDEX).get("manifests"), most=MOST_IMAGES + 1)
+    if not 0 < len(entries) <= MOST_IMAGES:
+        raise ValueError(f"{INDEX} names {len(entries)} images, and {MOST_IMAGES} are the most")
+    found = tuple(_image(source, one) for one in entries)
+    if len({one.id for one in found}) != len(found):
+        raise ValueError(f"{INDEX} names one image twice")
+    for path, content in documents(found).items():
+        if source.sizes.get(path) != len(content) or source.content(path) != content:
+            raise ValueError(f"{path} is not written as srprov writes it")
+    named = set(documents(found)) | {blob(layer.digest) for one in found for layer in one.layers}
+    if strange := sorted(source.sizes.keys() - named):
+        raise ValueError(f"{strange[0][:200]!r} belongs to no image")
+    return found
+
+
+def _document(source: Source, path: str) -> Mapping[str, Any]:
+    data = _small(source, path)
+    try:
+        found = parse_json(data.decode("utf-8"))
+    except ValueError as error:  # so is what is not UTF-8
+        raise ValueError(f"{path}: {error}") from None
+    if not isinstance(found, Mapping):
+        raise ValueError(f"{path} is no JSON map")
+    return found
+
+
+def _small(source: Source, path: str) -> bytes:
+    size = source.sizes.get(path)
+    if size is None:
+        raise ValueError(f"{path} is missing")
+    if size > LONGEST:
+        raise ValueError(f"{path} is longer than any sensible document")
+    return source.content(path)
+
+
+def _blob(source: Source, one: Mapping[str, Any], kind: str) -> str:
+    """Return the digest that a descriptor names; its file is there, and has the size."""
+    digest, size = string(one.get("digest")), one.get("size")
+    if one.get("mediaType") != kind or not _DIGEST.fullmatch(digest):
+        raise ValueError(f"a descriptor of {digest[:80]!r} is none of {kind}")
+    there = source.sizes.get(blob(digest))
+    if there is None:
+        raise ValueError(f"{blob(digest)} is missing")
+    if type(size) is not int or size != there:
+        raise ValueError(f"{blob(digest)} has {there} bytes, and its descriptor says {str(size)[:40]}")
+    return digest
+
+
+def _checked(source: Source, digest: str) -> bytes:
+    data = _small(source, blob(digest))
+    if sha256(data) != digest:
+        raise ValueError(f"{blob(digest)} has another content than its name says")
+    return data
+
+
+def _image(source: Source, entry: Mapping[str, Any]) -> Stored:
+    digest = _blob(source, entry, MANIFEST_TYPE)
+    _checked(source, digest)
+    manifest = _document(source, blob(digest))
+    config_id = _blob(source, mapping(manifest.get("config")), CONFIG_TYPE)
+    config = _checked(source, config_id)
+    said = _document(source, blob(config_id))
+    layers = mappings(manifest.get("layers"), most=_MOST_LAYERS + 1)
+    diff_ids = mapping(said.get("rootfs")).get("diff_ids")
+    ids = [string(one) for one in diff_ids[: _MOST_LAYERS + 1]] if isinstance(diff_ids, list) else []
+    if not 0 < len(layers) <= _MOST_LAYERS or len(layers) != len(ids) or not all(map(_DIGEST.fullmatch, ids)):
+        raise ValueError(f"the image {config_id} has {len(layers)} layers, and its configuration names {len(ids)}")
+    packed = [
+        PackedLayer(diff_id, _blob(source, one, LAYER_TYPE), int(one["size"]))
+        for diff_id, one in zip(ids, layers, strict=True)
+    ]
+    if len({(one.diff_id, one.digest) for one in packed}) != len({one.diff_id for one in packed}):
+        raise ValueError(f"the image {config_id} has one layer packed twice")
+    notes = mapping(entry.get("annotations"))
+    names = string(notes.get(NAMES)).split(" ")
+    if not all(map(_NAME.fullmatch, names)):
+        raise ValueError(f"the image {config_id} has no name that an image can have")
+    engine_ids = string(notes.get(ENGINE_IDS)).split(" ")[:_MOST_IDS]
+    return Stored(
+        id=config_id, engine_ids=tuple(engine_ids), names=tuple(names), config=config, layers=tuple(packed),
+        documents=leading(engine_ids, config_id, lambda digest: _document_of(source, digest)),
+        architecture=architecture_of(said.get("architecture")), os=word(said.get("os")),
+        variant=word(said.get("variant")),
+    )  # fmt: skip
+
+
+def _document_of(source: Source, digest: str) -> bytes | None:
+    """Return the document that has a digest; None where there is none."""
+    if not _DIGEST.fullmatch(digest) or not 0 < source.sizes.get(blob(digest), 0) <= LONGEST:
+        return None
+    return _checked(source, digest)
