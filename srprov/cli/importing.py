@@ -9,7 +9,7 @@ import click
 
 from srprov import names
 from srprov.cli.codes import USAGE
-from srprov.cli.output import err, out, out_json
+from srprov.cli.output import counted, err, out, out_json
 from srprov.errors import UsageError
 
 if TYPE_CHECKING:
@@ -57,7 +57,7 @@ def importing() -> None:
     """Make an experiment of files that were written for other tools; no robot is asked."""
 
 
-@importing.command()
+@importing.command(short_help="Make an experiment of Docker Compose files.")
 @_common
 @click.option(
     "--profile", "profiles", multiple=True, metavar="NAME",
@@ -84,17 +84,15 @@ def compose(
     Variables come from --set, env files and defaults in the files, never from the environment.
     """
     from srprov.conversion.compose import Wanted, draft
-    from srprov.conversion.folder import check_target
 
-    check_target(target)
     wanted = Wanted(
         files=files, folder=target, profiles=profiles, env_files=env_files, settings=settings, robot_map=robot_map,
         name=name, home=home,
     )  # fmt: skip
-    return _finished(draft(wanted), files, target, form, strict=strict)
+    return _shown(lambda: draft(wanted), files, target, form, strict=strict)
 
 
-@importing.command()
+@importing.command(short_help="Make an experiment of a definition of SwarmRob's, and its Dockerfiles.")
 @_common
 def swarmrob(
     files: tuple[str, ...], settings: dict[str, str], name: str, strict: bool, form: str, target: str
@@ -103,11 +101,26 @@ def swarmrob(
 
     A service whose image is called like the folder of a Dockerfile is built by it. Variables in values come from --set.
     """
-    from srprov.conversion.folder import check_target
     from srprov.conversion.swarmrob import draft
 
+    return _shown(lambda: draft(files, target, settings, name), files, target, form, strict=strict)
+
+
+def _shown(make: Callable[[], Draft], files: Sequence[str], target: str, form: str, *, strict: bool) -> int:
+    """Make a draft, write it unless something is refused, and show the report in the form that was asked for."""
+    from srprov.conversion import report
+    from srprov.conversion.folder import check_target
+    from srprov.importing.normal import Refused
+
     check_target(target)
-    return _finished(draft(files, target, settings, name), files, target, form, strict=strict)
+    try:
+        return _finished(make(), files, target, form, strict=strict)
+    except Refused as error:
+        if form == "json":
+            out_json(report.refusal(error.problems))
+        elif form == "sarif":
+            out(report.as_sarif(report.of_problems(error.problems)))
+        raise
 
 
 def _finished(draft: Draft, files: Sequence[str], target: str, form: str, *, strict: bool) -> int:
@@ -125,10 +138,12 @@ def _finished(draft: Draft, files: Sequence[str], target: str, form: str, *, str
     elif form == "text":
         out(report.as_text(draft))
     else:
-        out(report.as_sarif(draft) if form == "sarif" else report.as_markdown(draft, files))
+        out(report.as_sarif(report.told(draft)) if form == "sarif" else report.as_markdown(draft, files))
     if refused:
         what = f"{len(draft.refused)} refused" if draft.refused else f"{len(dropped)} dropped, and --strict"
         err(f"error: nothing was written: {what}")
         return USAGE
-    (out if form == "text" else err)(f"{target}/{EDF}: {len(draft.edf['services'])} services; see {target}/{REPORT}")
+    (out if form == "text" else err)(
+        f"{target}/{EDF}: {counted(len(draft.edf['services']), 'service')}; see {target}/{REPORT}"
+    )
     return 0

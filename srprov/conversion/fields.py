@@ -15,6 +15,7 @@ _SIZES = ("mem_limit", "mem_reservation", "shm_size")
 _NUMBERS = ("oom_score_adj", "cpus")
 _NAMESPACES = {"ipc": ("host", "private", "shareable", "none"), "pid": ("host",)}
 _EXPOSED = re.compile(r"[0-9]{1,5}(-[0-9]{1,5})?(/(tcp|udp))?")
+_SECRET = re.compile(r"passw|secret|token|credential|api_?key", re.IGNORECASE)
 _OURS = re.compile(r"srprov(\.|\Z)")
 _PROFILE_FILE = re.compile(r"(seccomp|apparmor|label)[=:](?P<value>.*)", re.DOTALL)
 
@@ -67,6 +68,13 @@ def environment(given: _Given, project: Project, at: Path) -> dict[str, Any]:
     for name in sorted(name for name, value in found.items() if value is None):
         words = f"'{name}' has no value: it is left out"
         project.notes.adapted((*path, name), words, f"--set {name}=VALUE, or a bare {name} in the experiment's file")
+    own = project.notes.normal.position_of(at).file
+    for name in (name for name, value in found.items() if value and _SECRET.search(name)):
+        if project.notes.normal.position_of((*path, name)).file != own:
+            words = f"the value of '{name}' stands in the experiment in the clear, as its name says it should not"
+            project.notes.adapted(
+                (*path, name), words, "make it one of the file's 'secrets', and read /run/secrets/NAME"
+            )
     kept = {name: value for name, value in found.items() if value is not None}
     return {"environment": kept} if kept else {}
 

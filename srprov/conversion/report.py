@@ -13,7 +13,7 @@ from srprov import __version__
 from srprov.conversion.experiment import Draft
 from srprov.conversion.kept import Kept
 from srprov.conversion.notes import Finding
-from srprov.errors import visible
+from srprov.errors import Diagnostic, visible
 
 _ORDER = (Kept.REFUSED, Kept.DROPPED, Kept.ADAPTED)
 _HEADS = {
@@ -115,10 +115,7 @@ def as_document(draft: Draft, folder: str, services: Sequence[str]) -> dict[str,
         "name": draft.edf["name"],
         "services": list(services),
         "counts": counts(draft),
-        "findings": [
-            {**_at(one), "key": one.key, "kept": one.kept.value, "message": one.message, "hint": one.hint}
-            for one in told(draft)
-        ],
+        "findings": [_row(one) for one in told(draft)],
         "notes": [{**_at(one), "message": one.message, "hint": one.hint} for one in draft.notes],
         "variables": [{**_at(one), "name": one.name, "source": one.source} for one in draft.variables],
     }
@@ -128,13 +125,37 @@ def _at(one: Any) -> dict[str, Any]:  # noqa: ANN401 - findings, notes and varia
     return {"file": one.at.file, "line": one.at.line, "column": one.at.column}
 
 
-def as_sarif(draft: Draft) -> str:
+def of_problems(problems: Sequence[Diagnostic]) -> list[Finding]:
+    """Return what a file is refused for as a whole, as findings."""
+    return [Finding(one.location, one.path, Kept.REFUSED, one.message, one.hint) for one in problems]
+
+
+def refusal(problems: Sequence[Diagnostic]) -> dict[str, Any]:
+    """Return what `--format json` prints where nothing could be made of the files."""
+    found = of_problems(problems)
+    numbers = {kept.value: len(found) if kept is Kept.REFUSED else 0 for kept in Kept}
+    return {
+        "folder": "",
+        "name": "",
+        "services": [],
+        "counts": numbers,
+        "findings": [_row(one) for one in found],
+        "notes": [],
+        "variables": [],
+    }
+
+
+def _row(one: Finding) -> dict[str, Any]:
+    return {**_at(one), "key": one.key, "kept": one.kept.value, "message": one.message, "hint": one.hint}
+
+
+def as_sarif(found: Sequence[Finding]) -> str:
     """Return a SARIF 2.1.0 log with each key that is not kept as it is."""
     rules = [{"id": kept.value, "shortDescription": {"text": _HEADS[kept]}} for kept in _ORDER]
     run = {
         "tool": {"driver": {"name": "srprov import", "version": __version__, "rules": rules}},
         "columnKind": "unicodeCodePoints",
-        "results": [_result(one) for one in told(draft)],
+        "results": [_result(one) for one in found],
     }
     log = {"$schema": "https://json.schemastore.org/sarif-2.1.0.json", "version": "2.1.0", "runs": [run]}
     return json.dumps(log, indent=2)

@@ -35,7 +35,7 @@ SERVICE: tuple[Row, ...] = (
     exact(
         f"{_S}.environment",
         "",
-        (Kept.ADAPTED, "a name without a value is left out unless `--set` gives one"),
+        (Kept.ADAPTED, "a name without a value is left out unless `--set` gives one; secrets of env files are told"),
     ),
     adapted(f"{_S}.env_file", "`environment`", "its values stand in the service's `environment`"),
     adapted(f"{_S}.env_file.path", "`environment`", "its values stand in the service's `environment`"),

@@ -166,3 +166,36 @@ def test_secrets_of_files_are_never_written(here: Path, capsys: pytest.CaptureFi
     assert b"hunter2" not in every and "hunter2" not in shown.out + shown.err
     source = load_experiment("out/experiment.edf").experiment.secrets["t"]
     assert Path(source.file).read_text() == "hunter2-hunter2"
+
+
+@pytest.mark.parametrize("form", ["json", "sarif"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "services: {a: {image: x, nonsense: 1}}\n",
+        "services: {a: {image: X y}}\n",
+    ],
+)
+def test_what_cannot_be_read_is_told_in_the_form_that_was_asked_for(
+    here: Path, capsys: pytest.CaptureFixture[str], form: str, text: str
+) -> None:
+    """Code hosts show a refusal beside its line, whether Compose, srprov or `validate` gives it."""
+    Path("stack/c.yaml").write_text(text)
+    assert imported("stack/c.yaml", "--format", form) == 5
+    document = json.loads(capsys.readouterr().out)
+    if form == "json":
+        assert list(Draft202012Validator(data.schema("import")).iter_errors(document)) == []
+        assert document["counts"]["refused"] == 1 and document["findings"][0]["file"] == "stack/c.yaml"
+    else:
+        (result,) = document["runs"][0]["results"]
+        assert result["level"] == "error" and result["ruleId"] == "refused"
+
+
+def test_passwords_of_env_files_are_told(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """They stood in a file of their own before."""
+    Path("stack/db.env").write_text("DB_PASSWORD=hunter2\nDB_USER=lab\n")
+    Path("stack/c.yaml").write_text("services: {a: {image: x, env_file: db.env, environment: {API_TOKEN: public}}}\n")
+    assert imported("stack/c.yaml") == 0
+    told = [line for line in capsys.readouterr().out.splitlines() if "in the clear" in line]
+    assert len(told) == 1 and told[0].startswith("stack/db.env:1:1: adapted: the value of 'DB_PASSWORD' stands")
+    assert "hunter2" not in Path("out/import-report.md").read_text()

@@ -128,7 +128,7 @@ def test_the_report_in_all_forms(stack: Path) -> None:
         "## Adapted: kept by other means",
     ]
     assert "'~/x\\|y' is in the home" in page
-    log = json.loads(report.as_sarif(found))
+    log = json.loads(report.as_sarif(report.told(found)))
     results = log["runs"][0]["results"]
     assert [(one["ruleId"], one["level"]) for one in results] == [
         ("refused", "error"), ("dropped", "warning"), ("adapted", "note"),
