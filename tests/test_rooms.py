@@ -171,7 +171,7 @@ FILES: Mapping[str, Room] = {
     "cli/facts_table.py": cli_file("facts"),
     "cli/images.py": cli_file("execution sizes"),
     "cli/images_prune.py": cli_file("execution sizes"),
-    "cli/importing.py": cli_file("conversion"),
+    "cli/importing.py": cli_file("conversion importing.normal"),
     "cli/lab.py": cli_file("lab"),
     "cli/lock.py": cli_file("definitions.lockfile"),
     "cli/locks.py": cli_file("execution"),
