@@ -125,7 +125,8 @@ def in_order(tree: Value) -> None:
     except graphlib.CycleError as error:
         way: list[str] = error.args[1]
         message = f"services depend on one another in a circle: {' -> '.join(reversed(way))[:300]}"
-        raise refuse(all_services[way[0]], message, ("services", way[0], "depends_on")) from None
+        place = all_services[way[0]].get("depends_on") or all_services[way[0]]
+        raise refuse(place, message, ("services", way[0], "depends_on")) from None
 
 
 def used_only(tree: Value) -> Value:

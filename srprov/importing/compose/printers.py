@@ -61,7 +61,8 @@ def fraction(value: Value, path: Path) -> object:
     assert isinstance(data, int | float)
     if abs(data) > 3e38:
         raise refuse(value, f"'{path[-1]}' is too large", path)
-    return single(data)
+    number = single(data)
+    return int(number) if number.is_integer() else number
 
 
 def size(value: Value, path: Path) -> object:

@@ -18,10 +18,10 @@ SERVICE = "services: {a: {image: x}}\n"
 
 @pytest.fixture(autouse=True)
 def soon() -> Iterator[None]:
-    """Hold each test to two seconds."""
-    begun = time.monotonic()
+    """Hold each test to two seconds of the processor; what waits for ever ends by the test's own time limit."""
+    begun = time.process_time()
     yield
-    assert time.monotonic() - begun < SECONDS
+    assert time.process_time() - begun < SECONDS
 
 
 def read(folder: Path, text: str, **more: str) -> Normal:
