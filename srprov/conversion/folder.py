@@ -1,12 +1,12 @@
 """A draft -> a folder with an experiment that validates, or nothing at all.
 
-Takes a draft and the folder's name. Writes into a folder beside it first, checks what is there as `validate` does, and
-then gives it its name; problems are told at the lines of the files that they come from.
+Takes a draft and the folder's name. Writes into a folder beside it first, or in it when it is there, checks what was
+written as `validate` does, and then puts it in its place; problems are told at the lines of the files that they come
+from.
 """
 
 from __future__ import annotations
 
-import contextlib
 import os
 import secrets
 import shutil
@@ -57,15 +57,19 @@ def write(draft: Draft, folder: str, files: Sequence[str]) -> None:
         UsageError: The folder cannot be written.
     """
     check_target(folder)
-    beside = f"{os.path.abspath(folder)}.{secrets.token_hex(4)}.part"
+    absolute, name = os.path.abspath(folder), f"{secrets.token_hex(4)}.part"
+    inside = os.path.isdir(absolute)
+    beside = os.path.join(absolute, name) if inside else f"{absolute}.{name}"
     try:
         os.mkdir(beside, 0o700)
         _fill(draft, beside, folder, files)
         if problems := check_files([os.path.join(beside, EDF)], ("*",) if _has_profiles(draft) else ()):
             raise Refused([_at_home(one, draft, beside) for one in problems])
-        with contextlib.suppress(FileNotFoundError):
-            os.rmdir(folder)
-        os.rename(beside, folder)
+        if inside:
+            for entry in sorted(os.listdir(beside)):
+                os.rename(os.path.join(beside, entry), os.path.join(absolute, entry))
+        else:
+            os.rename(beside, absolute)
     except OSError as error:
         raise UsageError(f"cannot write {folder}: {error.strerror}") from error
     finally:

@@ -137,3 +137,23 @@ def test_the_report_in_all_forms(stack: Path) -> None:
     dropped = next(one for one in found.findings if one.key == "services.a.dns")
     assert region == {"startLine": dropped.at.line, "startColumn": dropped.at.column}
     assert results[1]["locations"][0]["logicalLocations"] == [{"fullyQualifiedName": "services.a.dns"}]
+
+
+def test_a_folder_that_is_there_and_empty_is_filled(stack: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also the one that somebody stands in, which keeps its name and its place."""
+    target = stack.parent / "out"
+    target.mkdir()
+    before = target.stat().st_ino
+    monkeypatch.chdir(target)
+    write(draft(project({"a": {**IMAGE, **MOUNT}}), stack, out="../out"), ".", ["compose.yaml"])
+    assert left(Path()) == ["experiment.edf", "files", "import-report.md"]
+    assert target.stat().st_ino == before
+    load_experiment("experiment.edf")
+
+
+def test_an_empty_folder_stays_empty_when_something_is_refused(stack: Path) -> None:
+    target = stack.parent / "out"
+    target.mkdir()
+    with pytest.raises(Refused):
+        write(draft(project({"a": {"image": "Not An Image"}}), stack, out="../out"), str(target), ["compose.yaml"])
+    assert left(target) == []
