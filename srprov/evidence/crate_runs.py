@@ -57,6 +57,7 @@ def sessions(told: Told) -> Iterator[Entity]:
         made = [*(f"{session.home}/{name}" for name in _MADE), "trials.csv"]
         yield {
             "@id": f"#session-{number}", "@type": "CreateAction", "name": f"Session {number} of the run",
+            "description": "srprov set up the robots, then ran trials, of which each is an action of its own.",
             "instrument": ref(srprov_id(told)), "agent": refs(author_ids(told.story)[:1]),
             "startTime": times[0] if times else "", "endTime": times[-1] if times else "",
             "actionStatus": _FAILED if reason else _DONE, "error": reason,
