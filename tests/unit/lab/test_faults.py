@@ -13,8 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from srprov.errors import DefinitionError
-from srprov.lab import config, delay, inventory, partition, users
+from srprov.errors import DefinitionError, LabError
+from srprov.lab import cgroups, config, delay, inventory, partition, users
 from srprov.lab.places import Site
 from srprov.lab.spec import Latency, Robot, Sshd, parse
 
@@ -251,3 +251,20 @@ def test_the_proxy_resets_where_nobody_serves() -> None:
             return b""
 
     assert asyncio.run(asyncio.wait_for(receive(), 10)) == b""
+
+
+def test_a_limit_of_cpus_is_what_the_kernel_reads(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first, second, other = (tmp_path / name for name in ("cpu", "unified", "memory"))
+    for folder in (first, second, other):
+        folder.mkdir()
+    for name in ("cpu.cfs_quota_us", "cpu.cfs_period_us"):
+        (first / name).write_text("-1")
+    (second / "cpu.max").write_text("max 100000")
+    monkeypatch.setattr(cgroups, "version", lambda: 1)
+    cgroups.limit_cpus([other, first], 0.5)
+    assert [(first / f"cpu.cfs_{name}_us").read_text() for name in ("quota", "period")] == ["50000", "100000"]
+    monkeypatch.setattr(cgroups, "version", lambda: 2)
+    cgroups.limit_cpus([second], 1.5)
+    assert (second / "cpu.max").read_text() == "150000 100000"
+    with pytest.raises(LabError, match="cannot limit"):
+        cgroups.limit_cpus([other], 1)
