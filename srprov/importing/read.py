@@ -12,7 +12,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from srprov.errors import Diagnostic
-from srprov.importing.compose import consistency, envfiles, finish, source
+from srprov.importing.compose import consistency, envfiles, finish, notes
 from srprov.importing.compose.loading import File, Loading
 from srprov.importing.compose.printing import printed
 from srprov.importing.compose.project import load
@@ -84,7 +84,9 @@ def _normalise(
 def _result(tree: Value, loading: Loading) -> Normal:
     if loading.variables.problems:
         raise Refused(loading.variables.problems)
-    return Normal(plain(tree), dict(places(tree)), tuple(loading.variables.used), tuple(loading.notes))
+    said = [*loading.notes, *notes.of_project(tree, loading.reading.written)]
+    used = dict.fromkeys(loading.variables.used)
+    return Normal(plain(tree), dict(places(tree)), tuple(used), tuple(dict.fromkeys(said)))
 
 
 def _own_env_file(folder: str, first: File) -> list[File]:
@@ -109,7 +111,7 @@ def _project_name(given: str | None, files: Sequence[File], folder: str, reading
         return chosen
     written = ""
     for file in files:
-        tree = source.tree(reading.text(file.path, file.shown, file.named), file.shown)
+        tree = reading.tree(file.path, file.shown, file.named)
         name = tree.get("name")
         if name is not None and isinstance(name.data, str) and name.data:
             written = dataclasses.replace(variables, used=[]).put_in(name.data, name.at)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import msgspec
 
 from srprov.errors import Diagnostic
-from srprov.importing.compose import paths
+from srprov.importing.compose import notes, paths
 from srprov.importing.compose.forms import long
 from srprov.importing.compose.loading import File, Loading, first_look
 from srprov.importing.compose.merge import merged
@@ -98,13 +98,16 @@ def _wished(wish: Value, name: str) -> tuple[str, Value | None]:
 def _of_file(loading: Loading, where: Value, among: _Services) -> _Services:
     """Return the services of another file, with paths from the project's folder."""
     file = among.file.beside(loading.folder, where)
-    tree, reset = first_look(file, loading)
-    tree = unique(long(unique(tree.of({"services": tree.get("services") or tree.of({})}))))
-    tree = paths.moved(tree, os.path.relpath(os.path.dirname(file.path), loading.folder))
-    services = tree.get("services")
-    if services is None or not isinstance(services.data, dict):
-        raise Refused([Diagnostic(where.at, f"'{where.data}' has no services")])
-    return _Services(services, file, reset)
+    if (file.path, file.shown) not in loading.bases:
+        tree, reset = first_look(file, loading)
+        loading.notes += notes.of_file(tree)
+        tree = unique(long(unique(tree.of({"services": tree.get("services") or tree.of({})}))))
+        tree = paths.moved(tree, os.path.relpath(os.path.dirname(file.path), loading.folder))
+        services = tree.get("services")
+        if services is None or not isinstance(services.data, dict):
+            raise Refused([Diagnostic(where.at, f"'{where.data}' has no services")])
+        loading.bases[file.path, file.shown] = services, reset
+    return _Services(loading.bases[file.path, file.shown][0], file, loading.bases[file.path, file.shown][1])
 
 
 def _size(value: Value) -> int:

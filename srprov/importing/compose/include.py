@@ -64,6 +64,7 @@ def _with(result: Value, other: Value, kind: str) -> Value:
 def _project(wish: Value, number: int, file: File, loading: Loading, load: Load) -> Value:
     """Return the tree of one included project, with paths from this project's folder."""
     place = ("include", number)
+    loading.reading.one_more(wish.at)
     if isinstance(wish.data, str):
         wish = wish.of({"path": Value(wish.data, wish.at)})
     if not isinstance(wish.data, dict):

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import msgspec
 
 from srprov.errors import Diagnostic
-from srprov.importing.compose import resets, source
+from srprov.importing.compose import resets
 from srprov.importing.compose.casts import interpolate
 from srprov.importing.compose.source import Reading
 from srprov.importing.compose.values import Value
@@ -45,14 +45,12 @@ class Loading:
     notes: list[Note] = field(default_factory=list)
     open: tuple[str, ...] = ()
     """Files that include one another down to here."""
-
-    def text(self, file: File) -> str:
-        """Return a file's text."""
-        return self.reading.text(file.path, file.shown, file.named)
+    bases: dict[tuple[str, str], tuple[Value, resets.Resets]] = field(default_factory=dict)
+    """Services of files that others extend, by path and shown name."""
 
     def within(self, folder: str, variables: Variables) -> Loading:
         """Return what an included project is read with."""
-        return dataclasses.replace(self, folder=folder, variables=variables)
+        return dataclasses.replace(self, folder=folder, variables=variables, bases={})
 
 
 def first_look(file: File, loading: Loading) -> tuple[Value, resets.Resets]:
@@ -61,7 +59,7 @@ def first_look(file: File, loading: Loading) -> tuple[Value, resets.Resets]:
     Raises:
         Refused: It cannot be read, or a variable has no value.
     """
-    tree, reset = resets.taken(source.tree(loading.text(file), file.shown))
+    tree, reset = resets.taken(loading.reading.tree(file.path, file.shown, file.named))
     tree = interpolate(tree, loading.variables)
     if loading.variables.problems:
         raise Refused(_once(loading.variables.problems))

@@ -96,7 +96,7 @@ REQUIRED: Mapping[str, tuple[str, ...]] = {
     "ulimit": ("soft", "hard"),
     "watch": ("path", "action"),
 }
-CLOSED = frozenset({"include", "blkio", "rate", "weight", "env_file", "extends", "external"})
+CLOSED = frozenset({"include", "blkio", "rate", "weight", "env_file", "extends"})
 """Tables without keys of one's own (`x-…`)."""
 PATTERNS: Mapping[str, str] = {
     "services.*.container_name": "[a-zA-Z0-9][a-zA-Z0-9_.-]+",

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 
 from srprov.errors import DefinitionError, Diagnostic
 from srprov.importing.compose.scalars import Date, meaning
+from srprov.importing.compose.scalars import shown as as_printed
 from srprov.importing.compose.values import Value, dotted
 from srprov.importing.normal import Refused
 from srprov.importing.position import Path, Position
@@ -27,6 +28,10 @@ class Reading:
     """Real paths of the folders that the user's own files lie in."""
     count: int = 0
     texts: dict[str, str] = field(default_factory=dict)
+    """What was read, by its real path."""
+    trees: dict[tuple[str, str], Value] = field(default_factory=dict)
+    written: dict[Position, str] = field(default_factory=dict)
+    """Numbers that Compose prints in another way than they are written, by their place."""
 
     def inside(self, path: str, named: Value) -> str:
         """Return the real path of a file that a file names; it must lie in a folder of the user's own files.
@@ -46,19 +51,38 @@ class Reading:
         Raises:
             Refused: It cannot be read, or must not be.
         """
-        self.count += 1
-        if self.count > MOST_FILES:
-            place = named.at if named else Position(shown)
-            raise Refused([Diagnostic(place, f"the project has more than {MOST_FILES} files")])
         try:
             real = os.path.realpath(path) if named is None else self.inside(path, named)
-            return loader.read_text(real, shown, real=True)
+            if real not in self.texts:
+                self.one_more(named.at if named else Position(shown))
+                self.texts[real] = loader.read_text(real, shown, real=True)
+            return self.texts[real]
         except ValueError:
             raise Refused([Diagnostic(Position(shown), "no file can have such a name")]) from None
         except Refused:
             raise
         except DefinitionError as error:
             raise _at(error, named) from None
+
+    def one_more(self, at: Position) -> None:
+        """Count a file, or a project that is included.
+
+        Raises:
+            Refused: There are too many.
+        """
+        self.count += 1
+        if self.count > MOST_FILES:
+            raise Refused([Diagnostic(at, f"the project has more than {MOST_FILES} files")])
+
+    def tree(self, path: str, shown: str, named: Value | None) -> Value:
+        """Return a Compose file's tree.
+
+        Raises:
+            Refused: It cannot be read, is no YAML, too large, empty, no map, or has keys that are no text.
+        """
+        if (path, shown) not in self.trees:
+            self.trees[path, shown] = _tree(self.text(path, shown, named), shown, self.written)
+        return self.trees[path, shown]
 
 
 def _at(error: DefinitionError, named: Value | None) -> Refused:
@@ -68,12 +92,7 @@ def _at(error: DefinitionError, named: Value | None) -> Refused:
     return Refused([Diagnostic(named.at, f"'{named.data}' {one.message}", "", "", one.hint) for one in error.problems])
 
 
-def tree(text: str, shown: str) -> Value:
-    """Return a Compose file's tree.
-
-    Raises:
-        Refused: It is no YAML, too large, empty, no map, or has keys that are no text.
-    """
+def _tree(text: str, shown: str, written: dict[Position, str]) -> Value:
     try:
         root = loader.parse(text, shown)
     except DefinitionError as error:
@@ -81,7 +100,7 @@ def tree(text: str, shown: str) -> Value:
     if root is None:
         raise Refused([Diagnostic(Position(shown), "the file is empty")])
     problems: list[Diagnostic] = []
-    value = _value(root, None, (), problems)
+    value = _Reader(problems, written).value(root, None, ())
     if not problems and not isinstance(value.data, dict):
         problems.append(Diagnostic(value.at, "a Compose file is a map with services"))
     if problems:
@@ -89,30 +108,35 @@ def tree(text: str, shown: str) -> Value:
     return value
 
 
-def _value(node: nodes.Node, key: Position | None, path: Path, problems: list[Diagnostic]) -> Value:
-    at = nodes.location(node)
-    tag = node.tag if node.tag in ("!reset", "!override") else ""
-    if isinstance(node, nodes.Map):
-        entries = {}
-        for name, item in node.entries.items():
-            written = node.keys[name]
-            if (written.plain and not isinstance(key_means := meaning(name), str | Date)) or _is_date(written):
-                what = _KINDS.get(Date if _is_date(written) else type(key_means), "no text")
-                problems.append(
-                    nodes.problem(written, f"the key '{name}' is {what}; a key must be text", path, "quote it")
-                )
-            entries[name] = _value(item, nodes.location(written), (*path, name), problems)
-        return Value(entries, at, key, tag)
-    if isinstance(node, nodes.Seq):
-        items = [_value(item, None, (*path, number), problems) for number, item in enumerate(node.items)]
-        return Value(items, at, key, tag)
-    data = meaning(node.text) if node.plain and not node.tag else node.text
-    if isinstance(data, Date):
-        problems.append(
-            nodes.problem(node, "this is a date to YAML, which Compose takes nowhere", dotted(path), "quote it")
-        )
-    return Value(data, at, key, tag)
+class _Reader:
+    """Makes a tree of nodes; gathers what is wrong with them, and numbers that are printed otherwise."""
 
+    def __init__(self, problems: list[Diagnostic], written: dict[Position, str]) -> None:
+        self.problems = problems
+        self.written = written
 
-def _is_date(key: nodes.Scalar) -> bool:
-    return key.plain and isinstance(meaning(key.text), Date)
+    def value(self, node: nodes.Node, key: Position | None, path: Path) -> Value:
+        at = nodes.location(node)
+        tag = node.tag if node.tag in ("!reset", "!override") else ""
+        if isinstance(node, nodes.Map):
+            for name, written in node.keys.items():
+                self._key(name, written, path)
+            keys = {name: nodes.location(node.keys[name]) for name in node.entries}
+            entries = {name: self.value(item, keys[name], (*path, name)) for name, item in node.entries.items()}
+            return Value(entries, at, key, tag)
+        if isinstance(node, nodes.Seq):
+            items = [self.value(item, None, (*path, number)) for number, item in enumerate(node.items)]
+            return Value(items, at, key, tag)
+        data = meaning(node.text) if node.plain and not node.tag else node.text
+        if isinstance(data, Date):
+            message = "this is a date to YAML, which Compose takes nowhere"
+            self.problems.append(nodes.problem(node, message, dotted(path), "quote it"))
+        if isinstance(data, int | float) and as_printed(data) != node.text.lower():
+            self.written[at] = node.text
+        return Value(data, at, key, tag)
+
+    def _key(self, name: str, key: nodes.Scalar, path: Path) -> None:
+        means = meaning(name) if key.plain else name
+        if not isinstance(means, str) or isinstance(means, Date):
+            message = f"the key '{name}' is {_KINDS.get(type(means), 'no text')}; a key must be text"
+            self.problems.append(nodes.problem(key, message, path, "quote it"))

@@ -242,3 +242,12 @@ def test_at_most_a_screenful_of_problems(tmp_path: Path) -> None:
     with pytest.raises(Refused) as caught:
         read(tmp_path, f"services:\n{lines}\n")
     assert len(caught.value.problems) <= 100
+
+
+def test_a_large_file_that_thousands_extend(tmp_path: Path) -> None:
+    base = (
+        "services:\n  b: {image: x}\n  big: {image: x, labels: {" + ", ".join(f"l{n}: $$" for n in range(9000)) + "}}\n"
+    )
+    services = "\n".join(f"  s{n}: {{extends: {{file: base.yml, service: b}}}}" for n in range(2500))
+    normal = read(tmp_path, f"services:\n{services}\n", base_yml=base)
+    assert len(normal.document["services"]) == 2500

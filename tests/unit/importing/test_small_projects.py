@@ -1,7 +1,7 @@
 """Small Compose projects, one for each thing that may be written in more than one way, or that may be wrong.
 
-What Docker Compose made of each is stored as a digest in tests/golden/compose_small.json: the test of every day needs no
-other program. The long test asks Compose again, and `python -m tests.unit.importing.test_small_projects` stores it.
+What Docker Compose made of each is stored as a digest in tests/golden/compose_small.json: the test of every day needs
+no other program. The long test asks Compose again, and `python -m tests.unit.importing.test_small_projects` stores it.
 """
 
 from __future__ import annotations
