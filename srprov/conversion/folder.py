@@ -12,13 +12,13 @@ import secrets
 import shutil
 import stat
 from collections.abc import Sequence
-from pathlib import Path as FilePath
 
 from msgspec.structs import replace
 
-from srprov import __version__, private, regular_file
+from srprov import __version__, regular_file
 from srprov.conversion.experiment import Draft
 from srprov.conversion.report import as_markdown
+from srprov.conversion.tree import Tree
 from srprov.definitions import check_files
 from srprov.errors import Diagnostic, UsageError
 from srprov.importing.normal import Refused
@@ -71,7 +71,7 @@ def write(draft: Draft, folder: str, files: Sequence[str]) -> None:
         else:
             os.rename(beside, absolute)
     except OSError as error:
-        raise UsageError(f"cannot write {folder}: {error.strerror}") from error
+        raise UsageError(f"cannot write {error.filename or folder}: {error.strerror}") from error
     finally:
         shutil.rmtree(beside, ignore_errors=True)
 
@@ -81,73 +81,69 @@ def _has_profiles(draft: Draft) -> bool:
 
 
 def _fill(draft: Draft, beside: str, folder: str, files: Sequence[str]) -> None:
-    copying = _Copying(draft.withheld, (os.path.realpath(folder), beside))
+    tree = Tree(beside)
+    copying = _Copying(tree, draft.withheld, (os.path.realpath(folder), beside))
     for place, source in sorted(draft.copies.items()):
         try:
-            copying.take(source, os.path.join(beside, place))
+            copying.take(source, place)
         except OSError as error:
             which = error.filename or source
             raise UsageError(
                 f"cannot copy {which}: {error.strerror}", hint="leave it out, or make it an image's"
             ) from error
     for place, text in draft.texts.items():
-        path = FilePath(beside, place)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        private.write_file(path, text)
-        path.chmod(0o644)
+        tree.write(place, text.encode("utf-8", "replace"))
     names = ", ".join(os.path.basename(one) for one in files)
     about = f"Made from {names} by srprov import {__version__}; {REPORT} says how."
-    for name, definition in draft.cdfs.items():
-        private.write_file(os.path.join(beside, name), writer.document(definition, about))
-    private.write_file(os.path.join(beside, EDF), writer.document(draft.edf, about))
-    private.write_file(os.path.join(beside, REPORT), as_markdown(draft, files))
+    written = {name: writer.document(one, about) for name, one in (*draft.cdfs.items(), (EDF, draft.edf))}
+    for name, text in {**written, REPORT: as_markdown(draft, files)}.items():
+        tree.write(name, text.encode("utf-8", "replace"), 0o600)
+    tree.finish()
 
 
 class _Copying:
     """Copies files and folders with their modes, within limits; links stay links."""
 
-    def __init__(self, withheld: frozenset[str], passed_over: tuple[str, ...]) -> None:
+    def __init__(self, tree: Tree, withheld: frozenset[str], passed_over: tuple[str, ...]) -> None:
+        self.tree = tree
         self.withheld = withheld
         self.passed_over = passed_over
         self.bytes = 0
         self.files = 0
 
-    def take(self, source: str, target: str) -> None:
-        """Copy a file, or a folder with all below it.
+    def take(self, source: str, place: str) -> None:
+        """Copy a file, or a folder with all below it, to its place in the tree.
 
         Raises:
             OSError: It cannot be read, or is too much.
         """
         if os.path.isdir(source):
-            os.makedirs(target, 0o755, exist_ok=True)
+            self.tree.make(place)
             for entry in sorted(os.listdir(source)):
                 inner = os.path.join(source, entry)
                 if entry not in _LEFT_OUT and inner not in self.passed_over:
-                    self._entry(inner, os.path.join(target, entry))
+                    self._entry(inner, f"{place}/{entry}")
         elif source not in self.withheld:
-            os.makedirs(os.path.dirname(target), 0o755, exist_ok=True)
-            self._file(source, target)
+            self._file(source, place)
 
-    def _entry(self, source: str, target: str) -> None:
+    def _entry(self, source: str, place: str) -> None:
         about = os.lstat(source)
         if stat.S_ISLNK(about.st_mode):
-            if not os.path.lexists(target):
-                os.symlink(os.readlink(source), target)
+            self.tree.link(place, os.readlink(source))
         elif stat.S_ISDIR(about.st_mode):
-            self.take(source, target)
+            self.take(source, place)
         elif source not in self.withheld:
-            self._file(source, target)
+            self._file(source, place)
 
-    def _file(self, source: str, target: str) -> None:
+    def _file(self, source: str, place: str) -> None:
         self.files += 1
         if self.files > _MOST_FILES:
             raise OSError(0, f"more than {_MOST_FILES} files would be copied")
-        content, about = regular_file.read_with_status(source, _MOST_BYTES)
+        content, about = regular_file.read_with_status(source, _MOST_BYTES, real=True)
         self.bytes += len(content)
         if self.bytes > _MOST_BYTES:
             raise OSError(0, f"more than {_MOST_BYTES // regular_file.MIB} MiB would be copied")
-        FilePath(target).write_bytes(content)
-        os.chmod(target, stat.S_IMODE(about.st_mode) & 0o777)
+        self.tree.write(place, content, stat.S_IMODE(about.st_mode) & 0o777)
 
 
 def _at_home(problem: Diagnostic, draft: Draft, beside: str) -> Diagnostic:

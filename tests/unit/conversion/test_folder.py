@@ -157,3 +157,24 @@ def test_an_empty_folder_stays_empty_when_something_is_refused(stack: Path) -> N
     with pytest.raises(Refused):
         write(draft(project({"a": {"image": "Not An Image"}}), stack, out="../out"), str(target), ["compose.yaml"])
     assert left(target) == []
+
+
+@pytest.mark.parametrize("linked", ["configs", "configs/authorized_keys", "a.dockerfile"])
+def test_nothing_is_written_by_way_of_a_projects_links(stack: Path, linked: str) -> None:
+    """What the import writes itself has names that the project chooses."""
+    away = stack.parent / "away"
+    away.mkdir()
+    (away / "mine").write_text("mine")
+    (stack / linked).parent.mkdir(exist_ok=True)
+    (stack / linked).symlink_to(away if linked == "configs" else away / "mine")
+    services = {
+        "a": {
+            "build": {"context": ".", "dockerfile_inline": "FROM busybox\n"},
+            "configs": [{"source": "authorized_keys", "target": "/x"}],
+        }
+    }
+    with pytest.raises(UsageError, match=f"files/{linked}: it is a link"):
+        made(stack, services, configs={"authorized_keys": {"name": "k", "content": "stolen"}})
+    assert left(away) == ["mine"]
+    assert (away / "mine").read_text() == "mine"
+    assert left(stack.parent) == ["away", "stack"]
