@@ -16,7 +16,7 @@ from srprov.evidence.citation import CITATION, LICENSE, LICENSES, authors, given
 from srprov.evidence.crate_base import Told, ended_utc, utc
 from srprov.evidence.deposits import DATACITE, ZENODO, instruments
 from srprov.trials.judge import COUNTED
-from srprov.untrusted import mapping, string
+from srprov.untrusted import decimal, mapping, string
 
 NAME = "CHECKLIST.md"
 _AUTHORS = "**the authors must say**"
@@ -176,4 +176,4 @@ def _margins(told: Told) -> str:
 
 
 def _seconds(value: object) -> float:
-    return float(value) if isinstance(value, int | float) else 0.0
+    return decimal(value, low=0.0, high=1e9, default=0.0)

@@ -5,12 +5,13 @@ Source: the properties `resourceUsage` and `environment` of Process Run Crate 0.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from srprov.evidence.crate_base import Entity, Told, author_ids, file_id, ref, refs, robot_id, utc
 from srprov.trials.marks import Row
-from srprov.untrusted import mappings, string, string_map
+from srprov.untrusted import decimal, mappings, string, string_map
 
 _DONE, _FAILED = ("http://schema.org/CompletedActionStatus", "http://schema.org/FailedActionStatus")
 _PYPI = "https://pypi.org/project"
@@ -22,6 +23,9 @@ _USAGE = {
     "net_sent_bytes": ("bytes that containers sent", "https://qudt.org/vocab/unit/BYTE"),
 }
 """Column of containers.csv -> what its sum over a trial's containers is, and its unit."""
+_MOST = 1e30
+"""Of such a number: a stranger's may be anything."""
+_MOST_REFERENCES = 200_000
 _TAKEN, _MADE = ("inputs/inventory.yml", "facts.json"), ("plan.json", "assignment.json")
 
 
@@ -88,19 +92,22 @@ def usage(name: str, row: Row) -> list[Entity]:
     found = []
     every = mappings(row.get("containers"))
     for column, (text, unit) in _USAGE.items():
-        values = [value for one in every if isinstance(value := one.get(column), int | float)]
-        if values:
+        known = (decimal(one.get(column), low=0.0, high=_MOST, default=math.nan) for one in every)
+        if values := [value for value in known if not math.isnan(value)]:
             found.append({
                 "@id": f"{name}-used-{column}", "@type": "PropertyValue", "name": text,
-                "propertyID": column, "unitCode": unit, "value": repr(round(sum(values), 6)),
+                "propertyID": column, "unitCode": unit, "value": f"{sum(values):.15g}",
             })  # fmt: skip
     return found
 
 
 def environment(told: Told) -> list[Entity]:
-    """Return the variables that the definitions set in the containers of trials, as the bundle's files have them."""
+    """Return the variables that the definitions set in the containers of trials, as the bundle's files have them.
+
+    Each attempt refers to them, so where that would be very many there are none: the definitions are in the bundle.
+    """
     story = told.story
-    return [
+    found = [
         {
             "@id": f"#env-{file_id(service)}-{file_id(name)}", "@type": "PropertyValue", "name": name, "value": value,
             "description": f"Set in the containers of {service}.",
@@ -108,6 +115,7 @@ def environment(told: Told) -> list[Entity]:
         for service, one in sorted(story.last.choice.experiment.services.items()) if service in story.services
         for name, value in sorted(one.runtime.environment.items()) if value
     ]  # fmt: skip
+    return found if len(found) * len(story.rows) <= _MOST_REFERENCES else []
 
 
 def names(entities: Sequence[Entity]) -> list[str]:

@@ -66,7 +66,7 @@ def datacite(told: Told) -> bytes:
 
 def instruments(told: Told) -> Iterator[tuple[str, str]]:
     """Return the robots that have a persistent identifier in the inventory, with it."""
-    for name, host in sorted(mapping(told.inventory.get("all", {})).get("hosts", {}).items()):
+    for name, host in sorted(mapping(mapping(told.inventory.get("all")).get("hosts")).items()):
         if pid := string(mapping(host).get("srprov_pid")):
             yield name, pid
 

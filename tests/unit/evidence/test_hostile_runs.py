@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import msgspec
 import pytest
 
+from srprov.evidence import crate_runs, deposits, descriptions, story
 from srprov.evidence.verify import verify
-from tests.unit.evidence.bundles import Content, events, journal, packed, with_manifest
+from tests.unit.evidence.bundles import Content, archive, events, forged, journal, packed, with_manifest
 
 
 @pytest.mark.parametrize("odd", [{"trial": []}, {"status": [1]}, {"segment": [1]}, {"attempt": True}, {"attempt": "1"}])
@@ -41,6 +43,34 @@ def test_sessions_that_differ_have_so_many_trials_together(
     more |= {f"sessions/{number}/assignment.json": one["assignment.json"] + b" " * number for number in (2, 3)}
     packed(with_manifest({**content, **more}), tmp_path / "a.zip")
     assert _said("trials that differ", tmp_path / "a.zip")
+
+
+@pytest.mark.parametrize("odd", [10**30, -1, 1e300, "x", None, [], {"a": 1}, True])
+def test_odd_numbers_are_none_to_what_describes_a_bundle(content: Content, tmp_path: Path, odd: object) -> None:
+    found = events(content)
+    for one in found:
+        if one["event"] == "end":
+            one["row"] |= {"duration_s": odd, "containers": [{"cpu_s": odd}, {"cpu_s": 1.5}, odd]}
+    report = verify(str(packed(forged({**content, "journal.jsonl": journal(found)}), tmp_path / "a.zip")))
+    assert {one.id for one in report.findings if one.id in ("S1", "S2") and one.result != "pass"} == set()
+
+
+@pytest.mark.parametrize("hosts", [None, [], "r1", {"r1": None}, {"r1": {"srprov_pid": ["x"]}}])
+def test_an_odd_inventory_has_no_instruments(content: Content, hosts: object) -> None:
+    with story.read(archive(content)) as told:
+        about = descriptions.told_of(archive(content), told, {})
+    assert list(deposits.instruments(msgspec.structs.replace(about, inventory={"all": {"hosts": hosts}}))) == []
+    assert list(deposits.instruments(msgspec.structs.replace(about, inventory={"all": hosts}))) == []
+
+
+def test_variables_are_left_out_where_attempts_would_refer_to_very_many(
+    content: Content, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with story.read(archive(content)) as told:
+        about = descriptions.told_of(archive(content), told, {})
+        assert [one["name"] for one in crate_runs.environment(about)] == ["FAVOURS"]
+        monkeypatch.setattr(crate_runs, "_MOST_REFERENCES", 4)
+        assert crate_runs.environment(about) == []
 
 
 def _said(words: str, path: Path) -> bool:
