@@ -45,7 +45,7 @@ def test_sessions_that_differ_have_so_many_trials_together(
     assert _said("trials that differ", tmp_path / "a.zip")
 
 
-@pytest.mark.parametrize("odd", [10**30, -1, 1e300, "x", None, [], {"a": 1}, True])
+@pytest.mark.parametrize("odd", [10**15, -1, 1e300, "x", None, [], {"a": 1}, True])
 def test_odd_numbers_are_none_to_what_describes_a_bundle(content: Content, tmp_path: Path, odd: object) -> None:
     found = events(content)
     for one in found:
