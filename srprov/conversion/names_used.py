@@ -14,7 +14,10 @@ from srprov.conversion.project import Project
 from srprov.importing.position import Path
 
 _HOST = re.compile(r"[A-Za-z0-9]([A-Za-z0-9._-]{0,61}[A-Za-z0-9])?")
-_WORD = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.:-]*")
+_WORD = re.compile(
+    r"""(?:^|(?<=//)|(?<=[\s,;=@(\["']))(?P<host>[A-Za-z0-9_][A-Za-z0-9_.-]*)(?=[\s,;/)\]"']|:[0-9]|\Z)"""
+)
+"""What may be the name of a host: after the beginning, `//`, `@`, `=` or a blank; before a port, `/` or the end."""
 _FURTHER = "a service has one 'hostname'; use the service's own name in the file"
 
 
@@ -36,6 +39,10 @@ def hostnames(project: Project) -> dict[str, str]:
             alias: path for alias, path in _names(name, project) if alias in others and alias != project.names[name]
         }
         own = str(given.get("hostname") or "")
+        if own == project.names[name]:
+            own = ""  # it has that name anyway
+            if used:
+                project.notes.adapted((*at, "hostname"), "others reach it by that name; its own is another now")
         for alias, path in used.items():
             project.notes.adapted(path, f"others use the name '{alias}': it is the service's 'hostname'")
         if len({*used, *filter(None, [own])}) > 1:
@@ -44,7 +51,7 @@ def hostnames(project: Project) -> dict[str, str]:
                 used[further], f"'{further}' is used by other services, beside another name", _FURTHER
             )
         chosen = own or next(iter(used), "")
-        why = _not_possible(chosen, name, given, project)
+        why = _not_possible(chosen, name, given, project, {*found.values()})
         if chosen and why and used:
             project.notes.refused(used[next(iter(used))], f"other services use '{chosen}', but {why}", _FURTHER)
         elif own and why:
@@ -55,7 +62,7 @@ def hostnames(project: Project) -> dict[str, str]:
     return found
 
 
-def _not_possible(chosen: str, name: str, given: Mapping[str, Any], project: Project) -> str:
+def _not_possible(chosen: str, name: str, given: Mapping[str, Any], project: Project, known: set[str]) -> str:
     """Return why a service cannot have a `hostname`, or nothing."""
     if not chosen:
         return ""
@@ -66,7 +73,7 @@ def _not_possible(chosen: str, name: str, given: Mapping[str, Any], project: Pro
     if not _HOST.fullmatch(chosen):
         return f"'{chosen[:60]}' is no host's name"
     taken = {*project.names.values(), *project.making.services} - {project.names[name]}
-    if chosen in taken or chosen in {one.get("hostname") for one in project.making.services.values()}:
+    if chosen in taken | known or chosen in {one.get("hostname") for one in project.making.services.values()}:
         return f"'{chosen}' is the name of another service"
     return ""
 
@@ -122,9 +129,4 @@ def _words(given: Mapping[str, Any]) -> set[str]:
     for key in ("command", "entrypoint"):
         texts += [str(word) for word in given.get(key) or ()]
     texts += [str(word) for word in (given.get("healthcheck") or {}).get("test") or ()]
-    found: set[str] = set()
-    for text in texts:
-        for match in _WORD.finditer(text):
-            word = match[0].rstrip(".:")
-            found |= {word, word.partition(":")[0]}
-    return found
+    return {match["host"].rstrip(".") for text in texts for match in _WORD.finditer(text)}

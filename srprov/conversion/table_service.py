@@ -50,7 +50,8 @@ SERVICE: tuple[Row, ...] = (
     exact(
         f"{_S}.hostname",
         "",
-        (Kept.DROPPED, "with `network: host`, in several replicas, or where the name is taken by another service"),
+        (Kept.ADAPTED, "beside a name that others use"),
+        (Kept.DROPPED, "with `network: host`, in several replicas, or where another service has the name"),
     ),
     dropped(
         f"{_S}.container_name",

@@ -195,3 +195,10 @@ def test_every_finding_has_its_place(tmp_path: Path) -> None:
     found = draft(project({"a": {**IMAGE, "dns": ["8.8.8.8"]}}), tmp_path)
     (dropped,) = (one for one in found.findings if one.kept is Kept.DROPPED)
     assert isinstance(dropped.at, Location) and dropped.at.file.endswith("compose.yaml") and dropped.at.line > 1
+
+
+def test_a_hostname_that_two_services_have_is_the_first_ones(tmp_path: Path) -> None:
+    """Compose allows it, as nobody finds a container by it; here others do."""
+    found = draft(project({"a": {**IMAGE, "hostname": "rover"}, "b": {**IMAGE, "hostname": "rover"}}), tmp_path)
+    assert [one.get("hostname") for one in found.edf["services"].values()] == ["rover", None]
+    assert messages(found, Kept.DROPPED) == ["services.b.hostname: 'rover' is the name of another service"]
