@@ -294,6 +294,7 @@ def _setpriv(words: Sequence[str]) -> bool:
             "--inh-caps": value in _CAPS,
             "--ambient-caps": value in _CAPS,
             "--bounding-set": value in _CAPS,
+            "--securebits": value == "+no_setuid_fixup",
         }
         if not (known.get(name, False) if equals else name in ("--clear-groups", "--no-new-privs")):
             return False

@@ -21,6 +21,7 @@ from srprov.controller.fleet import Fleet
 from srprov.controller.snapshot_check import Checker
 from srprov.controller.snapshot_look import Seen, look
 from srprov.errors import TransportError, UsageError
+from srprov.facts.observe import answers_of
 from srprov.secret import Secret
 from srprov.snapshot import report
 from srprov.snapshot.containers import service_of, without
@@ -75,13 +76,19 @@ def _look(fleet: Fleet) -> tuple[list[Seen], dict[str, str]]:
     names = sorted(fleet.inventory.hosts)
     seen, unreachable = [], {}
     with ThreadPoolExecutor(max(1, min(len(names), fleet.forks))) as pool:
-        asked = {name: pool.submit(lambda name: look(fleet.sessions.get(name), name), name) for name in names}
+        asked = {name: pool.submit(_one, fleet, name) for name in names}
         for name, future in asked.items():
             try:
                 seen.append(future.result())
             except TransportError as error:
                 unreachable[name] = error.message
     return seen, unreachable
+
+
+def _one(fleet: Fleet, name: str) -> Seen:
+    session = fleet.sessions.get(name)
+    with answers_of(name):
+        return look(session, name)
 
 
 def _robots(seen: Sequence[Seen]) -> list[Robot]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import posixpath
 import re
+import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
@@ -25,8 +26,11 @@ from srprov.wire import AnyQuery, EngineQuery, Query, Reply
 
 _T = TypeVar("_T")
 MOST_CONTAINERS = 200
-_AT_ONCE = 8
-"""Repositories, or containers, of one round trip: so many answers together are short enough."""
+_CONTAINERS_AT_ONCE = 8
+_REPOSITORIES_AT_ONCE = 4
+"""Of one round trip: so many answers together are short enough."""
+_PATIENCE_S = 90.0
+"""For the repositories of a robot; a user of it could make them slow."""
 _ID = re.compile(r"[0-9a-f]{64}")
 _IMAGE = re.compile(r"sha256:[0-9a-f]{64}")
 _INSTANCE = "srprov.instance"
@@ -62,7 +66,7 @@ def look(reader: Reader, name: str) -> Seen:
     origins: list[AnyQuery] = [origins_query(), policy_query(one.name for one in wanted)] if wanted else []
     inspected: list[Reply] = []
     questions = [question for one, image in chosen for question in _inspect(one, image)]
-    for some in _pieces(questions, 2 * _AT_ONCE) or [()]:
+    for some in _pieces(questions, 2 * _CONTAINERS_AT_ONCE) or [()]:
         answers = list(reader.ask([*origins, *some]))
         if origins:
             signed, policy = parse_origins(answers[0].out), parse_policy(answers[1].out)
@@ -149,8 +153,11 @@ def _note_changes(
 
 
 def _repositories(reader: Reader, host: Host, notes: Notes) -> Iterator[Repository]:
-    room = MOST_PATCHES
-    for some in _pieces(host.found, _AT_ONCE):
+    room, begun = MOST_PATCHES, time.monotonic()
+    for some in _pieces(host.found, _REPOSITORIES_AT_ONCE):
+        if time.monotonic() - begun > _PATIENCE_S:
+            notes.lost("repositories", f"{some[0].folder} and those after it are not read: the others took too long")
+            return
         queries = [Query(command=script(one, root=host.root), timeout_s=TIMEOUT_S) for one in some]
         for found, reply in zip(some, reader.ask(queries), strict=True):
             one = parse_repository(found, reply.out, notes)

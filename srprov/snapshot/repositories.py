@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import base64
 import binascii
+import itertools
 import posixpath
 import re
 from collections.abc import Iterator, Mapping
@@ -33,6 +34,8 @@ _ODD = {
     "commondir": "shares its objects with another one: it is not read",
     "alternates": "borrows objects from another folder: it is not read",
     "mixed": "belongs to root and has files of other users, for whom root would read: it is not read",
+    "pipe": "has no files where git has them: it is not read",
+    "commit": "has no commit, or cannot be read by its owner with plain git",
     "forks": "could start programs when it is read, since this kernel does not forbid them: it is not read",
     "submodules": "has submodules: they are repositories of their own, and not part of this one's files",
 }
@@ -101,7 +104,7 @@ def parse_repository(found: Found, out: str, notes: Notes) -> Repository | None:
         return None
     commit = said["commit"].strip()
     if not is_commit(commit):
-        notes.lost(subject, "has no commit, or cannot be read by its owner with plain git")
+        notes.lost(subject, _ODD["commit"])
         return None
     url = _remote(said["remotes"], subject, notes)
     if not url:
@@ -120,7 +123,7 @@ def _answers(out: str) -> tuple[dict[str, str], list[str]]:
 
     Bytes that are no UTF-8 are kept as surrogates.
     """
-    said = {name: "" for name, *_ in ASKED}
+    said = {"commit": "", **{name: "" for name, *_ in ASKED}}
     odd = []
     for line in lines_of(out, 64):
         name, _, coded = line.partition(" ")
@@ -211,7 +214,7 @@ def _patch(diff: str, subject: str, notes: Notes) -> bytes:
 def _sections(diff: str) -> Iterator[str]:
     """Return the part of each file."""
     starts = [match.start() for match in re.finditer(r"^diff --git ", diff, re.MULTILINE)]
-    for start, end in zip(starts, [*starts[1:], len(diff)], strict=True):
+    for start, end in itertools.pairwise([*starts, len(diff)]):
         yield diff[start:end]
 
 

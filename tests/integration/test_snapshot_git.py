@@ -1,0 +1,139 @@
+"""Repositories that are traps, read by the real git of this machine: no program of theirs runs, nothing is written."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from srprov.snapshot.gitscript import Found, script
+from srprov.snapshot.notes import Notes
+from srprov.snapshot.repositories import Repository, parse_repository
+from tests.traps import BAIT, START, TRAPS
+
+ROOT = os.geteuid() == 0
+
+
+def make(folder: Path, trap: str) -> Path:
+    """Make a repository; return the mark that a program of it would make."""
+    mark = folder / "mark"
+    place = folder / "code"
+    place.mkdir(parents=True)
+    mark.parent.chmod(0o777)
+    words, env = ["sh", "-c", f"{START}{trap}\n"], {**os.environ, "MARK": str(mark)}
+    ran = subprocess.run(words, cwd=place, env=env, capture_output=True, text=True, check=False)
+    assert ran.returncode == 0, ran.stderr
+    mark.unlink(missing_ok=True)
+    return mark
+
+
+def ask(folder: Path, *, root: bool = ROOT) -> tuple[Repository | None, list[str]]:
+    """Ask as a robot's shell is asked; return the repository and the notes."""
+    about = folder.stat()
+    found = Found(folder=str(folder), uid=about.st_uid, gid=about.st_gid)
+    ran = subprocess.run(["sh", "-c", script(found, root=root)], capture_output=True, text=True, check=False, cwd="/")
+    notes = Notes()
+    return parse_repository(found, ran.stdout, notes), [note.words for note in notes.all()]
+
+
+def state(folder: Path) -> dict[str, tuple[int, int, int]]:
+    """Give what would change if anybody wrote: size, time and inode of each file."""
+    every = [folder, *folder.rglob("*")]
+    return {str(one): (one.lstat().st_size, one.lstat().st_mtime_ns, one.lstat().st_ino) for one in every}
+
+
+@pytest.mark.parametrize("name", sorted(TRAPS))
+def test_no_program_of_a_repository_runs(name: str, tmp_path: Path) -> None:
+    """And what was changed is told all the same, or that it cannot be told."""
+    mark = make(tmp_path, TRAPS[name])
+    place = tmp_path / "code"
+    before = state(place)
+    found, notes = ask(place)
+    assert not mark.exists()
+    assert state(place) == before
+    if name in ("required", "promisor"):
+        assert found is None or found.patch == b"", "git cannot tell, and nobody guesses"
+        assert notes
+    else:
+        assert found is not None and b"+2" in found.patch, notes
+    if name in BAIT:
+        subprocess.run(["sh", "-c", BAIT[name]], cwd=place, capture_output=True, check=False)
+        assert mark.exists(), "it is a trap"
+
+
+def test_a_program_cannot_even_be_started() -> None:
+    """Whatever a version of git to come may want to run: the kernel says no."""
+    from srprov.snapshot.gitscript import confined
+    from srprov.wire import sh
+
+    for uid in (0, 1000) if ROOT else (os.geteuid(),):
+        words = sh(*confined(Found(folder="/x", uid=uid, gid=uid), 5, root=ROOT), "sh", "-c", "(:) && echo forks")
+        whole = f"o=$({words} 2>&1); printf '%s' \"$o\""
+        tried = subprocess.run(["sh", "-c", whole], capture_output=True, text=True, check=False)
+        assert "fork" in tried.stdout and "forks" not in tried.stdout, tried
+
+
+@pytest.mark.skipif(not ROOT, reason="only root could read what others may not")
+def test_no_file_of_others_is_told(tmp_path: Path) -> None:
+    """By another worktree, by a link of a folder, or by objects that are borrowed."""
+    secret = tmp_path / "root" / "a"
+    secret.parent.mkdir(mode=0o700)
+    secret.write_text("of root alone\n", encoding="utf-8")
+    traps = {
+        "worktree": f"git config core.worktree {secret.parent}",
+        "folder": f"mkdir d && cp a d/a && git add d && git commit -qm 2 && rm -r d && ln -s {secret.parent} d"
+        " && git update-ref refs/remotes/origin/main HEAD",
+        "alternates": f"echo {secret.parent} >.git/objects/info/alternates",
+        "link": f"rm a && ln -s {secret} a",
+    }
+    tmp_path.chmod(0o755)
+    for name, trap in traps.items():
+        place = tmp_path / name
+        make(place, trap)
+        subprocess.run(["chown", "-R", "1000:1000", str(place)], check=True)
+        found, notes = ask(place / "code")
+        assert b"of root alone" not in (found.patch if found else b""), name
+        assert "of root alone" not in str(notes), name
+
+
+def test_what_cannot_be_read_is_named(tmp_path: Path) -> None:
+    """Pipes where files should be do not keep anybody waiting."""
+    make(tmp_path / "pipe", "rm .git/index && mkfifo .git/index")
+    assert ask(tmp_path / "pipe/code") == (None, ["has no files where git has them: it is not read"])
+    make(tmp_path / "head", "rm .git/HEAD && mkfifo .git/HEAD")
+    assert ask(tmp_path / "head/code")[0] is None
+    make(tmp_path / "file", "rm a && mkfifo a")
+    found, notes = ask(tmp_path / "file/code")
+    assert (found is not None and b"deleted file" in found.patch) or notes
+    make(tmp_path / "empty", "rm -rf .git && git init -q .")
+    assert ask(tmp_path / "empty/code") == (None, ["has no commit, or cannot be read by its owner with plain git"])
+    make(tmp_path / "moved", "mv .git .elsewhere && ln -s .elsewhere .git")
+    assert ask(tmp_path / "moved/code")[0] is None
+    make(tmp_path / "ext", "git remote set-url origin 'ext::sh -c reboot'")
+    assert ask(tmp_path / "ext/code")[1] == ["its remote is of a kind that is not fetched from (ext::)"]
+    make(tmp_path / "login", "git remote set-url origin https://robot:hunter2@h.example/code.git")
+    found, notes = ask(tmp_path / "login/code")
+    assert found is not None and found.url == "https://h.example/code.git" and "hunter2" not in str(notes)
+    make(tmp_path / "local", "echo 3 >a && git commit -qam 3")
+    assert "is on no remote" in ask(tmp_path / "local/code")[1][0]
+
+
+def test_files_with_odd_names_and_large_changes(tmp_path: Path) -> None:
+    """A patch is as long as it may be, or there is none; a name's line break stays in the name."""
+    make(tmp_path / "names", "printf x >'new\nline' && git add . && printf y >'new\nline' && printf '\\377\\n' >a")
+    found, notes = ask(tmp_path / "names/code")
+    assert found is not None and b'"b/new\\nline"' in found.patch and b"+\xff\n" in found.patch, notes
+    make(tmp_path / "large", "seq 1 200000 >a")
+    found, notes = ask(tmp_path / "large/code")
+    assert found is not None and found.patch == b"" and "more than 384 KiB" in notes[-1], notes
+    make(tmp_path / "binary", "head -c 100 /dev/zero >a")
+    found, notes = ask(tmp_path / "binary/code")
+    assert found is not None and found.patch == b"" and "is no text" in notes[-1]
+    make(tmp_path / "touched", "printf '1\\n' >a && touch -d '2001-01-01' a b")
+    found, notes = ask(tmp_path / "touched/code")
+    assert found is not None and found.patch == b"" and notes == []
+    make(tmp_path / "secret", "printf 'password = hunter2-x\\n' >b")
+    found, notes = ask(tmp_path / "secret/code")
+    assert found is not None and b"a/a" in found.patch and b"hunter2" not in found.patch and "b/b" in notes[-1]
