@@ -88,7 +88,7 @@ def _environment(
             hidden.append(value)
         elif reason := secret_variable(key, value):
             secret = _fresh(re.sub(r"[^A-Za-z0-9_.-]", "-", f"{name}-{key.lower()}")[:60].rstrip(".-"), secrets)
-            secrets[secret] = _variable(name, key)
+            secrets[secret] = _variable(name, key, secrets.values())
             hidden.append(value)
             words = f"the variable {text(key, length=60)} looks like a secret ({reason})"
             notes.secret(
@@ -99,17 +99,17 @@ def _environment(
     return plain, secrets, [value for value in hidden if value]
 
 
-def _variable(service: str, key: str) -> str:
-    """Return the name of the user's variable: two lines between the parts, so that no two are the same."""
+def _variable(service: str, key: str, taken: Iterable[str]) -> str:
+    """Return the name of the user's variable: two lines between the parts, so that no two services have the same."""
     plain = re.sub(r"[^A-Z0-9_]", "_", f"{service}__{key}".upper())
-    return plain if plain[0].isalpha() else f"S{plain}"
+    return _fresh(plain if plain[0].isalpha() else f"S{plain}", taken, "_")
 
 
-def _fresh(name: str, taken: Iterable[str]) -> str:
+def _fresh(name: str, taken: Iterable[str], link: str = "-") -> str:
     used, number = set(taken), 2
     found = name or "secret"
     while found in used:
-        found, number = f"{name[:58]}-{number}", number + 1
+        found, number = f"{name[:58]}{link}{number}", number + 1
     return found
 
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from srprov.snapshot.notes import Notes
 from srprov.untrusted import lines_of
@@ -24,6 +25,7 @@ _VERSION = re.compile(r"[0-9A-Za-z][A-Za-z0-9.+:~-]{0,127}")
 _ARCH = re.compile(r"[a-z0-9][a-z0-9-]{0,30}")
 _DEPENDENCY = re.compile(r"\s*([a-z0-9][a-z0-9+.-]*)(?::[a-z0-9-]+)?\s*(?:\([^()]{0,200}\))?\s*")
 _POLICY_NAME = re.compile(r"([a-z0-9][a-z0-9+.-]*)(?::[a-z0-9-]+)?:")
+_POLICY_CHOICE = re.compile(r"  (Installed|Candidate): (\S{1,128})")
 _POLICY_VERSION = re.compile(r"( \*\*\*|    ) (\S{1,128}) -?[0-9]{1,6}")
 _POLICY_SOURCE = re.compile(r" {8,10}-?[0-9]{1,6} (\S{1,500})(?: .{0,300})?")
 _STATUS = "/var/lib/dpkg/status"
@@ -37,7 +39,9 @@ class Package:
     version: str
     arch: str = ""
     essential: bool = False
-    """Essential or required: in every image of the distribution."""
+    """In every image of the distribution."""
+    required: bool = False
+    """In every image of the distribution when it was new; the archive may think otherwise since."""
     depends: tuple[tuple[str, ...], ...] = ()
     """Each a list of alternatives."""
 
@@ -48,7 +52,7 @@ class Chosen:
 
     by_hand: tuple[Package, ...] = ()
     others: tuple[Package, ...] = ()
-    """Came by themselves, but would not come as dependencies: as recommendations or instead of another one."""
+    """Would not come as dependencies: recommendations, what took the place of another one, and required packages."""
 
 
 def parse_packages(out: str, notes: Notes) -> tuple[Package, ...]:
@@ -64,9 +68,14 @@ def parse_packages(out: str, notes: Notes) -> tuple[Package, ...]:
         if not _NAME.fullmatch(name) or not _VERSION.fullmatch(version) or not _ARCH.fullmatch(arch):
             odd.append(name)
             continue
-        always = essential == "yes" or priority == "required"
-        depends = tuple(_depends(", ".join(filter(None, needs))))
-        package = Package(name=name, version=version, arch=arch, essential=always, depends=depends)
+        package = Package(
+            name=name,
+            version=version,
+            arch=arch,
+            essential=essential == "yes",
+            required=priority == "required",
+            depends=tuple(_depends(", ".join(filter(None, needs)))),
+        )
         if name in found and found[name].arch != arch:
             notes.lost(f"package {name}:{arch}", "is there for a second architecture")
         found.setdefault(name, package)
@@ -104,7 +113,8 @@ def choose(packages: Sequence[Package], automatic: Collection[str]) -> Chosen:
     """
     by_name = {one.name: one for one in packages}
     base = _closure({one.name for one in packages if one.essential} | ({"apt"} & by_name.keys()), by_name)
-    by_hand = {name for name in by_name if name not in automatic and name not in base}
+    usual = _closure(base | {one.name for one in packages if one.required}, by_name)
+    by_hand = {name for name in by_name if name not in automatic and name not in usual}
     come = _closure(base | by_hand, by_name)
     rest = by_name.keys() - come
     return Chosen(
@@ -131,8 +141,18 @@ def policy_query(names: Iterable[str]) -> Query:
     return Query(command=f"{words} 2>/dev/null | head -c {MOST_POLICY}\n:", timeout_s=60)
 
 
-def parse_policy(out: str) -> dict[str, tuple[str, ...]]:
-    """Return package -> the addresses that have its installed version, or else any; none where only dpkg knows it."""
+class Policy(NamedTuple):
+    """What apt knows of packages."""
+
+    addresses: Mapping[str, tuple[str, ...]]
+    """Package -> the addresses that have its installed version, or else any; none where only dpkg knows it."""
+    ahead: frozenset[str] = frozenset()
+    """Packages whose installed version is newer than any that an archive has."""
+
+
+def parse_policy(out: str) -> Policy:
+    """Read what apt said of packages."""
+    versions: dict[str, dict[str, str]] = {}
     exact: dict[str, list[str]] = {}
     other: dict[str, list[str]] = {}
     name, installed = "", False
@@ -140,9 +160,16 @@ def parse_policy(out: str) -> dict[str, tuple[str, ...]]:
         if match := _POLICY_NAME.fullmatch(line):
             name, installed = match[1], False
             exact.setdefault(name, [])
+            versions.setdefault(name, {})
             other.setdefault(name, [])
+        elif name and (match := _POLICY_CHOICE.fullmatch(line)):
+            versions[name][match[1]] = match[2]
         elif name and (match := _POLICY_VERSION.fullmatch(line)):
             installed = match[1] == " ***"
         elif name and (match := _POLICY_SOURCE.fullmatch(line)) and match[1] != _STATUS:
             (exact if installed else other)[name].append(match[1])
-    return {name: tuple(dict.fromkeys(exact[name] or other[name])) for name in exact}
+    newest = {name for name, of in versions.items() if of and of.get("Installed") == of.get("Candidate")}
+    return Policy(
+        addresses={name: tuple(dict.fromkeys(exact[name] or other[name])) for name in exact},
+        ahead=frozenset(name for name in newest if other[name] and not exact[name]),
+    )

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from srprov.snapshot import debian, python, repositories, sources
-from srprov.snapshot.debian import Chosen, Package
+from srprov.snapshot.debian import Chosen, Package, Policy
 from srprov.snapshot.gitscript import Found
 from srprov.snapshot.notes import Notes
 from srprov.snapshot.python import PipPackage
@@ -144,29 +144,33 @@ def _note_files(out: str, notes: Notes) -> None:
             notes.lost(f"file {path}", f"of the host is not captured (sha256 {digest[:12]})")
 
 
-def with_origins(host: Host, policy: Mapping[str, Sequence[str]], origins: Mapping[str, str], notes: Notes) -> Host:
+def with_origins(host: Host, policy: Policy, origins: Mapping[str, str], notes: Notes) -> Host:
     """Return the host with what is known of where packages come from.
 
     Args:
         host: With all of its archives.
-        policy: Package -> the addresses that have it.
+        policy: What apt knows of packages.
         origins: Address -> who signed it.
         notes: Takes what an image cannot get.
     """
     host = replace(host, sources=tuple(one for one in host.sources if not sources.is_distributions(one.url, origins)))
     wanted = [*host.chosen.by_hand, *host.chosen.others]
-    if not any(policy.get(one.name) for one in wanted):
+    if not any(policy.addresses.get(one.name) for one in wanted):
         if wanted:
             notes.adapted(
                 "packages", "the robot has no lists of its archives: whether these still have each is not known"
             )
         return host
-    gone = frozenset(one.name for one in wanted if not policy.get(one.name))
+    gone = frozenset(one.name for one in wanted if not policy.addresses.get(one.name))
     for name in sorted(gone):
         notes.lost(f"package {name}", "is in none of the robot's archives: it came from a file, or is no longer there")
+    for one in wanted:
+        if one.name in policy.ahead:
+            words = f"{one.version} is newer than any that the robot's archives have: the image gets an older one"
+            notes.lost(f"package {one.name}", f"{words}, with what that needs")
     elsewhere = frozenset(
         one.name
         for one in wanted
-        if (urls := policy.get(one.name)) and not any(sources.is_distributions(url, origins) for url in urls)
+        if (urls := policy.addresses.get(one.name)) and not any(sources.is_distributions(url, origins) for url in urls)
     )
     return replace(host, gone=gone, elsewhere=elsewhere)

@@ -35,7 +35,7 @@ CONTAINERS = f"""\
 docker pull -q busybox >/dev/null
 docker network create field >/dev/null
 docker run -d --name Camera.Front --network host -e ROS_DOMAIN_ID=7 -e DB_PASSWORD='{PASSWORD}' \\
-  --restart unless-stopped --device /dev/null:/dev/lidar --cap-add SYS_NICE --ulimit nofile=1024:2048 \\
+  --restart unless-stopped --device /dev/net/tun:/dev/lidar --cap-add SYS_NICE --ulimit nofile=1024:2048 \\
   -v maps:/maps -v /opt/data:/data:ro \\
   busybox sh -c 'exec sleep 86400' >/dev/null
 docker run -d --name db --network field -p 127.0.0.1:5432:80 -m 64m --cpus 0.5 --tmpfs /tmp:size=8m -e 'TWO=a

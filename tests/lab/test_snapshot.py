@@ -63,7 +63,7 @@ def test_a_robot_that_was_set_up_by_hand_becomes_an_experiment(hand: Lab, tmp_pa
     assert camera.pop("image").startswith("busybox:latest@sha256:") and digest
     assert camera == {
         "network": "host", "command": ["sh", "-c", "exec sleep 86400"], "environment": ["ROS_DOMAIN_ID=7"],
-        "secrets": ["camera-front-db_password"], "cap_add": ["SYS_NICE"], "devices": ["/dev/null:/dev/lidar"],
+        "secrets": ["camera-front-db_password"], "cap_add": ["SYS_NICE"], "devices": ["/dev/net/tun:/dev/lidar"],
         "ulimits": {"nofile": {"soft": 1024, "hard": 2048}}, "restart": "unless-stopped", "robot": ROBOT,
         "volumes": [{"type": "bind", "source": "/opt/data", "target": "/data", "read_only": True},
                     {"type": "volume", "source": "maps", "target": "/maps"}],

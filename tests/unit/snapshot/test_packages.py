@@ -19,8 +19,11 @@ from srprov.snapshot.sources import (
 from tests.readonly import shell_violations
 
 
-def line(name: str, *, depends: str = "", essential: str = "", status: str = "ii ", version: str = "1.0-1") -> str:
-    return "\t".join([status, name, "amd64", version, essential, "optional", "", depends])
+def line(
+    name: str, *, depends: str = "", essential: str = "", status: str = "ii ", version: str = "1.0-1",
+    priority: str = "optional",
+) -> str:  # fmt: skip
+    return "\t".join([status, name, "amd64", version, essential, priority, "", depends])
 
 
 def test_only_what_was_installed_by_hand_and_does_not_come_by_itself_is_chosen() -> None:
@@ -35,18 +38,19 @@ def test_only_what_was_installed_by_hand_and_does_not_come_by_itself_is_chosen()
         line("anacron"),
         line("exim"),
         line("docs"),
+        line("tzdata", priority="required"),
         line("gone", status="rc "),
         line("hand", status="hi "),
     ]
     notes = Notes()
     packages = parse_packages("\n".join(listed), notes)
-    assert len(packages) == 10 and notes.all() == ()
+    assert len(packages) == 11 and notes.all() == ()
     auto = parse_automatic(
         "".join(f"Package: {n}\nAuto-Installed: 1\n\n" for n in ("libros", "anacron", "exim", "docs", "mawk"))
     )
     chosen = choose(packages, auto)
     assert [one.name for one in chosen.by_hand] == ["hand", "ros"]
-    assert [one.name for one in chosen.others] == ["anacron", "docs", "exim", "mawk"]
+    assert [one.name for one in chosen.others] == ["anacron", "docs", "exim", "mawk", "tzdata"]
 
 
 def test_names_with_syntax_of_a_shell_or_a_dockerfile_are_no_packages() -> None:
@@ -86,6 +90,14 @@ ros-humble-x:
         500 http://packages.ros.org/ros2/ubuntu jammy/main amd64 Packages
  *** 1-0jammy 100
         100 /var/lib/dpkg/status
+nodejs:
+  Installed: 20.1-1nodesource1
+  Candidate: 20.1-1nodesource1
+  Version table:
+ *** 20.1-1nodesource1 100
+        100 /var/lib/dpkg/status
+     18.1 500
+        500 http://deb.debian.org/debian bookworm/main amd64 Packages
 mine:
   Installed: 1
   Candidate: 1
@@ -93,7 +105,10 @@ mine:
  *** 1 100
         100 /var/lib/dpkg/status
 """
-    assert parse_policy(policy) == {
+    found = parse_policy(policy)
+    assert found.ahead == {"nodejs"}
+    assert found.addresses == {
+        "nodejs": ("http://deb.debian.org/debian",),
         "tree": ("http://deb.debian.org/debian",),
         "ros-humble-x": ("http://packages.ros.org/ros2/ubuntu",),
         "mine": (),
