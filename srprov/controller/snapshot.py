@@ -41,7 +41,7 @@ def snapshot(fleet: Fleet, target: Path, name: str) -> dict[str, Any]:
     """Look at all robots of the fleet and write the experiment; return the report as JSON values.
 
     Raises:
-        UsageError: The folder is not empty or cannot be written, or no robot gave anything.
+        UsageError: The folder is not empty or cannot be written, or no robot has a container or a known system.
     """
     _check_target(target)
     seen, unreachable = _look(fleet)
@@ -56,6 +56,9 @@ def snapshot(fleet: Fleet, target: Path, name: str) -> dict[str, Any]:
     definitions = {robot.name: one for robot in robots if (one := definition_of(robot))}
     with _draft(target) as draft:
         robots, definitions = Checker(draft, robots, definitions, hider).checked(name)
+        if not definitions and not any(robot.services for robot in robots):
+            found = [f"{robot.name}: {note.subject}: {note.words}" for robot in robots for note in robot.notes.all()]
+            raise UsageError("there is nothing to write", hint="; ".join(found[:5]))
         document = report.document(name, robots, definitions, unreachable)
         clean = _without(document, hider)
         private.write_file(draft / REPORT, hider.without_strong(report.markdown(clean)))

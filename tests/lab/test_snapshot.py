@@ -14,6 +14,7 @@ from srprov import data
 from tests.lab import by_hand
 from tests.lab.by_hand import PACKAGE, PASSWORD, TOKEN, WORKSPACE
 from tests.lab.conftest import Done, Lab, part_of_lab
+from tests.traps import START, TRAPS
 
 pytestmark = pytest.mark.lab
 
@@ -100,3 +101,94 @@ def test_a_robot_that_was_set_up_by_hand_becomes_an_experiment(hand: Lab, tmp_pa
     assert shown.code == 0 and "git apply --whitespace=nowarn" in shown.out, shown
     again = hand.srprov("snapshot", ROBOT, "-i", inventory, "-o", str(folder))
     assert again.code == 5 and "is there already" in again.err, again
+
+
+PLACE = "/home/robot/traps"
+PIP = "/usr/local/lib/python3.11/dist-packages"
+ODD = f"""\
+set -e
+cd {PLACE}
+for one in "new
+line" '$(touch $MARK)' '--upload-pack=x' "it's"; do mkdir -p -- "./$one" && cp -a plain/. "./$one/"; done
+mkdir linked && ln -s ../plain/.git linked/.git
+cp -a plain ext && git -C ext remote set-url origin 'ext::sh -c "touch $MARK"'
+cp -a plain login && git -C login remote set-url origin 'https://robot:{PASSWORD}@h.example/code.git'
+cp -a plain pipe && rm pipe/.git/index && mkfifo pipe/.git/index
+cp -a plain borrowed && echo /root/traps/.git/objects >borrowed/.git/objects/info/alternates
+cp -a plain elsewhere && git -C elsewhere config core.worktree /root/traps
+chown -R robot: {PLACE}
+mkdir -p /root/traps && cp -a plain/. /root/traps/ && chown -R root: /root/traps && chown robot: /root/traps/a
+echo {TOKEN} >/root/traps/b
+for one in 'idna-3.7:requests:3.7' 'x-1:x:1; touch /tmp/mark' 'evil-1:evil:1'; do
+  d={PIP}/srprov-trap-${{one%%:*}}.dist-info; mkdir $d; echo pip >$d/INSTALLER; one=${{one#*:}}
+  printf 'Name: %s\\nVersion: %s\\n' "${{one%%:*}}" "${{one#*:}}" >$d/METADATA
+done
+ln -s /etc/shadow {PIP}/srprov-trap-evil-1.dist-info/direct_url.json
+mkdir {PIP}/srprov_trap-1.dist-info && mkfifo {PIP}/srprov_trap-1.dist-info/INSTALLER
+mkfifo /etc/apt/sources.list.d/srprov-trap.list
+echo 'deb https://robot:{PASSWORD}@h.example/apt stable main' >/etc/apt/sources.list.d/srprov-trap2.list
+docker pull -q busybox >/dev/null
+docker run -d --name 'it_s.a-trap' -e 'TWO=a
+services: {{x: 1}}
+$(touch /tmp/mark)' -e 'DIR=/tmp/${{X}}' --label 'a: b
+c=d' --workdir '/a "b' busybox sleep 86400 >/dev/null
+"""
+GONE = (
+    f"""rm -rf {PIP}/srprov-trap-* {PIP}/srprov_trap-1.dist-info /etc/apt/sources.list.d/srprov-trap*.list /tmp/mark*"""
+)
+
+
+@pytest.fixture
+def trapped(lab: Lab) -> Iterator[Lab]:
+    """Give the lab with a robot whose user laid every trap that there is."""
+    made = "".join(
+        f"mkdir -p {PLACE}/{name} && cd {PLACE}/{name} && export MARK=/tmp/mark-{name}\n{START}{trap}\n"
+        for name, trap in {**TRAPS, "plain": ""}.items()
+    )
+    whole = f"export HOME=/root MARK=/tmp/mark\n{made}export MARK=/tmp/mark\n{ODD}"
+    done = lab.shell(ROBOT, "sh", "-c", whole, check=False)
+    try:
+        assert done.code == 0, done
+        lab.shell(ROBOT, "sh", "-c", "rm -f /tmp/mark*")
+        yield lab
+    finally:
+        by_hand.take_down(lab, ROBOT)
+        lab.shell(ROBOT, "sh", "-c", GONE, check=False)
+
+
+def test_a_robot_full_of_traps_runs_none_of_them_and_is_left_as_it_was(trapped: Lab, tmp_path: Path) -> None:
+    """Each is read or named; what others may not read is in no output, and the rest is captured all the same."""
+    look = f"find {PLACE} /root/traps {PIP} /etc/apt -printf '%p %s %T@ %C@ %i\\n' | sort"
+    before = trapped.shell(ROBOT, "sh", "-c", look).out
+    inventory = part_of_lab(trapped, [ROBOT], tmp_path / "lab.yml")
+    folder = tmp_path / "taken"
+    done = trapped.srprov("snapshot", ROBOT, "-i", inventory, "-o", str(folder), "--json")
+    assert done.code == 0, done
+    assert trapped.shell(ROBOT, "sh", "-c", "ls /tmp/mark*", check=False).out == ""
+    assert trapped.shell(ROBOT, "sh", "-c", look).out == before
+    assert list(Draft202012Validator(data.schema("snapshot")).iter_errors(done.json)) == []
+    everything = texts(done, folder)
+    assert PASSWORD not in everything and TOKEN not in everything and "root:" not in everything.replace("root:*", "")
+    assert trapped.srprov("validate", str(folder / "experiment.edf")).code == 0
+
+    robot = done.json["robots"][ROBOT]
+    patched = {one["folder"].removeprefix(f"{PLACE}/") for one in robot["repositories"] if one["patch"]}
+    assert patched >= TRAPS.keys() - {"required", "promisor"} | {"plain", "login", "it's", "$(touch $MARK)"}
+    for path in sorted((folder / ROBOT / "patches").iterdir()):
+        added = [line for line in path.read_text().splitlines() if line.startswith("+") and not line.startswith("+++")]
+        assert "+2" in added, path
+    said = {note["subject"].removeprefix("repository "): note["words"] for note in done.json["notes"]}
+    for name, words in {
+        "new\\nline": "has a path that no definition can name", "linked": "is a link", "ext": "is of a kind",
+        "pipe": "has no files where git has them", "borrowed": "borrows objects",
+    }.items():  # fmt: skip
+        assert any(place.strip("'\"").endswith(name) and words in said[place] for place in said), (name, said)
+    assert "belongs to root and has files of other users" in said["/root/traps"]
+    every = "\n".join(notes(done.json, "lost") + notes(done.json, "secret"))
+    for words in ("calls itself requests 3.7 inside", "has a name or version that no Python package has",
+                  "its address holds a user or password"):  # fmt: skip
+        assert words in every, every
+    edf = yaml.safe_load((folder / "experiment.edf").read_text(encoding="utf-8"))
+    trap = edf["services"]["it_s-a-trap"]
+    assert sorted(trap["environment"]) == ["DIR=/tmp/${X}", "TWO=a\nservices: {x: 1}\n$(touch /tmp/mark)"]
+    assert set(edf["services"]) == {"it_s-a-trap", f"{ROBOT}-host"} and trap["working_dir"] == '/a "b'
