@@ -5,6 +5,7 @@ What a robot says is untrusted: lengths and counts are bounded, and what cannot 
 
     notes         what could not be taken over as it is, in words
     suspicion     what looks like a secret, and texts without it
+    hider         texts without the values that became secrets
     questions     what every robot is asked first
     gitscript     what is asked of its repositories, with no way to start a program
     debian        packages: installed by hand, and what else an image needs to have the same ones

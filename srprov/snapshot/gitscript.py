@@ -96,6 +96,8 @@ def script(found: Found, *, root: bool) -> str:
         # a pipe in their place would keep git waiting
         f"for f in HEAD config index; do [ ! -e {place}/$f ] || [ -f {place}/$f ] || {{ echo 'odd pipe'; exit 0; }}",
         "done",
+        # git sets the time of a shared index whenever it reads it
+        f"for f in {place}/sharedindex.*; do [ ! -e \"$f\" ] || {{ echo 'odd split'; exit 0; }}; done",
         f"[ ! -e {place}/commondir ] || {{ echo 'odd commondir'; exit 0; }}",
         f"[ ! -s {place}/objects/info/alternates ] || {{ echo 'odd alternates'; exit 0; }}",
         f"[ ! -e {folder}/.gitmodules ] || echo 'odd submodules'",

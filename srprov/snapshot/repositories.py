@@ -35,6 +35,7 @@ _ODD = {
     "alternates": "borrows objects from another folder: it is not read",
     "mixed": "belongs to root and has files of other users, for whom root would read: it is not read",
     "pipe": "has no files where git has them: it is not read",
+    "split": "has a split index, which git writes to when it reads it: it is not read",
     "commit": "has no commit, or cannot be read by its owner with plain git",
     "forks": "could start programs when it is read, since this kernel does not forbid them: it is not read",
     "submodules": "has submodules: they are repositories of their own, and not part of this one's files",
