@@ -89,11 +89,12 @@ def _project(machine: Machine, making: Making) -> Project:
 
 def _names(project: Project, projects: Sequence[Project]) -> None:
     """Choose the names of a project's services."""
-    for written in project.document.get("services") or {}:
+    for written, given in (project.document.get("services") or {}).items():
         taken = [name for other in projects for name in other.names.values()]
         wanted = service_name(written)
         chosen = project.making.free(wanted, taken, project.machine.robot)
         project.names[written] = chosen
+        project.making.known |= {chosen, *filter(None, [str(given.get("hostname") or "")])}
         if chosen != written:
             why = (
                 "an EDF has names in lower case, without dots" if wanted != written else "the name is another's already"

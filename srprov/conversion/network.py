@@ -105,13 +105,11 @@ def _range(first: int, count: int) -> str:
 
 def extra_hosts(given: _Given, project: Project, at: Path) -> dict[str, Any]:
     """Return `extra_hosts` but for what the overlay's own hosts file says, or addresses that will not be there."""
-    services = (project.document.get("services") or {}).values()
-    known = {*project.names.values(), *(str(one["hostname"]) for one in services if one.get("hostname"))}
     networks = tuple(_subnets(project.document.get("networks") or {}))
     kept = []
     for one in given.get("extra_hosts") or ():
         name, _, address = str(one).partition("=")
-        if name in known:
+        if name in project.making.known:
             why = f"'{name[:60]}' is a service, which is found at its own address"
         elif _lies_in(address, networks):
             why = f"'{name[:60]}' is on a network of the file, whose addresses are not those of the overlay"

@@ -52,6 +52,8 @@ class Making:
     name: str
     choices: Choices = field(default_factory=Choices)
     network: dict[str, Any] = field(default_factory=dict)
+    known: set[str] = field(default_factory=set)
+    """Names that every hosts file of the experiment has: of services, on all machines, and their host names."""
     services: dict[str, dict[str, Any]] = field(default_factory=dict)
     volumes: dict[str, dict[str, str]] = field(default_factory=dict)
     """Named volumes that begin with a folder: name -> `seed`."""

@@ -124,6 +124,27 @@ def test_every_example_comes_back(tmp_path: Path, example: str) -> None:
     same_images(made, before, after, tmp_path / "out")
 
 
+def test_the_files_of_several_robots_come_back_as_one_experiment_with_pins(tmp_path: Path) -> None:
+    """Names that hosts files had are the overlay's again; services keep their robot's own network."""
+    source = compose.read(str(ROOT / "examples" / "hello" / "experiment.edf"), frozenset(), placed=True)
+    before = source.definitions.experiment
+    placed = {"web": "r1", "greeter": "r2", "once": "r3"}
+    put(
+        str(tmp_path / "out"),
+        compose.on_robots(source, before, placed, {f"r{n}": f"192.0.2.{n}" for n in (1, 2, 3)}).files,
+    )
+    files = tuple(str(tmp_path / "out" / robot / "compose.yml") for robot in sorted(placed.values()))
+    robots = tmp_path / "robots.yml"
+    robots.write_text("".join(f"{file}: {Path(file).parent.name}\n" for file in files))
+    back = str(tmp_path / "back")
+    draft = importing.draft(importing.Wanted(files=files, folder=back, robot_map=str(robots), name="hello"))
+    folder.write(draft, back, files)
+    after = load_experiment(Path(back) / folder.EDF).experiment
+    assert {name: one.robot for name, one in after.services.items()} == placed
+    fields = {field.partition(".")[2] for field in compared(before, after)}
+    assert fields == {"network_mode", "hostname", "depends_on"}
+
+
 @settings(max_examples=50, deadline=None, suppress_health_check=list(HealthCheck))
 @given(document=experiments())
 def test_any_experiment_comes_back(tmp_path_factory: pytest.TempPathFactory, document: dict[str, Any]) -> None:
