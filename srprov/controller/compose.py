@@ -25,6 +25,7 @@ from srprov.definitions import envfile
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.expand import expand
 from srprov.definitions.model import Definitions, Experiment
+from srprov.definitions.paths import inside
 from srprov.errors import DefinitionError, UsageError
 from srprov.exporting import Wanted, export
 from srprov.exporting.model import Export
@@ -186,7 +187,8 @@ def _texts(source: Source) -> dict[str, str]:
     experiment = source.definitions.experiment
     found = {source.file: experiment.text}
     for path, one in source.definitions.containers.items():
-        if one.text and not one.text.lstrip().startswith("FROM") and path.endswith(".cdf"):
+        # what git fetched lies in a cache of this machine's
+        if path.endswith(".cdf") and inside(path, experiment.folder):
             found[_shown(source, path)] = one.text
     return found
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import posixpath
 from collections.abc import Iterator
 
 from srprov.definitions.model import Experiment
@@ -21,7 +22,7 @@ def _about(experiment: Experiment, export: Export) -> Iterator[str]:
     if experiment.description:
         yield _plain(experiment.description)
         yield ""
-    yield f"Docker Compose files, made by `srprov export compose` from `{_code(export.edf)}`."
+    yield f"Docker Compose files, made by `srprov export compose` from `{_code(_beside(export.edf, export))}`."
     yield ""
     said = {"authors": ", ".join(experiment.authors), **experiment.metadata}
     lines = [f"- {key}: {_plain(str(value))}" for key, value in said.items() if value]
@@ -67,8 +68,13 @@ def _table(export: Export) -> Iterator[str]:
     yield "| field | line | | |"
     yield "|---|---|---|---|"
     for one in changed:
-        place = f"{one.location.file}:{one.location.line}"
+        place = f"{_beside(one.location.file, export)}:{one.location.line}"
         yield f"| `{_code(one.name)}` | `{_code(place)}` | {one.kind} | {_plain(one.words)} |"
+
+
+def _beside(path: str, export: Export) -> str:
+    """Return a path from the EDF's folder: where that is on this machine is nobody else's business."""
+    return posixpath.relpath(path, posixpath.dirname(export.edf) or ".")
 
 
 def _plain(text: str) -> str:

@@ -61,7 +61,9 @@ def compose(lab: Lab) -> Iterator[str]:
         shutil.copy(binary(), place / "docker-compose")
     yield "/root/compose/docker-compose"
     for robot, place in zip(ROBOTS, places, strict=True):
-        lab.shell(robot, "sh", "-c", "cd /root/compose/export && ../docker-compose down -v -t 1", check=False)
+        lab.shell(
+            robot, "sh", "-c", "cd /root/compose/export && ../docker-compose down -v --rmi local -t 1", check=False
+        )
         shutil.rmtree(place)
 
 
@@ -102,3 +104,56 @@ def test_exported_robots_know_each_other_with_compose_alone(lab: Lab, compose: s
     wait_until(lambda: _heard(lab, home["greeter"]), 30, "the greeter hears the web server of another robot")
     wait_until(lambda: not lab.inspect(home["once"], "hello-once-1")["State"]["Running"], 30, "the job ends")
     assert lab.inspect(home["once"], "hello-once-1")["State"]["ExitCode"] == 0
+
+
+RICH = """\
+edf: 1
+name: rich
+secrets: {key: {file: key.txt}}
+volumes: {notes: {seed: ./notes}}
+services:
+  web:
+    cdf: web.cdf
+  ask:
+    image: busybox
+    network: host
+    secrets: [key]
+    volumes: ["notes:/notes", "./own:/own"]
+    command:
+      - sh
+      - -c
+      - |
+        until wget -q -O - http://web:8080/page.txt; do sleep 0.2; done
+        cat /run/secrets/key /notes/seed.txt /own/a.txt
+        echo $0 $HOME >/notes/written && cat /notes/written
+        exec sleep 86400
+      - $literal
+    stop_signal: SIGKILL
+"""
+CDF = """\
+cdf: 1
+base: busybox
+files: [{src: page.txt, dest: /www/page.txt}]
+run: chmod 444 /www/page.txt
+command: [httpd, -f, -p, "8080", -h, /www]
+stop_signal: SIGKILL
+"""
+
+
+def test_what_is_built_shipped_seeded_and_secret_is_there_with_compose_alone(
+    lab: Lab, compose: str, tmp_path: Path
+) -> None:
+    """An image of a CDF, a service of the robot's own network that knows another, a seed, a secret, a dollar."""
+    files = {"notes/seed.txt": "the seed\n", "own/a.txt": "shipped\n", "page.txt": "the page\n", "key.txt": "never\n"}
+    for name, text in {**files, "rich.edf": RICH, "web.cdf": CDF}.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text)
+    done = lab.srprov("export", "compose", str(tmp_path / "rich.edf"), "-o", str(tmp_path / "out"))
+    assert done.code == 0, done
+    assert "you must give the file secrets/key" in done.out
+    (tmp_path / "out" / "secrets" / "key").write_text("given\n")
+    _up(lab, "robot1", tmp_path / "out", compose)
+    lines = ["the page", "given", "the seed", "shipped", "$literal /root"]
+    wait_until(lambda: log_of(lab, "robot1", "rich-ask-1")[-len(lines) :] == lines, 20, "all of it is there")
+    web = lab.inspect("robot1", "rich-web-1")
+    assert web["Config"]["Hostname"] == "web"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 import pytest
@@ -264,3 +265,19 @@ def test_profiles_replicas_and_jobs(tmp_path: Path) -> None:
     assert "profiles" not in chosen["b"]
     with pytest.raises(UsageError, match="no service has the profile"):
         twin(edf, profiles=("nothing",))
+
+
+def test_no_word_of_the_experiment_leaves_its_place(tmp_path: Path) -> None:
+    """In the README it is no Markdown and no other line, in the Compose file no key; and no path of this machine."""
+    evil = "x\n# Evil <script>|\n`rm`\u2028\u202e\r\nservices:"
+    text = f"description: {json.dumps(evil)}\nnotes: {json.dumps(evil)}\nservices: {{a: {{image: x, job: true}}}}\n"
+    made = twin(experiment(tmp_path, text))
+    readme = contents(made)["README.md"].decode()
+    assert [line for line in readme.splitlines() if line.startswith("#")] == [
+        "# demo", "## Start", "## What is not as in the experiment"
+    ]  # fmt: skip
+    assert "<script" not in readme.replace("\\<", "")
+    assert "\u202e" not in readme
+    assert "`demo.edf:1`" in readme
+    assert list(document(made)) == ["name", "services"]
+    assert str(tmp_path) not in b"".join(contents(made).values()).decode()
