@@ -35,7 +35,7 @@ def volumes(given: Mapping[str, Any], service: str, project: Project, at: Path) 
         elif kind == "tmpfs":
             found.append(_tmpfs(one, project, path))
         elif kind == "volume":
-            found.append(_named(one, service, project, path))
+            found.append(_named(given, one, service, project, path))
         else:
             found.append(_bind(given, one, project, path))
     return [one for one in found if one]
@@ -66,7 +66,7 @@ def _short(source: str, one: Mapping[str, Any]) -> object:
     return f"{source}:{target}{':ro' * read_only}"
 
 
-def _named(one: Mapping[str, Any], service: str, project: Project, path: Path) -> object:
+def _named(given: Mapping[str, Any], one: Mapping[str, Any], service: str, project: Project, path: Path) -> object:
     if (one.get("volume") or {}).get("subpath"):
         project.notes.refused((*path, "volume", "subpath"), "a volume is mounted as a whole")
     name = one.get("source")
@@ -75,9 +75,11 @@ def _named(one: Mapping[str, Any], service: str, project: Project, path: Path) -
         project.notes.adapted(path, f"without a name: the volume '{made}', which stays until destroy --volumes")
         return _short(project.volume_names.setdefault(f"\0{made}", made), one)
     device = _device(str(name), project)
-    if device is not None:
-        return _short(device, one) if device else None
-    return _short(_volume_name(str(name), project), one)
+    if device is None:
+        return _short(_volume_name(str(name), project), one)
+    if device.startswith("/"):
+        return _short(device, one)
+    return _bind(given, {**one, "source": device}, project, path) if device else None
 
 
 def _volume_name(name: str, project: Project) -> str:
@@ -102,10 +104,11 @@ def _device(name: str, project: Project) -> str | None:
     if not options:
         return None
     device = str(options.get("device", ""))
-    if options.get("type") in (None, "none") and "bind" in str(options.get("o", "")).split(",") and device[:1] == "/":
-        project.notes.adapted(path, f"'{device}' is the robot's own path")
+    if options.get("type") in (None, "none") and "bind" in str(options.get("o", "")).split(",") and device:
+        whose = "the robot's own path" if device.startswith("/") else "mounted as a path of the files' folder is"
+        project.notes.adapted(path, f"'{device[:80]}' is {whose}")
         return device
-    project.notes.refused(path, "only binds of absolute paths can be taken over", "mount it on the robots, and bind it")
+    project.notes.refused(path, "only binds of paths can be taken over", "mount it on the robots, and bind it")
     return ""
 
 

@@ -27,7 +27,7 @@ class Imported:
         done = lab.srprov("import", *words, "-o", str(self.folder))
         assert done.code == 0, str(done)
         hosts = {robot: {"srprov_slots": 2} for robot in robots}
-        hosts["robot2"] |= {"srprov_devices": ["/dev/null"]}
+        hosts.get("robot2", {})["srprov_devices"] = ["/dev/null"]
         self.words = (str(self.folder / "experiment.edf"), "-i", part_of_lab(lab, robots, folder / "lab.yml", **hosts))
 
     def apply(self) -> None:
@@ -174,3 +174,33 @@ def test_an_experiment_of_swarmrob_runs_on_two_robots(lab_of_module: Lab, tmp_pa
     assert lab_of_module.shell(where["viewer"], *fetch).out.strip() == "hm_rosmaster_1"
     assert json.loads(lab_of_module.srprov("status", *swarm.words, "--json").out)
     swarm.destroy()
+
+
+HEALTHY = """services:
+  sensor: {image: "lab/sensor:1", pull_policy: never, command: sleep 86400, stop_signal: SIGKILL}
+  reader:
+    image: busybox
+    command: sleep 86400
+    stop_signal: SIGKILL
+    depends_on: {sensor: {condition: service_healthy}}
+"""
+BUILD = "printf 'FROM busybox\\n%s\\n' '{}' | docker build -q -t lab/sensor:1 - >/dev/null"
+
+
+def test_a_healthcheck_that_lives_in_an_image_is_awaited(lab_of_module: Lab, tmp_path: Path) -> None:
+    """Compose finds it when it runs; here it is written down that there is one, and an image without one is told."""
+    (tmp_path / "c.yaml").write_text(HEALTHY)
+    check = "HEALTHCHECK --interval=1s --retries=20 CMD test -e /ready || ! touch /ready"
+    lab_of_module.shell("robot1", "sh", "-c", BUILD.format(check))
+    healthy = Imported(lab_of_module, tmp_path, ROBOTS[:1], "compose", str(tmp_path / "c.yaml"), "--name", "healthy")
+    healthy.apply()
+    states = [lab_of_module.inspect("robot1", f"srprov.healthy.{name}")["State"] for name in ("sensor", "reader")]
+    first_healthy = next(one["Start"] for one in states[0]["Health"]["Log"] if one["ExitCode"] == 0)
+    assert states[0]["Health"]["Status"] == "healthy" and first_healthy < states[1]["StartedAt"]
+    assert sum(healthy.plan().values()) == 0
+    healthy.destroy()
+    lab_of_module.shell("robot1", "sh", "-c", BUILD.format("LABEL none=1"))
+    done = lab_of_module.srprov("apply", *healthy.words, *HERE)
+    assert done.code == 3 and "srprov.healthy.sensor has no healthcheck: neither the definitions" in done.err, str(done)
+    healthy.destroy()
+    lab_of_module.shell("robot1", "docker", "rmi", "lab/sensor:1")
