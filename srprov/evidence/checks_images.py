@@ -118,8 +118,12 @@ def _left_out(files: Files, there: Mapping[str, Stored], every: Sequence[Used]) 
             yield f"{one.words} should be in it"
 
 
-def packages(images: Images, story: Story) -> Iterator[str]:
-    """List the packages of each image again from its layers, and compare the lists, and what locks recorded."""
+def packages(images: Images, story: Story, strange: str) -> Iterator[str]:
+    """List the packages of each image again from its layers, and compare the lists, and what locks recorded.
+
+    Raises:
+        Undecided: The lists differ, and `strange` says why another srprov may have made them otherwise.
+    """
     every = images.stored()
     for one in every:
         if any(layer.diff_id not in images.read for layer in one.layers):
@@ -130,7 +134,10 @@ def packages(images: Images, story: Story) -> Iterator[str]:
         except ValueError as error:
             yield f"the packages of {one.id} cannot be listed: {error}"
             continue
-        if content(images.files, sbom_name(one.id), _MOST_SBOM) != sbom.text(follows).encode("utf-8", "replace"):
+        there = content(images.files, sbom_name(one.id), _MOST_SBOM)
+        if there != sbom.text(follows).encode("utf-8", "replace"):
+            if strange:
+                raise Undecided(strange)
             yield f"{sbom_name(one.id)} is not what follows from the image's layers"
         yield from _recorded(one, follows, story)
     known = {sbom_name(one.id) for one in every}
@@ -140,6 +147,8 @@ def packages(images: Images, story: Story) -> Iterator[str]:
 def _recorded(one: Stored, follows: sbom.Sbom, story: Story) -> Iterator[str]:
     """Compare an image with the packages that a lock says it ended with beyond its base."""
     there = {as_named(package) for package in follows.packages}
+    if follows.unread:  # it may have more
+        return
     platform = "/".join(one.platform[key] for key in ("os", "architecture", "variant") if key in one.platform)
     for session in story.sessions:
         for record in locked(session.definitions.experiment.file).packages:

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 
 import msgspec
 
+from srprov.controller.request import BUNDLED
 from srprov.errors import UsageError
 from srprov.evidence.checks_images import locked
 from srprov.evidence.compare_runs import Run
@@ -20,7 +21,6 @@ from srprov.oci import sbom
 
 _MOST_SHOWN = 12
 _MOST_SBOM = 64 << 20
-_BUNDLED = "srprov/bundled:"
 _LINKS = {"apt": "=", "pip": "==", "npm": "@"}
 _KINDS = {"deb": "apt", "pypi": "pip"}
 
@@ -75,7 +75,7 @@ def _known(run: Run) -> Iterator[tuple[str, _Of]]:
             found = by_id[id_]
             yield service, _Of(name, found.id, _listed(run, found.id), whole=True)
         else:
-            digits = name.removeprefix(_BUNDLED) if name.startswith(_BUNDLED) else ""
+            digits = name.removeprefix(BUNDLED) if name.startswith(BUNDLED) else ""
             yield service, _Of(name, f"sha256:{digits}" if digits else id_, recorded.get(name))
 
 

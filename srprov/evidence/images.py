@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 import msgspec
 
+from srprov.controller.request import BUNDLED
 from srprov.evidence.files import Files, NotThere, below, content, json_of
 from srprov.evidence.story import Story, attempt_folder
 from srprov.oci.layout import LONGEST, Stored
@@ -40,8 +41,8 @@ class Used(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def built(self) -> bool:
-        """Whether srprov built it."""
-        return any(one.startswith(BUILT) for one in self.names)
+        """Whether srprov built it; of an image that came from a bundle nobody knows."""
+        return any(one.startswith(BUILT) and not one.startswith(BUNDLED) for one in self.names)
 
     @property
     def words(self) -> str:

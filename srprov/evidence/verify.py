@@ -154,7 +154,8 @@ def _of_story(hashed: Hashed, told: Story) -> Iterator[Finding]:
 
 def _of_images(images: Images, told: Story) -> Iterator[Finding]:
     yield _done("I3", "images are those that the run had", lambda: checks_images.of_run(images, told))
-    yield _done("I4", "lists of packages follow from the images", lambda: checks_images.packages(images, told))
+    strange = checks_crate.has_our_rules(images.hashed)
+    yield _done("I4", "lists of packages follow from the images", lambda: checks_images.packages(images, told, strange))
 
 
 def _signature(hashed: Hashed, signers: str) -> Finding:

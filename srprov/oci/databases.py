@@ -20,7 +20,7 @@ from srprov.oci.members import Members
 _DATABASES = re.compile(
     r"(?:usr/)?(?:etc|lib)/os-release|var/lib/dpkg/status|var/lib/dpkg/status\.d/[^/]+|(?:usr/)?lib/apk/db/installed"
     r"|(?:.*/)?[^/]+\.dist-info/(?:METADATA|INSTALLER)|(?:.*/)?[^/]+\.egg-info(?:/PKG-INFO)?"
-    r"|usr/(?:local/)?lib/node_modules/(?:@[^/]+/)?[^/]+/package\.json|(?:.*/)?share/[^/]+/package\.xml"
+    r"|(?:.*/)?lib/node_modules/(?:@[^/]+/)?[^/]+/package\.json|(?:.*/)?share/[^/]+/package\.xml"
 )
 _WHITEOUT, _OPAQUE = ".wh.", ".wh..wh..opq"
 _LONGEST = 32 << 20

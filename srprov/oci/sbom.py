@@ -77,11 +77,11 @@ def purl(one: Package, system: System) -> str:
         name = f"{system.id}/{name}"
     kind = "generic" if one.kind == "ros" else one.kind
     name = f"ros/{name}" if one.kind == "ros" else name
-    path = "/".join(quote(part, safe="") for part in name.split("/"))
-    words = [f"arch={quote(one.arch, safe='')}"] * bool(one.arch)
+    path = "/".join(quote(part, safe=":") for part in name.split("/"))
+    words = [f"arch={quote(one.arch, safe=':')}"] * bool(one.arch)
     if one.kind in ("deb", "apk") and system.id and system.version:
-        words.append(f"distro={quote(f'{system.id}-{system.version}', safe='')}")
-    return f"pkg:{kind}/{path}@{quote(one.version, safe='')}" + (f"?{'&'.join(words)}" if words else "")
+        words.append(f"distro={quote(f'{system.id}-{system.version}', safe=':')}")
+    return f"pkg:{kind}/{path}@{quote(one.version, safe=':')}" + (f"?{'&'.join(words)}" if words else "")
 
 
 def read(source: str) -> Sbom:

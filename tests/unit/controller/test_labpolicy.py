@@ -11,6 +11,7 @@ from msgspec.structs import replace
 from srprov.controller import labpolicy
 from srprov.controller.labpolicy import enforce, narrowed, read_policies
 from srprov.controller.permissions import permit_run
+from srprov.controller.request import BundledImage
 from srprov.definitions.labpolicy import LabPolicy
 from srprov.definitions.model import Host, Inventory
 from srprov.errors import DefinitionError, RefusedError
@@ -154,6 +155,26 @@ def test_images_come_from_the_registries_of_the_lab(tmp_path: Path, registries: 
     else:
         message = refused(plan(), given)
         assert "policy.yml:2 does not allow the image busybox:latest on r1: its registry is not among" in message
+
+
+@pytest.mark.parametrize(
+    ("registries", "allowed"),
+    [("[docker.io/srprov/bundled]", True), ("[docker.io/library]", False), ("[ghcr.io]", False)],
+)
+def test_images_of_a_bundle_come_from_a_registry_of_their_own(tmp_path: Path, registries: str, allowed: bool) -> None:
+    """Whatever the experiment calls them; also one that is on the robot already."""
+    image = BundledImage(f"sha256:{'5' * 64}", "")
+    given = policies(tmp_path, f"registries: {registries}\n")
+    there = World().add("r1")
+    there.robots["r1"].engine.images[image.name] = {}
+    for world, brought in ((World().add("r1"), {image.name}), (there, set())):
+        made = plan_for(world, experiment(service("a")), bundled={"a": (image,)})
+        assert {one.name for one in made.steps if one.module == "image"} == brought
+        if allowed:
+            enforce(made, ARMS, given)
+        else:
+            message = refused(made, given)
+            assert f"does not allow the image {image.name} on r1: its registry is not among" in message
 
 
 @pytest.mark.parametrize(

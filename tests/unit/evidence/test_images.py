@@ -390,6 +390,14 @@ def test_a_list_of_packages_that_does_not_follow_is_found(content: Content, tmp_
     assert failed(verify(str(packed(forged(found), tmp_path / "b.zip"))))["I4" if change != "lonely" else "I3"]
 
 
+def test_lists_of_another_version_are_not_held_to_what_this_one_would_write(content: Content, tmp_path: Path) -> None:
+    name = f"sbom/{RUNNER.id[7:]}.cdx.json"
+    found = {**content, name: content[name].replace(b'"srprov"', b'"other"')}
+    found["bundle.json"] = found["bundle.json"].replace(b'"srprov": "', b'"srprov": "9')
+    (one,) = (one for one in verify(str(packed(forged(found), tmp_path / "b.zip"))).findings if one.id == "I4")
+    assert one.result == "skipped" and "it was made by srprov 9" in one.details[0]
+
+
 def test_packages_that_a_lock_recorded_must_be_there(content: Content, tmp_path: Path) -> None:
     tag = "srprov/runner:0123456789abcdef"
     run = run_with(tmp_path)

@@ -28,9 +28,12 @@ def found(*layers: bytes) -> tuple[Package, ...]:
 
 def test_each_kind_of_package_is_read() -> None:
     apk = "P:musl\nV:1.2.4-r2\nA:x86_64\n\nP:zlib\nV:1.2.13-r1\nA:x86_64\n"
+    node = "root/.nvm/v20/lib/node_modules"
     files = {
         **DEBIAN, **NUMPY, "lib/apk/db/installed": apk,
         "opt/venv/lib/python3.11/site-packages/Tool.egg-info/PKG-INFO": "Name: Tool\nVersion: 2.0\n\nName: no\n",
+        f"{node}/npm/package.json": '{"name": "npm", "version": "10.1.0"}',
+        f"{node}/npm/node_modules/inner/package.json": '{"name": "inner", "version": "1.0.0"}',
         "usr/local/lib/node_modules/@scope/ws/package.json": '{"name": "@scope/ws", "version": "8.18.0"}',
         "ws/install/talker/share/talker/package.xml":
             '<package format="2"><name>talker</name><version compatibility="1">0.3.1</version></package>',
@@ -40,11 +43,13 @@ def test_each_kind_of_package_is_read() -> None:
     assert found(layer(files)) == (
         Package("apk", "musl", "1.2.4-r2", "x86_64"), Package("apk", "zlib", "1.2.13-r1", "x86_64"),
         Package("deb", "base-files", "12", "all"), Package("deb", "curl", "7.88.1-10", "amd64"),
-        Package("npm", "@scope/ws", "8.18.0"), Package("pypi", "Tool", "2.0"),
+        Package("npm", "@scope/ws", "8.18.0"), Package("npm", "npm", "10.1.0"),
+        Package("pypi", "Tool", "2.0"),
         Package("pypi", "numpy", "1.26.4", by="pip"), Package("ros", "talker", "0.3.1"),
     )  # fmt: skip
     assert [as_named(one) for one in found(layer(files))] == [
-        "musl@1.2.4-r2", "zlib@1.2.13-r1", "base-files=12", "curl=7.88.1-10", "@scope/ws@8.18.0", "Tool==2.0",
+        "musl@1.2.4-r2", "zlib@1.2.13-r1", "base-files=12", "curl=7.88.1-10", "@scope/ws@8.18.0", "npm@10.1.0",
+        "Tool==2.0",
         "numpy==1.26.4", "talker@0.3.1",
     ]  # fmt: skip
 
@@ -122,6 +127,18 @@ def test_odd_names_and_versions_are_left_out() -> None:
     }
     assert found(layer(files)) == ()
     assert system({"etc/os-release": b"ID='x\nVERSION_ID=$(x)\nID=debian\n"}) == System("debian", "")
+
+
+def test_addresses_of_packages_are_written_as_their_specification_has_them() -> None:
+    debian = System("debian", "12")
+    wanted = {
+        Package("deb", "libstdc++6", "1:12.2+deb~1", "amd64"):
+            "pkg:deb/debian/libstdc%2B%2B6@1:12.2%2Bdeb~1?arch=amd64&distro=debian-12",
+        Package("pypi", "Foo_Bar", "1!2.0+local"): "pkg:pypi/foo-bar@1%212.0%2Blocal",
+        Package("npm", "@scope/ws", "8.0.0"): "pkg:npm/%40scope/ws@8.0.0",
+        Package("ros", "talker", "0.3.1"): "pkg:generic/ros/talker@0.3.1",
+    }  # fmt: skip
+    assert {one: sbom.purl(one, debian) for one in wanted} == wanted
 
 
 def test_a_list_is_read_as_it_was_written() -> None:

@@ -1,0 +1,86 @@
+"""Images come from the engines that have them, by id, into the cache of this machine."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+from srprov.controller.bundle_images import Engines
+from srprov.controller.kept_images import Content, keep
+from srprov.errors import TransportError, UsageError
+from srprov.layers import read_config
+from srprov.oci.layout import leading, sha256
+from srprov.transport.blobs import Blobs
+from tests.unit.transport.thin_world import CONTAINERD, InContainerd, Made, Robot, sha
+
+IMAGE = Made(b"base" * 500, b"top" * 500)
+
+
+@pytest.fixture(autouse=True)
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    return tmp_path / "cache"
+
+
+def engines(*robots: Robot, away: tuple[str, ...] = ()) -> Engines:
+    def get(name: str) -> Any:
+        if name in away:
+            raise TransportError(name, "it is off")
+        return next(one for one in robots if one.host == name)
+
+    hosts = dict.fromkeys([*away, *(one.host for one in robots)])
+    fleet: Any = SimpleNamespace(inventory=SimpleNamespace(hosts=hosts), sessions=SimpleNamespace(get=get))
+    return Engines(fleet)
+
+
+def test_an_image_is_read_from_the_robot_that_has_it_by_its_id(tmp_path: Path) -> None:
+    """Its tag may be another image's by now; those that ran it are asked first."""
+    first, second = Robot("a", tmp_path), Robot("b", tmp_path)
+    first.images, second.images = {"x:1": Made(b"other")}, {"renamed:1": IMAGE}
+    said: list[str] = []
+    found = engines(first, second, away=("c",)).read(IMAGE.id, "x:1", ("b",), said.append)
+    assert found.config == IMAGE.config and [one.digest for one in found.layers] == IMAGE.diff_ids
+    assert tuple(b"".join(one.content()) for one in found.layers) == IMAGE.layers
+    assert not first.shells and any(line.startswith("x:1, layer 2 of 2") for line in said)
+    second.images.clear()
+    again = engines(first, second).read(IMAGE.id, "x:1", (), said.append)
+    assert again.config == IMAGE.config, "all of it is in the cache"
+
+
+@pytest.mark.parametrize("index", [False, True])
+def test_an_image_in_a_containerd_store_comes_with_what_leads_to_it(tmp_path: Path, *, index: bool) -> None:
+    image, robot = InContainerd(b"base" * 500, b"top" * 500, index=index), Robot("a", tmp_path)
+    robot.images, robot.info["DriverStatus"] = {"x:1": image}, CONTAINERD
+    found = engines(robot).read(image.id, "x:1", (), lambda _line: None)
+    config_id = sha256(found.config)
+    assert config_id == image.config_id != image.id and read_config(config_id, json.loads(found.config))
+    documents = {sha256(one): one for one in found.documents}
+    assert leading([image.id], config_id, documents.get)
+
+
+def test_an_image_that_nobody_has_is_an_error_that_says_who_was_asked(tmp_path: Path) -> None:
+    robot = Robot("a", tmp_path)
+    robot.images = {"x:1": Made(b"other")}
+    with pytest.raises(UsageError, match=r"x:1 cannot be had: a: it does not have it; c: it is off"):
+        engines(robot, away=("c",)).read(IMAGE.id, "x:1", ("gone",), lambda _line: None)
+
+
+def test_what_a_bundle_holds_is_kept_when_it_is_what_it_is_called(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    said: list[str] = []
+    good = Content(sha(b"x"), 1, lambda: iter([b"x"]), packed=False)
+    keep([good, good], said.append)
+    blob = Blobs().get(sha(b"x"))
+    assert blob is not None and b"".join(blob.content()) == b"x"
+    keep([good], said.append)
+    assert len(said) == 2, "what is there is not written again"
+    for bad in (Content(sha(b"y"), 1, lambda: iter([b"x"]), packed=False),
+                Content(sha(b"y"), 1, lambda: iter([b"x"]), packed=True)):  # fmt: skip
+        with pytest.raises(UsageError, match="is not what it says"):
+            keep([bad], said.append)
+    assert sorted(one.name for one in (cache / "srprov/blobs").iterdir()) == [f"{sha(b'x')[7:]}.gz"]
+    with pytest.raises(UsageError, match="there is no room"):
+        keep([Content(sha(b"z"), 1 << 60, lambda: iter([b"z"]), packed=False)], said.append)
