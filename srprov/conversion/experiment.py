@@ -96,9 +96,7 @@ def _names(project: Project, projects: Sequence[Project]) -> None:
         project.names[written] = chosen
         project.making.known |= {chosen, *filter(None, [str(given.get("hostname") or "")])}
         if chosen != written:
-            why = (
-                "an EDF has names in lower case, without dots" if wanted != written else "the name is another's already"
-            )
+            why = "an EDF cannot have that name" if wanted != written else "the name is another's already"
             project.notes.adapted(("services", written), f"the service is '{chosen}': {why}")
 
 

@@ -55,6 +55,10 @@ def _loopback(given: _Given, project: Project, at: Path) -> None:
 
 def ports(given: _Given, project: Project, at: Path) -> dict[str, Any]:
     """Return `ports`, or with the robot's own network `expose`."""
+    if given.get("network_mode") == "none":
+        for index, _ in enumerate(given.get("ports") or ()):
+            project.notes.dropped((*at, "ports", index), "a service without a network publishes nothing")
+        return {}
     found: list[tuple[str, int, int, str]] = []
     for index, one in enumerate(given.get("ports") or ()):
         path = (*at, "ports", index)

@@ -57,6 +57,7 @@ NETWORK: tuple[Row, ...] = (
         _P,
         "`ports`",
         (Kept.ADAPTED, "with `network: host` they are declared by `expose`"),
+        (Kept.DROPPED, "with `network: none`"),
         (Kept.REFUSED, "a protocol other than tcp and udp"),
     ),
     exact(f"{_P}.target", "`ports`"),

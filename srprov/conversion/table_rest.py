@@ -115,8 +115,8 @@ TOP: tuple[Row, ...] = (
     exact("volumes.*.driver", "`local`", (Kept.REFUSED, "any other driver")),
     adapted(
         "volumes.*.driver_opts",
-        "an absolute path",
-        "a bind of a path of the robot",
+        "a path",
+        "a bind is mounted as the path that it is of",
         (Kept.REFUSED, "options of other kinds, such as NFS"),
     ),
     adapted("volumes.*.external", "a volume of the experiment", "what it holds already is not taken over"),

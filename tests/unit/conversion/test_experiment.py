@@ -40,7 +40,7 @@ def test_names_that_an_edf_cannot_have_are_changed_everywhere(tmp_path: Path) ->
         "ros-master": {**IMAGE, "hostname": "ROS.Master"},
         "talker": {**IMAGE, "depends_on": ["ros-master"], "environment": {"URI": "http://ROS.Master:11311"}},
     }
-    assert "services.ROS.Master: the service is 'ros-master': an EDF has names in lower case, without dots" in messages(
+    assert "services.ROS.Master: the service is 'ros-master': an EDF cannot have that name" in messages(
         found, Kept.ADAPTED
     )
 
