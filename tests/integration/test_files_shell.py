@@ -119,6 +119,24 @@ def test_any_bytes_arrive(robot: Robot, content: bytes, in_place: bool) -> None:
     assert robot.names() == ["hello", "hello/blob"]
 
 
+@pytest.mark.parametrize(
+    "content",
+    ["", "x", "\n", "it's $(id) `id` \\\\n %s %n\\c", "-n", "-- x", "é\r\n\t", "x" * 8192, "x" * 8193, "a\0b"],
+)
+@pytest.mark.parametrize("left", [False, True])
+def test_text_that_everybody_may_read_arrives(robot: Robot, content: str, left: bool) -> None:
+    """The shell itself may write it: the same bytes, the same mode, whatever an earlier run left half written."""
+    put = Put(path=f"{STATE_ROOT}/hello/text", content=content.encode())
+    if left:
+        robot.make(file("hello/text.part", "half"))
+        robot.path(f"{put.path}.part").chmod(0o600)
+    reply = robot.sh(put.script())
+    assert reply.ok, reply.err
+    assert robot.path(put.path).read_bytes() == content.encode()
+    assert stat.S_IMODE(robot.path(put.path).stat().st_mode) == 0o644
+    assert robot.names() == ["hello", "hello/text"]
+
+
 def test_a_file_is_made_and_found_right(robot: Robot) -> None:
     """After its commands the module finds a file right; another content is an update."""
     robot.make(file("hello/hosts", "127.0.0.1\tlocalhost\n"))

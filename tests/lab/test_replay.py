@@ -85,6 +85,7 @@ echo "TOOK $(awk "BEGIN { print $after - $before }")"
 SLOW = "robots: {robot2: {cpus: 0.5}}\n"
 
 
+@pytest.mark.soak  # it tells times of a processor apart, which takes a machine that has nothing else to do
 def test_half_of_a_cpu_makes_metrics_different_and_definitions_identical(lab: Lab, tmp_path: Path) -> None:
     """What the slower robot runs is the same by every hash; that it takes longer is told by the metric alone."""
     work = edf(
