@@ -133,8 +133,11 @@ def _top(project: Project) -> None:
     if not project.names:
         hint = "a service whose profile is off is left out: --profile NAME"
         project.notes.refused(("services",), "there is no service", hint)
-    if project.document.get("name") == project.making.name:
-        project.notes.exact(("name",))
+    normal = project.notes.normal
+    if project.document.get("name") == project.making.name or normal.position_of(("name",)) == normal.position_of(()):
+        project.notes.exact(("name",))  # nobody wrote another
+    else:
+        project.notes.adapted(("name",), f"the experiment is '{project.making.name}'")
 
 
 def _edf(making: Making) -> dict[str, Any]:
