@@ -91,7 +91,7 @@ def _result(tree: Value, loading: Loading) -> Normal:
 
 def _own_env_file(folder: str, first: File) -> list[File]:
     path = os.path.join(folder, ".env")
-    if not os.path.lexists(path):
+    if not os.path.lexists(path) or os.path.isdir(path):
         return []
     shown_as = os.path.join(os.path.dirname(first.shown), ".env")
     return [File(path, shown_as, Value(".env", Position(first.shown)))]

@@ -43,6 +43,7 @@ from srprov.facts.stored import read_document
 from srprov.git.program import GitError
 from srprov.git.tree import check_links, entries
 from srprov.images.tag import plan_image
+from srprov.importing.read import normalise
 from srprov.modules import MODULES
 from srprov.planning.markdown import plan_markdown
 from srprov.planning.plan import plan_json
@@ -105,6 +106,10 @@ CONTAINER = json.dumps(
         "Mounts": [{"Destination": "/out", "Source": "/var/lib/docker/volumes/x/_data"}],
     }
 )
+COMPOSE = tuple(
+    (Path(__file__).resolve().parents[1] / "cases" / "compose" / name / "compose.yml").read_text()
+    for name in ("06-drone-sitl", "29-numbers-and-words", "32-durations-sizes", "36-warehouse-fleet", "42-macvlan")
+)
 RECORD = "20261121T090507Z-hello-4f1c09aa"
 
 
@@ -120,6 +125,17 @@ def _checked(*names: str) -> None:
     problems = check_files(names)
     for render in (render_problems, as_json, as_sarif):
         assert isinstance(render(problems), str)
+
+
+def _composed() -> None:
+    normal = normalise([Path("compose.yml")], project="p", profiles=["*"])
+    json.dumps(normal.document)
+    assert all(place.line > 0 for place in normal.positions.values())
+
+
+def _composed_with_env() -> None:
+    Path("compose.yml").write_text("services: {a: {image: 'x:${A:-1}', environment: [A, B, C], env_file: .env}}\n")
+    _composed()
 
 
 def _file(name: str, *use: Callable[[], object]) -> Callable[[Path, bytes], None]:
@@ -329,6 +345,8 @@ def surfaces() -> Mapping[str, Surface]:
         "dockerfile": Surface((DOCKERFILE,), _file("built/Dockerfile", lambda: _checked("built/Dockerfile"), *whole)),
         "dockerignore": Surface((IGNORE,), _file("built/.dockerignore", *whole)),
         "env_file": Surface((ENV,), _file("talker.env", *whole)),
+        "compose": Surface(COMPOSE, _file("compose.yml", _composed)),
+        "compose_env": Surface((ENV.replace("HOME\n", ""),), _file(".env", _composed_with_env)),
         "env": Surface((ENV,), _env),
         "playbook": Surface((PLAYBOOK,), _file("p.yml", lambda: _checked("experiment.edf"), _rendered)),
         "inventory": Surface((INVENTORY,), _file("i.yml", lambda: _checked("i.yml"), _inventory("i.yml"))),
