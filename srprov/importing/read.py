@@ -68,9 +68,9 @@ def _normalise(
     variables = Variables({name: Origin(value, "--set") for name, value in settings.items()})
     named = [File(str(path), str(path)) for path in env_files] or _own_env_file(folder, files[0])
     variables = variables.beside(envfiles.variables(named, reading, variables))
-    name = _project_name(project, files, folder, reading, variables)
+    name = _project_name(project, files, reading, variables)
     variables = variables.beside({"COMPOSE_PROJECT_NAME": Origin(name, "project")})
-    loading = Loading(reading, variables, folder)
+    loading = Loading(reading, variables, folder, list(notes.of_command(files, folder)))
     tree = load(files, loading)
     tree = finish.implied(tree, name, variables)
     everything = printed(tree.of({**tree.data, "name": Value(name, tree.place)}), "project")
@@ -102,7 +102,7 @@ def _worth(variables: Variables, name: str) -> str:
     return origin.value if origin else ""
 
 
-def _project_name(given: str | None, files: Sequence[File], folder: str, reading: Reading, variables: Variables) -> str:
+def _project_name(given: str | None, files: Sequence[File], reading: Reading, variables: Variables) -> str:
     """Return the project's name; what `name:` of a file says loses what it may not have."""
     if chosen := given or _worth(variables, "COMPOSE_PROJECT_NAME"):
         if not _NAME.fullmatch(chosen):
@@ -117,7 +117,7 @@ def _project_name(given: str | None, files: Sequence[File], folder: str, reading
             written = dataclasses.replace(variables, used=[]).put_in(name.data, name.at)
             if variables.problems:
                 raise Refused(variables.problems)
-    tidy = _tidy(written) or _tidy(os.path.basename(folder))
+    tidy = _tidy(written) or _tidy(os.path.basename(os.path.dirname(os.path.abspath(files[0].path))))
     if not tidy:
         message = "the project has no name"
         raise Refused([Diagnostic(Position(files[0].shown), message, hint="write `name:` into the file")])

@@ -1,14 +1,32 @@
-"""What Compose does with a file that one would not guess: allowed, and worth a word at its line. Pure."""
+"""What Compose does with a file that one would not guess: allowed, and worth a word. Looks at names of files."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import os
+from collections.abc import Iterator, Sequence
 
 from srprov.importing.compose.finish import services
+from srprov.importing.compose.loading import File
 from srprov.importing.compose.values import Value
 from srprov.importing.compose.volumes import KNOWN_MODES
 from srprov.importing.normal import Note
 from srprov.importing.position import Position
+
+_OWN_NAMES = ("compose.yaml", "compose.yml", "docker-compose.yml", "docker-compose.yaml")
+"""Of files that Compose takes by itself."""
+
+
+def of_command(files: Sequence[File], folder: str) -> Iterator[Note]:
+    """Yield what `docker compose` would read beside a file that has the name of its own, and nobody named."""
+    name = os.path.basename(files[0].path)
+    if len(files) > 1 or name not in _OWN_NAMES:
+        return
+    for other in (one.replace(".y", ".override.y") for one in _OWN_NAMES):
+        if os.path.lexists(os.path.join(folder, other)):
+            message = (
+                f"'{other}' lies beside it: `docker compose` without `-f` would lay it over this file; it is not read"
+            )
+            yield Note(Position(files[0].shown), message, f"name both files, {name} first")
 
 
 def of_file(tree: Value) -> Iterator[Note]:

@@ -123,6 +123,15 @@ def test_what_one_would_not_guess_is_told(tmp_path: Path, field: str, said: str)
     assert notes(tmp_path, f"services: {{a: {{image: x, {field}}}}}\n") == ([said] if said else [])
 
 
+def test_a_file_that_compose_would_read_too_is_told(tmp_path: Path) -> None:
+    for name in ("compose.yml", "compose.override.yml", "other.yml"):
+        (tmp_path / name).write_text("services: {a: {image: x}}\n")
+    one, both, other = (["compose.yml"], ["compose.yml", "compose.override.yml"], ["other.yml"])
+    told = [len(normalise([tmp_path / name for name in names]).warnings) for names in (one, both, other)]
+    assert told == [1, 0, 0]
+    assert "compose.override.yml" in normalise([tmp_path / "compose.yml"]).warnings[0].message
+
+
 def test_a_version_is_told(tmp_path: Path) -> None:
     assert notes(tmp_path, "version: '3'\nservices: {}\n") == ["c.yml:1:1: `version` means nothing to Compose any more"]
 
