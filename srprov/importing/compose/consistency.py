@@ -27,6 +27,7 @@ def consistent(tree: Value, everything: Value) -> None:
         for check in _CHECKS
         for problem in check(_Service(tree, everything, service, ("services", name)))
     ]
+    problems += _names(tree)
     secrets = tree.get("secrets")
     for name, secret in secrets.data.items() if secrets is not None else ():
         if not any(secret.get(key) is not None for key in ("file", "environment", "external")):
@@ -34,6 +35,19 @@ def consistent(tree: Value, everything: Value) -> None:
     if problems:
         raise Refused(problems)
     in_order(tree)
+
+
+def _names(tree: Value) -> Iterator[Diagnostic]:
+    """Yield services that want a name of a container that another has."""
+    owners: dict[str, str] = {}
+    for service, value in services(tree).items():
+        name = value.get("container_name")
+        if name is None:
+            continue
+        if name.data in owners:
+            message = f"service '{service}' has the container_name '{name.data}' of service '{owners[name.data]}'"
+            yield wrong(name, message, ("services", service, "container_name"))
+        owners.setdefault(name.data, service)
 
 
 class _Service:

@@ -24,6 +24,7 @@ REFUSED = {
     "27-dependency-circle": "2:17",
     "34-scale-and-name": "2:48",
     "45-health-wrong": "2:31",
+    "48-two-of-one-name": "3:49",
     "46-bad-duration": "2:36",
     "47-tabs": "2:1",
 }
