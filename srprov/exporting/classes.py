@@ -116,6 +116,11 @@ def has_finer(table: Mapping[str, tuple[str, str]], path: Path) -> bool:
     return any(key.startswith(starts) for key in table)
 
 
+def has_names(table: Mapping[str, tuple[str, str]], path: Path) -> bool:
+    """Return whether the keys of a field are names that its author chose."""
+    return bool(path) and any(key.startswith(f"{'.'.join(path)}.*.") for key in table)
+
+
 def _keys(path: Path) -> tuple[str, ...]:
     """Return the ways to write a path in the table: the second part is a name in those maps that have names."""
     plain = ".".join(path)

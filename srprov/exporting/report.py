@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from srprov.errors import Diagnostic, visible
-from srprov.exporting.classes import CDF, EDF, has_finer, rule_of
+from srprov.exporting.classes import CDF, EDF, has_finer, has_names, rule_of
 from srprov.exporting.model import DROPPED, EXACT, KINDS, REFUSED, Export, Field, Path, Remark
 from srprov.yamldoc import loader, nodes
 from srprov.yamldoc.nodes import Map, Node
@@ -45,7 +45,7 @@ def _below(
 ) -> Iterator[Field]:
     for key, value in node.entries.items():
         here, place = (*path, key), node.keys.get(key, value)
-        if key.startswith("x-"):
+        if key.startswith("x-") and not has_names(table, path):
             yield _field(here, place, *_EXTENSION)
         elif isinstance(value, Map) and has_finer(table, here):
             yield from _below(value, here, table, said)

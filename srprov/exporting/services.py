@@ -20,6 +20,8 @@ from srprov.exporting.runtime import port_documents, runtime_document
 from srprov.exporting.variables import Open
 from srprov.network.discovery import FOLDER, discovery_of
 
+_OWN_KEYS = ("environment", "labels", "sysctls")
+"""Maps for which Compose has a list of NAME=value too."""
 _CONDITIONS = {
     "started": "service_started",
     "healthy": "service_healthy",
@@ -71,7 +73,7 @@ class Surroundings(msgspec.Struct, frozen=True, kw_only=True):
         }
         env = (File(path=f"{self.machine.folder}env/{service.name}.env", content=listed.encode(), mode=0o600),)
         return Part(
-            document={key: value for key, value in document.items() if _says(key, value)},
+            document={key: _pairs(key, value) for key, value in document.items() if _says(key, value)},
             files=(*mounts.files, *peers, *(env if listed else ())),
             remarks=(*mounts.remarks, *self._remarks(service)),
             needs=mounts.needs,
@@ -138,6 +140,13 @@ def _on_robots_network(run: dict[str, Any]) -> dict[str, Any]:
     """Leave out what the engine refuses beside the machine's own network; published ports it would ignore."""
     kept = {name: value for name, value in run.get("sysctls", {}).items() if not name.startswith("net.")}
     return {**run, "sysctls": kept}
+
+
+def _pairs(key: str, value: Any) -> Any:  # noqa: ANN401 - whatever a key has
+    """Return a map whose keys are the user's own as a list, where Compose would take one for an extension `x-…`."""
+    if key not in _OWN_KEYS or not isinstance(value, dict) or not any(name.startswith("x-") for name in value):
+        return value
+    return [name if one is None else f"{name}={one}" for name, one in value.items()]
 
 
 def _says(key: str, value: object) -> bool:

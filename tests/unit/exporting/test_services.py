@@ -281,3 +281,19 @@ def test_no_word_of_the_experiment_leaves_its_place(tmp_path: Path) -> None:
     assert "`demo.edf:1`" in readme
     assert list(document(made)) == ["name", "services"]
     assert str(tmp_path) not in b"".join(contents(made).values()).decode()
+
+
+def test_names_that_look_like_extensions_stay_names(tmp_path: Path) -> None:
+    """Compose takes `x-…` in a map of variables or labels for an extension, and loses it."""
+    text = (
+        "services:\n"
+        "  x-cam: {image: x, environment: {x-a: '1', B: $2}, labels: {x-l: ''}, cost: 1}\n"
+        "  b: {image: x, environment: [x-open], depends_on: [x-cam], x-mine: 1}\n"
+    )
+    made = twin(experiment(tmp_path, text))
+    services = document(made)["services"]
+    assert services["x-cam"]["environment"] == ["B=$$2", "x-a=1"]
+    assert services["x-cam"]["labels"] == ["x-l="]
+    assert services["b"]["environment"] == ["x-open"]
+    assert classes(made)["services.x-cam.cost"] == "dropped"
+    assert notes(made)["services.b.x-mine"] == "an extension of the file's own"
