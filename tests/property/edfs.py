@@ -20,7 +20,9 @@ PATHS = WORDS.map(lambda word: f"/m/{word.strip('./') or 'x'}").filter(
     lambda path: "/../" not in f"{path}/" and "//" not in path
 )
 LINES = TEXTS.filter(lambda text: "\n" not in text)
-VARIABLES = st.dictionaries(st.from_regex(r"[A-Z_][A-Z0-9_]{0,8}|x-[a-z]", fullmatch=True), TEXTS, max_size=4)
+VARIABLES = st.dictionaries(
+    st.from_regex(r"[A-Z_][A-Z0-9_]{0,8}|x-[a-z]|[a-zA-Z0-9_.$é:{}-]{1,5}", fullmatch=True), TEXTS, max_size=4
+)
 SECONDS = st.sampled_from(["500ms", "1s", "1500ms", "90s", "1m30s", "2h", "250us", "10s"])
 SIZES = st.sampled_from(["64m", "1g", "1048576", "100k", "1.5g"])
 PORTS = st.integers(1, 65535)
@@ -65,7 +67,9 @@ PLAIN: dict[str, st.SearchStrategy[Any]] = {
     "init": st.booleans(),
     "read_only": st.booleans(),
     "tmpfs": st.lists(st.sampled_from(["/t1", "/t2:size=64m,mode=1777", "/t3:noexec"]), max_size=3, unique=True),
-    "labels": st.dictionaries(st.from_regex(r"[a-z]{1,6}(\.[a-z]{1,4})?|x-[a-z]", fullmatch=True), TEXTS, max_size=3),
+    "labels": st.dictionaries(
+        st.from_regex(r"[a-z]{1,6}(\.[a-z]{1,4})?|x-[a-z]|[a-zA-Z0-9_. $é:{}#-]{1,5}", fullmatch=True), TEXTS, max_size=3
+    ),
     "logging": st.fixed_dictionaries(
         {"driver": st.sampled_from(["json-file", "local"])}, optional={"options": st.just({"max-size": "1m"})}
     ),
