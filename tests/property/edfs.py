@@ -68,7 +68,8 @@ PLAIN: dict[str, st.SearchStrategy[Any]] = {
     "read_only": st.booleans(),
     "tmpfs": st.lists(st.sampled_from(["/t1", "/t2:size=64m,mode=1777", "/t3:noexec"]), max_size=3, unique=True),
     "labels": st.dictionaries(
-        st.from_regex(r"[a-z]{1,6}(\.[a-z]{1,4})?|x-[a-z]|[a-zA-Z0-9_. $é:{}#-]{1,5}", fullmatch=True), TEXTS, max_size=3
+        st.from_regex(r"[a-z]{1,6}(\.[a-z]{1,4})?|x-[a-z]|[a-zA-Z0-9_. $é:{}#-]{1,5}", fullmatch=True), TEXTS,
+        max_size=3,
     ),
     "logging": st.fixed_dictionaries(
         {"driver": st.sampled_from(["json-file", "local"])}, optional={"options": st.just({"max-size": "1m"})}
