@@ -19,7 +19,7 @@ from srprov.evidence.grades import DIFFERENT, EQUIVALENT, IDENTICAL, UNKNOWN, Li
 from srprov.evidence.images import BUILT, sbom_name, stored
 from srprov.oci import sbom
 
-_MOST_SHOWN = 12
+_MOST_SHOWN = 8
 _MOST_SBOM = 64 << 20
 _LINKS = {"apt": "=", "pip": "==", "npm": "@"}
 _KINDS = {"deb": "apt", "pypi": "pip"}
@@ -110,7 +110,8 @@ def _compared(service: str, one: _Of, other: _Of) -> Line:
     told = [*_differences(one.packages, other.packages)]
     more = f"; and {len(told) - _MOST_SHOWN} more" if len(told) > _MOST_SHOWN else ""
     if told:
-        return Line(service, DIFFERENT, f"{text}: {'; '.join(told[:_MOST_SHOWN])}{more}")
+        count = f"{len(told)} package{'s' * (len(told) > 1)} differ{'s' * (len(told) == 1)}"
+        return Line(service, DIFFERENT, f"{text}; {count}: {'; '.join(told[:_MOST_SHOWN])}{more}")
     if one.name == other.name and one.name.startswith(BUILT) and one.whole:
         return Line(service, EQUIVALENT, f"{text}: built of the same, with the same packages")
     beyond = "" if one.whole else " beyond their bases"

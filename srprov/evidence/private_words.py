@@ -12,7 +12,7 @@ from __future__ import annotations
 import ipaddress
 import posixpath
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -115,7 +115,7 @@ def collect(
     """Add the private words of a session, in an order that follows from the files alone."""
     names = mapping(facts.get("robots"))
     for robot, one in sorted(names.items()):
-        _of_robot(words, robot, mapping(one))
+        _of_robot(words, robot, mapping(one), names)
     for robot, host in sorted(_hosts(inventory)):
         address = string(host.get("ansible_host"))
         words.address(address)
@@ -134,7 +134,7 @@ def collect(
             words.add("folder", posixpath.normpath(f"{folder}/{path}"), f"/experiment/{path}")
 
 
-def _of_robot(words: Words, robot: str, one: Mapping[str, Any]) -> None:
+def _of_robot(words: Words, robot: str, one: Mapping[str, Any], names: Collection[str]) -> None:
     for text in (*_addresses(one), *strings(one.get("routes")), *strings(one.get("relies_on"))):
         words.address(text)
     for line in strings(one.get("hosts")):
@@ -145,7 +145,7 @@ def _of_robot(words: Words, robot: str, one: Mapping[str, Any]) -> None:
         if _MAC.fullmatch(mac) and not _OWN.fullmatch(mac):
             words.add("mac", mac.lower())
     host = string(one.get("hostname"))
-    if len(host) >= SHORTEST:
+    if len(host) >= SHORTEST and host not in names:  # as after a replay with robots' parts swapped: it tells nothing
         words.add("hostname", host, robot)
 
 

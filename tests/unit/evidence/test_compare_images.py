@@ -38,9 +38,9 @@ def first(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_package_that_differs_is_named_with_both_versions(first: Path, tmp_path: Path) -> None:
     found = lines(first, bundle_of(tmp_path / "b", NEWER))
     assert (found["referee"].grade, found["runner"].grade) == ("identical", "different")
-    assert found["runner"].text.endswith(": curl (apt) 7.88.1-10, and 8.5.0-2"), found
+    assert found["runner"].text.endswith("; 1 package differs: curl (apt) 7.88.1-10, and 8.5.0-2"), found
     found = lines(first, bundle_of(tmp_path / "c", WITHOUT))
-    assert found["runner"].text.endswith(": numpy (pip) 1.26.4, and not there"), found
+    assert found["runner"].text.endswith("; 1 package differs: numpy (pip) 1.26.4, and not there"), found
 
 
 def test_images_with_the_same_packages_differ_unless_both_were_built_of_the_same(first: Path, tmp_path: Path) -> None:

@@ -313,3 +313,17 @@ def test_a_data_set_of_a_stranger_is_written_nowhere_else(place: str) -> None:
     files = {"home/inputs.json": json.dumps({"files": [{"path": "x", "data": place}]}).encode()}
     with pytest.raises(NotThere, match="a data set of no place"):
         data_sets(archive(files), "home")
+
+
+def test_robots_that_do_the_parts_of_each_other_keep_their_names(run: Path, tmp_path: Path) -> None:
+    """As after a replay with `--map r1=r2 --map r2=r1`: the system of each calls itself as the bundle calls another."""
+    folder = Path(shutil.copytree(run, tmp_path / "run"))
+    for path in folder.glob("sessions/*/facts.json"):
+        facts = json.loads(path.read_text())
+        facts["robots"]["r1"]["hostname"], facts["robots"]["r2"]["hostname"] = "referee", "runner"
+        facts["robots"] |= {"runner": facts["robots"]["r1"], "referee": facts["robots"]["r2"]}
+        path.write_text(json.dumps(facts))
+    bundle(folder, tmp_path / "b.zip")
+    content = unpacked(tmp_path / "b.zip")
+    before = json.loads((folder / "sessions/1/assignment.json").read_text())["assignment"]
+    assert json.loads(content["sessions/1/assignment.json"])["assignment"] == before
