@@ -50,7 +50,10 @@ def snapshot(fleet: Fleet, target: Path, name: str) -> dict[str, Any]:
             "no robot could be looked at", hint="; ".join(f"{k}: {v}" for k, v in sorted(unreachable.items()))
         )
     robots = _robots(seen)
-    hider = Hider(value for robot in robots for one in robot.services for value in one.hidden)
+    try:
+        hider = Hider(value for robot in robots for one in robot.services for value in one.hidden)
+    except ValueError as error:
+        raise UsageError(f"{error} in containers", hint="name fewer robots at once") from error
     _make_known(hider)
     robots = [_cleaned(robot, hider) for robot in robots]
     definitions = {robot.name: one for robot in robots if (one := definition_of(robot))}

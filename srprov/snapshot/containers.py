@@ -85,7 +85,8 @@ def _environment(
         subject = f"container {name}"
         if not _VARIABLE.fullmatch(key) or len(value) > LONGEST_VALUE:
             notes.lost(subject, f"the variable {text(key, length=60)!r} has a name or length that an EDF does not take")
-            hidden.append(value)
+            if secret_variable(key, value) and len(value) <= LONGEST_VALUE:
+                hidden.append(value)
         elif reason := secret_variable(key, value):
             secret = _fresh(re.sub(r"[^A-Za-z0-9_.-]", "-", f"{name}-{key.lower()}")[:60].rstrip(".-"), secrets)
             secrets[secret] = _variable(name, key, secrets.values())

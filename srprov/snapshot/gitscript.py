@@ -66,7 +66,6 @@ class Found:
     folder: str
     """Absolute; where its files are."""
     uid: int
-    gid: int
 
 
 def confined(found: Found, seconds: int, *, root: bool) -> tuple[str, ...]:
@@ -79,7 +78,8 @@ def confined(found: Found, seconds: int, *, root: bool) -> tuple[str, ...]:
         who = (f"--reuid={NOBODY}", f"--regid={NOBODY}", "--clear-groups", "--securebits=+no_setuid_fixup",
                f"--inh-caps={only}", f"--ambient-caps={only}", f"--bounding-set={only}")  # fmt: skip
     else:
-        who = (f"--reuid={found.uid}", f"--regid={found.gid}", "--clear-groups", "--inh-caps=-all",
+        # no group: what a group may read is not always the owner's
+        who = (f"--reuid={found.uid}", f"--regid={NOBODY}", "--clear-groups", "--inh-caps=-all",
                "--bounding-set=-all")  # fmt: skip
     return ("timeout", str(seconds), "setpriv", *who, "--no-new-privs", "prlimit", *LIMITS)
 

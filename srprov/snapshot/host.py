@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import posixpath
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from srprov.snapshot import debian, python, repositories, sources
@@ -25,7 +25,8 @@ from srprov.wire import Reply
 _ARCHES = {"x86_64": "amd64", "aarch64": "arm64", "armv7l": "arm", "armv6l": "arm"}
 _WORD = re.compile(r"[a-z0-9][a-z0-9._-]{0,40}")
 _FAMILIAR = ("fedora", "alpine", "rockylinux", "almalinux", "archlinux")
-_FILES_SHOWN = 200
+_FILES_SHOWN = 100
+_PACKAGES_SHOWN = 60
 _NEEDED = ("setpriv", "prlimit", "git", "timeout", "base64")
 
 
@@ -46,6 +47,8 @@ class Host:
     """Packages that another archive than the distribution's has."""
     gone: frozenset[str] = frozenset()
     """Packages that no archive has."""
+    older: frozenset[str] = frozenset()
+    """Packages that archives have only in versions before the robot's."""
     sources: tuple[Source, ...] = ()
     keys: Mapping[str, bytes] = field(default_factory=dict)
     """Absolute path -> public keys that archives are signed with."""
@@ -162,15 +165,21 @@ def with_origins(host: Host, policy: Policy, origins: Mapping[str, str], notes: 
             )
         return host
     gone = frozenset(one.name for one in wanted if not policy.addresses.get(one.name))
-    for name in sorted(gone):
-        notes.lost(f"package {name}", "is in none of the robot's archives: it came from a file, or is no longer there")
-    for one in wanted:
-        if one.name in policy.ahead:
-            words = f"{one.version} is newer than any that the robot's archives have: the image gets an older one"
-            notes.lost(f"package {one.name}", f"{words}, with what that needs")
+    older = frozenset(one.name for one in wanted if one.name in policy.ahead)
+    _note_packages(gone, "is in none of the robot's archives: it came from a file, or is no longer there", notes)
+    words = "is newer than any that the robot's archives have: the image gets an older one, with what that needs"
+    _note_packages(older, words, notes)
     elsewhere = frozenset(
         one.name
         for one in wanted
         if (urls := policy.addresses.get(one.name)) and not any(sources.is_distributions(url, origins) for url in urls)
     )
-    return replace(host, gone=gone, elsewhere=elsewhere)
+    return replace(host, gone=gone, older=older, elsewhere=elsewhere)
+
+
+def _note_packages(names: Collection[str], words: str, notes: Notes) -> None:
+    """Note packages one by one, as long as these are not more than anybody reads."""
+    for name in sorted(names)[:_PACKAGES_SHOWN]:
+        notes.lost(f"package {name}", words)
+    if len(names) > _PACKAGES_SHOWN:
+        notes.lost("packages", f"{len(names) - _PACKAGES_SHOWN} more like the last one: --json lists them")

@@ -15,6 +15,7 @@ Kind = Literal["lost", "adapted", "secret"]
 KINDS: tuple[Kind, ...] = ("lost", "adapted", "secret")
 """Not captured; captured by other means or with something to know; a value that nobody writes down."""
 MOST = 400
+"""Of each kind."""
 _SUBJECT = 120
 _WORDS = 400
 
@@ -53,7 +54,7 @@ class Notes:
         note = Note(kind, masked(text(subject, length=_SUBJECT)), masked(text(words, length=_WORDS)))
         if note in self.found:
             return
-        if len(self.found) < MOST:
+        if sum(one.kind == kind for one in self.found) < MOST:
             self.found.append(note)
         else:
             self.left_out += 1

@@ -63,7 +63,7 @@ _METADATA = _coded(
 )
 # a root that is not there makes find complain and end with 1
 _FIND = f"find {ROOTS} -xdev -maxdepth {DEPTH}"
-_REPOSITORIES = _coded(f"{_FIND} \\( {_PRUNED} \\) -prune -o -name .git -printf '%U %G %y %p\\0'; :", MOST_LISTED)
+_REPOSITORIES = _coded(f"{_FIND} \\( {_PRUNED} \\) -prune -o -name .git -printf '%U %y %p\\0'; :", MOST_LISTED)
 _WORKSPACES = _coded(
     f"{_FIND} \\( {_PRUNED} -o -name .git \\) -prune -o -type f"
     " \\( -path '*/install/setup.bash' -o -path '*/devel/setup.bash' -o -name pyvenv.cfg \\) -print0; :",

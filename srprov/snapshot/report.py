@@ -53,6 +53,9 @@ def _robot(robot: Robot, definition: Definition | None) -> dict[str, Any]:
             "installed": len(host.packages),
             "by_hand": [f"{one.name}={one.version}" for one in host.chosen.by_hand],
             "others": [f"{one.name}={one.version}" for one in host.chosen.others],
+            "gone": sorted(host.gone),
+            "older": sorted(host.older),
+            "elsewhere": sorted(host.elsewhere),
         },
         "sources": [one.line() for one in host.sources],
         "pip": [

@@ -28,7 +28,7 @@ MOST = 100
 MOST_PATCHES = 4 << 20
 """Bytes of all patches of a robot."""
 _LONGEST_PATH = 400
-_FOUND = re.compile(r"([0-9]{1,10}) ([0-9]{1,10}) ([a-z]) (/.*)", re.DOTALL)
+_FOUND = re.compile(r"([0-9]{1,10}) ([a-z]) (/.*)", re.DOTALL)
 _ODD = {
     "kind": "is a link, or its .git is no folder (a worktree or submodule of another one): it is not read",
     "commondir": "shares its objects with another one: it is not read",
@@ -65,14 +65,14 @@ def parse_found(out: str, notes: Notes) -> tuple[Found, ...]:
         match = _FOUND.fullmatch(one)
         if match is None:
             continue
-        folder = posixpath.dirname(match[4])
+        folder = posixpath.dirname(match[3])
         subject = f"repository {folder!r}" if not folder.isprintable() else f"repository {folder}"
-        if match[3] != "d":
+        if match[2] != "d":
             notes.lost(subject, _ODD["kind"])
         elif not folder.isprintable() or "\ufffd" in folder or len(folder) > _LONGEST_PATH or folder == "/":
             notes.lost(subject, "has a path that no definition can name")
         else:
-            found.append(Found(folder=folder, uid=int(match[1]), gid=int(match[2])))
+            found.append(Found(folder=folder, uid=int(match[1])))
     if len(found) > MOST:
         notes.lost("repositories", f"only {MOST} of {len(found)} are read")
     return tuple(sorted(found, key=lambda one: one.folder)[:MOST])

@@ -32,7 +32,7 @@ def make(folder: Path, trap: str) -> Path:
 def ask(folder: Path, *, root: bool = ROOT) -> tuple[Repository | None, list[str]]:
     """Ask as a robot's shell is asked; return the repository and the notes."""
     about = folder.stat()
-    found = Found(folder=str(folder), uid=about.st_uid, gid=about.st_gid)
+    found = Found(folder=str(folder), uid=about.st_uid)
     ran = subprocess.run(["sh", "-c", script(found, root=root)], capture_output=True, text=True, check=False, cwd="/")
     notes = Notes()
     return parse_repository(found, ran.stdout, notes), [note.words for note in notes.all()]
@@ -69,7 +69,7 @@ def test_a_program_cannot_even_be_started() -> None:
     from srprov.wire import sh
 
     for uid in (0, 1000) if ROOT else (os.geteuid(),):
-        words = sh(*confined(Found(folder="/x", uid=uid, gid=uid), 5, root=ROOT), "sh", "-c", "(:) && echo forks")
+        words = sh(*confined(Found(folder="/x", uid=uid), 5, root=ROOT), "sh", "-c", "(:) && echo forks")
         whole = f"o=$({words} 2>&1); printf '%s' \"$o\""
         tried = subprocess.run(["sh", "-c", whole], capture_output=True, text=True, check=False)
         assert "fork" in tried.stdout and "forks" not in tried.stdout, tried

@@ -22,7 +22,7 @@ from tests.readonly import READS, commands, engine_requests, engine_violations, 
 from tests.unit.probing.worlds import request
 from tests.worlds import experiment, plan_for, service
 
-OF_ROOT = gitscript.Found(folder="/root/w", uid=0, gid=0)
+OF_ROOT = gitscript.Found(folder="/root/w", uid=0)
 QUESTIONS = [
     *host_queries(),
     counters(0),
@@ -36,7 +36,7 @@ QUESTIONS = [
     Query(command=hosts.SCRIPT),
     *(question.query() for question in questions.QUESTIONS),
     *(Query(command=gitscript.script(OF_ROOT, root=root)) for root in (True, False)),
-    Query(command=gitscript.script(gitscript.Found(folder="/home/a b/it's", uid=1000, gid=100), root=True)),
+    Query(command=gitscript.script(gitscript.Found(folder="/home/a b/it's", uid=1000), root=True)),
     debian.policy_query(["tree", "g++"]),
     sources.origins_query(),
     sources.keys_query(

@@ -164,9 +164,7 @@ def test_packages_patches_and_lies_of_a_host(tmp_path: Path) -> None:
     robot = Robot(
         shell={
             "packages": "\n".join(lines),
-            "repositories": coded(
-                "1000 1000 d /home/it's $(reboot)/.git\x000 0 d /root/ws/src/a/.git\x001 1 l /x/.git\0"
-            ),
+            "repositories": coded("1000 d /home/it's $(reboot)/.git\x000 d /root/ws/src/a/.git\x001 l /x/.git\0"),
             "workspaces": coded("/root/ws/install/setup.bash\0/opt/venv/pyvenv.cfg\0"),
             "metadata": coded(
                 "dist /usr/local/lib/python3.11/dist-packages/idna-3.7.dist-info\0Name: idna\nVersion: 3.7\n\0\0"
