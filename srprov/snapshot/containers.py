@@ -59,6 +59,7 @@ def service_of(name: str, box: Mapping[str, Any], image: Mapping[str, Any], runt
     fields |= host_fields(host, runtime, subject, notes) | mount_fields(box, own, name, notes)
     if network.get("network") in ("host", "none"):
         fields.pop("ports", None)
+    fields |= _exposed(config, own, host)
     fields |= health_field(config.get("Healthcheck"), own.get("Healthcheck"))
     fields |= _hostname(box, config, network, subject, notes) | _labels(config, own, subject, notes)
     for key in sorted(map(str, config))[:200]:
@@ -183,6 +184,13 @@ def _process(config: Mapping[str, Any], own: Mapping[str, Any], subject: str, no
     if config.get("OpenStdin") is True:
         found["stdin_open"] = True
     return found
+
+
+def _exposed(config: Mapping[str, Any], own: Mapping[str, Any], host: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the ports that it was told to listen on, and that neither its image says nor a published one does."""
+    known = {*mapping(own.get("ExposedPorts")), *mapping(host.get("PortBindings"))}
+    found = sorted({str(port) for port in mapping(config.get("ExposedPorts"))} - known)[:MOST_ENTRIES]
+    return {"expose": [port.removesuffix("/tcp") for port in found]} if found else {}
 
 
 def _words(name: str, words: Sequence[str], subject: str, notes: Notes) -> list[str]:

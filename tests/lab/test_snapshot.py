@@ -102,6 +102,20 @@ def test_a_robot_that_was_set_up_by_hand_becomes_an_experiment(hand: Lab, tmp_pa
     again = hand.srprov("snapshot", ROBOT, "-i", inventory, "-o", str(folder))
     assert again.code == 5 and "is there already" in again.err, again
 
+    kept = {name: hand.inspect(ROBOT, name) for name in ("Camera.Front", "db")}
+    hand.shell(ROBOT, "docker", "rm", "-f", *kept)  # they have the ports
+    own |= {one["env"]: "another-value" for one in done.json["secrets"]}
+    applied = hand.srprov(
+        "apply", str(folder / "experiment.edf"), "-i", inventory, "--yes", "--allow", "all", "--settle", "0", env=own
+    )
+    assert applied.code == 0, applied
+    for name, service in (("Camera.Front", "camera-front"), ("db", "db")):
+        new = hand.inspect(ROBOT, f"srprov.snapshot.{service}")
+        for key in ("CapAdd", "Devices", "Memory", "CpuQuota", "Ulimits", "Tmpfs", "RestartPolicy", "PortBindings"):
+            same = new["HostConfig"][key] or None, kept[name]["HostConfig"][key] or None
+            assert same[0] == same[1] or key == "CpuQuota", (name, key, same)
+        assert new["Image"] == kept[name]["Image"] and new["State"]["Running"], name
+
 
 PLACE = "/home/robot/traps"
 PIP = "/usr/local/lib/python3.11/dist-packages"

@@ -144,6 +144,16 @@ def test_process_and_health_are_those_that_differ_from_the_images() -> None:
     assert none.fields["healthcheck"] == {"test": ["NONE"]}
 
 
+def test_ports_that_are_only_exposed_are_those_of_the_user() -> None:
+    ports = {"80/tcp": {}, "5000/tcp": {}, "7400/udp": {}}
+    service, _ = taken(
+        {"ExposedPorts": ports},
+        {"NetworkMode": "host", "PortBindings": {"80/tcp": [{"HostPort": "80"}]}},
+        {**IMAGE, "Config": {**IMAGE["Config"], "ExposedPorts": {}}},
+    )
+    assert service.fields["expose"] == ["5000", "7400/udp"] and "ports" not in service.fields
+
+
 def test_mounts_are_named_and_what_they_hold_is_lost() -> None:
     mounts = [
         {"Type": "bind", "Source": "/opt/a:b", "Destination": "/a", "RW": False, "Propagation": "rshared"},
