@@ -35,6 +35,8 @@ DIFFERENCES = {
     "outside": "files outside of the project's folder are refused; Compose reads them",
     "documents": "a second document in a file is refused; Compose lays it over the first",
     "home": "`~` stays in paths; Compose puts in the home of whoever calls it where a file is included or extended",
+    "dates": "a word that is a date is refused; Compose takes it in a map that another file's is laid over",
+    "syntax": "what YAML's C library refuses is refused, such as a word that ends in a colon within brackets",
     "tags": "`!!bool` and `!!null` before other words are taken as they are, and two `<<` in one map; Compose refuses",
     "merged tags": "`!reset` in a map that `<<` brings in counts; for Compose it does not",
     "last name": "a name alone that ends a file of variables, is a name; Compose takes it for a value",

@@ -131,6 +131,19 @@ def _dependencies(service: _Service) -> Iterator[Diagnostic]:
             yield service.problem(f"depends on '{name}', which is not there", "depends_on", name)
 
 
+def _targets(service: _Service) -> Iterator[Diagnostic]:
+    """Nothing is mounted where something else is already."""
+    seen: set[str] = set()
+    for kind in ("tmpfs", "volumes"):
+        value = service.value.get(kind)
+        for number, mount in enumerate(value.data if value is not None else ()):
+            target = plain(mount).get("target", "") if kind == "volumes" else str(mount.data).partition(":")[0]
+            if target in seen:
+                message = f"service '{service.name}' mounts two things at '{target}'"
+                yield wrong(mount, message, (*service.path, kind, number))
+            seen.add(target)
+
+
 def _things(service: _Service) -> Iterator[Diagnostic]:
     for mount in service.get("volumes") or ():
         source = mount.get("source")
@@ -179,5 +192,5 @@ def _watch(service: _Service) -> Iterator[Diagnostic]:
 
 
 _CHECKS: tuple[Callable[[_Service], Iterator[Diagnostic]], ...] = (
-    _image, _networks, _health, _dependencies, _things, _limits, _replicas, _watch
+    _image, _networks, _health, _dependencies, _targets, _things, _limits, _replicas, _watch
 )  # fmt: skip

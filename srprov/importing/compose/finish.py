@@ -6,6 +6,7 @@ import graphlib
 from collections.abc import Iterator, Mapping, Sequence
 
 from srprov.importing.compose.defaults import named, with_default
+from srprov.importing.compose.forms import clean_target
 from srprov.importing.compose.values import Value, grown, refuse
 from srprov.importing.compose.variables import Variables
 
@@ -54,6 +55,8 @@ def _service(service: Value, variables: Variables) -> Value:
         networks = entries.get("networks")
         if networks is None or not networks.data:
             entries["networks"] = grown({"default": None}, service.place)
+    if (mounts := entries.get("volumes")) is not None and isinstance(mounts.data, list):
+        entries["volumes"] = mounts.of([clean_target(mount) for mount in mounts.data])
     if (policy := entries.get("pull_policy")) is not None and policy.data == "if_not_present":
         entries["pull_policy"] = policy.of("missing")
     if (build := entries.get("build")) is not None and isinstance(build.data, dict):

@@ -59,12 +59,16 @@ def _env_files(value: Value, path: Path) -> Value:
 
 
 def _mount(value: Value, path: Path) -> Value:
-    if isinstance(value.data, str):
-        value = _keyed(value, volumes.parse(value, path))
-    target = value.get("target")
+    """A long form keeps its target as it is written until no two are compared any more."""
+    return clean_target(_keyed(value, volumes.parse(value, path))) if isinstance(value.data, str) else value
+
+
+def clean_target(mount: Value) -> Value:
+    """Return a mount whose target has no `..` and no slash at its end."""
+    target = mount.get("target")
     if target is None or not isinstance(target.data, str):
-        return value
-    return value.of({**value.data, "target": target.of(volumes.clean(target.data))})
+        return mount
+    return mount.of({**mount.data, "target": target.of(volumes.clean(target.data))})
 
 
 def _count(item: Value, values: int, path: Path) -> None:
