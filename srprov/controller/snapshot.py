@@ -54,7 +54,7 @@ def snapshot(fleet: Fleet, target: Path, name: str) -> dict[str, Any]:
         hider = Hider(value for robot in robots for one in robot.services for value in one.hidden)
     except ValueError as error:
         raise UsageError(f"{error} in containers", hint="name fewer robots at once") from error
-    _make_known(hider)
+    _make_known(hider, [word for robot in robots for word in (robot.name, *(one.name for one in robot.services))])
     robots = [_cleaned(robot, hider) for robot in robots]
     definitions = {robot.name: one for robot in robots if (one := definition_of(robot))}
     with _draft(target) as draft:
@@ -128,10 +128,10 @@ def _fresh(name: str, taken: Any) -> str:  # noqa: ANN401 - any collection of na
     return found
 
 
-def _make_known(hider: Hider) -> None:
+def _make_known(hider: Hider, names: Sequence[str]) -> None:
     """Let all output of this process hide the values; not a word of the report's own, or it could not be read."""
     for value in hider.strong[:_MOST_KNOWN]:
-        if value.strip().lower() not in _VOCABULARY:
+        if value.strip().lower() not in _VOCABULARY and not any(value.strip() in name for name in names):
             with contextlib.suppress(ValueError):  # too short to be hidden
                 Secret(value)
 

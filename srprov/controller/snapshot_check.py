@@ -17,12 +17,16 @@ from srprov.images.dockerfile import render_dockerfile
 from srprov.snapshot.folder import EDF_NAME, Definition, Robot, experiment_of
 from srprov.snapshot.hider import Hider
 from srprov.snapshot.notes import Notes
-from srprov.snapshot.yamltext import dump
+from srprov.snapshot.yamltext import Commented, dump
 
 _HEAD = "Written by `srprov snapshot`; report.md says what was not captured."
 _TRIED = "try.edf"
 _MOST_TRIED = 200
 """Entries of a list that are tried one by one; a longer one is kept or dropped as a whole."""
+_FREE_KEYS = ("labels", "sysctls", "options")
+"""Fields whose keys are words of the robot."""
+_OURS = ("robot", "cdf", "base", "image", "src", "name", "profiles", "secrets", "env", "network", "kind", "type")
+"""Fields whose values are words of the inventory, of srprov or of a registry."""
 _OF_CDF = ("cdf", "name", "base")
 _OF_SERVICE = ("image", "cdf", "robot")
 
@@ -148,4 +152,18 @@ class Checker:
         return ""
 
     def _write(self, name: str, values: Mapping[str, Any]) -> None:
-        private.write_file(self.folder / name, self.hider.without_strong(dump(values, _HEAD)))
+        private.write_file(self.folder / name, dump(self._hidden(values), _HEAD))
+
+    def _hidden(self, value: Any, within: str = "") -> Any:  # noqa: ANN401 - what YAML has
+        """Return values without secrets. Names of fields, robots and files stay: a password may be such a word, too."""
+        if isinstance(value, Commented):
+            return Commented(self._hidden(value.value, within), self.hider.without_strong(value.words))
+        if isinstance(value, Mapping):
+            free = within in _FREE_KEYS
+            return {
+                self.hider.without_strong(key) if free else key: self._hidden(one, "" if free else key)
+                for key, one in value.items()
+            }
+        if isinstance(value, list):
+            return [self._hidden(one, within) for one in value]
+        return self.hider.without_strong(value) if isinstance(value, str) and within not in _OURS else value

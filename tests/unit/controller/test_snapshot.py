@@ -123,6 +123,22 @@ def test_a_secret_of_one_robot_is_written_nowhere_for_another(tmp_path: Path) ->
     assert edf["secrets"] == {"db-password": {"env": "DB__PASSWORD"}}
 
 
+def test_a_password_may_be_a_word_of_an_experiment(tmp_path: Path) -> None:
+    """It is hidden in what was captured, and the experiment stays one."""
+    env = [
+        "A_PASSWORD=services",
+        "B_PASSWORD=turtlebot",
+        "C_PASSWORD=environment",
+        "WHO=turtlebot",
+        "WHERE=at services",
+    ]
+    boxes = [{**box(1, "app", env), "Config": {**box(1, "app", env)["Config"], "Labels": {"a services b": "c"}}}]
+    document, edf, _ = taken(tmp_path / "out", turtlebot=Robot(boxes=boxes))
+    service = edf["services"]["app"]
+    assert service["environment"] == ["WHERE=at ***", "WHO=***"] and service["labels"] == {"a *** b": "c"}
+    assert service["robot"] == "turtlebot" and "turtlebot" in document["robots"]
+
+
 def test_what_definitions_refuse_is_left_out_and_the_rest_is_kept(tmp_path: Path) -> None:
     """Devices, capabilities and mounts with syntax that an EDF does not have; ports that two services have."""
     odd = box(
