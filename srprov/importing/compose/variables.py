@@ -17,9 +17,8 @@ from srprov.importing.normal import Refused, Variable
 from srprov.importing.position import Position
 
 _NAME = "[_a-zA-Z][_a-zA-Z0-9]*"
-_FOUND = re.compile(
-    rf"\$(?:(?P<escaped>\$)|(?P<named>{_NAME})|\{{(?:(?P<braced>{_NAME}(?::?[-+?].*)?)\}}|(?P<broken>)))"
-)
+_FOUND = re.compile(rf"\$(?:(?P<escaped>\$)|(?P<named>{_NAME})|\{{)")
+_HEAD = re.compile(rf"{_NAME}(?P<sign>:?[-+?])?")
 _PARTS = re.compile(rf"({_NAME})(?:(:?[-+?])(.*))?", re.DOTALL)
 LONGEST_TEXT = 65_536
 """Of one text with variables in it, in characters."""
@@ -28,6 +27,8 @@ DEEPEST = 20
 LARGEST_RESULT = 4 * 1024 * 1024
 """Of all texts of a project together, once variables are put in."""
 MOST_VARIABLES = 20_000
+MOST_LOOKED_AT = 1024 * 1024 * 1024
+"""Characters, of all texts of a project together: what follows a variable is looked at once more for each."""
 
 
 class Origin(msgspec.Struct, frozen=True):
@@ -44,8 +45,8 @@ class Variables:
     worth: Mapping[str, Origin]
     used: list[Variable] = field(default_factory=list)
     problems: list[Diagnostic] = field(default_factory=list)
-    size: list[int] = field(default_factory=lambda: [0])
-    """How much text there is by now; one list for all that read one project."""
+    size: list[int] = field(default_factory=lambda: [0, 0])
+    """How much text there is by now, and was looked at; one list for all that read one project."""
 
     def beside(self, more: Mapping[str, Origin]) -> Variables:
         """Return variables that know more names, for an included project; what is asked for is recorded here too."""
@@ -75,6 +76,16 @@ class Variables:
         if self.size[0] > LARGEST_RESULT:
             message = f"with its variables put in, the project is larger than {LARGEST_RESULT >> 20} MiB"
             raise Refused([Diagnostic(at, message)])
+
+    def look(self, size: int, at: Position) -> None:
+        """Count text that is looked through for one variable.
+
+        Raises:
+            Refused: It is too much.
+        """
+        self.size[1] += size
+        if self.size[1] > MOST_LOOKED_AT:
+            raise Refused([Diagnostic(at, "the project has too many variables in long texts")])
 
     def record(self, name: str, source: str, value: str, at: Position) -> None:
         """Note that a variable was asked for."""
@@ -112,6 +123,7 @@ class _Text:
             raise Refused([Diagnostic(self.at, f"defaults of variables are nested more than {DEEPEST} deep")])
         done: list[str] = []
         while found := _FOUND.search(text):
+            self.variables.look(len(text), self.at)
             done.append(text[: found.start()])
             value, text = self._one(found, text, depth)
             done.append(value)
@@ -125,10 +137,10 @@ class _Text:
             return "$", rest
         if found["named"]:
             return self._plain(found["named"]), rest
-        if found["braced"] is None:
-            return self._broken(text), rest
         # Compose takes all up to the last brace of the line, and then goes back to the brace that closes this one
-        whole, inner = found[0], found["braced"]
+        if (last := _last_brace(rest)) < 0:
+            return self._broken(text), rest
+        whole, inner, rest = f"${{{rest[: last + 1]}", rest[:last], rest[last + 1 :]
         if (end := _closing(whole)) >= 0:
             inner, rest = whole[2:end], whole[end + 1 :] + rest
         parts = _PARTS.fullmatch(inner)
@@ -174,6 +186,17 @@ class _Text:
         message = f"the variable {name} is required" + (f": {word[:200]}" if word else "")
         self.variables.problems.append(Diagnostic(self.at, message, "", "", f"give one: --set {name}=VALUE"))
         return ""
+
+
+def _last_brace(text: str) -> int:
+    """Return where a variable may end at the latest, whose name and perhaps sign the text begins with; or -1."""
+    head = _HEAD.match(text)
+    if head is None:
+        return -1
+    if not head["sign"]:
+        return head.end() if text.startswith("}", head.end()) else -1
+    line = text.find("\n", head.end())
+    return text.rfind("}", head.end(), line if line >= 0 else len(text))
 
 
 def _closing(text: str) -> int:

@@ -251,3 +251,10 @@ def test_a_large_file_that_thousands_extend(tmp_path: Path) -> None:
     services = "\n".join(f"  s{n}: {{extends: {{file: base.yml, service: b}}}}" for n in range(2500))
     normal = read(tmp_path, f"services:\n{services}\n", base_yml=base)
     assert len(normal.document["services"]) == 2500
+
+
+@pytest.mark.parametrize("text", ["${a-" * 16_000, "${a-}" * 6000 + "x" * 35_000, "${a" * 20_000, "$${a-}" * 10_000])
+def test_variables_that_do_not_end_in_many_long_texts(tmp_path: Path, text: str) -> None:
+    """Each is looked for to the end of its line."""
+    lines = "".join(f'    - "{text}"\n' for _ in range(50))
+    assert refusal(tmp_path, f"services:\n  a:\n    image: x\n    command:\n{lines}")
