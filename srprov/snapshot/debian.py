@@ -23,7 +23,7 @@ MOST_POLICY = 4 << 20
 _NAME = re.compile(r"[a-z0-9][a-z0-9+.-]{0,98}[a-z0-9+]")
 _VERSION = re.compile(r"[0-9A-Za-z][A-Za-z0-9.+:~-]{0,127}")
 _ARCH = re.compile(r"[a-z0-9][a-z0-9-]{0,30}")
-_DEPENDENCY = re.compile(r"\s*([a-z0-9][a-z0-9+.-]*)(?::[a-z0-9-]+)?\s*(?:\([^()]{0,200}\))?\s*")
+_DEPENDENCY = re.compile(r"([a-z0-9][a-z0-9+.-]*)(?::[a-z0-9-]+)?(?:\s*\([^()]{0,200}\))?")
 _POLICY_NAME = re.compile(r"([a-z0-9][a-z0-9+.-]*)(?::[a-z0-9-]+)?:")
 _POLICY_CHOICE = re.compile(r"  (Installed|Candidate): (\S{1,128})")
 _POLICY_VERSION = re.compile(r"( \*\*\*|    ) (\S{1,128}) -?[0-9]{1,6}")
@@ -88,7 +88,7 @@ def parse_packages(out: str, notes: Notes) -> tuple[Package, ...]:
 
 def _depends(text: str) -> Iterator[tuple[str, ...]]:
     for part in text.split(",", 400)[:400]:
-        names = [match[1] for one in part.split("|", 50)[:50] if (match := _DEPENDENCY.fullmatch(one))]
+        names = [match[1] for one in part.split("|", 50)[:50] if (match := _DEPENDENCY.fullmatch(one.strip()))]
         if names:
             yield tuple(names)
 

@@ -126,7 +126,8 @@ def _devices(host: Mapping[str, Any], subject: str, notes: Notes) -> dict[str, A
     if devices:
         found["devices"] = devices
     for one in mappings(host.get("DeviceRequests"), most=8):
-        names = [name for group in one.get("Capabilities") or () if isinstance(group, list) for name in strings(group)]
+        groups = one.get("Capabilities")
+        names = [name for group in (groups if isinstance(groups, list) else ()) for name in strings(group)]
         count = integer(one.get("Count"), low=-1, high=64)
         if "gpu" in names and not strings(one.get("DeviceIDs")) and count:
             found["gpus"] = "all" if count == -1 else count

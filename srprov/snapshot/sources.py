@@ -34,7 +34,7 @@ _ONE_LINE = re.compile(r"deb\s+(?:\[(?P<options>[^\]]{0,1000})\]\s+)?(?P<rest>\S
 _URL = re.compile(r"https?://[A-Za-z0-9.:\[\]-]{1,250}(?:/[A-Za-z0-9._~+%@=,:/-]{0,500})?")
 _WORD = re.compile(r"[A-Za-z0-9][A-Za-z0-9._+/-]{0,100}")
 _SUITE = re.compile(r"[A-Za-z0-9./][A-Za-z0-9._+/-]{0,100}")
-_KEY = re.compile(r"/(?:usr/share|etc/apt|usr/local/share)/(?:[A-Za-z0-9][A-Za-z0-9._+-]{0,100}/?){1,4}")
+_KEY = re.compile(r"/(?:usr/share|etc/apt|usr/local/share)(?:/[A-Za-z0-9][A-Za-z0-9._+-]{0,100}){1,4}/?")
 
 
 @dataclass(frozen=True, slots=True)
