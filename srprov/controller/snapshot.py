@@ -116,7 +116,11 @@ def _robots(seen: Sequence[Seen]) -> list[Robot]:
             own = service_name(string(mapping(box).get("Name")).lstrip("/"))
             name = own if own not in taken else _fresh(f"{own[:40]}-{robot.short[:18]}", taken)
             taken.add(name)
-            services.append(service_of(name, box, image, one.runtime, one.notes))
+            try:
+                with answers_of(one.name):
+                    services.append(service_of(name, box, image, one.runtime, one.notes))
+            except TransportError as error:
+                one.notes.lost(f"container {name}", error.message)
         robots.append(replace(robot, services=tuple(services)))
     return robots
 

@@ -5,6 +5,8 @@ Takes a folder of its own and robots; writes there. Reads what it wrote.
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +23,8 @@ from srprov.snapshot.yamltext import Commented, dump
 
 _HEAD = "Written by `srprov snapshot`; report.md says what was not captured."
 _TRIED = "try.edf"
+LONGEST_S = 120.0
+"""To find out what is refused: a robot may have thousands of odd values, and each is tried."""
 _MOST_TRIED = 200
 """Entries of a list that are tried one by one; a longer one is kept or dropped as a whole."""
 _FREE_KEYS = ("labels", "sysctls", "options")
@@ -39,6 +43,7 @@ class Checker:
     ) -> None:
         """Take the folder, and all that goes there."""
         self.folder, self.robots, self.definitions, self.hider = folder, list(robots), dict(definitions), hider
+        self.end = time.monotonic() + LONGEST_S
 
     def checked(self, name: str) -> tuple[list[Robot], dict[str, Definition]]:
         """Write all files; return the robots and definitions as they are there.
@@ -53,6 +58,7 @@ class Checker:
         if self._fault(experiment_of(name, self.robots, self.definitions)):
             self._one_by_one(name)
         whole = experiment_of(name, self.robots, self.definitions)
+        self.end = math.inf
         if fault := self._fault(whole):
             self.robots[0].notes.lost("experiment", f"srprov refuses it as a whole: {fault}")
         self._write(EDF_NAME, whole)
@@ -91,15 +97,24 @@ class Checker:
         return replace(robot, services=tuple(services))
 
     def _one_by_one(self, name: str) -> None:
-        """Keep the services that go together."""
-        whole, self.robots = self.robots, [replace(robot, services=()) for robot in self.robots]
-        for index, robot in enumerate(whole):
-            for one in robot.services:
-                before = self.robots[index]
-                self.robots[index] = replace(before, services=(*before.services, one))
-                if fault := self._fault(experiment_of(name, self.robots, self.definitions)):
-                    robot.notes.lost(f"container {one.name}", f"does not go together with the others: {fault}")
-                    self.robots[index] = before
+        """Keep the services that go together; halves are tried, so that few bad ones cost few tries."""
+        left = [[(index, one) for index, robot in enumerate(self.robots) for one in robot.services]]
+        self.robots = [replace(robot, services=()) for robot in self.robots]
+        while left:
+            some = left.pop()
+            before = list(self.robots)
+            for index, one in some:
+                self.robots[index] = replace(self.robots[index], services=(*self.robots[index].services, one))
+            if not (fault := self._fault(experiment_of(name, self.robots, self.definitions))):
+                continue
+            self.robots = before
+            if len(some) > 1:
+                half = len(some) // 2
+                left += [some[half:], some[:half]]
+                continue
+            for index, one in some:
+                words = f"does not go together with the others: {fault}"
+                before[index].notes.lost(f"container {one.name}", words)
 
     def _kept(
         self,
@@ -139,6 +154,8 @@ class Checker:
 
     def _fault(self, values: Mapping[str, Any], *, rendered: bool = False) -> str:
         """Return the first thing that is wrong with an experiment, or nothing."""
+        if time.monotonic() > self.end:
+            return "so much is wrong that the rest is not tried"
         path = self.folder / _TRIED
         try:
             self._write(_TRIED, values)

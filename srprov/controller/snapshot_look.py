@@ -33,6 +33,14 @@ _PATIENCE_S = 90.0
 """For the repositories of a robot; a user of it could make them slow."""
 _ID = re.compile(r"[0-9a-f]{64}")
 _IMAGE = re.compile(r"sha256:[0-9a-f]{64}")
+MOST_INSPECTED = 8 << 20
+"""Characters of what an engine says of all containers and their images; of one they are some ten thousand."""
+LONGEST_S = 600.0
+"""Until no further container of a robot is asked about: each answer may take its time."""
+_MOST_OF_ONE = 512 << 10
+"""Characters of what is said of one container or image."""
+_MOST_NESTED = 20_000
+"""Lists and maps in it: an empty one takes thirty times its text in memory."""
 _INSTANCE = "srprov.instance"
 _RUNS = ("running", "paused", "restarting")
 _SHOWN = 6
@@ -64,24 +72,29 @@ def look(reader: Reader, name: str) -> Seen:
     chosen = _chosen(listed, notes)
     wanted = [*host.chosen.by_hand, *host.chosen.others]
     origins: list[AnyQuery] = [origins_query(), policy_query(one.name for one in wanted)] if wanted else []
-    inspected: list[Reply] = []
+    containers: list[tuple[Mapping[str, Any], Mapping[str, Any]]] = []
+    room, end = MOST_INSPECTED, time.monotonic() + LONGEST_S
     questions = [question for one, image in chosen for question in _inspect(one, image)]
     for some in _pieces(questions, 2 * _CONTAINERS_AT_ONCE) or [()]:
         answers = list(reader.ask([*origins, *some]))
         if origins:
             signed, policy = parse_origins(answers[0].out), parse_policy(answers[1].out)
             host = with_origins(host, policy, signed, notes)
-        inspected += answers[len(origins) :]
+        answers = answers[len(origins) :]
+        containers += _inspected(answers, notes)
         origins = []
+        room -= sum(len(one.out) for one in answers)
+        if room < 0 or time.monotonic() > end:
+            notes.lost("containers", "what is said of them is too long, or takes too long: there may be more")
+            break
     if host.elsewhere and host.sources:
         host = replace(host, keys=parse_keys(reader.ask([keys_query(host.sources)])[0].out))
-    containers = tuple(_inspected(inspected, notes))
-    _note_changes(reader, containers, notes)
+    _note_changes(reader, containers, end, notes)
     return Seen(
         name=name,
         host=host,
         repositories=tuple(_repositories(reader, host, notes)),
-        containers=containers,
+        containers=tuple(containers),
         runtime=text(mapping(info.json()).get("DefaultRuntime"), length=60) or "runc",
         notes=notes,
     )
@@ -125,6 +138,9 @@ def _inspect(container: str, image: str) -> tuple[EngineQuery, EngineQuery]:
 
 def _inspected(replies: Sequence[Reply], notes: Notes) -> Iterator[tuple[Mapping[str, Any], Mapping[str, Any]]]:
     for box, image in zip(replies[::2], replies[1::2], strict=True):
+        if any(len(one.out) > _MOST_OF_ONE or sum(map(one.out.count, "[{")) > _MOST_NESTED for one in (box, image)):
+            notes.lost("container", "what the engine says of it is longer than any container needs: it is not read")
+            continue
         about = mapping(box.json())
         if not box.ok or not image.ok or not _ID.fullmatch(string(about.get("Id"))):
             notes.lost("container", f"cannot be looked at, or went away meanwhile: {text(box.err or image.err)}")
@@ -133,11 +149,14 @@ def _inspected(replies: Sequence[Reply], notes: Notes) -> Iterator[tuple[Mapping
 
 
 def _note_changes(
-    reader: Reader, containers: Sequence[tuple[Mapping[str, Any], Mapping[str, Any]]], notes: Notes
+    reader: Reader, containers: Sequence[tuple[Mapping[str, Any], Mapping[str, Any]]], end: float, notes: Notes
 ) -> None:
     """Note what was changed in the files of containers, each asked by itself: such an answer may be long."""
     for box, _ in containers:
         subject = f"container {text(string(box.get('Name')), length=80).lstrip('/')}"
+        if time.monotonic() > end:
+            notes.lost("containers", "what was changed in their files takes too long to be listed")
+            return
         (reply,) = reader.ask([EngineQuery(path=f"/containers/{string(box.get('Id'))}/changes", timeout_s=60)])
         if not reply.ok:
             notes.lost(subject, "what was changed in its files cannot be listed")
@@ -153,13 +172,17 @@ def _note_changes(
 
 
 def _repositories(reader: Reader, host: Host, notes: Notes) -> Iterator[Repository]:
-    room, begun = MOST_PATCHES, time.monotonic()
+    room, said, begun = MOST_PATCHES, 0, time.monotonic()
     for some in _pieces(host.found, _REPOSITORIES_AT_ONCE):
         if time.monotonic() - begun > _PATIENCE_S:
             notes.lost("repositories", f"{some[0].folder} and those after it are not read: the others took too long")
             return
         queries = [Query(command=script(one, root=host.root), timeout_s=TIMEOUT_S) for one in some]
         for found, reply in zip(some, reader.ask(queries), strict=True):
+            said += len(reply.out)
+            if said > 3 * MOST_PATCHES:  # looking for secrets in patches takes its time
+                notes.lost(f"repository {found.folder}", "is not read: others say too much already")
+                continue
             one = parse_repository(found, reply.out, notes)
             if one is None:
                 continue

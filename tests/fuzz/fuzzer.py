@@ -114,9 +114,12 @@ def _shown(content: bytes) -> str:
 
 def fuzz(seconds: float, folder: Path, current: int, start: int, wanted: list[str]) -> Iterator[dict[str, Any]]:
     """Yield a fault as it is found, and in the end how many inputs each surface had."""
+    from tests.fuzz.foreign import Kept
     from tests.fuzz.surfaces import surfaces
 
-    every = {name: one for name, one in surfaces().items() if not wanted or name in wanted}
+    kept = folder.parent / "kept"
+    Kept.make(kept)
+    every = {name: one for name, one in surfaces(kept).items() if not wanted or name in wanted}
     limit_memory()
     end, counts, told = time.monotonic() + seconds, dict.fromkeys(every, 0), dict[str, int]()
     number = start

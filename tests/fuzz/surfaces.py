@@ -59,6 +59,7 @@ from srprov.trials.reading import read as read_container
 from srprov.untrusted import json_or_none, parse_json
 from srprov.wire import Reply
 from tests.fakes import World
+from tests.fuzz.foreign import foreign
 from tests.unit.assignment.worlds import robot
 from tests.unit.definitions.examples import BASE, CDF, EDF, INVENTORY
 from tests.unit.facts.robot_outputs import COMPUTER, replies
@@ -327,8 +328,8 @@ def _facts_text() -> str:
     return json.dumps(facts_document({"r1": robot("r1", load1=1.0), "r2": robot("r2")}, {"r3": "away"}))
 
 
-def surfaces() -> Mapping[str, Surface]:
-    """Return every surface by name."""
+def surfaces(kept: Path) -> Mapping[str, Surface]:
+    """Return every surface by name; `kept` is a folder where `Kept.make` put a run and its bundle."""
     edfs = tuple((EXAMPLES / name / "experiment.edf").read_text() for name in ("hello", "chatter-ros", "race"))
     cdf = (EXAMPLES / "chatter-ros" / "ros.cdf").read_text()
     edf = _file("experiment.edf", lambda: _checked("experiment.edf"), _named, _loaded)
@@ -373,6 +374,7 @@ def surfaces() -> Mapping[str, Surface]:
         "result listing": Surface((LISTING,), _listed),
         "container": Surface((CONTAINER,), _trial),
         "policy": Surface((POLICY,), _file("policy.yml", _policy)),
+        **{name: Surface((text,), use) for name, (text, use) in foreign(kept).items()},
     }
 
 
