@@ -94,7 +94,8 @@ _BOX = json.dumps(
     {
         "Id": "a" * 64, "Name": "/cam", "Created": "2026-11-01T00:00:00Z", "SizeRw": 5,
         "Config": {"Hostname": "h", "Env": ["A=1", "TOKEN=abcdefgh12345678"], "Cmd": ["run", "--password", "x"],
-                   "Image": "cam:1", "Labels": {"a": "b"}, "Healthcheck": {"Test": ["CMD", "true"], "Interval": 1000000000}},
+                   "Image": "cam:1", "Labels": {"a": "b"},
+                   "Healthcheck": {"Test": ["CMD", "true"], "Interval": 1000000000}},
         "HostConfig": {"NetworkMode": "bridge", "Memory": 5, "NanoCpus": 5, "CapAdd": ["CAP_NET_ADMIN"],
                        "Tmpfs": {"/t": ""},
                        "PortBindings": {"80/tcp": [{"HostIp": "", "HostPort": "8080"}]}, "Ulimits": [{"Name": "nofile",
