@@ -1,6 +1,6 @@
 """Generated Compose projects: Docker Compose and we take the same ones, and make the same of them.
 
-Without SRPROV_SOAK a hundred of them; with it, two thousand.
+A hundred of them; two thousand with SRPROV_SOAK, or in the long profile.
 """
 
 from __future__ import annotations
@@ -13,12 +13,15 @@ import pytest
 from hypothesis import HealthCheck, event, given, settings
 
 from tests.compose_oracle import AVAILABLE, compose, differences, ours
+from tests.conftest import PROFILE
 from tests.property.compose_files import SETTINGS, Project, projects
 
 pytestmark = pytest.mark.skipif(not AVAILABLE, reason="Docker Compose is there for x86-64 only")
-EXAMPLES = int(os.environ.get("SRPROV_COMPOSE_EXAMPLES", "2000" if os.environ.get("SRPROV_SOAK") else "100"))
+LONG = bool(os.environ.get("SRPROV_SOAK")) or PROFILE == "long"
+EXAMPLES = int(os.environ.get("SRPROV_COMPOSE_EXAMPLES", "2000" if LONG else "100"))
 
 
+@pytest.mark.timeout(3600)
 @settings(max_examples=EXAMPLES, deadline=None, suppress_health_check=list(HealthCheck))
 @given(projects())
 def test_generated_projects_are_read_as_compose_reads_them(project: Project) -> None:
