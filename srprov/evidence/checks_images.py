@@ -23,8 +23,6 @@ from srprov.oci.packing import most_content, unpacked
 from srprov.untrusted import mapping, mappings, string
 
 _MOST_SBOM = 64 << 20
-_MOST_UNPACKED = 256 << 30
-"""Bytes of all layers together."""
 _NONE = "it holds no images"
 
 
@@ -35,7 +33,12 @@ class Images:
     hashed: Hashed
     read: dict[str, databases.Layer] = field(default_factory=dict)
     """Diff id -> what of the layer says something of packages."""
-    left: int = _MOST_UNPACKED
+    left: int = field(init=False)
+    """Bytes that layers may still become: all together no more than one of their size may."""
+
+    def __post_init__(self) -> None:
+        """Count what layers there are."""
+        self.left = most_content(sum(self.files.sizes[name] for name in below(self.files, LAYOUT)))
 
     @property
     def files(self) -> Files:

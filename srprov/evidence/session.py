@@ -21,7 +21,7 @@ from srprov.definitions import load_experiment, load_inventory
 from srprov.definitions.model import Definitions
 from srprov.definitions.trialsmodel import TrialDefinitions
 from srprov.errors import DefinitionError, SrprovError
-from srprov.evidence.files import Files, NotThere, below, content, json_of
+from srprov.evidence.files import MOST_JSON, Files, NotThere, below, content, json_of
 from srprov.evidence.private_words import without_access
 from srprov.facts.host import with_inventory
 from srprov.facts.stored import read_document
@@ -97,7 +97,7 @@ def again(one: Session, home: str) -> Session:
 def follows_from(files: Files, home: str) -> tuple[bytes, ...]:
     """Return what a session follows from."""
     names = ("inputs.json", "assignment.json", "facts.json", "inputs/inventory.yml")
-    return tuple(content(files, f"{home}/{name}") for name in names)
+    return tuple(content(files, f"{home}/{name}", MOST_JSON) for name in names)
 
 
 def _unpack(files: Files, home: str, folder: str) -> None:

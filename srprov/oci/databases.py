@@ -10,7 +10,7 @@ PyPA, "Recording installed projects"; REP 149.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence, Set
 from dataclasses import dataclass, field
 
 import msgspec
@@ -111,19 +111,26 @@ def _read(members: Members, found: _Reading) -> None:
 def merged(layers: Sequence[Layer]) -> dict[str, bytes]:
     """Return path -> content in the whole image, of its layers from the base up.
 
-    A folder that a layer replaces by a link is not noticed: its files stay.
+    A folder that a layer replaces by a link is not noticed: its files stay. Each file is looked at once, against all
+    that the layers above it take away, however many they are.
     """
     found: dict[str, bytes] = {}
-    for one in layers:
-        if one.gone or one.emptied:
-            found = {path: data for path, data in found.items() if not _hidden(path, one)}
-        found |= one.files
+    gone, emptied = set[str](), set[str]()
+    for one in reversed(layers):
+        for path, data in one.files.items():
+            if path not in found and not _hidden(path, gone, emptied):
+                found[path] = data
+        gone |= one.gone
+        emptied |= one.emptied
     return {path: found[path] for path in sorted(found)}
 
 
-def _hidden(path: str, layer: Layer) -> bool:
-    if path in layer.gone or ("" in layer.emptied):
+def _hidden(path: str, gone: Set[str], emptied: Set[str]) -> bool:
+    if path in gone or "" in emptied:
         return True
-    parts = path.split("/")
-    above = ["/".join(parts[:count]) for count in range(1, len(parts))]
-    return any(folder in layer.gone or folder in layer.emptied for folder in above)
+    folder = path.rpartition("/")[0] if gone or emptied else ""
+    while folder:
+        if folder in gone or folder in emptied:
+            return True
+        folder = folder.rpartition("/")[0]
+    return False
