@@ -80,8 +80,10 @@ def _read(file: str, recipes: Sequence[str], settings: Mapping[str, str], name: 
     if reading.findings.problems:
         raise Refused(reading.findings.problems)
     folder = os.path.dirname(os.path.realpath(file))
+    values = [(each, value) for each, one in read.items() for value in (one.get("environment") or {}).values()
+              if value and "_1" in value]  # fmt: skip
     for each, one in read.items():
-        _name_in_use(each, one, read)
+        _name_in_use(each, one, values)
     document = {"name": name or os.path.basename(folder), "services": read}
     normal = Normal(document, reading.positions, tuple(reading.variables), tuple(reading.notes))
     folders = dict.fromkeys((folder, *(os.path.dirname(os.path.realpath(one)) for one in recipes)))
@@ -122,12 +124,12 @@ def _built(recipes: Sequence[str], services: dict[str, dict[str, Any]], reading:
             del one["image"]
 
 
-def _name_in_use(name: str, one: dict[str, Any], services: Mapping[str, Mapping[str, Any]]) -> None:
+def _name_in_use(name: str, one: dict[str, Any], values: Sequence[tuple[str, str]]) -> None:
     """Give a service the name that values use for it: `NAME_1`, or with the project's before it, as containers had."""
     form = re.compile(rf"(?<![\w.-])(?:[A-Za-z0-9-]+_)?{re.escape(name)}_1(?![\w-])")
-    others = (other for key, other in services.items() if key != name)
-    for each in (*others, one):
-        for value in (each.get("environment") or {}).values():
-            if value and (match := form.search(value)):
-                one["hostname"] = match[0]
-                return
+    wanted = f"{name}_1"
+    using = [(key == name, value) for key, value in values if wanted in value]
+    for _, value in sorted(using, key=lambda each: each[0]):  # those of others first
+        if match := form.search(value):
+            one["hostname"] = match[0]
+            return

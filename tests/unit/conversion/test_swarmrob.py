@@ -13,6 +13,8 @@ from jsonschema import Draft202012Validator
 from srprov import data
 from srprov.cli.main import run
 from srprov.definitions import load_experiment
+from srprov.importing import swarmrob
+from tests.bounded import bounded
 from tests.unit.conversion.test_services import cases
 
 MARK = "▶"
@@ -81,3 +83,11 @@ def test_a_folder_that_holds_files_stays_as_it_is(here: Path, capsys: pytest.Cap
     assert run(["import", "swarmrob", "a.yaml", "-o", "../out"]) == 5
     assert "../out holds files already" in capsys.readouterr().err
     assert [one.name for one in (here / "../out").iterdir()] == ["mine"]
+
+
+def test_thousands_of_services_and_values_are_read_in_time(tmp_path: Path) -> None:
+    """Each service may be named in the values of every other one."""
+    values = ", ".join(f"A{number}=x{number}_1y" for number in range(5))
+    services = "".join(f"  s{number}: {{image: x, environment: [{values}]}}\n" for number in range(2000))
+    (tmp_path / "swarm.yml").write_text(f"version: '3'\nservices:\n{services}")
+    assert len(bounded(lambda: swarmrob.read([str(tmp_path / "swarm.yml")]).normal.document)) == 2
