@@ -5,12 +5,14 @@ Takes a folder of its own and robots; writes there. Reads what it wrote.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+from msgspec.structs import replace
 
 from srprov import private
 from srprov.definitions import load_experiment
@@ -93,7 +95,7 @@ class Checker:
                 robot.notes.lost(subject, f"srprov refuses it: {fault}")
                 continue
             secrets = one.secrets if "secrets" in fields else {}
-            services.append(replace(one, fields=fields, secrets=secrets))
+            services.append(dataclasses.replace(one, fields=fields, secrets=secrets))
         return replace(robot, services=tuple(services))
 
     def _one_by_one(self, name: str) -> None:

@@ -10,8 +10,10 @@ import posixpath
 import re
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
 from typing import Any, TypeVar
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov.session import Reader
 from srprov.snapshot.debian import parse_policy, policy_query
@@ -46,8 +48,7 @@ _RUNS = ("running", "paused", "restarting")
 _SHOWN = 6
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Seen:
+class Seen(msgspec.Struct, frozen=True, kw_only=True):
     """What one robot said."""
 
     name: str
@@ -56,7 +57,7 @@ class Seen:
     containers: tuple[tuple[Mapping[str, Any], Mapping[str, Any]], ...] = ()
     """(container, image) as the engine has them."""
     runtime: str = "runc"
-    notes: Notes = field(default_factory=Notes)
+    notes: Notes = msgspec.field(default_factory=Notes)
 
 
 def look(reader: Reader, name: str) -> Seen:

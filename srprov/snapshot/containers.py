@@ -8,9 +8,10 @@ Source: Docker Engine API 1.41, "Inspect a container", "Inspect an image"; moby 
 
 from __future__ import annotations
 
+import dataclasses
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 from srprov.image_reference import parse_reference
@@ -232,7 +233,7 @@ def without(service: Service, hider: Hider, notes: Notes) -> Service:
         if clean != value:
             notes.secret(f"container {service.name}", f"its {name} holds what is a secret elsewhere: *** stands there")
         found[name] = clean
-    return replace(service, fields=found)
+    return dataclasses.replace(service, fields=found)
 
 
 def _cleaned(value: Any, hider: Hider) -> Any:  # noqa: ANN401 - any field

@@ -10,8 +10,9 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
+
+import msgspec
 
 from srprov.snapshot.notes import Notes
 from srprov.untrusted import lines_of
@@ -31,8 +32,7 @@ _POLICY_SOURCE = re.compile(r" {8,10}-?[0-9]{1,6} (\S{1,500})(?: .{0,300})?")
 _STATUS = "/var/lib/dpkg/status"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Package:
+class Package(msgspec.Struct, frozen=True, kw_only=True):
     """An installed package."""
 
     name: str
@@ -46,8 +46,7 @@ class Package:
     """Each a list of alternatives."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Chosen:
+class Chosen(msgspec.Struct, frozen=True, kw_only=True):
     """What an image is told to install, sorted by name."""
 
     by_hand: tuple[Package, ...] = ()

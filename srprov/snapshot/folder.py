@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import posixpath
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any
+
+import msgspec
 
 from srprov.snapshot.containers import Service
 from srprov.snapshot.debian import Package
@@ -41,8 +42,7 @@ _KERNELS = (
 _NO_TERMINAL = "DEBIAN_FRONTEND=noninteractive"
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Robot:
+class Robot(msgspec.Struct, frozen=True, kw_only=True):
     """Everything that was read of one robot."""
 
     name: str
@@ -51,16 +51,15 @@ class Robot:
     host: Host
     repositories: tuple[Repository, ...] = ()
     services: tuple[Service, ...] = ()
-    notes: Notes = field(default_factory=Notes)
+    notes: Notes = msgspec.field(default_factory=Notes)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Definition:
+class Definition(msgspec.Struct, frozen=True, kw_only=True):
     """A CDF: its values, and the files that it takes by their names below the experiment's folder."""
 
     file: str
     values: dict[str, Any]
-    files: Mapping[str, bytes] = field(default_factory=dict)
+    files: Mapping[str, bytes] = msgspec.field(default_factory=dict)
 
 
 def definition_of(robot: Robot) -> Definition | None:

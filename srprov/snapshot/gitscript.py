@@ -14,7 +14,7 @@ Source: setrlimit(2), capabilities(7), execve(2), git-config(1), gitattributes(5
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import msgspec
 
 from srprov.wire import quote, sh
 
@@ -59,8 +59,7 @@ ASKED: tuple[tuple[str, int, int, tuple[str, ...]], ...] = (
 """Name of the answer -> its most bytes, the seconds that it may take, git's words."""
 
 
-@dataclass(frozen=True, slots=True)
-class Found:
+class Found(msgspec.Struct, frozen=True):
     """A repository as `find` told of it."""
 
     folder: str

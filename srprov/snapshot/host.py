@@ -10,7 +10,9 @@ from __future__ import annotations
 import posixpath
 import re
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+
+import msgspec
+from msgspec.structs import replace
 
 from srprov.snapshot import debian, python, repositories, sources
 from srprov.snapshot.debian import Chosen, Package, Policy
@@ -30,8 +32,7 @@ _PACKAGES_SHOWN = 60
 _NEEDED = ("setpriv", "prlimit", "git", "timeout", "base64")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Host:
+class Host(msgspec.Struct, frozen=True, kw_only=True):
     """What a robot said of itself."""
 
     base: str = ""
@@ -42,7 +43,7 @@ class Host:
     """The shell is root's."""
     packages: tuple[Package, ...] = ()
     """All that are installed."""
-    chosen: Chosen = field(default_factory=Chosen)
+    chosen: Chosen = msgspec.field(default_factory=Chosen)
     elsewhere: frozenset[str] = frozenset()
     """Packages that another archive than the distribution's has."""
     gone: frozenset[str] = frozenset()
@@ -50,7 +51,7 @@ class Host:
     older: frozenset[str] = frozenset()
     """Packages that archives have only in versions before the robot's."""
     sources: tuple[Source, ...] = ()
-    keys: Mapping[str, bytes] = field(default_factory=dict)
+    keys: Mapping[str, bytes] = msgspec.field(default_factory=dict)
     """Absolute path -> public keys that archives are signed with."""
     pip: tuple[PipPackage, ...] = ()
     found: tuple[Found, ...] = ()

@@ -8,6 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
+import msgspec
+
 from srprov.snapshot.suspicion import masked
 from srprov.untrusted import text
 
@@ -20,8 +22,7 @@ _SUBJECT = 120
 _WORDS = 400
 
 
-@dataclass(frozen=True, slots=True)
-class Note:
+class Note(msgspec.Struct, frozen=True):
     """One thing to know."""
 
     kind: Kind

@@ -10,8 +10,9 @@ from __future__ import annotations
 import posixpath
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
+
+import msgspec
 
 from srprov.snapshot.notes import Notes
 from srprov.untrusted import json_or_none, mapping, string, text
@@ -25,8 +26,7 @@ _OWN = frozenset({"pip", "setuptools", "wheel"})
 """What an image has, or gets, of its own where it installs anything by pip."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class PipPackage:
+class PipPackage(msgspec.Struct, frozen=True, kw_only=True):
     """One package."""
 
     name: str

@@ -7,7 +7,7 @@ Source: dpkg-query(1), apt's extended_states, PEP 376, PEP 610, os-release(5); D
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import msgspec
 
 from srprov.wire import EngineQuery, Query, quote
 
@@ -84,8 +84,7 @@ for d in /opt/ros/*; do [ -d "$d" ] && printf 'ros %s\\n' "${d##*/}"; done
 :"""
 
 
-@dataclass(frozen=True, slots=True)
-class Question:
+class Question(msgspec.Struct, frozen=True):
     """One question of the shell."""
 
     name: str

@@ -14,7 +14,8 @@ import itertools
 import posixpath
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+
+import msgspec
 
 from srprov.git_address import is_commit, parse_address
 from srprov.snapshot.gitscript import ASKED, MOST_PATCH, Found
@@ -42,8 +43,7 @@ _ODD = {
 }
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Repository:
+class Repository(msgspec.Struct, frozen=True, kw_only=True):
     """One repository that an image can have."""
 
     folder: str

@@ -10,9 +10,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from types import MappingProxyType
 from urllib.parse import urlsplit
+
+import msgspec
 
 from srprov.snapshot.notes import Notes
 from srprov.snapshot.repositories import decoded
@@ -37,8 +38,7 @@ _SUITE = re.compile(r"[A-Za-z0-9./][A-Za-z0-9._+/-]{0,100}")
 _KEY = re.compile(r"/(?:usr/share|etc/apt|usr/local/share)(?:/[A-Za-z0-9][A-Za-z0-9._+-]{0,100}){1,4}/?")
 
 
-@dataclass(frozen=True, slots=True)
-class Source:
+class Source(msgspec.Struct, frozen=True):
     """One archive."""
 
     url: str

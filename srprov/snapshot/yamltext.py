@@ -9,16 +9,16 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
+
+import msgspec
 
 _WIDEST = 116
 _PLAIN = re.compile(r"[A-Za-z/][A-Za-z0-9_./+@-]{0,200}")
 _NOT_TEXT = frozenset("y n yes no true false on off null none nan inf".split())  # noqa: SIM905 - read as words
 
 
-@dataclass(frozen=True, slots=True)
-class Commented:
+class Commented(msgspec.Struct, frozen=True):
     """A value with a line of words beside it."""
 
     value: Any

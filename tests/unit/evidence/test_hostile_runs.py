@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import msgspec
 import pytest
+from msgspec.structs import replace
 
 from srprov.evidence import crate_runs, deposits, descriptions, story
 from srprov.evidence.verify import verify
@@ -59,8 +59,8 @@ def test_odd_numbers_are_none_to_what_describes_a_bundle(content: Content, tmp_p
 def test_an_odd_inventory_has_no_instruments(content: Content, hosts: object) -> None:
     with story.read(archive(content)) as told:
         about = descriptions.told_of(archive(content), told, {})
-    assert list(deposits.instruments(msgspec.structs.replace(about, inventory={"all": {"hosts": hosts}}))) == []
-    assert list(deposits.instruments(msgspec.structs.replace(about, inventory={"all": hosts}))) == []
+    assert list(deposits.instruments(replace(about, inventory={"all": {"hosts": hosts}}))) == []
+    assert list(deposits.instruments(replace(about, inventory={"all": hosts}))) == []
 
 
 def test_variables_are_left_out_where_attempts_would_refer_to_very_many(
