@@ -345,15 +345,18 @@ def test_an_engine_that_blinks_is_waited_for_and_what_died_with_it_is_run_again(
     await_event("ready", 3)
     assert lab.srprov("lab", "stop-docker", "robot2").code == 0
     assert lab.srprov("lab", "restart", "robot2", "--docker").code == 0
-    await_event("end", 3)
+    # before the attempt ends: the next one begins, and has its containers, in a tenth of a second
     assert lab.srprov("lab", "kill", "robot1", "--docker").code == 0
     _, said = running.communicate(timeout=200)
     assert running.returncode == 0, said
     ends = [(row["status"], row["attempt"], row["reason"]) for row in one.rows()]
     died = "the Docker Engine of {} was away and {} did not survive it"
+    first, second = died.format("robot1", "racer"), died.format("robot2", "referee")
+    if ends[2][2].startswith((first, second)):  # whichever is noticed first; the other one cannot be cleared then
+        ends[2] = (*ends[2][:2], second)
     assert ends == [
-        ("infrastructure", "1", died.format("robot1", "racer")), ("ok", "2", "racer completed"),
-        ("infrastructure", "1", died.format("robot2", "referee")), ("ok", "2", "racer completed"),
+        ("infrastructure", "1", first), ("ok", "2", "racer completed"),
+        ("infrastructure", "1", second), ("ok", "2", "racer completed"),
     ], said  # fmt: skip
     assert "waiting for robot1, up to 120 s: " in said and "robot1 is back after " in said
     assert "2 of 2 trials count: 2 ok, success\ntried again: " in said
