@@ -21,7 +21,7 @@ from srprov.images.dockerfile import render_dockerfile
 from srprov.snapshot.folder import EDF_NAME, Definition, Robot, experiment_of
 from srprov.snapshot.hider import Hider
 from srprov.snapshot.notes import Notes
-from srprov.snapshot.yamltext import Commented, dump
+from srprov.yamldoc.writer import Commented, document
 
 _HEAD = "Written by `srprov snapshot`; report.md says what was not captured."
 _TRIED = "try.edf"
@@ -171,7 +171,7 @@ class Checker:
         return ""
 
     def _write(self, name: str, values: Mapping[str, Any]) -> None:
-        private.write_file(self.folder / name, dump(self._hidden(values), _HEAD))
+        private.write_file(self.folder / name, document(self._hidden(values), _HEAD))
 
     def _hidden(self, value: Any, within: str = "") -> Any:  # noqa: ANN401 - what YAML has
         """Return values without secrets. Names of fields, robots and files stay: a password may be such a word, too."""

@@ -18,8 +18,8 @@ from srprov.snapshot.host import Host
 from srprov.snapshot.notes import Notes
 from srprov.snapshot.python import PipPackage, is_own
 from srprov.snapshot.repositories import Repository, fetchable
-from srprov.snapshot.yamltext import Commented
 from srprov.wire import quote
+from srprov.yamldoc.writer import Commented
 
 EDF_NAME = "experiment.edf"
 PROFILE = "host"

@@ -1,7 +1,7 @@
 """Values -> YAML text that `loader` reads as the same values, laid out as people write it.
 
-Takes maps, lists, text, numbers, booleans; gives block style, with short lists in one line. Pure. A text that could be
-read as something else, by YAML 1.1 or 1.2, is in double quotes.
+Takes maps, lists, text, numbers, booleans, and `Commented` ones of them; gives block style, with short lists in one
+line. Pure. A text that could be read as something else, by YAML 1.1 or 1.2, is in double quotes.
 """
 
 from __future__ import annotations
@@ -10,18 +10,26 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+import msgspec
+
 _PLAIN = re.compile(r"[A-Za-z0-9_./~$^@%+=,<>()-][A-Za-z0-9_./~$^@%+=,<>():;!&*?| \"'\\-]*", re.ASCII)
-_INDICATOR = re.compile(r"[-?:,\[\]{}#&*!|>'\"%@`=<]|~\Z")
+_INDICATOR = re.compile(r"-(?!\S)|[?:,\[\]{}#&*!|>'\"%@`=<]|~\Z")
 _WORD = re.compile(r"(true|false|yes|no|on|off|y|n|null|none|~|[-+]?\.(inf|nan))", re.IGNORECASE)
-_NUMBER = re.compile(r"[-+.0-9][0-9a-fA-FxXoO_.:,eE+-]*")
-_BLOCK = re.compile(r"[\t\x20-\x7e\xa0-\ud7ff\ue000-\ufffd\n]*")
+_NUMBER = re.compile(r"(?=.*[0-9])[-+.0-9][0-9a-fA-FxXoO_.:,eE+-]*")
 _LONGEST_FLOW = 100
 _ESCAPES = {'"': '\\"', "\\": "\\\\", "\n": "\\n", "\t": "\\t", "\r": "\\r"}
 
 
+class Commented(msgspec.Struct, frozen=True):
+    """A value with words beside it: above it in a map, behind it in a list."""
+
+    value: Any
+    words: str
+
+
 def document(value: Mapping[str, Any], comment: str = "") -> str:
     """Return a document; `comment` is text that stands before it."""
-    head = [f"# {line}".rstrip() for line in comment.splitlines()]
+    head = [_comment(line).rstrip() for line in comment.splitlines()]
     return "\n".join([*head, *_block(value, "")]) + "\n"
 
 
@@ -61,8 +69,20 @@ def _is_plain(text: str) -> bool:
 
 
 def _block(value: Mapping[str, Any], indent: str) -> Iterator[str]:
-    for key, one in value.items():
+    for key, found in value.items():
+        one, words = _apart(found)
+        if words:
+            yield f"{indent}{words}"
         yield from _entry(f"{indent}{scalar(str(key))}:", one, indent)
+
+
+def _apart(value: object) -> tuple[object, str]:
+    """Return a value and the comment beside it, or nothing."""
+    return (value.value, _comment(value.words)) if isinstance(value, Commented) else (value, "")
+
+
+def _comment(words: str) -> str:
+    return "# " + "".join(one if one.isprintable() else " " for one in words)
 
 
 def _entry(head: str, value: object, indent: str) -> Iterator[str]:
@@ -89,17 +109,25 @@ def _empty(value: object) -> str:
 
 
 def _item(value: object, indent: str) -> Iterator[str]:
-    if isinstance(value, Mapping) and value:
-        first, *rest = _block(value, f"{indent}  ")
-        yield f"{indent}- {first.lstrip()}"
+    one, words = _apart(value)
+    if isinstance(one, Mapping) and one:
+        first, *rest = _block(one, f"{indent}  ")
+        yield from [f"{indent}{words}"] if words else []
+        yield from (f"{indent}-", first) if first.lstrip().startswith("#") else (f"{indent}- {first.lstrip()}",)
         yield from rest
+        return
+    lines = list(_entry(f"{indent}-", one, indent))
+    if not words:
+        yield from lines
+    elif len(lines) == 1:
+        yield f"{lines[0]}  {words}"
     else:
-        yield from _entry(f"{indent}-", value, indent)
+        yield from (f"{indent}{words}", *lines)
 
 
 def _flow(value: list[Any] | tuple[Any, ...], before: int) -> str:
     """Return a list of short words in one line, or nothing."""
-    if any(isinstance(one, Mapping | list | tuple) for one in value):
+    if any(isinstance(one, Mapping | list | tuple | Commented) or "\n" in str(one) for one in value):
         return ""
     text = f"[{', '.join(scalar(one) for one in value)}]"
     return text if before + len(text) < _LONGEST_FLOW else ""
@@ -113,6 +141,6 @@ def _is_script(text: str) -> bool:
         len(lines) > 1
         and lines[0][:1] not in ("", " ", "\t")
         and (ended or lines[-1] != "")
-        and _BLOCK.fullmatch(text) is not None
-        and not any(line != line.rstrip() for line in lines)
+        # what is not printable may be a line's end to some readers
+        and all(line.replace("\t", " ").isprintable() and line == line.rstrip() for line in lines)
     )

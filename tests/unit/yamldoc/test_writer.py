@@ -8,7 +8,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from srprov.snapshot.yamltext import Commented, dump
+from srprov.yamldoc.writer import Commented, document
 
 TEXTS = st.text(st.characters(exclude_categories=["Cs"]), max_size=30) | st.sampled_from(
     [
@@ -39,11 +39,11 @@ VALUES = st.recursive(
 
 @given(st.dictionaries(TEXTS, VALUES, min_size=1, max_size=5))
 def test_what_is_written_is_read_back(values: dict[str, Any]) -> None:
-    assert yaml.safe_load(dump(values, "one\n\ntwo")) == values
+    assert yaml.safe_load(document(values, "one\n\ntwo")) == values
 
 
 @given(st.dictionaries(TEXTS, VALUES, min_size=1, max_size=5), TEXTS)
 def test_comments_change_nothing(values: dict[str, Any], words: str) -> None:
     commented = {key: Commented(value, words) for key, value in values.items()}
     listed = {"list": [Commented(value, words) for value in values.values()], "map": commented}
-    assert yaml.safe_load(dump(listed)) == {"list": list(values.values()), "map": values}
+    assert yaml.safe_load(document(listed)) == {"list": list(values.values()), "map": values}
