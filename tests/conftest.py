@@ -7,10 +7,13 @@ from __future__ import annotations
 
 import itertools
 import os
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from hypothesis import settings
+
+from srprov.secret import forget
 
 PROFILE = os.environ.get("HYPOTHESIS_PROFILE", "quick")
 LEAST = 20
@@ -42,6 +45,13 @@ def no_memory(
     if not _in_lab(request.path):
         state = tmp_path_factory.getbasetemp() / "states" / str(next(_COUNT))
         monkeypatch.setenv("XDG_STATE_HOME", str(state))
+
+
+@pytest.fixture(autouse=True, scope="module")
+def no_secrets_of_others() -> Iterator[None]:
+    """Forget what the tests of a file made a secret, which `redact` would hide in those of the next one."""
+    yield
+    forget()
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:

@@ -63,7 +63,7 @@ def _is_plain(text: str) -> bool:
         and ": " not in text
         and " #" not in text
         and text[-1] not in ": "
-        and not set(text) & set(",[]{}")
+        and not set(text) & set(",[]{}?")
         and not text.startswith(("---", "..."))
     )
 

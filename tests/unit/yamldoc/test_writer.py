@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 
 from srprov.yamldoc.writer import Commented, document
 
-TEXTS = st.text(st.characters(exclude_categories=["Cs"]), max_size=30) | st.sampled_from(
+SYNTAX = st.text("ab?:,-#&*![]{}|>'\"%@`=~<^ 01.+xoEe_\t\n/$\\", max_size=12)
+TEXTS = SYNTAX | st.text(st.characters(exclude_categories=["Cs"]), max_size=30) | st.sampled_from(
     [
         "yes",
         "No",
