@@ -58,7 +58,7 @@ def test_texts_that_look_like_something_else_stay_texts(word: str) -> None:
 
 def test_dollars_are_doubled_but_for_those_that_are_meant() -> None:
     text = dump({"$key": "a$b", "home": Raw("${HOME_OF_X:-/home/x}/y"), "lines": "echo $A\necho $B\n"})
-    assert '$key: a$$b\n' in text
+    assert "$key: a$$b\n" in text
     assert '"${HOME_OF_X:-/home/x}/y"' in text
     assert "echo $$A\n" in text
 

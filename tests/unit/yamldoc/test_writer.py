@@ -11,25 +11,29 @@ from hypothesis import strategies as st
 from srprov.yamldoc.writer import Commented, document
 
 SYNTAX = st.text("ab?:,-#&*![]{}|>'\"%@`=~<^ 01.+xoEe_\t\n/$\\", max_size=12)
-TEXTS = SYNTAX | st.text(st.characters(exclude_categories=["Cs"]), max_size=30) | st.sampled_from(
-    [
-        "yes",
-        "No",
-        "null",
-        "~",
-        "010",
-        "1e3",
-        "0x1f",
-        "a: b",
-        "# x",
-        "- a",
-        "\x85",
-        "\u2028",
-        "\ufeff",
-        "\x00",
-        "\x7f",
-        "🤖",
-    ]
+TEXTS = (
+    SYNTAX
+    | st.text(st.characters(exclude_categories=["Cs"]), max_size=30)
+    | st.sampled_from(
+        [
+            "yes",
+            "No",
+            "null",
+            "~",
+            "010",
+            "1e3",
+            "0x1f",
+            "a: b",
+            "# x",
+            "- a",
+            "\x85",
+            "\u2028",
+            "\ufeff",
+            "\x00",
+            "\x7f",
+            "🤖",
+        ]
+    )
 )
 VALUES = st.recursive(
     TEXTS | st.integers(-(10**12), 10**12) | st.booleans() | st.floats(0.01, 1000),
