@@ -100,7 +100,7 @@ class VxlanFilterModule(Module[VxlanFilterParams]):
         made: set[tuple[str, str]] = set()
         accepts, table = False, ""
         for line in lines_of(replies[0].out, _LINES):
-            by = IPTABLES if line.startswith(("-A ", ":", "*")) else NFTABLES
+            by = IPTABLES if line.startswith(("-A ", ":")) else NFTABLES
             accepts = not line.startswith("*") and (accepts or bool(_ACCEPTS_ALL.fullmatch(line.strip())))
             if match := _MADE.match(line):
                 made.add((match[1], by))

@@ -42,14 +42,17 @@ class Capture:
 
     def udp_ports(self) -> set[int]:
         """Give the destination ports of UDP over IPv4."""
-        udp = [frame for frame in self.frames if frame[12:14] == b"\x08\x00" and frame[23] == socket.IPPROTO_UDP]
-        return {struct.unpack_from("!H", frame, 14 + 4 * (frame[14] & 15) + 2)[0] for frame in udp}
+        return {struct.unpack_from("!H", one, 2)[0] for one in self._udp()}
 
     def vnis(self) -> set[int]:
         """Give the overlays whose VXLAN packets passed as they are."""
+        vxlan = [one for one in self._udp() if struct.unpack_from("!H", one, 2)[0] == VXLAN_PORT]
+        return {int.from_bytes(one[12:15], "big") for one in vxlan}
+
+    def _udp(self) -> list[bytes]:
+        """Give UDP over IPv4, from its own header on."""
         udp = [frame for frame in self.frames if frame[12:14] == b"\x08\x00" and frame[23] == socket.IPPROTO_UDP]
-        rest = [frame[14 + 4 * (frame[14] & 15) :] for frame in udp]
-        return {int.from_bytes(one[12:15], "big") for one in rest if struct.unpack_from("!H", one, 2)[0] == VXLAN_PORT}
+        return [frame[14 + 4 * (frame[14] & 15) :] for frame in udp]
 
     def holds(self, what: bytes) -> bool:
         return any(what in frame for frame in self.frames)
