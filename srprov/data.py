@@ -50,6 +50,15 @@ def schema_text(kind: str) -> str:
     Raises:
         UsageError: There is no such kind; the hint names those that exist.
     """
+    return schema_path(kind).read_text(encoding="utf-8")
+
+
+def schema_path(kind: str) -> Path:
+    """Return the file of one JSON Schema.
+
+    Raises:
+        UsageError: There is no such kind; the hint names those that exist.
+    """
     if kind not in schema_kinds():
         raise UsageError(f"there is no schema named '{kind}'", hint=f"known: {', '.join(schema_kinds())}")
-    return (_folder("schemas") / f"{kind}.schema.json").read_text(encoding="utf-8")
+    return _folder("schemas") / f"{kind}.schema.json"

@@ -7,7 +7,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from jsonschema import Draft202012Validator
 
+from srprov import data
 from srprov.lab.places import NAMED_RUN, Site
 from tests.lab.conftest import NAME, NOTHING, ROOT, Done, Lab, run_srprov
 from tests.lab.looks import wait_until
@@ -72,7 +74,9 @@ def test_two_labs_with_the_same_experiment_do_not_meet(pair: tuple[OtherLab, Oth
     """Each has its own containers, and no packet passes; what one loses the other keeps, and in the end nothing is."""
     one, other = pair
     sites = {lab: lab.site for lab in pair}
-    listed = one.succeed("lab", "list", "--json").json["labs"]
+    answer = one.succeed("lab", "list", "--json").json
+    Draft202012Validator(data.schema("lab-list")).validate(answer)
+    listed = answer["labs"]
     mine = {each["name"]: each for each in listed}
     assert {NAME, one.name, other.name} <= set(mine)
     assert len({each["subnet"] for each in listed}) == len(listed)
@@ -92,6 +96,8 @@ def test_two_labs_with_the_same_experiment_do_not_meet(pair: tuple[OtherLab, Oth
 
     one.succeed("lab", "partition", "robot1")
     one.succeed("lab", "kill", "robot2")
+    for lab in pair:
+        Draft202012Validator(data.schema("lab-status")).validate(lab.succeed("lab", "status", "--json").json)
     states = {robot: seen["state"] for robot, seen in other.succeed("lab", "status", "--json").json["robots"].items()}
     assert states == dict.fromkeys(ROBOTS, "ready")
     assert {each["name"]: each["alive"] for each in one.succeed("lab", "list", "--json").json["labs"]}[one.name] == 2

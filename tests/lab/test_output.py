@@ -135,6 +135,7 @@ def test_events_are_written_as_they_happen(lab: Lab, experiment: str, tmp_path: 
     assert run.returncode == 3, err
     report = json.loads(out)
     seen = [json.loads(line) for line in events.read_text(encoding="utf-8").splitlines()]
+    assert [list(Draft202012Validator(data.schema("events")).iter_errors(one)) for one in seen] == [[]] * len(seen)
     assert [one["time"] for one in seen] == sorted(one["time"] for one in seen)
     for step in report["steps"]:
         mine = [one for one in seen if one["step"] == step["number"] and one["event"] in ("start", "end")]

@@ -135,6 +135,9 @@ def check_tables(home: Path, rows: list[dict[str, str]]) -> None:
 
 def check_bundle(one: Race) -> None:
     """Bundle the run: plain tools and `verify` find nothing wrong, and no file says where the robots are."""
+    assert [list(Draft202012Validator(data.schema("journal")).iter_errors(line)) for line in one.events()] == [
+        [] for _ in one.events()
+    ]
     file, folder = one.folder / "run.zip", one.folder / "unpacked"
     made = one.lab.srprov("bundle", str(one.home), "-o", str(file))
     assert made.code == 0, made

@@ -2,43 +2,88 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import json
+import zipfile
+from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import Any
 
+import click
 import pytest
 from jsonschema import Draft202012Validator
 from msgspec.structs import replace
 
 from srprov import data
 from srprov.cli.doctor import doctor_json
+from srprov.cli.main import cli
 from srprov.execution import Outcome
 from srprov.facts.preconditions import Verdict, judge
 from srprov.planning.policy import KINDS
 from srprov.resource import Action, Condition
 from tests.unit.facts.test_preconditions import GOOD, RIGHT, WELL, replies
 
-OUTPUTS = (
-    "assign",
-    "bundle",
-    "collect",
-    "compare",
-    "doctor",
-    "export",
-    "facts",
-    "images",
-    "import",
-    "locks",
-    "logs",
-    "plan",
-    "probe",
-    "run",
-    "runs",
-    "snapshot",
-    "status",
-    "trials",
-    "trials-run",
-    "verify",
-)
+PRINTED: Mapping[str, tuple[str, ...]] = {
+    "apply": ("run", "events"),
+    "assign": ("assign",),
+    "build": ("run", "events"),
+    "bundle": ("bundle",),
+    "collect": ("collect",),
+    "compare": ("compare",),
+    "destroy": ("run", "events"),
+    "doctor": ("doctor",),
+    "export compose": ("export",),
+    "facts": ("facts",),
+    "images": ("images",),
+    "import compose": ("import",),
+    "import swarmrob": ("import",),
+    "lab list": ("lab-list",),
+    "lab status": ("lab-status",),
+    "locks": ("locks",),
+    "logs": ("logs",),
+    "plan": ("plan",),
+    "probe": ("probe",),
+    "replay": ("compare", "events"),
+    "restart": ("run", "events"),
+    "run": ("trials-run", "events"),
+    "runs": ("runs", "trials-run"),
+    "snapshot": ("snapshot",),
+    "start": ("run", "events"),
+    "status": ("status",),
+    "stop": ("run", "events"),
+    "trials": ("trials",),
+    "validate": ("validate",),
+    "verify": ("verify",),
+}
+"""Verb -> the schemas of what it prints as JSON, and of what it writes with --events."""
+
+OUTPUTS = (*sorted({kind for kinds in PRINTED.values() for kind in kinds}), "journal")
+
+
+def verbs(command: click.Command, name: str = "") -> Iterator[tuple[str, click.Command]]:
+    """Return every command that is no group of others, by its words."""
+    if not isinstance(command, click.Group):
+        yield name, command
+        return
+    context = click.Context(command)
+    for word in command.list_commands(context):
+        inner = command.get_command(context, word)
+        assert inner is not None
+        yield from verbs(inner, f"{name} {word}".strip())
+
+
+def writes_json(option: click.Parameter) -> bool:
+    """Tell whether an option makes a verb print or write JSON."""
+    choices = option.type.choices if isinstance(option.type, click.Choice) else ()
+    return "--json" in option.opts or "--events" in option.opts or "json" in choices
+
+
+def test_every_verb_that_prints_json_or_writes_events_has_a_schema_that_names_it() -> None:
+    options = {name: [one for one in verb.params if writes_json(one)] for name, verb in verbs(cli)}
+    assert sorted(PRINTED) == sorted(name for name, found in options.items() if found)
+    for name, kinds in PRINTED.items():
+        assert ("events" in kinds) is any("--events" in one.opts for one in options[name]), name
+        for kind in kinds:
+            assert name.rpartition(" ")[2] in data.schema(kind)["description"], f"{kind} does not name {name}"
 
 
 def parts(schema: Any, path: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
@@ -99,3 +144,17 @@ def test_doctor_prints_what_its_schema_says() -> None:
     }
     assert list(Draft202012Validator(data.schema("doctor")).iter_errors(document)) == []
     assert list(Draft202012Validator(data.schema("doctor")).iter_errors({**document, "more": 1}))
+
+
+def test_the_journal_of_a_published_run_is_what_its_schema_says() -> None:
+    """Its rows are those of `trials-run`; what only another event has, and what none has, is refused."""
+    schema = data.schema("journal")
+    assert schema["$defs"] == data.schema("trials-run")["$defs"]
+    validator = Draft202012Validator(schema)
+    with zipfile.ZipFile(Path(__file__).parents[2] / "docs/evidence/race.zip") as bundle:
+        lines = [json.loads(line) for line in bundle.read("journal.jsonl").splitlines()]
+    assert [list(validator.iter_errors(line)) for line in lines] == [[]] * len(lines)
+    for line in lines[:10]:
+        assert not validator.is_valid({**line, "more": 1}), line["event"]
+        assert not validator.is_valid({**line, "changes": []}), line["event"]
+    assert not validator.is_valid({key: value for key, value in lines[1].items() if key != "trial"})

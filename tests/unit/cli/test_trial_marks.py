@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -38,13 +39,16 @@ def done(_trials: Trials, one: Attempt, _tell: object) -> dict[str, object]:
 
 
 @pytest.fixture
-def ids(world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
-    """Give the ids of three trials that were run."""
+def ids(world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[str]]:
+    """Give the ids of three trials that were run; afterwards hold the whole journal to its schema."""
     (tmp_path / "race.edf").write_text(EDF)
     monkeypatch.setattr(Trials, "_done", done)
     assert run([*WORDS]) == 0
     world.log.clear()
-    return [row["trial"] for row in rows()]
+    yield [row["trial"] for row in rows()]
+    lines = [json.loads(line) for line in Path("out/journal.jsonl").read_text(encoding="utf-8").splitlines()]
+    assert lines[0]["event"] == "run"
+    assert [list(Draft202012Validator(data.schema("journal")).iter_errors(line)) for line in lines] == [[]] * len(lines)
 
 
 def rows() -> list[dict[str, str]]:

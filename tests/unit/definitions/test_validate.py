@@ -9,7 +9,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from jsonschema import Draft202012Validator
 
+from srprov import data
 from srprov.cli.main import run
 from srprov.cli.problems import render_problems
 from srprov.errors import Diagnostic, Location
@@ -33,6 +35,7 @@ def test_good_files_of_every_kind(folder: Path, capsys: pytest.CaptureFixture[st
 def test_json_is_all_of_stdout(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["validate", "--format", "json", "bad.edf"]) == 5
     shown = capsys.readouterr()
+    assert list(Draft202012Validator(data.schema("validate")).iter_errors(json.loads(shown.out))) == []
     assert json.loads(shown.out)["problems"] == [
         {
             "file": "bad.edf",
