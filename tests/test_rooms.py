@@ -161,6 +161,7 @@ FILES: Mapping[str, Room] = {
     "cli/bundle.py": cli_file("evidence"),
     "cli/build.py": cli_file("planning execution"),
     "cli/compare.py": cli_file("evidence definitions.trialsmodel"),
+    "cli/completion_line.py": cli_file("data"),
     "cli/doctor.py": cli_file("facts"),
     "cli/exec.py": cli_file("facts"),
     "cli/execute.py": cli_file("planning execution"),

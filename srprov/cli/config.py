@@ -41,7 +41,7 @@ OWN_KEYS = PROJECT_KEYS | {
     *("metric", "over", "watch", "no-secret"),
     *("discard", "rerun", "reason", "accept-changes", "rotate-keys", "no-probe", "network", "profile"),
     *("margin", "strict", "with", "map", "twin", "set", "name", "env-file", "robot-map", "home", "lab"),
-    *("with-images", "no-bundled-images", "editor"),
+    *("with-images", "no-bundled-images", "editor", "changed"),
 }
 PARAMETERS = {"inventory": "inventories", "json": "as_json", "format": "form", "out": "target", "facts": "stored",
               "profile": "profiles", "margin": "margins", "with": "others", "map": "pairs",
@@ -55,7 +55,7 @@ _BEYOND = 1e15
 _HEADER = re.compile(r"\s*\[([^\[\]]+)\]\s*(?:#.*)?")
 
 
-class _File(msgspec.Struct, frozen=True, kw_only=True):
+class ConfigFile(msgspec.Struct, frozen=True, kw_only=True):
     """One configuration file, and which of its keys count."""
 
     path: Path
@@ -72,18 +72,39 @@ def default_map(verbs: Mapping[str, Any], folder: Path, environ: Mapping[str, st
         UsageError: A file that is no TOML, that somebody else could have written, or that sets what it may not.
     """
     defaults: dict[str, dict[str, Any]] = {verb: {} for verb in verbs}
-    for file in (
-        _File(path=user_folder(environ) / "srprov.toml", own=True),
-        _File(path=folder / "pyproject.toml", table="tool.srprov"),
-        _File(path=folder / "srprov.toml"),
-    ):
-        table = _read(file, verbs)
+    for file in files(folder, environ):
+        table, _ = _read(file, verbs)
         everywhere = {key: value for key, value in table.items() if not isinstance(value, dict)}
         for verb, chosen in defaults.items():
             here = {**everywhere, **table.get(verb, {})}
             chosen.update({_parameter(key): _value(key, value, file) for key, value in here.items()})
     return {**defaults, **{group: dict.fromkeys(verbs_below, defaults[group]) for group, verbs_below in _GROUPS.items()
                            if group in defaults}}  # fmt: skip
+
+
+def files(folder: Path, environ: Mapping[str, str]) -> tuple[ConfigFile, ...]:
+    """Return the files that configure srprov in a folder, from weak to strong; none of them need be there."""
+    return (
+        ConfigFile(path=user_folder(environ) / "srprov.toml", own=True),
+        ConfigFile(path=folder / "pyproject.toml", table="tool.srprov"),
+        ConfigFile(path=folder / "srprov.toml"),
+    )
+
+
+def places(verbs: Mapping[str, Any], file: ConfigFile) -> dict[tuple[str, str], int]:
+    """Return verb and parameter -> the line of a file that sets it, where the file does.
+
+    Raises:
+        UsageError: As `default_map`.
+    """
+    table, text = _read(file, verbs)
+    lines: dict[tuple[str, str], int] = {}
+    everywhere = {key: value for key, value in table.items() if not isinstance(value, dict)}
+    for verb in verbs:
+        for name, some in (("", everywhere), (verb, table.get(verb, {}))):
+            at = f"{file.table}.{name}".strip(".")
+            lines |= {(verb, _parameter(key)): _line(text, at, key) for key in some}
+    return lines
 
 
 def user_folder(environ: Mapping[str, str]) -> Path:
@@ -98,7 +119,7 @@ def _parameter(key: str) -> str:
     return PARAMETERS.get(key, key.replace("-", "_"))
 
 
-def _value(key: str, value: Any, file: _File) -> object:  # noqa: ANN401 - what TOML has
+def _value(key: str, value: Any, file: ConfigFile) -> object:  # noqa: ANN401 - what TOML has
     """Return a value as click takes it; the inventory that a project names must lie with the project."""
     if key not in _LISTS:
         return value
@@ -116,13 +137,13 @@ def _value(key: str, value: Any, file: _File) -> object:  # noqa: ANN401 - what 
     return paths
 
 
-def _read(file: _File, verbs: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what a file sets; an empty table where there is none."""
+def _read(file: ConfigFile, verbs: Mapping[str, Any]) -> tuple[dict[str, Any], str]:
+    """Return what a file sets, and its text; an empty table where there is none."""
     if not file.path.is_file():
-        return {}
+        return {}, ""
     if not file.own and os.path.realpath(file.path) != os.path.join(os.path.realpath(file.path.parent), file.path.name):
         if file.table:
-            return {}  # of other tools; what it holds would be told by errors
+            return {}, ""  # of other tools; what it holds would be told by errors
         raise UsageError(f"{file.path} is a link to another file", hint="put a file of its own in its place")
     # tomllib came with Python 3.11; tomli is the same library for 3.10
     toml = importlib.import_module("tomllib" if sys.version_info >= (3, 11) else "tomli")
@@ -135,12 +156,12 @@ def _read(file: _File, verbs: Mapping[str, Any]) -> dict[str, Any]:
     for name in filter(None, file.table.split(".")):
         table = table.get(name, {}) if isinstance(table, dict) else {}
     if not isinstance(table, dict) or not table:
-        return {}
+        return {}, ""
     _check_owner(file.path, about)
     if faults := list(_faults(file, table, verbs, text)):
         hint = "say it on the command line" + ("" if file.own else ", or in your own ~/.config/srprov/srprov.toml")
         raise UsageError("\n".join(faults), hint=hint)
-    return table
+    return table, text
 
 
 def _check_owner(path: Path, about: os.stat_result) -> None:
@@ -153,7 +174,7 @@ def _check_owner(path: Path, about: os.stat_result) -> None:
         raise UsageError(f"{path} can be written by other users", hint=f"look at it, then: chmod go-w {path}")
 
 
-def _faults(file: _File, table: Mapping[str, Any], verbs: Mapping[str, Any], text: str) -> Iterator[str]:
+def _faults(file: ConfigFile, table: Mapping[str, Any], verbs: Mapping[str, Any], text: str) -> Iterator[str]:
     """Name each key that the file cannot set, with its line."""
     for key, value in table.items():
         if isinstance(value, dict):
@@ -168,7 +189,7 @@ def _faults(file: _File, table: Mapping[str, Any], verbs: Mapping[str, Any], tex
             yield from _fault(file, file.table, key, value, text)
 
 
-def _fault(file: _File, table: str, key: str, value: object, text: str) -> Iterator[str]:
+def _fault(file: ConfigFile, table: str, key: str, value: object, text: str) -> Iterator[str]:
     place = f"{file.path}:{_line(text, table, key)}"
     if key in (OWN_KEYS if file.own else PROJECT_KEYS):
         words = value if key in _LISTS and isinstance(value, list) else [value]

@@ -20,6 +20,7 @@ from srprov.cli.config import default_map
 from srprov.cli.interrupt import as_interrupt
 from srprov.cli.output import Answer, err, print_uncaught
 from srprov.cli.streams import lost, protect_standard_streams
+from srprov.cli.variables import name_variables
 from srprov.errors import DefinitionError, NoAssignment, SrprovError
 
 _VERBS = {
@@ -55,14 +56,18 @@ _VERBS = {
     "export": "Write an experiment as Docker Compose files.",
     "lab": "The embedded lab: robots on this machine.",
     "schema": "Print a JSON Schema.",
+    "config": "Show every setting with its value, and where that comes from.",
+    "completion": "Print a script that completes command lines in bash, zsh or fish.",
 }
 
-_MODULES = {"import": "importing"}
-"""Verbs whose names no module and no function can have -> the name of both."""
+_MODULES = {"import": "importing", "config": "configured"}
+"""Verbs whose names no module or no function can have -> the name of both."""
 
 
 class _LazyGroup(click.Group):
     """The group of verbs. It knows each by its name and one line, and imports its file when it is used."""
+
+    lines = _VERBS
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         return list(_VERBS)
@@ -73,6 +78,7 @@ class _LazyGroup(click.Group):
         name = _MODULES.get(cmd_name, cmd_name)
         command = getattr(importlib.import_module(f"srprov.cli.{name}"), name)
         assert isinstance(command, click.Command)
+        name_variables(command, f"SRPROV_{cmd_name.upper()}")
         return command
 
     def invoke(self, ctx: click.Context) -> object:
@@ -97,7 +103,9 @@ def cli() -> None:
 def run(arguments: list[str] | None = None) -> int:
     """Run one command line and return its exit code; whatever goes wrong becomes a message and a documented code."""
     try:
-        defaults = default_map(_VERBS, Path.cwd(), os.environ)
+        completes = (sys.argv[1:] if arguments is None else arguments)[:1] == ["completion"]
+        # a line is completed where a configuration file has a mistake, too
+        defaults = {} if completes else default_map(_VERBS, Path.cwd(), os.environ)
         result = cli.main(args=arguments, prog_name="srprov", standalone_mode=False, default_map=defaults)
     except click.exceptions.Exit as stop:
         return int(stop.exit_code)

@@ -24,9 +24,14 @@ def check_kinds(allowed: Collection[str]) -> None:
     Raises:
         UsageError: Names it, and the kinds that there are.
     """
-    unknown = sorted(set(allowed) - {*KINDS, "all"})
+    unknown = sorted(set(allowed) - set(kinds()))
     if unknown:
-        raise UsageError(f"--allow knows no kind {', '.join(unknown)}", hint=f"known: {', '.join(KINDS)}, all")
+        raise UsageError(f"--allow knows no kind {', '.join(unknown)}", hint=f"known: {', '.join(kinds())}")
+
+
+def kinds() -> tuple[str, ...]:
+    """Return what --allow takes."""
+    return (*KINDS, "all")
 
 
 def permit_planning(asked: Iterable[Permission], allowed: Collection[str]) -> None:

@@ -96,6 +96,16 @@ def select(inventory: Inventory, pattern: str, failed: Callable[[], Collection[s
     return patterns.select(inventory, pattern, **({"failed": failed} if failed else {}))
 
 
+def offered(path: str, what: str) -> tuple[str, ...]:
+    """Return the `services` or `profiles` that an EDF names, or the `robots` or `groups` of an inventory, sorted.
+
+    For a command line that is being typed: what cannot be read gives nothing, and no program is run.
+    """
+    from srprov.definitions import offers
+
+    return offers.offered(path, what)
+
+
 def check_files(paths: Sequence[str | Path], profiles: Collection[str] = ()) -> list[Diagnostic]:
     """Return every problem of EDFs, CDFs, Dockerfiles and inventories, sorted; suffix or content tells the kind.
 

@@ -52,10 +52,10 @@ def load(paths: Sequence[str], unnamed: Collection[str] = ()) -> Inventory:
 def _tree(paths: Sequence[str], folders: Sequence[str], unnamed: Collection[str]) -> HostTree:
     tree = HostTree()
     for path in paths:
-        for part in _files(path, tree):
+        for part in files_of(path, tree):
             try:
                 _check_place(part, path if path in unnamed else "")
-                _read(part, tree, may_run=part == path and path not in unnamed)
+                read_one(part, tree, may_run=part == path and path not in unnamed)
             except DefinitionError as error:
                 tree.findings.extend(error.problems)
     for folder in folders:
@@ -91,7 +91,7 @@ def _folder(path: str) -> str:
     return path if os.path.isdir(path) else os.path.dirname(path) or "."
 
 
-def _files(path: str, tree: HostTree) -> list[str]:
+def files_of(path: str, tree: HostTree) -> list[str]:
     """Return the inventory files that a path stands for, in name order for a folder."""
     if "," in path and not os.path.exists(path):
         names = [name.strip() for name in path.split(",") if name.strip()]
@@ -106,7 +106,7 @@ def _files(path: str, tree: HostTree) -> list[str]:
     return [os.path.join(path, name) for name in names if os.path.isfile(os.path.join(path, name))]
 
 
-def _read(path: str, tree: HostTree, *, may_run: bool) -> None:
+def read_one(path: str, tree: HostTree, *, may_run: bool) -> None:
     """Add one inventory file, whatever its kind; a program runs only when the user named this very file."""
     if script.is_program(path):
         if not may_run:

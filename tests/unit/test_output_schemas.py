@@ -29,6 +29,7 @@ PRINTED: Mapping[str, tuple[str, ...]] = {
     "bundle": ("bundle",),
     "collect": ("collect",),
     "compare": ("compare",),
+    "config": ("config",),
     "destroy": ("run", "events"),
     "doctor": ("doctor",),
     "export compose": ("export",),
