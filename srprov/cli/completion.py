@@ -12,10 +12,11 @@ from pathlib import Path
 
 import click
 
-from srprov.cli.completion_line import Answer, answer, split, unquoted
+from srprov.cli.completion_line import Answer, answer
 from srprov.cli.completion_scripts import SCRIPTS
 from srprov.cli.config import default_map
 from srprov.cli.output import out
+from srprov.cli.shell_words import split, unquoted
 from srprov.errors import SrprovError
 
 

@@ -28,8 +28,9 @@ class Answer(msgspec.Struct, frozen=True):
 class _Line:
     """A command line that has been read up to the word that is being typed."""
 
-    def __init__(self, command: click.Command) -> None:
-        self.enter(command)
+    def __init__(self, group: click.Group) -> None:
+        self.root = group
+        self.enter(group)
 
     def enter(self, command: click.Command) -> None:
         """Begin to read the words of a command."""
@@ -226,8 +227,7 @@ class _Names:
             yield from (f"completed:{service}", f"healthy:{service}", f"log:{service}=")
 
     def _verbs(self, _incomplete: str) -> Iterator[str]:
-        root = self._line.context.find_root().command
-        yield from root.list_commands(self._line.context) if isinstance(root, click.Group) else ()
+        yield from self._line.root.list_commands(self._line.context)
 
 
 def _permissions(_incomplete: str) -> Iterator[str]:
@@ -240,32 +240,3 @@ def _schemas(_incomplete: str) -> Iterator[str]:
     from srprov import data
 
     yield from data.schema_kinds()
-
-
-_WORD = re.compile(r"""(?:\\.|'[^']*(?:'|\Z)|"(?:\\.|[^"\\])*(?:"|\Z)|[^\s'"\\]|\\\Z)+""", re.DOTALL)
-_PART = re.compile(r"""\\(.)|'([^']*)(?:'|\Z)|"((?:\\.|[^"\\])*)(?:"|\Z)|([^'"\\])""", re.DOTALL)
-
-
-def split(line: str) -> tuple[list[str], str]:
-    """Return the words of a shell's line between the program and the last one, and what there is of that one.
-
-    Quotes may be open at the end. Variables and the like are not expanded: a word that has one names no file.
-    """
-    found = [unquoted(one[0]) for one in _WORD.finditer(line)]
-    if not line or line[-1].isspace():
-        found.append("")
-    while found and re.match(r"[A-Za-z_][A-Za-z0-9_]*=", found[0]):
-        del found[0]
-    return found[1:-1], found[-1] if len(found) > 1 else ""
-
-
-def unquoted(word: str) -> str:
-    """Return a word of a shell without its quotes, as far as it is typed."""
-
-    def part(match: re.Match[str]) -> str:
-        escaped, single, double, plain = match.groups()
-        if double is not None:
-            return re.sub(r'\\([\\"$`])', r"\1", double)
-        return escaped or single or plain or ""
-
-    return _PART.sub(part, word)

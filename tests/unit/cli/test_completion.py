@@ -11,9 +11,10 @@ from pathlib import Path
 import click
 import pytest
 
-from srprov.cli.completion_line import Answer, answer, split
+from srprov.cli.completion_line import Answer, answer
 from srprov.cli.completion_scripts import SCRIPTS
 from srprov.cli.main import cli
+from srprov.cli.shell_words import split
 from tests.unit.cli.terminal import Terminal
 
 EDF = """\
@@ -91,6 +92,7 @@ def ask(line: str, inventories: tuple[str, ...] = ()) -> Answer:
         ("srprov facts --inventory=inv.yml --exclude b", ["base"]),
         ("srprov snapshot -i inv.yml u", ["uav1", "uav2"]),
         ("srprov restart missing.edf ", []),
+        ("srprov config pl", ["plan"]),
         ("srprov completion ", ["bash", "fish", "zsh"]),
     ],
 )
