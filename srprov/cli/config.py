@@ -16,8 +16,8 @@ anything, gives permission, or names an instance. The inventory that it names li
 from __future__ import annotations
 
 import importlib
+import itertools
 import os
-import re
 import stat
 import sys
 from collections.abc import Iterator, Mapping
@@ -27,6 +27,7 @@ from typing import Any
 import msgspec
 
 from srprov import regular_file
+from srprov.cli.toml_text import check_parts, line
 from srprov.errors import UsageError, did_you_mean
 
 PROJECT_KEYS = frozenset(
@@ -51,8 +52,10 @@ _LISTS = ("inventory", "allow", "until", "env", "profile", "margin", "with", "ma
 _GROUPS = {"export": ("compose",), "import": ("compose", "swarmrob")}
 """Verbs that stand for several: what is set for one holds for those."""
 _MOST_BYTES = 1 << 20
+_MOST_FAULTS = 20
+_MOST_ENTRIES, _LONGEST = 64, 4096
+"""Of a list, and characters of a text: what is more is looked at for each verb."""
 _BEYOND = 1e15
-_HEADER = re.compile(r"\s*\[([^\[\]]+)\]\s*(?:#.*)?")
 
 
 class ConfigFile(msgspec.Struct, frozen=True, kw_only=True):
@@ -103,7 +106,7 @@ def places(verbs: Mapping[str, Any], file: ConfigFile) -> dict[tuple[str, str], 
     for verb in verbs:
         for name, some in (("", everywhere), (verb, table.get(verb, {}))):
             at = f"{file.table}.{name}".strip(".")
-            lines |= {(verb, _parameter(key)): _line(text, at, key) for key in some}
+            lines |= {(verb, _parameter(key)): line(text, at, key) for key in some}
     return lines
 
 
@@ -150,6 +153,9 @@ def _read(file: ConfigFile, verbs: Mapping[str, Any]) -> tuple[dict[str, Any], s
     try:
         content, about = regular_file.read_with_status(file.path, _MOST_BYTES)
         text = content.decode("utf-8")
+        if file.table and file.table.rpartition(".")[2] not in text:
+            return {}, ""  # of other tools
+        check_parts(text)
         table: Any = toml.loads(text)
     except (OSError, ValueError, RecursionError) as error:
         raise UsageError(f"cannot read {file.path}: {error}", hint="fix it, or move it away") from error
@@ -158,7 +164,7 @@ def _read(file: ConfigFile, verbs: Mapping[str, Any]) -> tuple[dict[str, Any], s
     if not isinstance(table, dict) or not table:
         return {}, ""
     _check_owner(file.path, about)
-    if faults := list(_faults(file, table, verbs, text)):
+    if faults := list(itertools.islice(_faults(file, table, verbs, text), _MOST_FAULTS)):
         hint = "say it on the command line" + ("" if file.own else ", or in your own ~/.config/srprov/srprov.toml")
         raise UsageError("\n".join(faults), hint=hint)
     return table, text
@@ -184,17 +190,19 @@ def _faults(file: ConfigFile, table: Mapping[str, Any], verbs: Mapping[str, Any]
                 yield from _fault(file, f"{file.table}.{key}".lstrip("."), inner, value[inner], text)
             if key not in verbs or key == "lab":
                 why = "a project's file cannot set anything of" if key == "lab" else "there is no verb"
-                yield f"{file.path}:{_line(text, f'{file.table}.{key}'.lstrip('.'), '')}: {why} '{key[:60]}'"
+                yield f"{file.path}:{line(text, f'{file.table}.{key}'.lstrip('.'), '')}: {why} '{key[:60]}'"
         else:
             yield from _fault(file, file.table, key, value, text)
 
 
 def _fault(file: ConfigFile, table: str, key: str, value: object, text: str) -> Iterator[str]:
-    place = f"{file.path}:{_line(text, table, key)}"
-    if key in (OWN_KEYS if file.own else PROJECT_KEYS):
-        words = value if key in _LISTS and isinstance(value, list) else [value]
-        if not all(_plain(word, text_only=key in _LISTS) for word in words):
-            yield f"{place}: '{key}' cannot have this value"
+    known = key in (OWN_KEYS if file.own else PROJECT_KEYS)
+    words = value if key in _LISTS and isinstance(value, list) else [value]
+    if known and len(words) <= _MOST_ENTRIES and all(_plain(word, text_only=key in _LISTS) for word in words):
+        return
+    place = f"{file.path}:{line(text, table, key)}"
+    if known:
+        yield f"{place}: '{key}' cannot have this value"
     elif key in OWN_KEYS:
         yield f"{place}: a project's file cannot set '{key}': it may come from a stranger"
     else:
@@ -204,20 +212,7 @@ def _fault(file: ConfigFile, table: str, key: str, value: object, text: str) -> 
 def _plain(value: object, *, text_only: bool) -> bool:
     """Return whether a value is one that an option takes: a text, a finite number, a boolean."""
     if isinstance(value, str):
-        return "\0" not in value
+        return "\0" not in value and len(value) <= _LONGEST
     if text_only or not isinstance(value, int | float):
         return False
     return abs(value) < _BEYOND  # neither infinite nor NaN, nor a whole number that no float can be
-
-
-def _line(text: str, table: str, key: str) -> int:
-    """Return the line of a key in a table, or with an empty key of the table's header; 1 where it cannot be told."""
-    current = ""
-    for number, line in enumerate(text.splitlines(), 1):
-        if header := _HEADER.fullmatch(line):
-            current = header[1].strip()
-            if current == table and not key:
-                return number
-        elif key and current == table and re.match(rf"""\s*["']?{re.escape(key)}["']?\s*[.=]""", line):
-            return number
-    return 1

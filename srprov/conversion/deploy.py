@@ -13,7 +13,7 @@ from srprov.conversion.project import Project
 from srprov.importing.position import Path
 
 _Given = Mapping[str, Any]
-_CONSTRAINT = re.compile(r"\s*(?P<what>[A-Za-z0-9_./-]+)\s*==\s*(?P<value>.*?)\s*")
+_CONSTRAINT = re.compile(r"(?P<what>[A-Za-z0-9_./-]+)\s*==(?P<value>.*)")
 _ARCH = {"x86_64": "amd64", "amd64": "amd64", "aarch64": "arm64", "arm64": "arm64", "arm": "arm", "armv7l": "arm"}
 _RESTART = {"none": "no", "any": "always", "on-failure": "on-failure"}
 
@@ -26,8 +26,8 @@ def placement(given: _Given, project: Project, at: Path, *, built: bool) -> dict
     arch = {} if built else _platform(given, project, at)
     path = (*at, "deploy", "placement", "constraints")
     for one in (deploy.get("placement") or {}).get("constraints") or ():
-        match = _CONSTRAINT.fullmatch(str(one))
-        what, value = (match["what"], match["value"]) if match else ("", "")
+        match = _CONSTRAINT.fullmatch(str(one).strip())
+        what, value = (match["what"], match["value"].strip()) if match else ("", "")
         if what == "node.hostname" and names.valid("robot", value) and found.get("robot", value) == value:
             found["robot"] = value
             project.notes.adapted(path, f"'{value}' is the robot of that name in the inventory")

@@ -15,9 +15,12 @@ from srprov.conversion import names_used, services
 from srprov.conversion.kept import Kept
 from srprov.conversion.notes import Finding, Notes
 from srprov.conversion.project import Choices, Machine, Making, Project, service_name
+from srprov.errors import UsageError
 from srprov.importing.normal import Note, Variable
 from srprov.importing.position import Path
 
+MOST_SERVICES = 1000
+"""What an instance has on one robot at most; each service is compared with all others."""
 _NOTHING: Mapping[str, Any] = MappingProxyType({})
 _PLAIN_DRIVERS = (None, "", "local")
 _OWN_ADDRESS = ("macvlan", "ipvlan")
@@ -56,7 +59,14 @@ def convert(
         choices: What the user chose.
         folder: Where it will lie.
         network: The EDF's `network`.
+
+    Raises:
+        UsageError: There are more services than an instance can have.
     """
+    count = sum(len(one.normal.document.get("services") or ()) for one in machines)
+    if count > MOST_SERVICES:
+        hint = "import some of the files at a time"
+        raise UsageError(f"there are {count} services, and an experiment has at most {MOST_SERVICES}", hint=hint)
     making = Making(name, choices, dict(network))
     projects = [_project(machine, making) for machine in machines]
     for project in projects:

@@ -7,7 +7,8 @@ one `hostname`; Compose by container names and aliases too. Pure.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any
 
 from srprov.conversion.project import Project
@@ -31,12 +32,15 @@ def hostnames(project: Project) -> dict[str, str]:
     """Return service (as Compose has it) -> its `hostname`; what cannot be kept is noted."""
     services: Mapping[str, Mapping[str, Any]] = project.document.get("services") or {}
     words = {name: _words(given) for name, given in services.items()}
+    uses = Counter(word for some in words.values() for word in some)
+    links = _links(services)
     found: dict[str, str] = {}
     for name, given in services.items():
         at = ("services", name)
-        others = set().union(*(words[other] for other in services if other != name))
         used = {
-            alias: path for alias, path in _names(name, project) if alias in others and alias != project.names[name]
+            alias: path
+            for alias, path in _names(name, project, links.get(name, ()))
+            if uses[alias] > (alias in words[name]) and alias != project.names[name]
         }
         own = str(given.get("hostname") or "")
         if own == project.names[name]:
@@ -58,7 +62,7 @@ def hostnames(project: Project) -> dict[str, str]:
             project.notes.dropped((*at, "hostname"), why)
         elif chosen and chosen != project.names[name]:
             found[name] = chosen
-        _addresses(name, given, project, set().union(*words.values()))
+        _addresses(name, given, project, uses)
     return found
 
 
@@ -85,8 +89,19 @@ def replicas(given: Mapping[str, Any]) -> int:
     return 1 if wanted is None else int(wanted)
 
 
-def _names(name: str, project: Project) -> Iterator[tuple[str, Path]]:
-    """Yield the further names that Compose gives a service, each with its place."""
+def _links(services: Mapping[str, Mapping[str, Any]]) -> dict[str, list[tuple[str, Path]]]:
+    """Return service -> the names by which others link to it, each with its place."""
+    found: dict[str, list[tuple[str, Path]]] = {}
+    for other, entry in services.items():
+        for link in entry.get("links") or ():
+            target, _, alias = str(link).partition(":")
+            if alias not in ("", target):
+                found.setdefault(target, []).append((alias, ("services", other, "links")))
+    return found
+
+
+def _names(name: str, project: Project, links: Iterable[tuple[str, Path]]) -> Iterator[tuple[str, Path]]:
+    """Yield the further names that Compose gives a service, each with its place; `links` are those of others."""
     services: Mapping[str, Mapping[str, Any]] = project.document.get("services") or {}
     given, at = services[name], ("services", name)
     if not on_overlay(given):
@@ -104,14 +119,10 @@ def _names(name: str, project: Project) -> Iterator[tuple[str, Path]]:
         for alias in (settings or {}).get("aliases") or ():
             if alias != name:
                 yield str(alias), (*at, "networks", network, "aliases")
-    for other, entry in services.items():
-        for link in entry.get("links") or ():
-            target, _, alias = str(link).partition(":")
-            if target == name and alias not in ("", name):
-                yield alias, ("services", other, "links")
+    yield from links
 
 
-def _addresses(name: str, given: Mapping[str, Any], project: Project, words: set[str]) -> None:
+def _addresses(name: str, given: Mapping[str, Any], project: Project, words: Collection[str]) -> None:
     for network, settings in (given.get("networks") or {}).items():
         for key in ("ipv4_address", "ipv6_address"):
             address = str((settings or {}).get(key) or "")

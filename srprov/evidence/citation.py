@@ -24,7 +24,7 @@ _SPDX = frozenset(
      "PDDL-1.0", "Unlicense", "Zlib")
 )  # fmt: skip
 """Identifiers of licenses that experiments and data have; another one is told as it stands."""
-_ORCID = re.compile(r"\(?\s*(https://orcid\.org/(\d{4}-\d{4}-\d{4}-\d{3}[\dX]))\s*\)?", re.ASCII)
+_ORCID = re.compile(r"\(?\s{0,8}(https://orcid\.org/(\d{4}-\d{4}-\d{4}-\d{3}[\dX]))\s{0,8}\)?", re.ASCII)
 
 
 def authors(told: Told) -> list[tuple[str, str]]:

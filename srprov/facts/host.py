@@ -146,8 +146,14 @@ def _read(replies: Sequence[Reply]) -> dict[str, Any]:
 def _emulated(files: Files, arch: str) -> tuple[str, ...]:
     """Return what emulators run; only one that the kernel keeps open (F) is there in a container too."""
     on = {path for path in EMULATORS if "enabled" in files.get(path, ())}
-    kept = (path for path in on if any(re.fullmatch("flags: ?[A-Z]*F[A-Z]*", line) for line in files[path]))
+    kept = (path for path in on if any("F" in _flags(line) for line in files[path]))
     return tuple(sorted({EMULATORS[path] for path in kept} - {arch}))
+
+
+def _flags(line: str) -> str:
+    """Return the flags of an emulator; nothing for another line."""
+    found = re.fullmatch("flags: ?([A-Z]{1,32})", line)
+    return found[1] if found else ""
 
 
 def _words(files: Files, wireguard: WireguardAnswer, processor: str, rules: str) -> dict[str, Any]:

@@ -22,7 +22,7 @@ from srprov.modules.module import Module, Names
 from srprov.modules.vxlan_fdb import entries_of, fdb_calls, known
 from srprov.modules.vxlan_rules import SOURCE_PORTS, closed_first
 from srprov.resource import Action, Change, Observed, State
-from srprov.untrusted import mappings, string
+from srprov.untrusted import integer, mappings, string
 from srprov.wire import AnyQuery, Command, Query, Reply, Run, quote
 
 _ALIAS = "srprov:"
@@ -75,20 +75,26 @@ class VxlanModule(Module[VxlanParams]):
     def parse(self, replies: Sequence[Reply]) -> tuple[Observed, ...]:
         """Return our links with their entries; a link of our name without alias is one that was half made."""
         every, entries = (mappings(_json(reply)) for reply in replies)
-        links, bridges = ([item for item in every if _kind(item) == kind] for kind in ("vxlan", "bridge"))
-        bridge = {string(item.get("ifname")): item for item in bridges}
+        # each name once, and what belongs to it found at once: a robot may say anything, and pairs of it have no end
+        links, bridges = (
+            {string(item.get("ifname")): item for item in every if _kind(item) == kind} for kind in ("vxlan", "bridge")
+        )
+        by_link: dict[str, list[Mapping[str, Any]]] = {}
+        for entry in entries:
+            by_link.setdefault(string(entry.get("ifname")), []).append(entry)
+        of_bridge: dict[str, dict[str, Any]] = {}
         found = []
-        for item in links:
-            name, alias = string(item.get("ifname")), string(item.get("ifalias"))
+        for name, item in links.items():
+            alias = string(item.get("ifalias"))
             if not (alias.startswith(_ALIAS) or name.startswith(_PREFIX)):
                 continue
-            state = _link_state(item, entries)
-            on = bridge.get(state["bridge"], {})
-            state["snooping"] = bool(_data(on).get("mcast_snooping", 1))
-            state |= bridge_address.found(state["bridge"], on)
+            state = _link_state(item, by_link.get(name, ()))
+            if (on := state["bridge"]) not in of_bridge:
+                of_bridge[on] = _bridge_state(on, bridges.get(on, {}))
             instance = alias.removeprefix(_ALIAS) if alias.startswith(_ALIAS) else ""
-            found.append(Observed(module="vxlan", name=name, instance=instance, state={**state, "instance": instance}))
-        return (*found, *isolated(every, bridge))
+            state = {**state, **of_bridge[on], "instance": instance}
+            found.append(Observed(module="vxlan", name=name, instance=instance, state=state))
+        return (*found, *isolated(every, bridges))
 
     def check(self, name: str, want: VxlanParams, found: State | None) -> Change | None:
         """Compare; what the kernel cannot change in place makes it a replacement."""
@@ -185,24 +191,28 @@ def _data(item: Mapping[str, Any], of: str = "info_data") -> Mapping[str, Any]:
     return data if isinstance(data, Mapping) else {}
 
 
-def _link_state(item: Mapping[str, Any], entries: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    data, name = _data(item), string(item.get("ifname"))
+def _bridge_state(name: str, bridge: Mapping[str, Any]) -> dict[str, Any]:
+    return {"snooping": bool(_data(bridge).get("mcast_snooping", 1)), **bridge_address.found(name, bridge)}
+
+
+def _link_state(item: Mapping[str, Any], mine: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Return what is said of a link, and by its own forwarding entries."""
+    data = _data(item)
     flags = item.get("flags")
     bridge = string(item.get("master"))
-    mine = [entry for entry in entries if entry.get("ifname") == name]
     fdb = sorted([string(entry.get("mac")), string(entry.get("dst"))] for entry in mine if entry.get("dst"))
     fixed = [one for one in mine if bridge and one.get("master") == bridge and one.get("state") == "static"]
     ports = data.get("port_range")
     return {
-        "vni": data.get("id", 0),
+        "vni": integer(data.get("id")),
         "local": string(data.get("local") or data.get("local6")),
-        "port": data.get("port", 0),
+        "port": integer(data.get("port")),
         "learning": bool(data.get("learning", False)),
-        "source_ports": [ports.get("low"), ports.get("high")] if isinstance(ports, Mapping) else [],
+        "source_ports": [integer(ports.get("low")), integer(ports.get("high"))] if isinstance(ports, Mapping) else [],
         "port_learning": bool(_data(item, "info_slave_data").get("learning", False)),
         "elsewhere": "link_netnsid" in item or "link_netns" in item,
         "bridge": bridge,
-        "mtu": item.get("mtu", 0),
+        "mtu": integer(item.get("mtu")),
         "up": "UP" in flags if isinstance(flags, list) else False,
         "fdb": fdb,
         "bridge_fdb": sorted(string(entry.get("mac")) for entry in fixed),

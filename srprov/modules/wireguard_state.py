@@ -30,6 +30,8 @@ _WORDS = ("public-key", "listen-port", "endpoints", "allowed-ips", "latest-hands
 _LIVELY_S = 180
 """A peer that is sent to is shaken hands with every two minutes. Source: the WireGuard paper, section 6.1."""
 _MOST_LINES = 16 * LIST_LENGTH
+_MOST_WORDS = 8
+"""Of a line of `wg show all`: names of interfaces without peers, one with, a key and its value."""
 
 QUERIES = (
     Query(command="ip -j -d addr show", in_place=True),  # the facts ask the same, so it costs nothing
@@ -110,7 +112,7 @@ def read(replies: Sequence[Reply]) -> tuple[Tunnels, ...]:
         elif word == "show":
             shown.word = rest
         else:
-            shown.line(current, line.split("\t"))
+            shown.line(current, line.split("\t", _MOST_WORDS)[:_MOST_WORDS])
     for item in mappings(replies[0].json() if replies[0].ok else [], most=LIST_LENGTH):
         if match := LINK.fullmatch(string(item.get("ifname"))):
             half_made = found.setdefault(match[1], Tunnels(match[1]))

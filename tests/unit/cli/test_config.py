@@ -12,6 +12,7 @@ import pytest
 from srprov.cli.config import _GROUPS, OWN_KEYS, PARAMETERS, PROJECT_KEYS, default_map, user_folder
 from srprov.cli.main import _MODULES, _VERBS, run
 from srprov.errors import UsageError
+from tests.bounded import bounded
 
 VERBS = {"plan": "", "apply": ""}
 
@@ -278,3 +279,36 @@ def test_a_project_cannot_make_a_wait_endless_or_impossible(
         option = f"--{key}={seconds}"
         assert run([verb, "e.edf", "-i", "h", option]) == 5
         assert f"for '--{key}'" in capsys.readouterr().err.replace("\n", " ")
+
+
+@pytest.mark.parametrize("name", ["srprov.toml", "pyproject.toml"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        pytest.param("a" + ".a" * 200_000 + " = 1\n", id="a key of many parts"),
+        pytest.param("[" + "a." * 2000 + "a]\n" + "".join(f"k{n} = 1\n" for n in range(40_000)), id="a long table"),
+        pytest.param("".join(f"k{n} = 1\n" for n in range(40_000)), id="unknown keys"),
+        pytest.param("".join(f"[plan.t{n}]\n" for n in range(20_000)), id="unknown tables"),
+        pytest.param("[plan]\nforks = 3\n" + "\n" * 900_000, id="a key before many lines"),
+        pytest.param("inventory = [" + "'a'," * 100_000 + "]\n", id="many inventories"),
+        pytest.param(f"inventory = '{'a/' * 200_000}'\n", id="a long path"),
+    ],
+)
+def test_a_projects_file_is_read_in_time(tmp_path: Path, name: str, text: str) -> None:
+    """It is read before every verb, and whoever wrote it may want that none gets further."""
+    table = "" if name == "srprov.toml" else "[tool.srprov]\n"
+    write(tmp_path / name, table + (text if not table else text.replace("[plan", "[tool.srprov.plan")))
+
+    def read() -> str:
+        try:
+            return str(default_map(VERBS, tmp_path, {"HOME": str(tmp_path / "home")})["plan"])
+        except UsageError as error:
+            return error.message
+
+    assert len(bounded(read)) < 10_000
+
+
+def test_a_file_of_other_tools_is_not_taken_apart(tmp_path: Path) -> None:
+    """It may have lines that srprov would refuse in its own."""
+    write(tmp_path / "pyproject.toml", "[tool.other]\nx = '" + "." * 5000 + "'\n")
+    assert default_map(VERBS, tmp_path, {"HOME": str(tmp_path / "home")}) == {"plan": {}, "apply": {}}

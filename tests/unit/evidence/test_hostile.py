@@ -18,6 +18,7 @@ import pytest
 from srprov.cli.main import run as cli
 from srprov.errors import UsageError
 from srprov.evidence import stored_zip
+from srprov.evidence.citation import _author
 from srprov.evidence.verify import verify
 from tests.bounded import bounded
 from tests.unit.evidence.bundles import Content, events, journal, packed, with_manifest
@@ -222,3 +223,11 @@ def test_nothing_of_an_experiment_is_run_and_no_file_of_this_machine_is_told(
     told = capsys.readouterr()
     assert "strangers" not in told.out + told.err and "nonsense" not in told.out + told.err
     assert not mark.exists()
+
+
+def test_an_author_of_blanks_is_read_in_time() -> None:
+    """Where an ORCID might begin is looked for at each of them."""
+    assert bounded(lambda: _author("Ada" + " " * 300_000 + "(https://orcid.org/0000-0002-1825-0097)x")) == (
+        "Ada" + " " * 300_000 + "x", "0000-0002-1825-0097",
+    )  # fmt: skip
+    assert bounded(lambda: _author("a" + " " * 300_000 + "b"))[1] == ""
