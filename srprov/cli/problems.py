@@ -1,10 +1,11 @@
-"""Problems in user files, as text with the source line and a caret, as JSON, and as SARIF.
+"""Problems in user files, as text with the source line and a caret, as JSON, as SARIF, and as GitLab's Code Quality.
 
 Takes `Diagnostic`s; returns text. Pure.
 """
 
 from __future__ import annotations
 
+import hashlib
 import json
 import os
 from collections.abc import Sequence
@@ -84,3 +85,27 @@ def _result(problem: Diagnostic, level: str) -> dict[str, Any]:
     if problem.path:
         place["logicalLocations"] = [{"fullyQualifiedName": problem.path}]
     return {"ruleId": "definition", "level": level, "message": {"text": words}, "locations": [place]}
+
+
+def as_codequality(problems: Sequence[Diagnostic], warnings: Sequence[Diagnostic] = ()) -> str:
+    """Return a Code Quality report, as GitLab shows it on a merge request. A fingerprint outlives a change of the line.
+
+    Source: GitLab's documentation of the format, which is a part of Code Climate's.
+    """
+    seen: dict[str, int] = {}
+    rows = []
+    for found, severity in ((problems, "major"), (warnings, "minor")):
+        for problem in sorted(found):
+            about = "\0".join((problem.location.file, problem.path, problem.message))
+            seen[about] = seen.get(about, 0) + 1
+            digest = hashlib.sha256(f"{about}\0{seen[about]}".encode("utf-8", "surrogatepass")).hexdigest()
+            rows.append(
+                {
+                    "description": problem.message + (f" ({problem.hint})" if problem.hint else ""),
+                    "check_name": "srprov/definition",
+                    "fingerprint": digest,
+                    "severity": severity,
+                    "location": {"path": problem.location.file, "lines": {"begin": problem.location.line}},
+                }
+            )
+    return json.dumps(rows, indent=2)

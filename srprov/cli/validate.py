@@ -15,17 +15,17 @@ from srprov.cli.output import err, out
 @click.option(
     "--format",
     "form",
-    type=click.Choice(["text", "json", "sarif"]),
+    type=click.Choice(["text", "json", "sarif", "codequality"]),
     default="text",
     show_default=True,
-    help="How problems are shown.",
+    help="How problems are shown; sarif and codequality are what GitHub and GitLab take.",
 )
 def validate(files: tuple[str, ...], profiles: tuple[str, ...], form: str) -> int:
     """Check EDFs, CDFs, Dockerfiles and inventories, and every file that they name; show everything that is wrong.
 
     A warning is about what is allowed and may not be meant; the exit code is 0.
     """
-    from srprov.cli.problems import as_json, as_sarif, render_problems
+    from srprov.cli.problems import as_codequality, as_json, as_sarif, render_problems
     from srprov.definitions import check_files, remarks
 
     problems = check_files(files, profiles)
@@ -35,7 +35,8 @@ def validate(files: tuple[str, ...], profiles: tuple[str, ...], form: str) -> in
             if found:
                 out(render_problems(found, word))
     else:
-        out(as_json(problems, warnings) if form == "json" else as_sarif(problems, warnings))
+        written = {"json": as_json, "sarif": as_sarif, "codequality": as_codequality}[form]
+        out(written(problems, warnings))
     count = len(problems)
     checked = f"{len(files)} file{'s' if len(files) != 1 else ''}"
     summary = f"{count} problem{'s' if count != 1 else ''} in {checked}" if count else f"{checked} valid"

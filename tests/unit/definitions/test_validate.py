@@ -65,6 +65,28 @@ def test_sarif_points_at_the_place(folder: Path, capsys: pytest.CaptureFixture[s
     assert result["ruleId"] == log["runs"][0]["tool"]["driver"]["rules"][0]["id"]
 
 
+def test_code_quality_tells_equal_problems_apart_and_keeps_their_names(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """GitLab compares by fingerprint: a line that is added above moves the place, and is no new problem."""
+    text = "edf: 1\nname: a\nservices: {a: {image: x, cots: 3}, b: {image: x, cots: 3}}\n"
+    (folder / "bad.edf").write_text(text)
+    assert run(["validate", "--format", "codequality", "bad.edf"]) == 5
+    first = json.loads(capsys.readouterr().out)
+    assert [(one["location"], one["severity"]) for one in first] == [
+        ({"path": "bad.edf", "lines": {"begin": 3}}, "major")
+    ] * 2
+    assert first[0]["description"] == "unknown key 'cots' (did you mean 'cost'?)"
+    (folder / "bad.edf").write_text("# a comment\n" + text)
+    run(["validate", "--format", "codequality", "bad.edf"])
+    second = json.loads(capsys.readouterr().out)
+    assert [one["location"]["lines"]["begin"] for one in second] == [4, 4]
+    names = [one["fingerprint"] for one in first]
+    assert names == [one["fingerprint"] for one in second] and len(set(names)) == 2
+    assert run(["validate", "--format", "codequality", "experiment.edf"]) == 0
+    assert json.loads(capsys.readouterr().out) == []
+
+
 def test_a_file_without_problems_gives_an_empty_log(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["validate", "--format", "sarif", "experiment.edf"]) == 0
     assert json.loads(capsys.readouterr().out)["runs"][0]["results"] == []
