@@ -22,6 +22,8 @@ from tools.ci import forge as told
 ROOT = Path(__file__).resolve().parents[2]
 ACTION = yaml.safe_load((ROOT / "action.yml").read_text(encoding="utf-8"))
 STEPS = str(ROOT / "tools/ci/steps.sh")
+PASSED = {name: value for name, value in os.environ.items() if name.startswith(("PIP_", "SSL_")) or name == "PATH"}
+"""Of this machine's environment: where programs are, and packages."""
 EDF = "edf: 1\nname: demo\nservices:\n  a: {image: busybox}\n"
 WRONG = "edf: 1\nname: demo\nservices: {a: {image: x, cots: 3}}\n"
 PROGRAM = """\
@@ -57,7 +59,7 @@ class Repository:
         event = folder / "event.json"
         event.write_text(json.dumps({"pull_request": {"number": 7}}), encoding="utf-8")
         self.environment = {
-            "PATH": os.environ["PATH"], "HOME": str(self.home), "PYTHONPATH": str(ROOT), "RUNNER_TEMP": str(folder),
+            **PASSED, "HOME": str(self.home), "PYTHONPATH": str(ROOT), "RUNNER_TEMP": str(folder),
             "GITHUB_ACTIONS": "true", "GITHUB_API_URL": forge.address, "GITHUB_REPOSITORY": "lab/experiments",
             "GITHUB_EVENT_PATH": str(event), "GITHUB_SHA": "c0ffee", "GITHUB_REF": "refs/pull/7/merge",
             "GITHUB_STEP_SUMMARY": str(folder / "summary"), "GITHUB_OUTPUT": str(folder / "output"),
@@ -76,7 +78,7 @@ class Repository:
         assert inputs.keys() <= given.keys()
         given |= {"token": TOKEN, "program": str(self.program), **inputs}
         values = {**{f"inputs.{name}": value for name, value in given.items()}, "github.action_path": str(ROOT)}
-        (one,) = (each for each in ACTION["runs"]["steps"] if each.get("id") == step)
+        (one,) = (each for each in ACTION["runs"]["steps"] if each["run"].endswith(f" {step}"))
         environment = {name: evaluated(str(text), values) for name, text in one["env"].items()}
         script = evaluated(one["run"], values)
         return self.run(
@@ -84,14 +86,15 @@ class Repository:
         )
 
     def gitlab(self, step: str, forge: FakeForge, **variables: str) -> subprocess.CompletedProcess[str]:
-        """Run one step of the template for GitLab."""
-        environment = {name: self.environment[name] for name in ("PATH", "HOME", "PYTHONPATH")}
+        """Run a step as the template for GitLab does, or lines of it."""
+        environment = {name: self.environment[name] for name in (*PASSED, "HOME", "PYTHONPATH")}
         environment |= {
             "GITLAB_CI": "true", "CI_API_V4_URL": forge.address + "/api/v4", "CI_PROJECT_ID": "12",
             "CI_MERGE_REQUEST_IID": "7", "SRPROV_CI_WORK": str(self.folder / ".srprov-ci"), "SRPROV_CI_TOKEN": TOKEN,
             "SRPROV_CI_PROGRAM": str(self.program), "SRPROV_CI_COMMENT": "true", **variables,
         }  # fmt: skip
-        return self.run(environment, STEPS, step)
+        lines = ("bash", "-eo", "pipefail", "-c", step) if " " in step else (STEPS, step)
+        return self.run(environment, *lines)
 
     def run(self, environment: Mapping[str, str], *words: str) -> subprocess.CompletedProcess[str]:
         return subprocess.run(words, cwd=self.folder, env=dict(environment), capture_output=True, text=True)
@@ -265,7 +268,8 @@ def test_gitlab_gets_code_quality_and_one_note(repository: Repository, forge: Fa
 def test_the_template_for_gitlab_uses_the_same_steps() -> None:
     template: dict[str, Any] = yaml.safe_load((ROOT / "templates/gitlab.yml").read_text(encoding="utf-8"))
     words = [line for job in template.values() for key in ("before_script", "script") for line in job.get(key, ())]
-    assert [line.split()[-1] for line in words if "steps.sh" in line] == ["install", "validate", "plan"]
+    steps = '"$SRPROV_CI_WORK/source/tools/ci/steps.sh" '
+    assert [line.removeprefix(steps) for line in words if "steps.sh" in line] == ["install", "validate", "plan"]
     kept = [path for job in template.values() for path in job.get("artifacts", {}).get("paths", ())]
     assert kept == [".srprov-ci/validate.sarif", ".srprov-ci/plan.md"]
 

