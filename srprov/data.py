@@ -11,6 +11,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from srprov.codes import Code
 from srprov.errors import UsageError
 
 _HERE = Path(__file__).resolve().parent
@@ -60,5 +61,7 @@ def schema_path(kind: str) -> Path:
         UsageError: There is no such kind; the hint names those that exist.
     """
     if kind not in schema_kinds():
-        raise UsageError(f"there is no schema named '{kind}'", hint=f"known: {', '.join(schema_kinds())}")
+        raise UsageError(
+            f"there is no schema named '{kind}'", hint=f"known: {', '.join(schema_kinds())}", code=Code.OPTION_VALUE
+        )
     return _folder("schemas") / f"{kind}.schema.json"

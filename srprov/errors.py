@@ -16,8 +16,8 @@
     │  └─ DeadlineError          an answer did not come in time
     └─ LabError                  the embedded lab (3)
 
-Each message says what happened; `hint` says what to do next. A message may hold a robot's words: its further lines are
-indented, so that none of them passes for one of srprov's own.
+Each message says what happened; `hint` says what to do next, and `code` which page explains it. A message may hold a
+robot's words: its further lines are indented, so that none of them passes for one of srprov's own.
 """
 
 from __future__ import annotations
@@ -26,6 +26,8 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 
 import msgspec
+
+from srprov.codes import Code
 
 _LONGEST_WORD = 80
 _MOST_KNOWN = 64
@@ -38,12 +40,13 @@ class SrprovError(Exception):
 
     exit_code = 1
 
-    def __init__(self, message: str, *, hint: str = "") -> None:
+    def __init__(self, message: str, *, code: Code, hint: str = "") -> None:
         """Take one sentence on what happened and one on what to do next."""
         message = _FURTHER.sub("\n  ", message)
         super().__init__(message)
         self.message = message
         self.hint = hint
+        self.code = code
 
 
 def visible(text: str) -> str:
@@ -85,8 +88,12 @@ class Location(msgspec.Struct, frozen=True, order=True):
         return f"{self.file}:{self.line}:{self.column}"
 
 
-class Diagnostic(msgspec.Struct, frozen=True, order=True):
-    """One thing that is wrong in a user's file."""
+class _Coded(msgspec.Struct, frozen=True, order=True, kw_only=True):
+    code: Code
+
+
+class Diagnostic(_Coded, frozen=True, order=True):
+    """One thing that is wrong in a user's file; `code` says of which kind, and is given by its name."""
 
     location: Location
     message: str
@@ -107,7 +114,8 @@ class DefinitionError(SrprovError):
         """Take at least one problem; they are sorted by file and line."""
         self.problems = tuple(sorted(problems))
         count = len(self.problems)
-        super().__init__(f"{count} problem{'s' if count != 1 else ''} in the definition files")
+        message = f"{count} problem{'s' if count != 1 else ''} in the definition files"
+        super().__init__(message, code=self.problems[0].code if self.problems else Code.BUG)
 
 
 class RenderError(SrprovError):
@@ -127,9 +135,11 @@ class NoAssignment(SrprovError):
 
     exit_code = 8
 
-    def __init__(self, message: str, *, misses: Mapping[str, Mapping[str, str]] | None = None, hint: str = "") -> None:
+    def __init__(
+        self, message: str, *, code: Code, misses: Mapping[str, Mapping[str, str]] | None = None, hint: str = ""
+    ) -> None:
         """Take the explanation in words and the reasons as data."""
-        super().__init__(message, hint=hint)
+        super().__init__(message, code=code, hint=hint)
         self.misses = {s: dict(r) for s, r in (misses or {}).items()}
 
 
@@ -138,11 +148,19 @@ class LockHeld(SrprovError):
 
     exit_code = 7
 
+    def __init__(self, message: str, *, code: Code = Code.LOCKED, hint: str = "") -> None:
+        """Take what the root of the tree takes."""
+        super().__init__(message, code=code, hint=hint)
+
 
 class StalePlan(SrprovError):
     """A robot moved since the plan was made."""
 
     exit_code = 6
+
+    def __init__(self, message: str, *, code: Code = Code.STALE_PLAN, hint: str = "") -> None:
+        """Take what the root of the tree takes."""
+        super().__init__(message, code=code, hint=hint)
 
 
 class PlanError(SrprovError):
@@ -156,26 +174,42 @@ class TransportError(SrprovError):
 
     exit_code = 4
 
-    def __init__(self, host: str, message: str, *, hint: str = "") -> None:
+    def __init__(self, host: str, message: str, *, code: Code, hint: str = "") -> None:
         """Take the robot's name first; the message does not repeat it."""
-        super().__init__(message, hint=hint)
+        super().__init__(message, code=code, hint=hint)
         self.host = host
 
 
 class ConnectError(TransportError):
     """Name lookup, TCP, banner or key exchange failed."""
 
+    def __init__(self, host: str, message: str, *, code: Code = Code.CONNECT, hint: str = "") -> None:
+        """Take what every error of one robot takes."""
+        super().__init__(host, message, code=code, hint=hint)
+
 
 class HostKeyError(TransportError):
     """The robot's host key is unknown, or not the one that is on record."""
+
+    def __init__(self, host: str, message: str, *, code: Code = Code.HOST_KEY, hint: str = "") -> None:
+        """Take what every error of one robot takes."""
+        super().__init__(host, message, code=code, hint=hint)
 
 
 class AuthError(TransportError):
     """No key or password was accepted, or sudo asks for one."""
 
+    def __init__(self, host: str, message: str, *, code: Code = Code.LOGIN, hint: str = "") -> None:
+        """Take what every error of one robot takes."""
+        super().__init__(host, message, code=code, hint=hint)
+
 
 class DeadlineError(TransportError):
     """An answer did not come in time; the message names what was awaited."""
+
+    def __init__(self, host: str, message: str, *, code: Code = Code.DEADLINE, hint: str = "") -> None:
+        """Take what every error of one robot takes."""
+        super().__init__(host, message, code=code, hint=hint)
 
 
 class LabError(SrprovError):

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 
+from srprov.codes import Code
 from srprov.errors import UsageError
 
 RESERVED = frozenset({"localhost", "ip6-localhost", "ip6-loopback", "ip6-allnodes", "ip6-allrouters"})
@@ -51,7 +52,7 @@ def checked(kind: str, name: str, hint: str = "") -> str:
         UsageError: It cannot be one.
     """
     if wrong := fault(kind, name):
-        raise UsageError(wrong, hint=hint)
+        raise UsageError(wrong, hint=hint, code=Code.NAME)
     return name
 
 

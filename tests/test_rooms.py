@@ -43,12 +43,14 @@ ROOMS: Mapping[str, Room] = {
     "__main__": room("cli"),
     # Options, questions and output; a verb may also import the room that it fronts: see FILES.
     "cli": room(
-        "errors names private regular_file secret untrusted wire session controller definitions.+ definitions.model"
+        "codes errors names private regular_file secret untrusted wire session controller definitions.+"
+        " definitions.model"
         " record.+",
         "click rich tomli",
     ),
     "controller": room(
-        "errors layers regular_file wire session resource secret data datasets disk owner private untrusted time_sync"
+        "codes errors layers regular_file wire session resource secret data datasets disk owner private untrusted"
+        " time_sync"
         " sizes image_reference git_address git linear_regex definitions transport facts assignment network images"
         " rendering modules planning execution record trials probing plain_tar exporting snapshot yamldoc"
     ),
@@ -62,65 +64,70 @@ ROOMS: Mapping[str, Room] = {
     # Runs git on the controller: what it fetches are files of strangers.
     "git": room("git_address private definitions.program"),
     "untrusted": room(),
-    "yamldoc": room("errors regular_file", "yaml"),
+    "yamldoc": room("codes errors regular_file", "yaml"),
     "definitions": room(
-        "errors names private regular_file untrusted secret data owner image_reference git_address linear_regex"
+        "codes errors names private regular_file untrusted secret data owner image_reference git_address linear_regex"
         " yamldoc",
         "jsonschema jinja2",
     ),
     "transport": room(
-        "errors pace datasets engine_files spool layers private plain_tar regular_file wire session untrusted secret"
+        "codes errors pace datasets engine_files spool layers private plain_tar regular_file wire session untrusted"
+        " secret"
         " definitions.model",
         "paramiko fabric invoke docker requests urllib3 psutil",
     ),
-    "facts": room("errors names wire session untrusted resource time_sync modules definitions.model"),
-    "assignment": room("errors sizes definitions.containermodel definitions.model facts.model"),
-    "network": room("errors names untrusted definitions.model facts.model"),
+    "facts": room("codes errors names wire session untrusted resource time_sync modules definitions.model"),
+    "assignment": room("codes errors sizes definitions.containermodel definitions.model facts.model"),
+    "network": room("codes errors names untrusted definitions.model facts.model"),
     "probing": room("errors untrusted wire network"),
     # Robots that were set up by hand, as an experiment: questions and parsers, no robot and no file.
     "snapshot": room("git_address image_reference redaction untrusted wire yamldoc.writer"),
     "images": room(
-        "errors plain_tar wire image_reference definitions.containermodel definitions.dockerfile definitions.model",
+        "codes errors plain_tar wire image_reference definitions.containermodel definitions.dockerfile"
+        " definitions.model",
         "jinja2",
     ),
-    "rendering": room("errors untrusted resource data definitions modules yamldoc", "jinja2 yaml"),
+    "rendering": room("codes errors untrusted resource data definitions modules yamldoc", "jinja2 yaml"),
     "modules": room(
         "errors plain_tar wire untrusted resource secret image_reference definitions.model definitions.containermodel"
         " definitions.secretmodel"
     ),
     "planning": room(
-        "errors names untrusted resource wire secret image_reference modules facts.model definitions.containermodel"
+        "codes errors names untrusted resource wire secret image_reference modules facts.model"
+        " definitions.containermodel"
         " definitions.model definitions.secretmodel network.identity"
     ),
     "execution": room(
-        "errors layers pace spool plain_tar untrusted resource wire session image_reference linear_regex modules"
+        "codes errors layers pace spool plain_tar untrusted resource wire session image_reference linear_regex modules"
         " planning probing facts owner trials definitions.dockerfile definitions.trialsmodel"
     ),
     "record": room(
-        "errors data private regular_file untrusted resource secret definitions.model facts planning execution"
+        "codes errors data private regular_file untrusted resource secret definitions.model facts planning execution"
         " trials definitions.trialsmodel transport.tar_stream"
     ),
     # Bundles: reads and checks what a run left, works out again what follows from it, and compares two.
     "evidence": room(
-        "errors private regular_file untrusted secret linear_regex yamldoc definitions assignment facts trials record"
+        "codes errors private regular_file untrusted secret linear_regex yamldoc definitions assignment facts trials"
+        " record"
         " controller.choice controller.request controller.trial_instances controller.bundling"
         " controller.bundle_images controller.kept_images transport.blob layers image_reference oci"
     ),
     # Files of other tools -> experiments: reads what strangers wrote, and reaches no robot.
-    "importing": room("errors private regular_file untrusted image_reference linear_regex yamldoc definitions"),
+    "importing": room("codes errors private regular_file untrusted image_reference linear_regex yamldoc definitions"),
     # A Compose project in its normal form -> the folder of an experiment.
-    "conversion": room("errors names private regular_file yamldoc definitions importing"),
+    "conversion": room("codes errors names private regular_file yamldoc definitions importing"),
     # Compose files of an experiment: as values, but for the one file that writes them into a folder.
-    "exporting": room("errors plain_tar definitions facts.model images network yamldoc"),
+    "exporting": room("codes errors plain_tar definitions facts.model images network yamldoc"),
     # Images as files of strangers: nothing is opened, nothing of them is run.
     "oci": room("image_reference layers untrusted"),
-    "lab": room("errors regular_file yamldoc", "yaml"),
-    "trials": room("errors linear_regex untrusted time_sync definitions.trialsmodel definitions.trialpoints"),
+    "lab": room("codes errors regular_file yamldoc", "yaml"),
+    "trials": room("codes errors linear_regex untrusted time_sync definitions.trialsmodel definitions.trialpoints"),
     "linear_regex": room(foreign="re2"),
     "time_sync": room("untrusted"),
-    "data": room("errors"),
-    "errors": room(),
-    "names": room("errors"),
+    "data": room("codes errors"),
+    "codes": room(),
+    "errors": room("codes"),
+    "names": room("codes errors"),
     "private": room(),
     "secret": room("redaction"),
     "redaction": room("redaction_bytes"),
@@ -153,8 +160,8 @@ FILES: Mapping[str, Room] = {
     "assignment/solve_pools.py": ARRAYS,
     "assignment/pool_prices.py": ARRAYS,
     "assignment/conflict.py": ARRAYS,
-    "assignment/solve_flow.py": room("errors", "numpy ortools"),
-    "assignment/solve_lp.py": room("errors", "numpy ortools"),
+    "assignment/solve_flow.py": room("codes errors", "numpy ortools"),
+    "assignment/solve_lp.py": room("codes errors", "numpy ortools"),
     "cli/apply.py": cli_file("planning execution"),
     "cli/assign.py": cli_file("assignment facts"),
     "cli/assign_plot.py": cli_file("assignment", "matplotlib numpy"),

@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import msgspec
 
+from srprov.codes import Code
 from srprov.definitions.model import Pool
 from srprov.errors import UsageError
 
@@ -85,4 +86,6 @@ def _together(pools: Sequence[Pool], node_of: Mapping[str, int]) -> Iterator[tup
                 seen.add(more)
                 queue.append(more)
                 if len(seen) > _MOST:
-                    raise UsageError("too many ways to combine pools with same_robot", hint="use fewer pools")
+                    raise UsageError(
+                        "too many ways to combine pools with same_robot", hint="use fewer pools", code=Code.TOO_HARD
+                    )

@@ -16,6 +16,7 @@ from srprov.assignment.conflict import OutOfTimeError, cut, feasible, places_nee
 from srprov.assignment.model import Assignment, Problem, ServiceGroup
 from srprov.assignment.remedies import listed, quoted
 from srprov.assignment.report import reasons as _reasons
+from srprov.codes import Code
 from srprov.errors import NoAssignment
 
 _LONGEST_S = 2.0
@@ -36,7 +37,7 @@ def _not_known(problem: Problem) -> NoAssignment:
     count = sum(len(node) for node in problem.nodes)
     message = f"no placement of {_count(count, 'service')} was found, nor in {_LONGEST_S:g} s why there is none"
     hint = "loosen different_robot, same_robot or pools, add robots, or search longer: --time-limit"
-    return NoAssignment(message, hint=hint)
+    return NoAssignment(message, hint=hint, code=Code.TOO_HARD)
 
 
 def _no_assignment(problem: Problem) -> NoAssignment:
@@ -44,14 +45,16 @@ def _no_assignment(problem: Problem) -> NoAssignment:
     services = tuple(name for node in conflict for name in node)
     misses = {name: _reasons(problem, name) for name in services}
     if not problem.robots:
-        return NoAssignment("there is no robot to place anything on", hint="name robots in the inventory")
+        return NoAssignment(
+            "there is no robot to place anything on", hint="name robots in the inventory", code=Code.NO_ROBOT
+        )
     if services and services[0] in problem.fixed:
         return _fixed(problem, services[0])
     if not conflict:  # there is a placement, which the search did not find in its time
         return _not_known(problem)
     alone = cut(problem, services)
     helps = remedies.for_conflict(alone)
-    return NoAssignment(_message(alone, conflict), misses=misses, hint="; or ".join(helps))
+    return NoAssignment(_message(alone, conflict), misses=misses, hint="; or ".join(helps), code=Code.NO_PLACEMENT)
 
 
 def describe(assignment: Assignment) -> list[str]:
@@ -85,7 +88,7 @@ def _fixed(problem: Problem, name: str) -> NoAssignment:
         *dict.fromkeys(miss.remedy for miss in lacks),
         f"or narrow the tags of 'per_robot', so that {robot} is out",
     ]
-    return NoAssignment(message, misses={name: _reasons(problem, name)}, hint="; ".join(helps))
+    return NoAssignment(message, misses={name: _reasons(problem, name)}, hint="; ".join(helps), code=Code.NO_PLACEMENT)
 
 
 def _message(problem: Problem, conflict: Sequence[ServiceGroup]) -> str:

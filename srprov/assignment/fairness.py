@@ -12,6 +12,7 @@ import msgspec
 from msgspec.structs import replace
 
 from srprov.assignment.model import Assignment, Problem
+from srprov.codes import Code
 from srprov.errors import UsageError
 
 RECOMMENDED = 0.3
@@ -38,12 +39,12 @@ def read_record(record: Any, where: str) -> dict[str, float]:  # noqa: ANN401 - 
     placed = record.get("assignment") if isinstance(record, Mapping) else None
     costs = record.get("costs") if isinstance(record, Mapping) else None
     if not isinstance(placed, Mapping) or not isinstance(costs, Mapping):
-        raise UsageError(f"{where} is not a run record", hint=hint)
+        raise UsageError(f"{where} is not a run record", hint=hint, code=Code.RECORD)
     sums: dict[str, float] = {}
     for service, cost in costs.items():
         number = isinstance(cost, (int, float)) and not isinstance(cost, bool) and 0 <= cost < 1e9
         if not number or not isinstance(placed.get(service), str):
-            raise UsageError(f"{where}: no robot or no cost for '{service}'", hint=hint)
+            raise UsageError(f"{where}: no robot or no cost for '{service}'", hint=hint, code=Code.RECORD)
         sums[placed[service]] = sums.get(placed[service], 0.0) + float(cost)
     return sums
 

@@ -18,6 +18,7 @@ from srprov.assignment import capability, ports
 from srprov.assignment.cost import Load, at_slot, load
 from srprov.assignment.model import Fairness, LazyMapping, Problem, ServiceGroup
 from srprov.assignment.requirements import UnmetRequirement, missing, pinned_elsewhere
+from srprov.codes import Code
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.model import Experiment
 from srprov.errors import UsageError
@@ -84,7 +85,9 @@ def _with_ports(
         for names, port in shared.items():
             if len(both := sorted(set(group) & set(names))) > 1:
                 message = f"'{both[0]}' and '{both[1]}' must share a robot, and both publish {port}"
-                raise UsageError(message, hint="give one of them another port, or take it out of same_robot")
+                raise UsageError(
+                    message, hint="give one of them another port, or take it out of same_robot", code=Code.CONTRADICTION
+                )
     exclusive = replace(
         problem,
         anti_affinity=tuple(dict.fromkeys((*problem.anti_affinity, *shared))),
@@ -119,7 +122,9 @@ def _check_anti_affinity(groups: Sequence[ServiceGroup], anti_affinity: Sequence
         for names in anti_affinity:
             if len(both := sorted(set(group) & set(names))) > 1:
                 message = f"'{both[0]}' and '{both[1]}' must share a robot, and must not"
-                raise UsageError(message, hint="look at same_robot and different_robot under 'relations'")
+                raise UsageError(
+                    message, hint="look at same_robot and different_robot under 'relations'", code=Code.CONTRADICTION
+                )
 
 
 def _freeze(

@@ -13,6 +13,7 @@ from collections.abc import Iterator, Sequence
 
 import msgspec
 
+from srprov.codes import Code
 from srprov.definitions.containermodel import Requirements
 from srprov.definitions.model import Service
 from srprov.errors import UsageError
@@ -80,7 +81,9 @@ def kernel_fits(bound: str, kernel: str) -> bool:
     for part in bound.split(","):
         match = _BOUND.fullmatch(part)
         if match is None:
-            raise UsageError(f"requires.kernel '{bound}' is not a version bound", hint="write it as '>=5.10'")
+            raise UsageError(
+                f"requires.kernel '{bound}' is not a version bound", hint="write it as '>=5.10'", code=Code.WRONG_VALUE
+            )
         # 5.10 is at least 5.10.0, so what is not there counts as 0.
         want = _numbers(match.group(1))
         if not has or has + (0,) * (len(want) - len(has)) < want:

@@ -12,6 +12,7 @@ import numpy as np
 
 from srprov.assignment.model import Problem
 from srprov.assignment.table import NEVER, Array, ProblemTable, Selection, outcome
+from srprov.codes import Code
 from srprov.errors import SrprovError
 
 
@@ -44,7 +45,9 @@ def assign(cost: Array, allowed: Array, room: Array | None = None) -> Array | No
     if status == solver.INFEASIBLE:
         return None
     if status != solver.OPTIMAL:
-        raise SrprovError(f"the min-cost flow solver gave up: {status.name}", hint="this is a bug of srprov")
+        raise SrprovError(
+            f"the min-cost flow solver gave up: {status.name}", hint="this is a bug of srprov", code=Code.BUG
+        )
     used = solver.flows(arcs) > 0
     found = np.empty(nodes, dtype=np.int64)
     found[row[used]] = column[used]

@@ -12,6 +12,7 @@ from srprov.cli.execute import carry_out, confirm, refuse_without_terminal
 from srprov.cli.plan import show_plan
 from srprov.cli.seconds import Seconds
 from srprov.cli.stdout_guard import answers_only
+from srprov.codes import Code
 from srprov.controller.phases import Phases
 from srprov.controller.request import PlanRequest
 from srprov.definitions.model import Definitions
@@ -118,7 +119,8 @@ def _fitting(request: PlanRequest, source: Definitions | PlanFile) -> PlanReques
     if any(decided):
         raise UsageError(
             "--instance, --profile, --reassign, --history, --data, --copy, --rotate-keys and --unreachable=reassign "
-            "are decided when a plan is made, not when it is applied"
+            "are decided when a plan is made, not when it is applied",
+            code=Code.OPTIONS,
         )
     return request
 

@@ -11,6 +11,7 @@ from srprov.cli import inputs, options
 from srprov.cli.output import err, out, out_json, tell_unreachable
 from srprov.cli.stdout_guard import answers_only
 from srprov.cli.stored_facts import FACTS, stored_facts
+from srprov.codes import Code
 from srprov.controller.request import PlanRequest
 from srprov.errors import NoAssignment, UsageError
 
@@ -40,7 +41,11 @@ def assign(
     definitions, inventory = inputs.load_experiment(file, request.profiles), inputs.load_inventory(inventories)
     if definitions.experiment.remote:
         hint = "`srprov plan --allow git` fetches it, and shows the placement"
-        raise UsageError("a CDF is in a git repository: what it requires of a robot is not known here", hint=hint)
+        raise UsageError(
+            "a CDF is in a git repository: what it requires of a robot is not known here",
+            hint=hint,
+            code=Code.REPOSITORY,
+        )
     from srprov.controller.choice import checked_choice, idle_notes, read_decided
 
     before = None
@@ -118,4 +123,6 @@ def _draw(answer: Assignment, front: tuple[Point, ...], target: Path, form: str)
     try:
         draw(answer, front, target, form)
     except OSError as error:
-        raise UsageError(f"cannot write {target}: {error.strerror}", hint="name another file") from error
+        raise UsageError(
+            f"cannot write {target}: {error.strerror}", hint="name another file", code=Code.CANNOT_WRITE
+        ) from error

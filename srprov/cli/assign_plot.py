@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from srprov.codes import Code
 from srprov.errors import UsageError
 
 if TYPE_CHECKING:
@@ -29,7 +30,9 @@ def draw(answer: Assignment, front: Sequence[Point], target: Path, form: str) ->
         UsageError: Nothing is placed, or matplotlib is not installed.
     """
     if not answer.matrix:
-        raise UsageError("nothing is placed, so there is no picture", hint="leave out --svg and --png")
+        raise UsageError(
+            "nothing is placed, so there is no picture", hint="leave out --svg and --png", code=Code.NO_PLACEMENT
+        )
     try:
         with _elsewhere():
             import matplotlib
@@ -37,7 +40,9 @@ def draw(answer: Assignment, front: Sequence[Point], target: Path, form: str) ->
         matplotlib.use("agg")
         from matplotlib.figure import Figure
     except ImportError as error:
-        raise UsageError("pictures need matplotlib", hint="pip install 'srprov[plots]'") from error
+        raise UsageError(
+            "pictures need matplotlib", hint="pip install 'srprov[plots]'", code=Code.NOT_INSTALLED
+        ) from error
     matplotlib.rcdefaults()  # a user's own `matplotlibrc` may run LaTeX (text.usetex) on names in an experiment
     matplotlib.rcParams["svg.hashsalt"] = "srprov"
     matplotlib.rcParams["text.parse_math"] = False  # a name with two $ is a name, no formula

@@ -13,6 +13,7 @@ from srprov.cli.execute import carry_out, confirm, refuse_without_terminal
 from srprov.cli.output import out
 from srprov.cli.plan import show_plan
 from srprov.cli.stdout_guard import answers_only
+from srprov.codes import Code
 from srprov.controller.phases import Phases
 from srprov.controller.request import PlanRequest
 from srprov.errors import UsageError
@@ -96,7 +97,7 @@ def _show(definitions: Definitions, services: tuple[str, ...], request: PlanRequ
     from srprov.controller.dockerfiles import dockerfiles
 
     if as_json:
-        raise UsageError("--show prints Dockerfiles, not JSON", hint="leave --json out")
+        raise UsageError("--show prints Dockerfiles, not JSON", hint="leave --json out", code=Code.OPTIONS)
     out("\n\n".join(dockerfiles(definitions, services, request.allowed)))
     return 0
 
@@ -104,9 +105,15 @@ def _show(definitions: Definitions, services: tuple[str, ...], request: PlanRequ
 def _check(services: tuple[str, ...], inventories: tuple[str, ...]) -> None:
     """Refuse what only makes sense with --show."""
     if services:
-        raise UsageError("services are named for --show alone", hint="without it, all images are brought to robots")
+        raise UsageError(
+            "services are named for --show alone",
+            hint="without it, all images are brought to robots",
+            code=Code.OPTIONS,
+        )
     if not inventories:
-        raise UsageError("which robots?", hint="name the inventory with -i, or look at the Dockerfiles with --show")
+        raise UsageError(
+            "which robots?", hint="name the inventory with -i, or look at the Dockerfiles with --show", code=Code.WHICH
+        )
 
 
 def _allowed(planned: Planned, request: PlanRequest, inventory: Inventory, run_options: RunOptions) -> RunOptions:

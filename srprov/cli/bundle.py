@@ -12,6 +12,7 @@ import click
 
 from srprov.cli import inputs, options, output_options
 from srprov.cli.output import err, out, out_json
+from srprov.codes import Code
 from srprov.errors import UsageError, visible
 
 _EVERY_S = 3.0
@@ -70,7 +71,9 @@ def bundle(
                 folder, target, sign=signer(sign, str(target)) if sign else None, no_secret=no_secret, images=images
             )
     except OSError as error:
-        raise UsageError(f"{error.filename or target}: {error.strerror or error}", hint="name another file") from error
+        raise UsageError(
+            f"{error.filename or target}: {error.strerror or error}", hint="name another file", code=Code.CANNOT_WRITE
+        ) from error
     if as_json:
         out_json({"bundle": str(target), "files": made.files, "bytes": made.size, "signed": made.signed,
                   "images": made.images})  # fmt: skip

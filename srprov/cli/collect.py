@@ -11,6 +11,7 @@ import click
 from srprov.cli import inputs, options
 from srprov.cli.codes import FAILED, UNREACHABLE
 from srprov.cli.output import counted, err, out, out_json, tell_unreachable
+from srprov.codes import Code
 from srprov.errors import UsageError, visible
 
 
@@ -46,7 +47,9 @@ def collect(
             document = bring(fleet, experiment, name, target, lambda text: err(visible(text)))
         except OSError as error:
             hint = "what is in the folder is whole; collect again when that is mended"
-            raise UsageError(f"{error.filename or target}: {error.strerror or error}", hint=hint) from error
+            raise UsageError(
+                f"{error.filename or target}: {error.strerror or error}", hint=hint, code=Code.CANNOT_WRITE
+            ) from error
     if as_json:
         out_json({"folder": str(target), **document})
     else:

@@ -12,6 +12,7 @@ import msgspec
 from srprov.cli import options
 from srprov.cli.codes import DIFFERENCES
 from srprov.cli.output import err, out, out_json
+from srprov.codes import Code
 from srprov.errors import UsageError
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ def compare(
     """
     if not others and len(runs) != 2:
         hint = "name two runs, or those of the other side by --with"
-        raise UsageError(f"{len(runs)} runs make no two sides", hint=hint)
+        raise UsageError(f"{len(runs)} runs make no two sides", hint=hint, code=Code.OPTIONS)
     a, b = (runs, others) if others else (runs[:1], runs[1:])
     return show_comparison(a, b, margins_of(margins), strict=strict, as_json=as_json)
 
@@ -110,5 +111,9 @@ def _margin(text: str) -> tuple[str, Margin]:
     except ValueError:
         number = math.nan
     if not name or not 0 < number < (1 if relative else math.inf):
-        raise UsageError(f"--margin {text} is none", hint="for example --margin time=0.5, or --margin time=10%")
+        raise UsageError(
+            f"--margin {text} is none",
+            hint="for example --margin time=0.5, or --margin time=10%",
+            code=Code.OPTION_VALUE,
+        )
     return name, Margin(number, relative)

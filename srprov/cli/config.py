@@ -136,6 +136,7 @@ def _value(key: str, value: Any, file: ConfigFile) -> object:  # noqa: ANN401 - 
             raise UsageError(
                 f"{file.path}: the inventory '{path}' is not in the project's folder",
                 hint="name it on the command line: -i FILE",
+                code=Code.CONFIGURATION,
             )
     return paths
 
@@ -147,7 +148,9 @@ def _read(file: ConfigFile, verbs: Mapping[str, Any]) -> tuple[dict[str, Any], s
     if not file.own and os.path.realpath(file.path) != os.path.join(os.path.realpath(file.path.parent), file.path.name):
         if file.table:
             return {}, ""  # of other tools; what it holds would be told by errors
-        raise UsageError(f"{file.path} is a link to another file", hint="put a file of its own in its place")
+        raise UsageError(
+            f"{file.path} is a link to another file", hint="put a file of its own in its place", code=Code.STRANGE_FILE
+        )
     # tomllib came with Python 3.11; tomli is the same library for 3.10
     toml = importlib.import_module("tomllib" if sys.version_info >= (3, 11) else "tomli")
     try:
@@ -158,7 +161,9 @@ def _read(file: ConfigFile, verbs: Mapping[str, Any]) -> tuple[dict[str, Any], s
         check_parts(text)
         table: Any = toml.loads(text)
     except (OSError, ValueError, RecursionError) as error:
-        raise UsageError(f"cannot read {file.path}: {error}", hint="fix it, or move it away") from error
+        raise UsageError(
+            f"cannot read {file.path}: {error}", hint="fix it, or move it away", code=Code.CONFIGURATION
+        ) from error
     for name in filter(None, file.table.split(".")):
         table = table.get(name, {}) if isinstance(table, dict) else {}
     if not isinstance(table, dict) or not table:
@@ -166,7 +171,7 @@ def _read(file: ConfigFile, verbs: Mapping[str, Any]) -> tuple[dict[str, Any], s
     _check_owner(file.path, about)
     if faults := list(itertools.islice(_faults(file, table, verbs, text), _MOST_FAULTS)):
         hint = "say it on the command line" + ("" if file.own else ", or in your own ~/.config/srprov/srprov.toml")
-        raise UsageError("\n".join(faults), hint=hint)
+        raise UsageError("\n".join(faults), hint=hint, code=Code.CONFIGURATION)
     return table, text
 
 
@@ -175,9 +180,12 @@ def _check_owner(path: Path, about: os.stat_result) -> None:
         raise UsageError(
             f"{path} belongs to another user, who could change what srprov does",
             hint=f"look at it, then make it yours: chown {os.geteuid()} {path}",
+            code=Code.STRANGE_FILE,
         )
     if stat.S_IMODE(about.st_mode) & 0o022:
-        raise UsageError(f"{path} can be written by other users", hint=f"look at it, then: chmod go-w {path}")
+        raise UsageError(
+            f"{path} can be written by other users", hint=f"look at it, then: chmod go-w {path}", code=Code.STRANGE_FILE
+        )
 
 
 def _faults(file: ConfigFile, table: Mapping[str, Any], verbs: Mapping[str, Any], text: str) -> Iterator[str]:

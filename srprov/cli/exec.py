@@ -15,6 +15,7 @@ from srprov.cli import inputs, options
 from srprov.cli.main import show_error
 from srprov.cli.output import clean, err
 from srprov.cli.streams import lost
+from srprov.codes import Code
 from srprov.errors import SrprovError, UsageError
 from srprov.session import Exec
 
@@ -61,7 +62,9 @@ def exec(
     )  # fmt: skip
     try:
         if tty and not (sys.stdin.isatty() and sys.stdout.isatty()):
-            raise UsageError("-t needs a terminal", hint="leave it out where input or output is a file or a pipe")
+            raise UsageError(
+                "-t needs a terminal", hint="leave it out where input or output is a file or a pipe", code=Code.OPTIONS
+            )
         return _run(file, service, inventories, forks, timeout, instance, what)
     except SrprovError as error:
         show_error(error)
@@ -85,7 +88,9 @@ def _run(
 def _only(found: tuple[Located, ...]) -> Located:
     if len(found) > 1:
         several = ", ".join(one.where for one in found)
-        raise UsageError(f"that is more than one container: {several}", hint="name one of them, or SERVICE@ROBOT")
+        raise UsageError(
+            f"that is more than one container: {several}", hint="name one of them, or SERVICE@ROBOT", code=Code.WHICH
+        )
     return found[0]
 
 

@@ -14,6 +14,7 @@ from srprov.cli.output import Answer, err, expect, out_json
 from srprov.cli.output_options import is_quiet, wants_timings
 from srprov.cli.progress import progress
 from srprov.cli.timings import timings_text
+from srprov.codes import Code
 from srprov.errors import RefusedError
 
 if TYPE_CHECKING:
@@ -28,7 +29,9 @@ if TYPE_CHECKING:
 def refuse_without_terminal(yes: bool) -> None:
     """A question that nobody can answer is refused before anything is done."""
     if not yes and not sys.stdin.isatty():
-        raise RefusedError("there is no terminal to ask on", hint="add --yes to go on without being asked")
+        raise RefusedError(
+            "there is no terminal to ask on", hint="add --yes to go on without being asked", code=Code.NO_TERMINAL
+        )
 
 
 def confirm(made: Plan, yes: bool, stop_timeout_s: float, also: str = "") -> None:
@@ -47,7 +50,7 @@ def confirm(made: Plan, yes: bool, stop_timeout_s: float, also: str = "") -> Non
     lost = sum(step.change.destructive for step in made.steps)
     question = f"Do this{also}?" if not lost else f"Do this{also}? {lost} steps destroy data."
     if not click.confirm(question, err=True):
-        raise RefusedError("not confirmed; nothing was changed")
+        raise RefusedError("not confirmed; nothing was changed", code=Code.NOT_CONFIRMED)
 
 
 def carry_out(

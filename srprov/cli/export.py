@@ -11,6 +11,7 @@ import click
 from srprov.cli import inputs, options
 from srprov.cli.output import counted, err, out, out_json
 from srprov.cli.stored_facts import FACTS, stored_facts
+from srprov.codes import Code
 from srprov.controller.request import PlanRequest
 from srprov.errors import UsageError
 
@@ -53,9 +54,9 @@ def compose(
     from srprov.exporting import folder
 
     if target.exists() and (not target.is_dir() or os.listdir(target)):
-        raise UsageError(f"{target} is there and not empty", hint="name a new folder with -o")
+        raise UsageError(f"{target} is there and not empty", hint="name a new folder with -o", code=Code.IN_THE_WAY)
     if stored and (twin or not inventories):
-        raise UsageError("--facts is for the robots of an inventory", hint="name it with -i")
+        raise UsageError("--facts is for the robots of an inventory", hint="name it with -i", code=Code.OPTIONS)
     source = controller.read(file, permitted(allow)[1], request.profiles, placed=bool(inventories) and not twin)
     if source.plan and not twin:
         made = controller.on_planned_robots(source)

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
+from srprov.codes import Code
 from srprov.errors import UsageError
 
 
@@ -29,6 +30,7 @@ def check_ranges(robots: Mapping[str, Any]) -> None:
             raise UsageError(
                 f"the facts of '{name}' cannot be: '{where}': {error.message[:200]}",
                 hint="give a file that `srprov facts --json` wrote",
+                code=Code.FACTS_FILE,
             )
 
 

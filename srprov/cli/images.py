@@ -12,6 +12,7 @@ from srprov.cli import inputs, options, output_options
 from srprov.cli.execute import refuse_without_terminal
 from srprov.cli.output import err, out, out_json, tell_unreachable
 from srprov.cli.status import table
+from srprov.codes import Code
 from srprov.errors import UsageError
 from srprov.sizes import size_text
 
@@ -43,7 +44,7 @@ def images(
     pruning = words[:1] == ("prune",)
     files = words[1:] if pruning else words
     if files[1:]:
-        raise UsageError(f"what is {files[1]}?", hint="srprov images [prune] [FILE] -i INVENTORY")
+        raise UsageError(f"what is {files[1]}?", hint="srprov images [prune] [FILE] -i INVENTORY", code=Code.OPTIONS)
     if pruning:
         refuse_without_terminal(yes)
     inventory = inputs.load_chosen(inventories, limit, exclude)

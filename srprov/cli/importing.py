@@ -10,6 +10,7 @@ import click
 from srprov import names
 from srprov.cli.codes import USAGE
 from srprov.cli.output import counted, err, out, out_json
+from srprov.codes import Code
 from srprov.errors import UsageError
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ def _settings(_context: click.Context, _option: click.Parameter, given: Sequence
     """Read each NAME=VALUE."""
     for one in given:
         if not one.partition("=")[0] or "=" not in one:
-            raise UsageError(f"--set {one[:60]}: is not NAME=VALUE")
+            raise UsageError(f"--set {one[:60]}: is not NAME=VALUE", code=Code.OPTION_VALUE)
     return {name: value for name, _, value in (one.partition("=") for one in given)}
 
 

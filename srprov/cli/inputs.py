@@ -17,6 +17,7 @@ from srprov.cli.config import user_folder
 from srprov.cli.options import asked_for_become
 from srprov.cli.output import catch_logs
 from srprov.cli.output_options import note
+from srprov.codes import Code
 from srprov.controller.request import PlanRequest
 from srprov.errors import DefinitionError, RefusedError, UsageError
 from srprov.secret import Secret, Vault
@@ -38,7 +39,7 @@ def load_inventory(paths: tuple[str, ...]) -> Inventory:
     configured = context and context.get_parameter_source("inventories") is ParameterSource.DEFAULT_MAP
     inventory = load(list(paths), unnamed=[path for path in paths if configured and not os.path.isabs(path)])
     if not inventory.hosts:
-        raise UsageError(f"no robots in {', '.join(paths)}", hint="add hosts to the inventory")
+        raise UsageError(f"no robots in {', '.join(paths)}", hint="add hosts to the inventory", code=Code.NO_ROBOT)
     return _with_become_password(inventory) if asked_for_become() else inventory
 
 
@@ -46,11 +47,11 @@ def _with_become_password(inventory: Inventory) -> Inventory:
     """Ask once, and give the answer to every robot that has no password of its own."""
     if not sys.stdin.isatty():
         hint = "set ansible_become_password in the inventory, e.g. in host_vars/ that only you can read"
-        raise RefusedError("there is no terminal to ask for sudo's password on", hint=hint)
+        raise RefusedError("there is no terminal to ask for sudo's password on", hint=hint, code=Code.NO_TERMINAL)
     try:
         password = Secret(click.prompt("sudo password", hide_input=True, err=True, default="", show_default=False))
     except ValueError as error:
-        raise UsageError(str(error)) from None
+        raise UsageError(str(error), code=Code.OPTION_VALUE) from None
     hosts = {
         name: host if host.become_password else replace(host, become_password=password)
         for name, host in inventory.hosts.items()
@@ -88,7 +89,7 @@ def named_instance(file: str | None, instance: str) -> tuple[str, str]:
     """
     if file is None:
         if not instance:
-            raise UsageError("which experiment?", hint="name its EDF, or --instance ID")
+            raise UsageError("which experiment?", hint="name its EDF, or --instance ID", code=Code.WHICH)
         return instance, ""
     from srprov.controller.source import named_instance as named
 
@@ -141,11 +142,12 @@ def failed_robots(instance: str, runs: Path | None) -> Callable[[], frozenset[st
         last = last_run(root, instance)
         if last is None:
             hint = "--runs or SRPROV_RUNS names where runs are recorded, --instance the experiment's instance"
-            raise UsageError(f"'@failed': no run of {instance} is recorded in {root}", hint=hint)
+            raise UsageError(f"'@failed': no run of {instance} is recorded in {root}", hint=hint, code=Code.NO_RUN)
         if not last.failed:
             raise UsageError(
                 f"'@failed' matches no robot: nothing failed in the last run of {instance} ({last.path.name})",
                 hint="leave it out to change all robots",
+                code=Code.NO_MATCH,
             )
         return last.failed
 
@@ -162,5 +164,7 @@ def selected(
     if exclude:
         chosen -= set(select(inventory, exclude, failed))
     if not chosen:
-        raise UsageError("--limit and --exclude leave no robot", hint=f"known: {', '.join(inventory.hosts)}")
+        raise UsageError(
+            "--limit and --exclude leave no robot", hint=f"known: {', '.join(inventory.hosts)}", code=Code.NO_ROBOT
+        )
     return frozenset(chosen)

@@ -17,6 +17,7 @@ import msgspec
 from srprov import regular_file
 from srprov.cli.output import err as say
 from srprov.cli.output import out, out_json
+from srprov.codes import Code
 from srprov.errors import UsageError
 from srprov.lab import faults, overview, partition
 from srprov.lab import lab as labs
@@ -69,7 +70,9 @@ def up(name: str, count: int | None, spec_path: Path | None, user: str | None) -
         try:
             text = regular_file.read_text(spec_path)
         except OSError as error:
-            raise UsageError(f"cannot read {spec_path}: {error.strerror}", hint="check --spec") from error
+            raise UsageError(
+                f"cannot read {spec_path}: {error.strerror}", hint="check --spec", code=Code.NO_FILE
+            ) from error
     booted = labs.up(name, labs.Wanted(count, text, str(spec_path or "lab-spec.yml"), user), say)
     seen = overview.robots(name)
     say(f"{len(seen)} robots are ready" + ("" if booted else ", nothing to do"))

@@ -10,6 +10,7 @@ from srprov import private
 from srprov.cli import inputs, options
 from srprov.cli.output import counted, out
 from srprov.cli.permitted import permitted
+from srprov.codes import Code
 from srprov.errors import UsageError
 
 
@@ -49,7 +50,7 @@ def lock(
     try:
         private.write_output(path, dump(new).encode())
     except OSError as error:
-        raise UsageError(f"cannot write {path}: {error.strerror}") from error
+        raise UsageError(f"cannot write {path}: {error.strerror}", code=Code.CANNOT_WRITE) from error
     for line in [*locking.changes(old, new), *records]:
         out(line)
     parts = counted(len(new.digests), "image"), counted(len(new.commits), "commit"), counted(len(new.files), "file")

@@ -135,7 +135,9 @@ def show_error(error: SrprovError) -> None:
         from srprov.cli.problems import render_problems
 
         err(render_problems(error.problems))
-    err(f"error: {error.message}")
+        err(f"error: {error.message}")
+    else:
+        err(f"error[{error.code}]: {error.message}")
     if isinstance(error, NoAssignment):
         for service, reasons in sorted(error.misses.items()):
             for robot, reason in sorted(reasons.items()):

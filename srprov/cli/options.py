@@ -12,6 +12,7 @@ from msgspec.structs import replace
 
 from srprov import names
 from srprov.cli.seconds import Seconds
+from srprov.codes import Code
 from srprov.controller.request import SEARCH_LIMIT_S, PlanRequest
 from srprov.errors import UsageError
 from srprov.session import Pulse
@@ -206,9 +207,9 @@ def budget(text: str, robots: int) -> int | None:
     """
     if not text:
         return None
-    number = text.removesuffix("%")
-    if not number.isdigit() or (text.endswith("%") and int(number) > 100):
-        raise UsageError(f"--max-fail takes a number of robots or a share, not '{text}'", hint="e.g. 1 or 25%")
+    if not (number := text.removesuffix("%")).isdigit() or (text.endswith("%") and int(number) > 100):
+        wrong = f"--max-fail takes a number of robots or a share, not '{text}'"
+        raise UsageError(wrong, hint="e.g. 1 or 25%", code=Code.OPTION_VALUE)
     return int(number) * robots // 100 if text.endswith("%") else int(number)
 
 

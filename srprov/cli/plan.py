@@ -15,6 +15,7 @@ from srprov.cli.codes import DIFFERENCES, UNREACHABLE
 from srprov.cli.output import err, out, out_json
 from srprov.cli.output_options import writable
 from srprov.cli.stdout_guard import answers_only
+from srprov.codes import Code
 from srprov.controller.request import PlanRequest
 from srprov.errors import RefusedError, UsageError
 from srprov.secret import Vault, redact
@@ -95,10 +96,12 @@ def _check_target(target: str | None, sign: str | None) -> None:
     from srprov.controller.source import EDF_ENDINGS, is_edf_name
 
     if sign and not target:
-        raise UsageError("--sign signs the file that -o writes", hint="add -o plan.json")
+        raise UsageError("--sign signs the file that -o writes", hint="add -o plan.json", code=Code.OPTIONS)
     if target and is_edf_name(target):
         hint = "name it plan.json, say"
-        raise UsageError(f"a plan's name does not end in {', '.join(EDF_ENDINGS)}: EDFs' do", hint=hint)
+        raise UsageError(
+            f"a plan's name does not end in {', '.join(EDF_ENDINGS)}: EDFs' do", hint=hint, code=Code.OPTIONS
+        )
 
 
 def write_plan(
@@ -119,15 +122,15 @@ def write_plan(
         text = dump(replace(file, inputs={name: redact(text) for name, text in file.inputs.items()}))
     except ValueError as error:
         hint = "apply the EDF itself, or ship less: what is large belongs in an image or a volume"
-        raise UsageError(str(error), hint=hint) from None
+        raise UsageError(str(error), hint=hint, code=Code.OPTIONS) from None
     if name := vault.holds(text):
         hint = f"take it out of the definition files, or give '{name}' a value that is not an everyday word"
-        raise RefusedError(
-            f"the value of the secret '{name}' stands in the plan itself; no file was written", hint=hint
-        )
+        wrong = f"the value of the secret '{name}' stands in the plan itself; no file was written"
+        raise RefusedError(wrong, hint=hint, code=Code.SECRET_SHOWN)
     if variables and (name := variables.holds(text)):
         hint = "make it a secret of the experiment (docs/secrets.md), or apply the EDF itself"
-        raise RefusedError(f"the value of the variable '{name}' stands in the plan; no file was written", hint=hint)
+        wrong = f"the value of the variable '{name}' stands in the plan; no file was written"
+        raise RefusedError(wrong, hint=hint, code=Code.SECRET_SHOWN)
     content = text.encode("utf-8", "replace")
     outputs = {target: content}
     if sign:
@@ -138,7 +141,9 @@ def write_plan(
         try:
             private.write_output(name, written)
         except OSError as error:
-            raise UsageError(f"cannot write {name}: {error.strerror}", hint="name another file") from error
+            raise UsageError(
+                f"cannot write {name}: {error.strerror}", hint="name another file", code=Code.CANNOT_WRITE
+            ) from error
 
 
 def show_plan(made: Plan, as_json: Mapping[str, Any] | None, *, verbose: bool) -> None:

@@ -19,12 +19,13 @@ _WIDEST = 120
 
 
 def render_problems(problems: Sequence[Diagnostic], word: str = "error") -> str:
-    """Return every problem as compilers do: `file:line:column: error: message`, path, source line, caret, hint."""
+    """Return every problem as compilers do: `file:line:column: error[code]: message`, path, line, caret, hint."""
     return "\n".join(_render(problem, word) for problem in sorted(problems))
 
 
 def _render(problem: Diagnostic, word: str) -> str:
-    lines = [f"{problem.location}: {word}: {problem.message}" + (f"  [{problem.path}]" if problem.path else "")]
+    where = f"  [{problem.path}]" if problem.path else ""
+    lines = [f"{problem.location}: {word}[{problem.code}]: {problem.message}{where}"]
     if problem.excerpt.strip():
         lines += _caret(problem.excerpt, problem.location.column)
     if problem.hint:
@@ -41,13 +42,14 @@ def _caret(excerpt: str, column: int) -> list[str]:
 
 
 def as_json(problems: Sequence[Diagnostic], warnings: Sequence[Diagnostic] = ()) -> str:
-    """Return one JSON document: `{"problems": [{"file", "line", "column", "message", "path", "hint"}], "warnings"}`."""
+    """Return one JSON document: `{"problems": [{"code", "file", "line", "column", "message", …}], "warnings"}`."""
     return json.dumps({"problems": _rows(problems), "warnings": _rows(warnings)}, indent=2)
 
 
 def _rows(problems: Sequence[Diagnostic]) -> list[dict[str, Any]]:
     return [
         {
+            "code": problem.code,
             "file": problem.location.file,
             "line": problem.location.line,
             "column": problem.location.column,

@@ -17,6 +17,7 @@ from srprov.cli.execute import refuse_without_terminal
 from srprov.cli.output import err
 from srprov.cli.seconds import Seconds
 from srprov.cli.trial_session import Manner, check_wanted, run_session, show_report
+from srprov.codes import Code
 from srprov.controller.request import PlanRequest
 from srprov.errors import UsageError
 
@@ -133,21 +134,23 @@ def _check_robots(inventories: tuple[str, ...], pairs: tuple[str, ...], *, lab: 
     """Refuse neither robots nor a lab, and both."""
     source = click.get_current_context().get_parameter_source("inventories")
     if lab and (pairs or (inventories and source is not ParameterSource.DEFAULT_MAP)):
-        raise UsageError("--lab brings robots of its own", hint="leave --map and --inventory out")
+        raise UsageError("--lab brings robots of its own", hint="leave --map and --inventory out", code=Code.OPTIONS)
     if not lab and not inventories:
-        raise UsageError("nobody says on which robots", hint="name an inventory with -i, or try it with --lab")
+        raise UsageError(
+            "nobody says on which robots", hint="name an inventory with -i, or try it with --lab", code=Code.WHICH
+        )
 
 
 def _refuse(*, yes: bool, unreachable: str) -> None:
     """Refuse what cannot be, before anything is read."""
     refuse_without_terminal(yes)
     if unreachable != "fail":
-        raise UsageError("trials need all their robots", hint="leave --unreachable out")
+        raise UsageError("trials need all their robots", hint="leave --unreachable out", code=Code.OPTIONS)
 
 
 def _pair(text: str) -> tuple[str, str]:
     """Read OLD=NEW."""
     old, _, new = text.partition("=")
     if not old or not new:
-        raise UsageError(f"--map {text} is none", hint="for example --map robot1=kuka3")
+        raise UsageError(f"--map {text} is none", hint="for example --map robot1=kuka3", code=Code.OPTION_VALUE)
     return old, new

@@ -11,6 +11,7 @@ from srprov.cli.execute import refuse_without_terminal
 from srprov.cli.output import err
 from srprov.cli.seconds import Seconds
 from srprov.cli.trial_session import Manner, check_wanted, run_session, show_report
+from srprov.codes import Code
 from srprov.controller.request import PlanRequest
 from srprov.errors import UsageError
 
@@ -48,7 +49,7 @@ def run(
 
     refuse_without_terminal(yes)
     if unreachable != "fail":
-        raise UsageError("trials need all their robots", hint="leave --unreachable out")
+        raise UsageError("trials need all their robots", hint="leave --unreachable out", code=Code.OPTIONS)
     definitions = read_definitions(file, request.allowed, request.profiles, locked=locked)
     check_wanted(definitions, wanted)
     if wanted.discard:

@@ -13,6 +13,7 @@ from srprov import private
 from srprov.cli import options, output_options
 from srprov.cli.output import err, out, out_json
 from srprov.cli.status import table
+from srprov.codes import Code
 from srprov.errors import UsageError, visible
 
 if TYPE_CHECKING:
@@ -45,9 +46,13 @@ def runs(words: tuple[str, ...], runs: Path | None, as_json: bool, svg: str | No
             return _draw(folder, svg, metric, over)
         return _show(folder, as_json)
     if svg is not None:
-        raise UsageError("--svg draws the trials of one run", hint="srprov runs show RUN --svg FILE")
+        raise UsageError("--svg draws the trials of one run", hint="srprov runs show RUN --svg FILE", code=Code.OPTIONS)
     if words[1:] or words[:1] == ("show",):
-        raise UsageError("one folder is listed, or one run shown", hint="srprov runs [DIR], or srprov runs show RUN")
+        raise UsageError(
+            "one folder is listed, or one run shown",
+            hint="srprov runs [DIR], or srprov runs show RUN",
+            code=Code.OPTIONS,
+        )
     found = sorted(_found([Path(words[0])] if words else places), key=lambda one: one.begun)
     if as_json:
         out_json({"runs": [msgspec.to_builtins(one) for one in found]})
@@ -160,5 +165,7 @@ def _draw(folder: Path, target: str, metric: str, over: str) -> int:
     try:
         private.write_output(target, text.encode())
     except OSError as error:
-        raise UsageError(f"cannot write {target}: {error.strerror}", hint="name another file with --svg") from None
+        raise UsageError(
+            f"cannot write {target}: {error.strerror}", hint="name another file with --svg", code=Code.CANNOT_WRITE
+        ) from None
     return 0

@@ -13,6 +13,7 @@ from xml.sax.saxutils import escape
 import msgspec
 
 from srprov.cli.output import clean
+from srprov.codes import Code
 from srprov.errors import UsageError, visible
 
 _WIDTH, _HEIGHT, _LEFT, _TOP, _BOTTOM, _GAP = 420, 300, 70, 40, 60, 30
@@ -45,11 +46,15 @@ def draw(rows: Sequence[Row], number: str, parameter: str) -> str:
     if not some:
         known = sorted({name for row in rows for name, value in row.items() if _number(value) is not None})
         raise UsageError(
-            f"no trial that counts has a number '{number}'", hint=f"there are: {', '.join(known) or 'none'}"
+            f"no trial that counts has a number '{number}'",
+            hint=f"there are: {', '.join(known) or 'none'}",
+            code=Code.NO_SUCH_NAME,
         )
     if parameter and not all(isinstance(row.get(parameter), str) for row in some):
         known = sorted({name for row in some for name in row if name.startswith("p_")})
-        raise UsageError(f"no parameter '{parameter}'", hint=f"there are: {', '.join(known) or 'none'}")
+        raise UsageError(
+            f"no parameter '{parameter}'", hint=f"there are: {', '.join(known) or 'none'}", code=Code.NO_SUCH_NAME
+        )
     values = [float(row[number]) for row in some]
     scale = _scale(values, _TOP + _HEIGHT, _TOP)
     panels = [_over_parameter(some, values, scale, parameter)] if parameter else []

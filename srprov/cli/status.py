@@ -13,6 +13,7 @@ import click
 from srprov.cli import inputs, options
 from srprov.cli.codes import DIFFERENCES
 from srprov.cli.output import err, out, out_anew, out_json, tell_unreachable
+from srprov.codes import Code
 from srprov.errors import DefinitionError, UsageError, visible
 
 if TYPE_CHECKING:
@@ -70,7 +71,7 @@ def status(
 
     if watch and (as_json or volumes or exit_code or network):
         hint = "leave out --json, --volumes, --network and --exit-code"
-        raise UsageError("--watch goes with no other way to show it", hint=hint)
+        raise UsageError("--watch goes with no other way to show it", hint=hint, code=Code.OPTIONS)
     inventory = inputs.load_inventory(inventories)
     name = inputs.named_instance(file, instance)[0] if file or instance else ""
     experiment = _experiment(file, needed=exit_code) if file else None
@@ -105,7 +106,7 @@ def _tried(name: str, runs: Path | None) -> dict[str, Any] | None:
     from srprov.record import default_root
 
     if not name:
-        raise UsageError("--network is about one experiment", hint="name its EDF, or --instance ID")
+        raise UsageError("--network is about one experiment", hint="name its EDF, or --instance ID", code=Code.OPTIONS)
     last = last_probe(runs or default_root(), name)
     return {"run": str(last[0]), "probe": dict(last[1])} if last else None
 
@@ -119,7 +120,9 @@ def _network_text(tried: Mapping[str, Any] | None) -> str:
     try:
         return f"the overlay as the run of {begun:%Y-%m-%d %H:%M:%S} UTC found it:\n{text(tried['probe'])}"
     except (KeyError, TypeError, ValueError, AttributeError) as error:
-        raise UsageError(f"{tried['run']}/probe.json cannot be read: {error!r}", hint="remove it") from error
+        raise UsageError(
+            f"{tried['run']}/probe.json cannot be read: {error!r}", hint="remove it", code=Code.RECORD
+        ) from error
 
 
 def _watch(fleet: Fleet, name: str, experiment: Experiment | None) -> NoReturn:

@@ -9,6 +9,7 @@ import click
 from msgspec.structs import replace
 
 from srprov import regular_file
+from srprov.codes import Code
 from srprov.errors import UsageError
 
 if TYPE_CHECKING:
@@ -43,7 +44,9 @@ def stored_facts(path: Path, inventory: Inventory) -> tuple[Snapshot, object]:
         check_ranges(document["robots"])
     except (OSError, ValueError) as error:
         why = error.strerror if isinstance(error, OSError) else error
-        raise UsageError(f"{path}: {why}", hint="give a file that `srprov facts --json` wrote") from error
+        raise UsageError(
+            f"{path}: {why}", hint="give a file that `srprov facts --json` wrote", code=Code.FACTS_FILE
+        ) from error
     hosts = inventory.hosts
     facts = {name: with_inventory(hosts[name], one) for name, one in found.facts.items() if name in hosts}
     away = {

@@ -18,6 +18,7 @@ from srprov.cli.plan import show_plan
 from srprov.cli.progress import progress
 from srprov.cli.status_line import status_line
 from srprov.cli.stdout_guard import answers_only
+from srprov.codes import Code
 from srprov.errors import RefusedError, UsageError
 
 if TYPE_CHECKING:
@@ -65,7 +66,11 @@ def check_wanted(definitions: Definitions, wanted: TrialsRequest) -> None:
     check_request(definitions.experiment, wanted)
     given = definitions.experiment.trials
     if given is not None and given.settings.prompt and not (sys.stdin.isatty() or wanted.discard):
-        raise RefusedError("a person is asked between two trials, and there is no terminal", hint="see `between`")
+        raise RefusedError(
+            "a person is asked between two trials, and there is no terminal",
+            hint="see `between`",
+            code=Code.NO_TERMINAL,
+        )
 
 
 def run_session(
@@ -133,7 +138,9 @@ def _run(plan: TrialPlan, fleet: Fleet, wanted: TrialsRequest, run_options: RunO
             return run_trials(plan, fleet, wanted, run_options, listener, shown.say, stop, _pause)
     except OSError as error:
         hint = "what is in the folder is whole; go on with --resume when there is room"
-        raise UsageError(f"{error.filename or 'the run'}: {error.strerror or error}", hint=hint) from error
+        raise UsageError(
+            f"{error.filename or 'the run'}: {error.strerror or error}", hint=hint, code=Code.CANNOT_WRITE
+        ) from error
 
 
 class _Shown:

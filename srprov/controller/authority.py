@@ -11,6 +11,7 @@ from collections.abc import Collection, Iterator, Mapping
 
 from msgspec.structs import replace
 
+from srprov.codes import Code
 from srprov.controller.context import is_record_path
 from srprov.controller.overlay_claim import open_links, vteps_of, wrong_link
 from srprov.controller.placement_claim import PlacementClaim
@@ -50,7 +51,7 @@ def check_file(saved: PlanFile, file: str) -> None:
     """
     if wrong := list(_wrong(saved)):
         hint = "somebody changed it, or another version of srprov made it: plan again"
-        raise UsageError(f"{file} contradicts itself:\n{named(wrong)}", hint=hint)
+        raise UsageError(f"{file} contradicts itself:\n{named(wrong)}", hint=hint, code=Code.PLAN_CHANGED)
 
 
 def asked(saved: PlanFile) -> tuple[Permission, ...]:
@@ -103,6 +104,7 @@ def check_underlay(saved: PlanFile, live: Collection[str]) -> None:
         raise RefusedError(
             f"packets would go to {', '.join(strange)}, which only this file says to be a robot that is out of reach",
             hint="apply it when that robot answers, or plan the EDF here",
+            code=Code.STRANGE_PLAN,
         )
 
 
@@ -171,6 +173,7 @@ def check_copies(saved: PlanFile, known: Mapping[str, Collection[str]]) -> None:
             f"only this plan, which was not written here, says that {', '.join(sorted(strange))} on a robot is the "
             "image that was built under this tag",
             hint="plan its EDF here",
+            code=Code.STRANGE_PLAN,
         )
 
 

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 import msgspec
 
+from srprov.codes import Code
 from srprov.controller.fleet import Fleet
 from srprov.controller.located import Located, Whereabouts
 from srprov.errors import TransportError, UsageError
@@ -70,15 +71,15 @@ def _read(text: str, there: Whereabouts) -> Awaited:
     kind, colon, rest = text.partition(":")
     service, _, pattern = rest.partition("=") if kind == "log" else (rest, "", "")
     if kind not in ("completed", "healthy", "log") or (colon and not service) or bool(pattern) != (kind == "log"):
-        raise UsageError(f"--until takes no '{text}'", hint=f"write {_FORMS}")
+        raise UsageError(f"--until takes no '{text}'", hint=f"write {_FORMS}", code=Code.OPTION_VALUE)
     if kind == "healthy" and not colon:
         return _all_healthy(text, there)
     if not colon:
-        raise UsageError(f"--until {text}: which service?", hint=f"write {_FORMS}")
+        raise UsageError(f"--until {text}: which service?", hint=f"write {_FORMS}", code=Code.OPTION_VALUE)
     try:
         check_pattern(pattern)
     except ValueError as error:
-        raise UsageError(f"--until {text}: {error}") from None
+        raise UsageError(f"--until {text}: {error}", code=Code.OPTION_VALUE) from None
     return Awaited(text=text, kind=kind, pattern=pattern, services=there.named([service]))
 
 
@@ -86,7 +87,9 @@ def _all_healthy(text: str, there: Whereabouts) -> Awaited:
     services = there.named(())
     checked = [one for one in services if one.found is None or one.found.state["health"]]
     if not checked:
-        raise UsageError(f"no running service of {there.instance} has a healthcheck", hint="name what is awaited")
+        raise UsageError(
+            f"no running service of {there.instance} has a healthcheck", hint="name what is awaited", code=Code.AWAITED
+        )
     return Awaited(text=text, kind="healthy", every=True, services=tuple(services))
 
 
@@ -168,7 +171,9 @@ def _watch(conditions: Sequence[Awaited], fleet: Fleet, say: Callable[[str], Non
 
     logs = Counter(host for (host, _), patterns in places.items() if patterns)
     if crowded := [host for host, count in logs.items() if count > _MOST_LOGS]:
-        raise UsageError(f"no more than {_MOST_LOGS} logs of one robot can be waited for: {', '.join(crowded)}")
+        raise UsageError(
+            f"no more than {_MOST_LOGS} logs of one robot can be waited for: {', '.join(crowded)}", code=Code.AWAITED
+        )
 
     def renew(host: str) -> None:
         with contextlib.suppress(TransportError):  # it may never have been reached

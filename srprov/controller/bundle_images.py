@@ -12,6 +12,7 @@ from contextlib import contextmanager
 
 import msgspec
 
+from srprov.codes import Code
 from srprov.controller import fleet as fleets
 from srprov.controller.fleet import Fleet
 from srprov.definitions.model import Host, Inventory
@@ -85,7 +86,7 @@ class Engines:
                 why[name] = str(error)
         told = "; ".join(f"{name}: {one}" for name, one in sorted(why.items()))
         hint = "name the robots that ran it with -i, while they have it; or --with-images none"
-        raise UsageError(f"{words} cannot be had: {told}", hint=hint)
+        raise UsageError(f"{words} cannot be had: {told}", hint=hint, code=Code.IMAGE_COPY)
 
     def _cached(self, image: str) -> Read | None:
         """Return an image of which all is in the cache already."""

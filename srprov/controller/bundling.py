@@ -12,6 +12,7 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from srprov import regular_file
+from srprov.codes import Code
 from srprov.controller.signature import signature, signed_by
 from srprov.definitions import load_experiment
 from srprov.definitions.secretmodel import SecretSource
@@ -40,13 +41,19 @@ def known_secrets(folder: Path) -> list[str]:
             given = mapping(parse_json(regular_file.read_text(path, _LARGEST), max_characters=_LARGEST))
             about = mapping(parse_json(regular_file.read_text(path.with_name("environment.json"))))
         except (OSError, ValueError) as error:
-            raise UsageError(f"{path} cannot be read: {error}", hint="name the folder of a run of trials") from None
+            raise UsageError(
+                f"{path} cannot be read: {error}", hint="name the folder of a run of trials", code=Code.NO_FILE
+            ) from None
         edf, taken = path.parent / string(given.get("edf")), strings(given.get("variables"))
         missing += [name for name in taken if name not in os.environ]
         try:
             experiment = load_experiment(edf, {**dict.fromkeys(taken, ""), **os.environ}).experiment
         except DefinitionError as error:
-            raise UsageError(f"{edf}: {error.problems[0].message}", hint="it was changed since it was run") from error
+            raise UsageError(
+                f"{edf}: {error.problems[0].message}",
+                hint="it was changed since it was run",
+                code=Code.EXPERIMENT_CHANGED,
+            ) from error
         home = os.path.dirname(string(mapping(about.get("source")).get("file")))
         for name, source in sorted(experiment.secrets.items()):
             if not _read(_as_it_was(source, experiment.folder, home, folder)):

@@ -15,6 +15,7 @@ from typing import Any
 import msgspec
 
 from srprov import private, regular_file
+from srprov.codes import Code
 from srprov.controller.trial_folder import check_new, check_own
 from srprov.errors import UsageError
 from srprov.secret import redacted
@@ -116,7 +117,9 @@ def read_earlier(folder: Path, instance: str) -> Earlier:
     if not _is_listing(collected):
         raise _broken(folder / _LISTING, "it does not list what came", begin)
     if (before := collected["instance"]) != instance:
-        raise UsageError(f"{folder} is of {before or 'something else'}", hint="name another folder with -o")
+        raise UsageError(
+            f"{folder} is of {before or 'something else'}", hint="name another folder with -o", code=Code.IN_THE_WAY
+        )
     containers, facts = (_read(folder / name, "move it away") for name in (_CONTAINERS, _FACTS))
     return Earlier(collected=collected, containers=containers, facts=facts)
 
@@ -151,7 +154,7 @@ def _read(path: Path, remedy: str) -> Mapping[str, Any]:
 
 def _broken(path: Path, why: str, remedy: str) -> UsageError:
     hint = f"nothing was changed, and what came is there; keep a copy and {remedy}; or name another folder with -o"
-    return UsageError(f"{path} is broken: {why}", hint=hint)
+    return UsageError(f"{path} is broken: {why}", hint=hint, code=Code.RECORD)
 
 
 def _keep(folder: Path, name: str, document: object) -> None:

@@ -16,6 +16,7 @@ import msgspec
 from msgspec.structs import replace
 
 from srprov import disk, plain_tar
+from srprov.codes import Code
 from srprov.controller.compose_plan import addresses_of, check_same, edf_of
 from srprov.controller.permissions import permit_planning
 from srprov.controller.robots_words import at_home
@@ -104,7 +105,9 @@ def on_planned_robots(source: Source) -> Export:
     placed = dict(source.plan.plan.assignment)
     experiment = expand(source.definitions.experiment, {}, placed)
     if unknown := sorted(placed.keys() - experiment.services.keys()):
-        raise UsageError(f"the plan places {', '.join(unknown[:5])}, which the EDF does not have")
+        raise UsageError(
+            f"the plan places {', '.join(unknown[:5])}, which the EDF does not have", code=Code.PLAN_MISFIT
+        )
     return on_robots(source, experiment, placed, addresses_of(source.plan))
 
 

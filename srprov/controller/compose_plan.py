@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from srprov.codes import Code
 from srprov.controller.context import is_record_path
 from srprov.definitions.model import Definitions
 from srprov.errors import DefinitionError, UsageError
@@ -28,12 +29,14 @@ def edf_of(plan: PlanFile, file: str) -> str:
     """
     names = [name for name, text in plan.inputs.items() if "/" not in name and _is_edf(name, text)]
     if not names:
-        raise UsageError(f"{file} was made from no EDF", hint="name an EDF, or a plan of one")
+        raise UsageError(f"{file} was made from no EDF", hint="name an EDF, or a plan of one", code=Code.PLAN_MISFIT)
     written = plan.plan.source.rpartition(":")[2]
     for path in (os.path.join(os.path.dirname(file), names[0]), names[0], written):
         if os.path.isfile(path):
             return path
-    raise UsageError(f"the EDF of this plan, {names[0]}, is not there", hint="put the plan beside its EDF")
+    raise UsageError(
+        f"the EDF of this plan, {names[0]}, is not there", hint="put the plan beside its EDF", code=Code.PLAN_MISFIT
+    )
 
 
 def _is_edf(name: str, text: str) -> bool:
@@ -57,7 +60,9 @@ def check_same(plan: PlanFile, found: Definitions, file: str) -> None:
     for name, text in sorted(texts.items()):
         if name in plan.inputs and redact(text) != plan.inputs[name]:
             raise UsageError(
-                f"{name} has changed since {Path(file).name} was made", hint="plan again, or export the EDF"
+                f"{name} has changed since {Path(file).name} was made",
+                hint="plan again, or export the EDF",
+                code=Code.PLAN_MISFIT,
             )
 
 

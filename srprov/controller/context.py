@@ -12,6 +12,7 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from srprov.codes import Code
 from srprov.controller.data_sets import data_set, used_data
 from srprov.controller.render_inputs import RenderInputs
 from srprov.controller.robot_images import robot_images
@@ -75,7 +76,7 @@ def _tree(path: str, blobs: dict[str, bytes]) -> dict[str, str]:
     try:
         blob = tree_tar(path)
     except OSError as error:
-        raise UsageError(f"{error.filename or path} cannot be shipped: {error.strerror}") from error
+        raise UsageError(f"{error.filename or path} cannot be shipped: {error.strerror}", code=Code.NO_FILE) from error
     digest = hashlib.sha256(blob).hexdigest()
     blobs[digest] = blob
     return {"blob": digest, "top": Path(path).name}

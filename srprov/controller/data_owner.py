@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Collection, Iterator, Mapping
 
+from srprov.codes import Code
 from srprov.controller.data import DataNow, roaming, used
 from srprov.controller.owners import Owner, keep
 from srprov.definitions.model import Experiment
@@ -51,6 +52,7 @@ def refuse_strange(found: Collection[tuple[str, Observed]], hint: str = _ADOPT) 
         raise RefusedError(
             f"these volumes were not made from this file on this controller: {named}",
             hint=hint,
+            code=Code.OWNER,
         )
 
 

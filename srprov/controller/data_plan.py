@@ -11,6 +11,7 @@ from types import MappingProxyType
 
 import msgspec
 
+from srprov.codes import Code
 from srprov.controller.data import DataNow, Holdings, newest, roaming, used
 from srprov.controller.data_owner import check_owner
 from srprov.controller.owners import Owner
@@ -80,12 +81,12 @@ def _check_copy(move: DataMove, held: Holdings, snapshot: Snapshot) -> None:
     leave = "--data leave starts without it, and it stays there"
     if move.source in snapshot.unreachable:
         why = f"the data of {move.service} is on {move.source}, which cannot be reached, so it cannot be moved"
-        raise RefusedError(why, hint=leave)
+        raise RefusedError(why, hint=leave, code=Code.NEEDED_ROBOT)
     copied_away = any(name == move.volume and source == move.target for (_, name), source in held.copied.items())
     if copied_away or move.target in held.there.get(move.volume, {}):
         why = f"{move.target} has a volume {move.volume} with data of its own, which the data of {move.service} on"
         hint = f"--data leave uses the one on {move.target}; or remove that one first, with docker volume rm"
-        raise RefusedError(f"{why} {move.source} cannot replace", hint=hint)
+        raise RefusedError(f"{why} {move.source} cannot replace", hint=hint, code=Code.IN_THE_WAY)
 
 
 def _copies(

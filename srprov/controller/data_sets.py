@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from srprov import datasets
+from srprov.codes import Code
 from srprov.definitions.containermodel import Mount
 from srprov.definitions.model import Service
 from srprov.errors import RefusedError, UsageError
@@ -28,13 +29,15 @@ def data_set(instance: str, mount: Mount) -> dict[str, Any]:
         try:
             sha256, size = datasets.digest(mount.source)
         except OSError as error:
-            raise UsageError(f"{mount.source} cannot be shipped: {error.strerror}") from error
+            raise UsageError(f"{mount.source} cannot be shipped: {error.strerror}", code=Code.DATA_SET) from error
         if mount.sha256 not in ("", sha256):
             raise UsageError(
-                f"{mount.source} has the sha256 {sha256}, not {mount.sha256}", hint="take the file that was meant"
+                f"{mount.source} has the sha256 {sha256}, not {mount.sha256}",
+                hint="take the file that was meant",
+                code=Code.DATA_SET,
             )
         if size > datasets.MOST_BYTES:
-            raise UsageError(f"{mount.source} is larger than {datasets.MOST_BYTES >> 30} GiB")
+            raise UsageError(f"{mount.source} is larger than {datasets.MOST_BYTES >> 30} GiB", code=Code.DATA_SET)
     return {"path": f"{STATE_ROOT}/{instance}/data/{sha256}", "sha256": sha256, "size": size, "url": mount.url}
 
 
@@ -57,4 +60,5 @@ def refuse_files(wants: Iterable[Resource]) -> None:
         raise RefusedError(
             f"this plan was not written on this controller, and uses data sets from files: {', '.join(named)}",
             hint="plan its EDF here",
+            code=Code.STRANGE_PLAN,
         )

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 
+from srprov.codes import Code
 from srprov.errors import UsageError
 from srprov.image_reference import parse_reference
 from srprov.untrusted import mapping, mappings, string
@@ -52,11 +53,15 @@ def _agreed(name: str, replies: Mapping[str, Reply]) -> Found:
     found = {robot: one for robot, reply in sorted(replies.items()) if (one := _digest(reply))}
     if not found:
         why = next((reply.err for reply in replies.values() if reply.err), "no robot with an engine answers")
-        raise UsageError(f"what {short} is now, no robot could learn from its registry: {why.strip()[:300]}")
+        raise UsageError(
+            f"what {short} is now, no robot could learn from its registry: {why.strip()[:300]}", code=Code.NO_IMAGE
+        )
     if len({digest for digest, _ in found.values()}) > 1:
         told = ", ".join(f"{robot} {digest}" for robot, (digest, _) in found.items())
         raise UsageError(
-            f"robots disagree about {short}: {told}", hint="look at the registries or mirrors that they use"
+            f"robots disagree about {short}: {told}",
+            hint="look at the registries or mirrors that they use",
+            code=Code.DIGESTS,
         )
     return next(iter(found.values()))
 

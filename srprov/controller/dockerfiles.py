@@ -6,6 +6,7 @@ import os
 from collections.abc import Collection, Mapping, Sequence
 
 from srprov import disk
+from srprov.codes import Code
 from srprov.controller.image_plans import plan_images
 from srprov.controller.permissions import permit_planning
 from srprov.definitions.containermodel import ContainerDefinition
@@ -37,7 +38,9 @@ def dockerfiles(definitions: Definitions, services: Collection[str], allowed: Co
         raise DefinitionError(definitions.unsupported)
     known = definitions.experiment.services
     if unknown := sorted(set(services) - set(known)):
-        raise UsageError(f"no service {', '.join(unknown)}", hint=f"there are: {', '.join(sorted(known))}")
+        raise UsageError(
+            f"no service {', '.join(unknown)}", hint=f"there are: {', '.join(sorted(known))}", code=Code.NO_SUCH_NAME
+        )
     asked = permissions(definitions.experiment, definitions.containers)
     permit_planning([one for one in asked if one.kind in ("outside", "env")], allowed)
     users: dict[str, list[str]] = {}

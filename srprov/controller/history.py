@@ -7,6 +7,7 @@ from pathlib import Path
 
 from srprov import regular_file
 from srprov.assignment.fairness import read_record
+from srprov.codes import Code
 from srprov.errors import UsageError
 from srprov.untrusted import parse_json
 
@@ -25,5 +26,7 @@ def read_history(folder: Path | None) -> tuple[Mapping[str, float], ...]:
             runs.append(read_record(parse_json(regular_file.read_text(path)), str(path)))
         except (OSError, ValueError) as error:
             why = error.strerror if isinstance(error, OSError) else error
-            raise UsageError(f"{path}: {why}", hint="remove it, or name another folder with --history") from error
+            raise UsageError(
+                f"{path}: {why}", hint="remove it, or name another folder with --history", code=Code.RECORD
+            ) from error
     return tuple(runs)

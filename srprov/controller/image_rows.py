@@ -6,6 +6,7 @@ import datetime as dt
 from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
+from srprov.codes import Code
 from srprov.controller.kept import age_text
 from srprov.controller.stored_images import RobotStore, StoredImage
 from srprov.definitions import load_experiment
@@ -35,7 +36,7 @@ def clear_cache() -> int:
     try:
         return Blobs().clear()
     except OSError as error:
-        raise UsageError(f"cannot remove {error.filename}: {error.strerror}") from error
+        raise UsageError(f"cannot remove {error.filename}: {error.strerror}", code=Code.CANNOT_WRITE) from error
 
 
 def repositories_of(file: str) -> frozenset[str]:

@@ -13,6 +13,7 @@ from collections.abc import Iterator, Mapping
 import msgspec
 
 from srprov import datasets, plain_tar, regular_file
+from srprov.codes import Code
 from srprov.controller.plan import Planned
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.lockfile import lock_path
@@ -96,13 +97,13 @@ def shipped_files(planned: Planned) -> dict[str, InputFile]:
                 content = b"" if one.link is not None else disk.read(path)
                 compared = one.sent and one.link is None and os.path.basename(path) != "Dockerfile"
                 if compared and _hash(content) not in sent:
-                    raise UsageError(f"{path} cannot be recorded: {_CHANGED}")
+                    raise UsageError(f"{path} cannot be recorded: {_CHANGED}", code=Code.NO_FILE)
                 found[os.path.relpath(path, folder)] = InputFile(
                     content=content, executable=one.executable, link=one.link
                 )
     except (OSError, ValueError) as error:
         why = error.strerror if isinstance(error, OSError) else error
-        raise UsageError(f"{path or folder} cannot be recorded: {why}", hint=_CHANGED) from error
+        raise UsageError(f"{path or folder} cannot be recorded: {why}", hint=_CHANGED, code=Code.NO_FILE) from error
     return found
 
 

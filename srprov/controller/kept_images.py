@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterable, Iterator
 import msgspec
 
 from srprov import private
+from srprov.codes import Code
 from srprov.errors import UsageError
 from srprov.transport.blobs import Blobs, WrongBlob
 
@@ -55,6 +56,10 @@ def keep(contents: Iterable[Content], say: Callable[[str], None]) -> None:
                 (blobs.add if one.packed else blobs.add_content)(one.digest, one.pieces())
     except OSError as error:
         hint = "make room there, or take images by their names: --no-bundled-images"
-        raise UsageError(f"{error.filename or blobs.folder}: {error.strerror or error}", hint=hint) from error
+        raise UsageError(
+            f"{error.filename or blobs.folder}: {error.strerror or error}", hint=hint, code=Code.CANNOT_WRITE
+        ) from error
     except WrongBlob as error:
-        raise UsageError(f"an image of the bundle is not what it says: {error}", hint="srprov verify it") from error
+        raise UsageError(
+            f"an image of the bundle is not what it says: {error}", hint="srprov verify it", code=Code.BUNDLE_FALSE
+        ) from error

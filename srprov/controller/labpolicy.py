@@ -12,6 +12,7 @@ from pathlib import Path
 import msgspec
 from msgspec.structs import replace
 
+from srprov.codes import Code
 from srprov.controller.request import BUNDLED
 from srprov.definitions.containermodel import Runtime
 from srprov.definitions.dockerfile import images_of, unclear
@@ -180,4 +181,4 @@ def _comes_from(name: str, registries: Iterable[str]) -> bool:
 
 def _refusal(policy: LabPolicy, line: int, what: str) -> RefusedError:
     hint = "no flag changes that; who keeps the policy can"
-    return RefusedError(f"{policy.file}:{line} does not allow {what}", hint=hint)
+    return RefusedError(f"{policy.file}:{line} does not allow {what}", hint=hint, code=Code.LAB_POLICY)

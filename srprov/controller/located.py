@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 
 import msgspec
 
+from srprov.codes import Code
 from srprov.controller.ownership import looking
 from srprov.definitions.expand import expand
 from srprov.definitions.model import Experiment, Service
@@ -73,12 +74,17 @@ class Whereabouts(msgspec.Struct, frozen=True, kw_only=True):
             return found
         if some:
             places = " or ".join(f"{one.service}@{one.host}" for one in some)
-            raise UsageError(f"it is not sure where {service} was placed", hint=f"name it with its robot: {places}")
+            raise UsageError(
+                f"it is not sure where {service} was placed",
+                hint=f"name it with its robot: {places}",
+                code=Code.DISPUTED,
+            )
         there = ", ".join(sorted({one.service for one in self.services})) or "none"
         away = f"; {', '.join(sorted(self.unreachable))} cannot be reached" if self.unreachable else ""
         raise UsageError(
             f"{self.instance} has no {word} on these robots{away}",
             hint=f"there are: {there}; `srprov apply` makes them",
+            code=Code.NOTHING_RUNS,
         )
 
 

@@ -11,6 +11,7 @@ from collections.abc import Callable, Collection, Mapping
 import msgspec
 
 from srprov import __version__
+from srprov.codes import Code
 from srprov.controller.digests import Found
 from srprov.controller.permissions import permit_planning
 from srprov.controller.pins import Names, branch_text, file_hashes, names_of, short
@@ -66,7 +67,7 @@ def draft(file: str, old: Lock, update: Collection[str], allowed: Collection[str
             commits[(url, ref)] = commit_of(url, ref)
         files = file_hashes(found.experiment, found.containers.values())
     except (ValueError, OSError) as error:
-        raise UsageError(str(error)) from None
+        raise UsageError(str(error), code=Code.NO_FILE) from None
     return Draft(found, names, kept, {one: commits[one] for one in names.repositories}, files)
 
 
@@ -123,4 +124,4 @@ def _check_update(update: Collection[str], old: Lock, names: Names) -> None:
     for word in update:
         if word != ALL and not any(_matches(word, name) for name in known):
             hint = did_you_mean(word, known) or f"known: {', '.join(sorted(known)) or 'nothing'}"
-            raise UsageError(f"--update: nothing is called '{word}'", hint=hint)
+            raise UsageError(f"--update: nothing is called '{word}'", hint=hint, code=Code.OPTION_VALUE)

@@ -15,6 +15,7 @@ from collections.abc import Iterator, Sequence
 
 import msgspec
 
+from srprov.codes import Code
 from srprov.errors import TransportError
 from srprov.secret import MASK, redact_lines
 from srprov.session import Session
@@ -196,7 +197,9 @@ def _lines(source: Source, wanted: Wanted) -> Iterator[LogLine]:
             yield line
             last, left = line.time or last, left - len(line.text) - _SENT
             if left < 0 and not wanted.follow:
-                raise TransportError(source.host, f"its log has more than {MOST_BYTES >> 20} MiB; ask with --since")
+                raise TransportError(
+                    source.host, f"its log has more than {MOST_BYTES >> 20} MiB; ask with --since", code=Code.ANSWER
+                )
         if not wanted.follow or not _goes_on(source):
             return
         tail, since = (-1, after(last)) if last else (tail, since)

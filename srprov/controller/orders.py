@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 import msgspec
 from msgspec.structs import replace
 
+from srprov.codes import Code
 from srprov.controller.located import Located, Whereabouts
 from srprov.controller.plan import Planned
 from srprov.definitions.model import Service
@@ -48,7 +49,7 @@ def make_order(order: Order, there: Whereabouts, snapshot: Snapshot, services: M
     here = [one for one in chosen if one.found is not None]
     gone = [one for one in chosen if one.found is None and one.host not in snapshot.unreachable]
     if gone and order.words:
-        raise UsageError(f"{gone[0].where} has no container", hint="`srprov apply` makes one")
+        raise UsageError(f"{gone[0].where} has no container", hint="`srprov apply` makes one", code=Code.NOTHING_RUNS)
     ordered = _in_order(here, services, backwards=order.verb == "stop")
     steps: list[Step] = []
     for one in ordered:

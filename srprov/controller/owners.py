@@ -20,6 +20,7 @@ from pathlib import Path
 from types import MappingProxyType
 
 from srprov import private, regular_file
+from srprov.codes import Code
 from srprov.errors import UsageError
 from srprov.record import default_root
 from srprov.resource import Observed
@@ -109,7 +110,9 @@ def keep(owner: Owner) -> None:
         private.replace_file(file, text)
     except OSError as error:
         raise UsageError(
-            f"cannot write {file}: {error.strerror}", hint="it says that the experiment's volumes are yours"
+            f"cannot write {file}: {error.strerror}",
+            hint="it says that the experiment's volumes are yours",
+            code=Code.CANNOT_WRITE,
         ) from error
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from msgspec.structs import replace
 
+from srprov.codes import Code
 from srprov.errors import RefusedError
 from srprov.facts.model import Snapshot
 from srprov.modules import RUNNING
@@ -32,6 +33,7 @@ def trusting(snapshot: Snapshot, instance: str, *, adopt: bool) -> tuple[Snapsho
             f"what robots say of instance '{instance}' cannot be checked by a run of this machine: "
             + "; ".join(belief.doubts),
             hint="look at these robots, or wait for those that are away; --adopt believes the record that most hold",
+            code=Code.DISPUTED,
         )
     records = {
         robot: {name: one for name, one in held.items() if name != instance or robot in belief.holders}
@@ -114,6 +116,7 @@ def check_source(snapshot: Snapshot, instance: str, source: str, *, adopt: bool)
     raise RefusedError(
         f"instance '{instance}' on these robots was made from {owners[0]}, not from {source}",
         hint="run it under another name with --instance NAME, destroy the other one, or take it over with --adopt",
+        code=Code.OWNER,
     )
 
 

@@ -14,6 +14,7 @@ import msgspec
 from msgspec.structs import replace
 
 from srprov import disk
+from srprov.codes import Code
 from srprov.controller.digests import AskEach
 from srprov.controller.image_plans import plan_images
 from srprov.controller.pins import pinned
@@ -120,7 +121,7 @@ def _read_on(session: Session, wanted: Sequence[_Read]) -> Iterator[tuple[_Read,
     options = LockOptions(copied_to=frozenset({robot}))  # what a cut copy has sent is left to the next apply
     with LockSet([robot], {robot: session}, claim("lock"), options, never, lambda _event: None).acquire() as held:
         if why := held.lost.get(robot):
-            raise TransportError(robot, why)
+            raise TransportError(robot, why, code=Code.LOST)
         remove_left(session)
         listed: dict[str, Mapping[str, frozenset[str]]] = {}
         for one in wanted:

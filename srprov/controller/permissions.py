@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Sequence
 from typing import TYPE_CHECKING
 
+from srprov.codes import Code
 from srprov.errors import RefusedError, UsageError
 from srprov.planning.policy import ASKED_FIRST, KINDS, Permission, require
 
@@ -26,7 +27,9 @@ def check_kinds(allowed: Collection[str]) -> None:
     """
     unknown = sorted(set(allowed) - set(kinds()))
     if unknown:
-        raise UsageError(f"--allow knows no kind {', '.join(unknown)}", hint=f"known: {', '.join(kinds())}")
+        raise UsageError(
+            f"--allow knows no kind {', '.join(unknown)}", hint=f"known: {', '.join(kinds())}", code=Code.OPTION_VALUE
+        )
 
 
 def kinds() -> tuple[str, ...]:
@@ -75,4 +78,5 @@ def require_decided(moves: Iterable[DataMove]) -> None:
         raise RefusedError(
             "; ".join(one.text.partition(";")[0] for one in open_ones),
             hint="--data move copies it and removes it there, --data leave starts without it; or take the pin away",
+            code=Code.NOT_ALLOWED,
         )

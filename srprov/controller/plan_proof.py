@@ -11,6 +11,7 @@ import hmac
 
 from msgspec.structs import replace
 
+from srprov.codes import Code
 from srprov.controller.owners import Owner, owners_of
 from srprov.errors import RefusedError
 from srprov.facts.model import Snapshot
@@ -50,6 +51,7 @@ def check_claim(saved: PlanFile, snapshot: Snapshot) -> None:
             f"this plan was not written on this controller, and would change instance '{instance}', which is there on "
             f"{', '.join(robots)}",
             hint="plan its EDF here; or let this plan change it by --adopt, or by --signers FILE if it is signed",
+            code=Code.STRANGE_PLAN,
         )
 
 

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 from msgspec.structs import replace
 
+from srprov.codes import Code
 from srprov.controller.render_inputs import RenderInputs
 from srprov.definitions.model import Definitions, Experiment, Service
 from srprov.errors import UsageError
@@ -51,4 +52,5 @@ def check_platforms(inputs: RenderInputs, definitions: Definitions) -> None:
         raise UsageError(
             f"there is no such image for a robot's architecture: {'; '.join(wrong)}",
             hint="name another image, or say `requires: {arch: …}` so that the service goes where there is one",
+            code=Code.PLATFORM,
         )

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
+from srprov.codes import Code
 from srprov.controller.authority import wants_of
 from srprov.controller.context import record_path
 from srprov.controller.fleet import Fleet
@@ -40,12 +41,18 @@ def request_for(snapshot: Snapshot, instance: str) -> tuple[Request, tuple[str, 
     """
     believed, disputes, notes = looking(snapshot, instance)
     if disputes:
-        raise UsageError(disputes[0], hint="`srprov plan` names the robots; --adopt of `apply` settles it")
+        raise UsageError(
+            disputes[0], hint="`srprov plan` names the robots; --adopt of `apply` settles it", code=Code.DISPUTED
+        )
     if instance not in believed.placements:
-        raise UsageError(f"nothing of {instance} on these robots", hint="`srprov apply` starts it")
+        raise UsageError(
+            f"nothing of {instance} on these robots", hint="`srprov apply` starts it", code=Code.NOTHING_RUNS
+        )
     request = request_of(instance, believed.placements[instance], tunnel_port=_tunnel_port(instance, snapshot))
     if request is None:
-        raise UsageError(f"no service of {instance} is on the overlay", hint="there is nothing to probe")
+        raise UsageError(
+            f"no service of {instance} is on the overlay", hint="there is nothing to probe", code=Code.PROBE
+        )
     return request, notes
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from typing import Any
 
+from srprov.codes import Code
 from srprov.controller.render_inputs import RenderInputs
 from srprov.definitions.model import Service
 from srprov.errors import UsageError
@@ -123,5 +124,7 @@ def check_never(inputs: RenderInputs) -> None:
             missing += [f"{name}: {image} is not on {robot}"] if (robot, image) not in present else []
     if missing:
         raise UsageError(
-            f"pull_policy is never: {'; '.join(missing)}", hint="load it there, or use pull_policy: missing"
+            f"pull_policy is never: {'; '.join(missing)}",
+            hint="load it there, or use pull_policy: missing",
+            code=Code.NO_IMAGE,
         )

@@ -12,6 +12,7 @@ from typing import Protocol
 from msgspec.structs import replace
 
 from srprov.assignment.ports import declared, holders, missing_ports
+from srprov.codes import Code
 from srprov.definitions.model import Experiment, Service
 from srprov.errors import UsageError
 from srprov.facts.gather import Gathering
@@ -83,7 +84,9 @@ def check_room(
     wrong = taken if playbooks else [*missing, *taken]
     if wrong:
         hint = "make the folder there, let it be made (bind: {create_host_path: true}), or publish another port"
-        raise UsageError("robots are not ready for the new containers:\n" + "\n".join(wrong), hint=hint)
+        raise UsageError(
+            "robots are not ready for the new containers:\n" + "\n".join(wrong), hint=hint, code=Code.NO_ROOM
+        )
     return tuple(f"{line}, unless a playbook makes it" for line in missing)
 
 

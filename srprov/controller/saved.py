@@ -11,6 +11,7 @@ from collections.abc import Mapping
 from msgspec.structs import replace
 
 import srprov
+from srprov.codes import Code
 from srprov.controller import authority
 from srprov.controller.authority import check_copies, check_underlay, wants_of
 from srprov.controller.data_owner import check_saved, remember_owner
@@ -110,6 +111,7 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False, signed: bo
         raise UsageError(
             f"the plan is for robots that are not in the inventory: {', '.join(missing)}",
             hint="use the inventory that the plan was made with, or plan again",
+            code=Code.PLAN_MISFIT,
         )
     hosts = {name: fleet.inventory.hosts[name] for name in sorted(saved.fingerprints)}
     part = replace(fleet.inventory, hosts=hosts)
@@ -170,7 +172,11 @@ def _derived(saved: PlanFile, wants: tuple[Resource, ...], snapshot: Snapshot) -
     changed = differences(_by_number(plan.steps), _by_number(steps))
     if changed:
         hint = "somebody changed it, or another version of srprov made it: plan again, review it again, apply that"
-        raise UsageError(f"the plan's steps are not those that srprov derives from it:\n{named(changed)}", hint=hint)
+        raise UsageError(
+            f"the plan's steps are not those that srprov derives from it:\n{named(changed)}",
+            hint=hint,
+            code=Code.PLAN_CHANGED,
+        )
     # nobody looked at what they would change
     mute = {step.number: replace(step.change, commands=()) for step in steps if step.host in away}
     return tuple(replace(step, change=mute.get(step.number, step.change)) for step in steps)

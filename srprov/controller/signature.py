@@ -10,6 +10,7 @@ import subprocess
 import tempfile
 
 from srprov import regular_file
+from srprov.codes import Code
 from srprov.errors import RefusedError, UsageError
 from srprov.planning.planfile import MAX_CHARACTERS
 
@@ -30,7 +31,9 @@ def signature(content: bytes, file: str, key: str, namespace: str = NAMESPACE) -
     """
     done = _ssh_keygen("sign", "-n", namespace, "-f", key, given=content, limit_s=_SIGN_S)
     if done.returncode != 0:
-        raise UsageError(f"cannot sign {file}: {_said(done)}", hint="name a private SSH key with --sign")
+        raise UsageError(
+            f"cannot sign {file}: {_said(done)}", hint="name a private SSH key with --sign", code=Code.SIGNATURE
+        )
     return done.stdout
 
 
@@ -44,7 +47,7 @@ def verified(file: str, signers: str) -> bytes:
     said = _complaint(content, f"{file}.sig", signers)
     if said:
         hint = "have it signed by one of them: srprov plan EDF -o plan.json --sign KEY"
-        raise RefusedError(f"{file} has no signature of {signers}: {said}", hint=hint)
+        raise RefusedError(f"{file} has no signature of {signers}: {said}", hint=hint, code=Code.SIGNATURE)
     return content
 
 
@@ -77,7 +80,7 @@ def _read(file: str) -> bytes:
     try:
         return regular_file.read(file, MAX_CHARACTERS)
     except OSError as error:
-        raise UsageError(f"cannot read {file}: {error.strerror}", hint="name a plan file") from error
+        raise UsageError(f"cannot read {file}: {error.strerror}", hint="name a plan file", code=Code.NO_FILE) from error
 
 
 def _ssh_keygen(
@@ -87,9 +90,13 @@ def _ssh_keygen(
     try:
         return subprocess.run(command, input=given, capture_output=True, timeout=limit_s, check=False)
     except FileNotFoundError as error:
-        raise UsageError("there is no ssh-keygen", hint="install OpenSSH's client, 8.2 or newer") from error
+        raise UsageError(
+            "there is no ssh-keygen", hint="install OpenSSH's client, 8.2 or newer", code=Code.NOT_INSTALLED
+        ) from error
     except subprocess.TimeoutExpired as error:
-        raise RefusedError(f"ssh-keygen did not end within {limit_s:g} s", hint="try again") from error
+        raise RefusedError(
+            f"ssh-keygen did not end within {limit_s:g} s", hint="try again", code=Code.SIGNATURE
+        ) from error
 
 
 def _said(done: subprocess.CompletedProcess[bytes]) -> str:

@@ -18,6 +18,7 @@ from typing import Any
 from msgspec.structs import replace
 
 from srprov import private
+from srprov.codes import Code
 from srprov.controller.fleet import Fleet
 from srprov.controller.snapshot_check import Checker
 from srprov.controller.snapshot_look import Seen, look
@@ -48,13 +49,15 @@ def snapshot(fleet: Fleet, target: Path, name: str) -> dict[str, Any]:
     seen, unreachable = _look(fleet)
     if not seen:
         raise UsageError(
-            "no robot could be looked at", hint="; ".join(f"{k}: {v}" for k, v in sorted(unreachable.items()))
+            "no robot could be looked at",
+            hint="; ".join(f"{k}: {v}" for k, v in sorted(unreachable.items())),
+            code=Code.NO_ROBOT,
         )
     robots = _robots(seen)
     try:
         hider = Hider(value for robot in robots for one in robot.services for value in one.hidden)
     except ValueError as error:
-        raise UsageError(f"{error} in containers", hint="name fewer robots at once") from error
+        raise UsageError(f"{error} in containers", hint="name fewer robots at once", code=Code.TOO_LARGE) from error
     _make_known(hider, [word for robot in robots for word in (robot.name, *(one.name for one in robot.services))])
     robots = [_cleaned(robot, hider) for robot in robots]
     definitions = {robot.name: one for robot in robots if (one := definition_of(robot))}
@@ -62,7 +65,7 @@ def snapshot(fleet: Fleet, target: Path, name: str) -> dict[str, Any]:
         robots, definitions = Checker(draft, robots, definitions, hider).checked(name)
         if not definitions and not any(robot.services for robot in robots):
             found = [f"{robot.name}: {note.subject}: {note.words}" for robot in robots for note in robot.notes.all()]
-            raise UsageError("there is nothing to write", hint="; ".join(found[:5]))
+            raise UsageError("there is nothing to write", hint="; ".join(found[:5]), code=Code.NOTHING_RUNS)
         document = report.document(name, robots, definitions, unreachable)
         clean = _without(document, hider)
         private.write_file(draft / REPORT, hider.without_strong(report.markdown(clean)))
@@ -73,9 +76,9 @@ def snapshot(fleet: Fleet, target: Path, name: str) -> dict[str, Any]:
 def _check_target(target: Path) -> None:
     try:
         if target.exists() and (not target.is_dir() or any(target.iterdir())):
-            raise UsageError(f"{target} is there already", hint="name a new folder with -o")
+            raise UsageError(f"{target} is there already", hint="name a new folder with -o", code=Code.IN_THE_WAY)
     except OSError as error:
-        raise UsageError(f"{target}: {error.strerror}") from error
+        raise UsageError(f"{target}: {error.strerror}", code=Code.CANNOT_WRITE) from error
 
 
 def _look(fleet: Fleet) -> tuple[list[Seen], dict[str, str]]:
@@ -174,11 +177,11 @@ def _draft(target: Path) -> Iterator[Path]:
         parent.mkdir(parents=True, exist_ok=True)
         draft = Path(tempfile.mkdtemp(prefix=f".{target.name[:60]}.", dir=parent))
     except OSError as error:
-        raise UsageError(f"{error.filename or target}: {error.strerror}") from error
+        raise UsageError(f"{error.filename or target}: {error.strerror}", code=Code.CANNOT_WRITE) from error
     try:
         yield draft
     except OSError as error:
-        raise UsageError(f"{error.filename or target}: {error.strerror}") from error
+        raise UsageError(f"{error.filename or target}: {error.strerror}", code=Code.CANNOT_WRITE) from error
     finally:
         shutil.rmtree(draft, ignore_errors=True)
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 from msgspec.structs import replace
 
 from srprov import regular_file
+from srprov.codes import Code
 from srprov.definitions import load_experiment
 from srprov.definitions.lockfile import load as load_lock
 from srprov.definitions.lockfile import lock_path
@@ -41,7 +42,9 @@ def read_source(
         return _signed(file, signers)
     saved = saved_plan(file)
     if saved and locked:
-        raise UsageError("--locked is for an EDF: what a plan in a file does was decided when it was made")
+        raise UsageError(
+            "--locked is for an EDF: what a plan in a file does was decided when it was made", code=Code.OPTIONS
+        )
     return saved or read_definitions(file, allowed, profiles, locked=locked)
 
 
@@ -65,7 +68,9 @@ def read_definitions(
     """
     found = chosen(_with_lock(file, allowed, environ, locked=locked), profiles)
     if not found.experiment.services:
-        raise UsageError("no service is wanted: all of them have profiles", hint="name one with --profile")
+        raise UsageError(
+            "no service is wanted: all of them have profiles", hint="name one with --profile", code=Code.NO_SUCH_NAME
+        )
     return found
 
 
@@ -78,14 +83,16 @@ def _with_lock(file: str, allowed: Collection[str], environ: Mapping[str, str] |
     from srprov.controller.pins import differences, pinned
 
     if lock is None:
-        raise UsageError(f"there is no lock {path}", hint=f"srprov lock {file} -i INVENTORY")
+        raise UsageError(f"there is no lock {path}", hint=f"srprov lock {file} -i INVENTORY", code=Code.LOCK_FILE)
     try:
         told = differences(found, lock)
     except (OSError, ValueError) as error:
-        raise UsageError(f"a file of the experiment cannot be read: {error}") from None
+        raise UsageError(f"a file of the experiment cannot be read: {error}", code=Code.NO_FILE) from None
     if told and locked:
         lines = "\n".join(f"  {one}" for one in told)
-        raise UsageError(f"{path} is out of date:\n{lines}", hint=f"srprov lock {file} -i INVENTORY")
+        raise UsageError(
+            f"{path} is out of date:\n{lines}", hint=f"srprov lock {file} -i INVENTORY", code=Code.LOCK_FILE
+        )
     more = f", and {len(told) - 1} more" if told[1:] else ""
     notes = [f"{path} is out of date: {one}{more}" for one in told[:1]]
     return replace(pinned(found, lock), notes=tuple(notes))
@@ -140,11 +147,11 @@ def _signed(file: str, signers: str) -> PlanFile:
 
     hint = "leave --signers out, or sign a plan: srprov plan EDF -o plan.json --sign KEY"
     if is_edf_name(file):
-        raise UsageError(f"--signers is for plans, and {file} is named like an EDF", hint=hint)
+        raise UsageError(f"--signers is for plans, and {file} is named like an EDF", hint=hint, code=Code.OPTIONS)
     text = verified(file, signers).decode("utf-8", "replace")
     saved = _read_plan(text, file)
     if saved is None:
-        raise UsageError(f"--signers is for plans, and {file} is none", hint=hint)
+        raise UsageError(f"--signers is for plans, and {file} is none", hint=hint, code=Code.OPTIONS)
     return saved
 
 
@@ -164,7 +171,9 @@ def saved_plan(file: str) -> PlanFile | None:
     try:
         text = regular_file.read_text(file, MAX_CHARACTERS)
     except OSError as error:
-        raise UsageError(f"{file} cannot be read: {error.strerror}", hint="apply the EDF itself") from error
+        raise UsageError(
+            f"{file} cannot be read: {error.strerror}", hint="apply the EDF itself", code=Code.NO_FILE
+        ) from error
     return _read_plan(text, file)
 
 
@@ -177,7 +186,11 @@ def _read_plan(text: str, file: str) -> PlanFile | None:
         return None
     if is_edf_name(file):
         hint = "if you trust it, give it another name, such as plan.json"
-        raise UsageError(f"{file} is named like an EDF, and is none: it says no 'edf', as only a plan does", hint=hint)
+        raise UsageError(
+            f"{file} is named like an EDF, and is none: it says no 'edf', as only a plan does",
+            hint=hint,
+            code=Code.WRONG_KIND,
+        )
     from srprov.controller.authority import check_file
 
     saved = load(text, file)

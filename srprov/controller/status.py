@@ -11,6 +11,7 @@ from typing import Any
 
 import msgspec
 
+from srprov.codes import Code
 from srprov.controller.ownership import looking
 from srprov.definitions.expand import expand
 from srprov.definitions.model import Experiment
@@ -235,8 +236,12 @@ def containers_of(snapshot: Snapshot, instance: str, services: Sequence[str]) ->
         return labelled(named)  # what is missing may be on a robot that is away
     if unknown:
         raise UsageError(
-            f"no container of {', '.join(unknown)} on these robots", hint=f"there are: {', '.join(known) or 'none'}"
+            f"no container of {', '.join(unknown)} on these robots",
+            hint=f"there are: {', '.join(known) or 'none'}",
+            code=Code.NOTHING_RUNS,
         )
     if not there:
-        raise UsageError(f"nothing of {instance} on these robots", hint="srprov apply starts it")
+        raise UsageError(
+            f"nothing of {instance} on these robots", hint="srprov apply starts it", code=Code.NOTHING_RUNS
+        )
     return labelled(named if services else there)

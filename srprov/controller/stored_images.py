@@ -15,6 +15,7 @@ from typing import Any
 import msgspec
 from msgspec.structs import replace
 
+from srprov.codes import Code
 from srprov.controller.fleet import Fleet
 from srprov.errors import TransportError
 from srprov.facts.observe import answers_of
@@ -128,14 +129,16 @@ def _store(reader: Reader, *, whole: bool) -> RobotStore:
     first = reader.ask((listing, _CONTAINERS))
     if bad := next((reply for reply in first if not reply.ok), None):
         why = " ".join((bad.err or bad.out).split()) or f"status {bad.status}"
-        raise TransportError(reader.host, f"its images cannot be listed: {text(why)}", hint="is its Docker Engine up?")
+        raise TransportError(
+            reader.host, f"its images cannot be listed: {text(why)}", hint="is its Docker Engine up?", code=Code.ENGINE
+        )
     with answers_of(reader.host):
         listed = [one for one in mappings(first[0].json()) if IMAGE_ID.fullmatch(string(one.get("Id")))]
         ours = _with_users(_ours(listed), mappings(first[1].json()))
         others = _heads(listed) - {one.id for one in ours} if whole else set()
     if len(ours) + len(others) > _MOST:
         hint = "remove there what is not used any more: docker image prune"
-        raise TransportError(reader.host, f"it has more than {_MOST} images", hint=hint)
+        raise TransportError(reader.host, f"it has more than {_MOST} images", hint=hint, code=Code.ANSWER)
     paths = [f"/images/{one.id}/{what}" for one in ours for what in ("json", "history")]
     paths += [f"/images/{one}/json" for one in sorted(others)]
     second = reader.ask([EngineQuery(path=path) for path in paths]) if paths else ()

@@ -6,6 +6,7 @@ import threading
 from collections.abc import Mapping
 from types import TracebackType
 
+from srprov.codes import Code
 from srprov.controller.fleet import Fleet
 from srprov.errors import TransportError
 from srprov.execution.lock_set import LockOptions, LockSet
@@ -39,7 +40,7 @@ class LockedRobots:
         locks = LockSet([host], {host: session}, self._claim, self._options, never, lambda event: None).acquire()
         self._locks.append(locks)
         if why := locks.lost.get(host):
-            raise TransportError(host, why)
+            raise TransportError(host, why, code=Code.LOST)
         self._sessions[host] = session
 
     def __enter__(self) -> LockedRobots:

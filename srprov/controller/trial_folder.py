@@ -10,6 +10,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from srprov import private
+from srprov.codes import Code
 from srprov.errors import RefusedError, UsageError
 
 _RESUME = "go on with the run in it by --resume, or name another folder"
@@ -26,14 +27,18 @@ def check_new(folder: Path, used_hint: str = _RESUME) -> None:
         near = next(one for one in (folder, *folder.absolute().parents) if os.path.lexists(one))
         usable = near.is_dir() and os.access(near, os.W_OK | os.X_OK)
     except OSError as error:
-        raise UsageError(f"{folder}: {error.strerror}", hint="name another folder with -o") from None
+        raise UsageError(
+            f"{folder}: {error.strerror}", hint="name another folder with -o", code=Code.CANNOT_WRITE
+        ) from None
     if used:
-        raise UsageError(f"{folder} is not empty", hint=used_hint)
+        raise UsageError(f"{folder} is not empty", hint=used_hint, code=Code.IN_THE_WAY)
     if folder.is_symlink():
-        raise UsageError(f"{folder} is a link", hint="name the folder itself with -o")
+        raise UsageError(f"{folder} is a link", hint="name the folder itself with -o", code=Code.STRANGE_FILE)
     if not usable:
         why = "you may not write there" if near.is_dir() else "it is no folder"
-        raise UsageError(f"nothing can be kept in {near}: {why}", hint="name another folder with -o")
+        raise UsageError(
+            f"nothing can be kept in {near}: {why}", hint="name another folder with -o", code=Code.CANNOT_WRITE
+        )
 
 
 def make_folder(folder: Path) -> None:
@@ -46,7 +51,9 @@ def make_folder(folder: Path) -> None:
         private.make_folder(folder)
         (folder / "trials").mkdir(mode=0o700)
     except OSError as error:
-        raise UsageError(f"cannot make {folder}: {error.strerror}", hint="name another folder with -o") from None
+        raise UsageError(
+            f"cannot make {folder}: {error.strerror}", hint="name another folder with -o", code=Code.CANNOT_WRITE
+        ) from None
 
 
 def check_own(folder: Path, inside: Sequence[str] = ("trials",)) -> None:
@@ -62,16 +69,24 @@ def check_own(folder: Path, inside: Sequence[str] = ("trials",)) -> None:
         try:
             about = os.lstat(one)
         except OSError as error:
-            raise UsageError(f"{one}: {error.strerror}", hint="name a folder that srprov made") from None
+            raise UsageError(
+                f"{one}: {error.strerror}", hint="name a folder that srprov made", code=Code.NO_FILE
+            ) from None
         if not stat.S_ISDIR(about.st_mode) or about.st_uid != os.geteuid() or about.st_mode & 0o022:
             hint = "go on only with what is your own, in a folder that nobody else can write to"
-            raise RefusedError(f"{one} is a link, somebody else's, or writable by others", hint=hint)
+            raise RefusedError(
+                f"{one} is a link, somebody else's, or writable by others", hint=hint, code=Code.STRANGE_FILE
+            )
     try:
         link = next(_links(folder), None)
     except OSError as error:
-        raise UsageError(f"{error.filename}: {error.strerror}", hint="name a folder that srprov made") from None
+        raise UsageError(
+            f"{error.filename}: {error.strerror}", hint="name a folder that srprov made", code=Code.NO_FILE
+        ) from None
     if link:
-        raise RefusedError(f"{link} is a link, and srprov makes none", hint="remove it, or name another folder")
+        raise RefusedError(
+            f"{link} is a link, and srprov makes none", hint="remove it, or name another folder", code=Code.STRANGE_FILE
+        )
 
 
 def _links(folder: Path) -> Iterator[str]:
@@ -99,7 +114,9 @@ def alone(folder: Path) -> Iterator[None]:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         os.close(descriptor)
-        raise UsageError(f"another srprov works in {folder}", hint="wait until it has ended") from None
+        raise UsageError(
+            f"another srprov works in {folder}", hint="wait until it has ended", code=Code.LOCKED
+        ) from None
     try:
         yield
     finally:

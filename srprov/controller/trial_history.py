@@ -10,6 +10,7 @@ from typing import Any
 import msgspec
 from msgspec.structs import replace
 
+from srprov.codes import Code
 from srprov.errors import UsageError
 from srprov.record.journal import read
 from srprov.trials.marks import marked
@@ -61,10 +62,16 @@ def read_history(folder: Path) -> History:
     """
     events, _ = read(folder)
     if not events or events[0]["event"] != "run":
-        raise UsageError(f"{folder} holds no run of trials", hint="begin one in another folder, without --resume")
+        raise UsageError(
+            f"{folder} holds no run of trials", hint="begin one in another folder, without --resume", code=Code.NO_RUN
+        )
     rows, discarded = marked(events)
     if not all(map(_is_row, rows)):
-        raise UsageError(f"{folder}: the journal has rows that are none", hint="somebody changed it; begin a new run")
+        raise UsageError(
+            f"{folder}: the journal has rows that are none",
+            hint="somebody changed it; begin a new run",
+            code=Code.RECORD,
+        )
     begun: dict[str, int] = {}
     lost: dict[tuple[str, int], LostAttempt] = {}
     stated = [events[0]]

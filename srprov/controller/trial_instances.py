@@ -7,6 +7,7 @@ from types import MappingProxyType
 
 from msgspec.structs import replace
 
+from srprov.codes import Code
 from srprov.definitions.model import Experiment
 from srprov.definitions.trialsmodel import Conditions, TrialDefinitions
 from srprov.errors import UsageError
@@ -27,7 +28,9 @@ def with_instances(experiment: Experiment) -> TrialDefinitions:
     for metric in given.metrics:
         if len(some := instances.get(metric.service, [])) != 1:
             message = f"the metric '{metric.name}' is of '{metric.service}', of which there are {len(some)}"
-            raise UsageError(message, hint="name one of them as a service of its own in the EDF")
+            raise UsageError(
+                message, hint="name one of them as a service of its own in the EDF", code=Code.TRIAL_JUDGING
+            )
 
     def every(names: Iterable[str]) -> tuple[str, ...]:
         return tuple(one for name in names for one in instances.get(name, ()))

@@ -7,6 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 import msgspec
 from msgspec.structs import replace
 
+from srprov.codes import Code
 from srprov.controller.labpolicy import Policies, enforce
 from srprov.controller.ownership import owned
 from srprov.controller.plan import Planned
@@ -80,7 +81,9 @@ def trial_plan(planned: Planned, inventory: Inventory, policies: Policies, *, re
     ours = {name for name in experiment.services if name not in kept}
     for name in sorted(kept):
         if waits := sorted(experiment.services[name].depends_on.keys() & ours):
-            raise UsageError(f"'{name}' is kept over all trials and waits for '{waits[0]}', which is not")
+            raise UsageError(
+                f"'{name}' is kept over all trials and waits for '{waits[0]}', which is not", code=Code.DEPENDENCY
+            )
     moving = tuple(one for one in planned.desired if one.module in RUNNING and one.service in ours)
     rest = [one for one in planned.desired if one not in moving]
     instance = planned.plan.instance
@@ -107,7 +110,9 @@ def _check_reach(planned: Planned) -> None:
     assert planned.snapshot is not None and planned.assignment is not None
     for service, robot in sorted(planned.assignment.placed.items()):
         if why := planned.snapshot.unreachable.get(robot):
-            raise TransportError(robot, f"{service} runs there in each trial, and it cannot be reached: {why}")
+            raise TransportError(
+                robot, f"{service} runs there in each trial, and it cannot be reached: {why}", code=Code.NEEDED_ROBOT
+            )
 
 
 def _without(there: Mapping[str, Sequence[Observed]], services: Collection[str]) -> dict[str, list[Observed]]:

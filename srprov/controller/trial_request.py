@@ -6,6 +6,7 @@ from pathlib import Path
 
 import msgspec
 
+from srprov.codes import Code
 from srprov.errors import UsageError
 
 BY_HAND = "run again by hand"
@@ -37,10 +38,16 @@ class TrialsRequest(msgspec.Struct, frozen=True, kw_only=True):
         """
         of_resume = {"--discard": self.discard, "--rerun": self.rerun, "--accept-changes": self.accept_changes}
         if not self.resume and (given := [name for name, value in of_resume.items() if value]):
-            raise UsageError(f"{given[0]} is about a run that was begun", hint="name its folder: --resume -o DIR")
+            raise UsageError(
+                f"{given[0]} is about a run that was begun", hint="name its folder: --resume -o DIR", code=Code.OPTIONS
+            )
         if self.discard and not self.reason.strip():
-            raise UsageError("--discard takes data away", hint="say why, for the table: --reason TEXT")
+            raise UsageError(
+                "--discard takes data away", hint="say why, for the table: --reason TEXT", code=Code.OPTIONS
+            )
         if self.discard and (self.rerun or self.only or self.accept_changes):
-            raise UsageError("--discard runs nothing", hint="leave --rerun, --only and --accept-changes out")
+            raise UsageError(
+                "--discard runs nothing", hint="leave --rerun, --only and --accept-changes out", code=Code.OPTIONS
+            )
         if self.reason and not (self.discard or self.rerun):
-            raise UsageError("--reason is why trials are discarded or run again", hint="name them")
+            raise UsageError("--reason is why trials are discarded or run again", hint="name them", code=Code.OPTIONS)

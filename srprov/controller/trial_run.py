@@ -16,6 +16,7 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from srprov import __version__
+from srprov.codes import Code
 from srprov.controller.fleet import Fleet
 from srprov.controller.phases import Phases
 from srprov.controller.run import run
@@ -61,7 +62,7 @@ def chosen(made: Design, only: Collection[str]) -> Design:
     for name in only:
         if name not in known:
             hint = f"{did_you_mean(name, known)} `srprov trials FILE` lists them".strip()
-            raise UsageError(f"there is no trial or point '{name[:60]}'", hint=hint)
+            raise UsageError(f"there is no trial or point '{name[:60]}'", hint=hint, code=Code.NO_SUCH_NAME)
     trials = tuple(one for one in made.trials if one.id in only or one.point.id in only)
     return replace(made, trials=trials)
 
@@ -98,12 +99,12 @@ def run_trials(
     robots = {one.host for one in plan.services} | {step.host for step in plan.base.plan.steps}
     sessions = fleet.connected()
     for host in sorted(robots - sessions.keys()):  # before it is compared: nothing is known of such a robot
-        raise UsageError(f"{host} cannot be reached, and trials run there", hint="see `srprov doctor`")
+        away = f"{host} cannot be reached, and trials run there"
+        raise UsageError(away, hint="see `srprov doctor`", code=Code.NEEDED_ROBOT)
     facts = _robots(plan.base.snapshot)
     same = sameness(plan, facts, plan.base.snapshot.observed)
     folder, earlier = _folder(plan, same, request)
-    whole = design(plan.given)
-    made = chosen(whole, request.only)
+    made = chosen(whole := design(plan.given), request.only)
     fleet.sessions.prepare(sorted(robots))
     mine = claim(f"run {plan.base.plan.instance}", earlier.name)
     waiting = lock_options(plan.base.plan, options)
@@ -218,7 +219,9 @@ def _refuse_changes(folder: Path, earlier: History, same: Sameness, request: Tri
         lines = "\n".join(f"  {one}" for one in changed)
         hint = "run it as it was, or begin a new run in another folder"
         hint += "" if final else "; --accept-changes goes on all the same"
-        raise RefusedError(f"this is not the experiment of {folder} any more:\n{lines}", hint=hint)
+        raise RefusedError(
+            f"this is not the experiment of {folder} any more:\n{lines}", hint=hint, code=Code.EXPERIMENT_CHANGED
+        )
 
 
 def _root() -> Path:
@@ -228,6 +231,6 @@ def _root() -> Path:
 def _resumed(request: TrialsRequest) -> tuple[Path, History]:
     """Return the folder of the run that is gone on with, and what happened in it."""
     if request.folder is None:
-        raise UsageError("--resume goes on with the run in a folder", hint="name it with -o DIR")
+        raise UsageError("--resume goes on with the run in a folder", hint="name it with -o DIR", code=Code.OPTIONS)
     check_own(request.folder)
     return request.folder, read_history(request.folder)

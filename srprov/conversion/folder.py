@@ -16,6 +16,7 @@ from collections.abc import Sequence
 from msgspec.structs import replace
 
 from srprov import __version__, regular_file
+from srprov.codes import Code
 from srprov.conversion.experiment import Draft
 from srprov.conversion.report import as_markdown
 from srprov.conversion.tree import Tree
@@ -41,12 +42,14 @@ def check_target(folder: str) -> None:
         entries = os.listdir(folder)
     except FileNotFoundError:
         if not os.path.isdir(os.path.dirname(os.path.abspath(folder))):
-            raise UsageError(f"there is no folder for {folder}", hint="make it first") from None
+            raise UsageError(f"there is no folder for {folder}", hint="make it first", code=Code.CANNOT_WRITE) from None
         return
     except OSError as error:
-        raise UsageError(f"cannot write to {folder}: {error.strerror}") from None
+        raise UsageError(f"cannot write to {folder}: {error.strerror}", code=Code.CANNOT_WRITE) from None
     if entries:
-        raise UsageError(f"{folder} holds files already", hint="name a folder that is new or empty")
+        raise UsageError(
+            f"{folder} holds files already", hint="name a folder that is new or empty", code=Code.IN_THE_WAY
+        )
 
 
 def write(draft: Draft, folder: str, files: Sequence[str]) -> None:
@@ -71,7 +74,9 @@ def write(draft: Draft, folder: str, files: Sequence[str]) -> None:
         else:
             os.rename(beside, absolute)
     except OSError as error:
-        raise UsageError(f"cannot write {error.filename or folder}: {error.strerror}") from error
+        raise UsageError(
+            f"cannot write {error.filename or folder}: {error.strerror}", code=Code.CANNOT_WRITE
+        ) from error
     finally:
         shutil.rmtree(beside, ignore_errors=True)
 
@@ -89,7 +94,7 @@ def _fill(draft: Draft, beside: str, folder: str, files: Sequence[str]) -> None:
         except OSError as error:
             which = error.filename or source
             raise UsageError(
-                f"cannot copy {which}: {error.strerror}", hint="leave it out, or make it an image's"
+                f"cannot copy {which}: {error.strerror}", hint="leave it out, or make it an image's", code=Code.NO_FILE
             ) from error
     for place, text in draft.texts.items():
         tree.write(place, text.encode("utf-8", "replace"))
@@ -163,7 +168,8 @@ def _at_home(problem: Diagnostic, draft: Draft, beside: str) -> Diagnostic:
     path = (*at, *key) if name in draft.origins else ()
     hint = f"{problem.hint}; " if problem.hint else ""
     shown = ".".join(map(str, path))
-    return Diagnostic(notes.normal.position_of(path), problem.message, shown, "", f"{hint}of what it became here")
+    place, hint = notes.normal.position_of(path), f"{hint}of what it became here"
+    return Diagnostic(place, problem.message, shown, "", hint, code=problem.code)
 
 
 def _user(volume: str, draft: Draft) -> str:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import msgspec
 
+from srprov.codes import Code
 from srprov.conversion.kept import Kept
 from srprov.conversion.table import present
 from srprov.errors import Diagnostic
@@ -29,7 +30,7 @@ class Finding(msgspec.Struct, frozen=True):
     @property
     def problem(self) -> Diagnostic:
         """Return it as a problem of a file."""
-        return Diagnostic(self.at, self.message, self.key, "", self.hint)
+        return Diagnostic(self.at, self.message, self.key, "", self.hint, code=Code.NOT_TRANSLATED)
 
 
 class Notes:

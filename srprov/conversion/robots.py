@@ -6,6 +6,7 @@ import os
 from collections.abc import Sequence
 
 from srprov import names
+from srprov.codes import Code
 from srprov.errors import DefinitionError, did_you_mean
 from srprov.yamldoc import loader
 from srprov.yamldoc.nodes import Findings, Map, Scalar, Source
@@ -21,7 +22,7 @@ def by_robot(path: str, files: Sequence[str]) -> dict[str, list[str]]:
     entries = root.entries if isinstance(root, Map) else {}
     if not isinstance(root, Map) or not entries:
         place = root if root is not None else Scalar(Source(path), 1, 1, "")
-        findings.add(place, "is no map of files to robots", hint="write compose.yaml: robot1")
+        findings.add(place, "is no map of files to robots", hint="write compose.yaml: robot1", code=Code.COMPOSE)
         raise DefinitionError(findings.problems)
     robots: dict[str, str] = {}
     for key, value in entries.items():
@@ -29,14 +30,14 @@ def by_robot(path: str, files: Sequence[str]) -> dict[str, list[str]]:
         robot = value.text if isinstance(value, Scalar) else ""
         if not file:
             hint = did_you_mean(key, files) or f"the files are {', '.join(files)[:200]}"
-            findings.add(root.keys[key], f"'{key[:80]}' is none of the files", (key,), hint)
+            findings.add(root.keys[key], f"'{key[:80]}' is none of the files", (key,), hint, code=Code.COMPOSE)
         elif wrong := names.fault("robot", robot):
-            findings.add(value, wrong, (key,))
+            findings.add(value, wrong, (key,), code=Code.COMPOSE)
         else:
             robots[file] = robot
     for file in files:
         if file not in robots and not findings.problems:
-            findings.add(root, f"no robot is named for {file[:80]}", (), "add a line for it")
+            findings.add(root, f"no robot is named for {file[:80]}", (), "add a line for it", code=Code.COMPOSE)
     if findings.problems:
         raise DefinitionError(findings.problems)
     return {robot: [one for one in files if robots[one] == robot] for robot in dict.fromkeys(robots.values())}

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 
 import msgspec
 
+from srprov.codes import Code
 from srprov.definitions import dockerfile, merging, paths
 from srprov.definitions.containermodel import BuildFile, Repository
 from srprov.definitions.values import scalars, text, texts
@@ -50,9 +51,9 @@ def written(node: Node | None, folder: str, findings: Findings) -> Written:
         assert isinstance(named, Scalar)
         context = paths.resolve(named, folder, findings, ("dockerfile", "context"))
         if context and not os.path.isdir(context):
-            findings.add(named, f"'{named.text}' is no folder", ("dockerfile", "context"))
+            findings.add(named, f"'{named.text}' is no folder", ("dockerfile", "context"), code=Code.NO_SUCH_FILE)
     if os.path.isdir(path):
-        findings.add(place, f"'{place.text}' is a folder, not a Dockerfile", ("dockerfile",))
+        findings.add(place, f"'{place.text}' is a folder, not a Dockerfile", ("dockerfile",), code=Code.NO_SUCH_FILE)
         return Written(path=path)
     shown = paths.shown_beside(place.source.file, place.text)
     try:
@@ -82,7 +83,7 @@ def _built(whole: str, given: Mapping[str, Node], findings: Findings) -> str:
         return dockerfile.until_stage(whole, text(target))
     except ValueError as error:
         assert target is not None
-        findings.add(target, str(error), ("dockerfile", "target"))
+        findings.add(target, str(error), ("dockerfile", "target"), code=Code.DOCKERFILE)
         return whole
 
 
@@ -94,13 +95,13 @@ def _args(node: Node | None, declared: frozenset[str], findings: Findings) -> di
         name, _, words = given.partition("=") if isinstance(node, Seq) else (given, "", text(value))
         path: Path = ("dockerfile", "args", name)
         if isinstance(node, Seq) and "=" not in given:
-            findings.add(value, f"'{name[:60]}' has no value", path, f"write {name[:60]}=value")
+            findings.add(value, f"'{name[:60]}' has no value", path, f"write {name[:60]}=value", code=Code.ENVIRONMENT)
         elif name in found:
-            findings.add(value, f"'{name[:60]}' is given twice", path)
+            findings.add(value, f"'{name[:60]}' is given twice", path, code=Code.TWICE)
         elif name not in declared:
             proxy = "a proxy is a setting of the robot's engine" if name.lower() in _PROXIES else ""
             hint = did_you_mean(name, declared) or proxy or f"write ARG {name[:60]} into the Dockerfile"
-            findings.add(value, f"no ARG of the Dockerfile declares '{name[:60]}'", path, hint)
+            findings.add(value, f"no ARG of the Dockerfile declares '{name[:60]}'", path, hint, code=Code.DOCKERFILE)
         found[name] = words
     return found
 
@@ -115,7 +116,10 @@ def repositories(node: Node | None, findings: Findings) -> tuple[Repository, ...
         target = text(entries.get("path"))
         if ".." in target.split("/") or target.strip("/") == "":
             findings.add(
-                entries.get("path", item), f"'{target[:80]}' is no folder to put a repository in", (*path, "path")
+                entries.get("path", item),
+                f"'{target[:80]}' is no folder to put a repository in",
+                (*path, "path"),
+                code=Code.REPOSITORY,
             )
         found.append(
             Repository(url=url, ref=text(entries.get("ref")), path=target.rstrip("/"), run=texts(entries.get("run")))
@@ -123,7 +127,12 @@ def repositories(node: Node | None, findings: Findings) -> tuple[Repository, ...
     for index, one in enumerate(found):
         if any(one.path == other.path for other in found[:index]):
             assert isinstance(node, Seq)
-            findings.add(node.items[index], f"'{one.path}' has a repository already", ("repositories", index, "path"))
+            findings.add(
+                node.items[index],
+                f"'{one.path}' has a repository already",
+                ("repositories", index, "path"),
+                code=Code.TWICE,
+            )
     return tuple(found)
 
 
@@ -134,12 +143,12 @@ def checked_address(entries: Mapping[str, Node], findings: Findings, path: Path)
         try:
             check_ref(text(ref))
         except ValueError as error:
-            findings.add(ref, str(error), (*path, "ref"))
+            findings.add(ref, str(error), (*path, "ref"), code=Code.REPOSITORY)
     try:
         return parse_address(text(given)).url
     except ValueError as error:
         if given is not None:
-            findings.add(given, str(error), (*path, "git"))
+            findings.add(given, str(error), (*path, "git"), code=Code.REPOSITORY)
         return ""
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 
 from msgspec.structs import replace
 
+from srprov.codes import Code
 from srprov.definitions import container, paths, remote
 from srprov.definitions.container import Container
 from srprov.definitions.remote import Fetch
@@ -74,5 +75,5 @@ def _beside(cdf: Scalar, findings: Findings, path: Path) -> str:
         return key
     what = "is a folder, not a CDF" if os.path.isdir(key.replace("\0", "")) else "does not exist"
     hint = f"it is looked for at {os.path.relpath(key)}" if "\0" not in key else ""
-    findings.add(cdf, f"the CDF '{cdf.text}' {what}", path, hint)
+    findings.add(cdf, f"the CDF '{cdf.text}' {what}", path, hint, code=Code.NO_SUCH_FILE)
     return ""

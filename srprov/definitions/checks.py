@@ -10,6 +10,7 @@ import ipaddress
 from collections.abc import Mapping
 
 from srprov import names
+from srprov.codes import Code
 from srprov.definitions import discovery, hostnames, relations, sharing
 from srprov.definitions.container import Container
 from srprov.definitions.containermodel import HealthCheck
@@ -64,7 +65,8 @@ def check(
 def _reserved(root: Map, known: Mapping[str, Map], findings: Findings) -> None:
     """Check names that the hosts file has for others; what the schema says of a name it has said already."""
     for name in sorted(names.RESERVED & set(known)):
-        findings.add(service_key(root, name), names.fault("service", name), ("services", name), "rename the service")
+        wrong = names.fault("service", name)
+        findings.add(service_key(root, name), wrong, ("services", name), "rename the service", code=Code.NAME)
 
 
 def _references(root: Map, known: Mapping[str, Map], findings: Findings) -> None:
@@ -95,7 +97,7 @@ def _references(root: Map, known: Mapping[str, Map], findings: Findings) -> None
 def _known(item: Scalar, known: Mapping[str, Map], findings: Findings, path: Path) -> None:
     if item.text not in known and not findings.broken(path):
         hint = did_you_mean(item.text, known) or f"known: {', '.join(sorted(known)[:12])}"
-        findings.add(item, f"there is no service '{item.text[:60]}'", path, hint)
+        findings.add(item, f"there is no service '{item.text[:60]}'", path, hint, code=Code.NO_SUCH_NAME)
 
 
 def _cycles(known: Mapping[str, Map], findings: Findings) -> None:
@@ -119,7 +121,7 @@ def _cycles(known: Mapping[str, Map], findings: Findings) -> None:
                     circle = [*circle[:_LONGEST_CIRCLE], "...", following]
                 place = _dependency(known[name], following)
                 message = f"the services wait for each other: {' -> '.join(circle)}"
-                findings.add(place, message, ("services", name, "depends_on"))
+                findings.add(place, message, ("services", name, "depends_on"), code=Code.DEPENDENCY)
             elif following not in done:
                 stack.append((following, iter(waits[following])))
                 trail[following] = None
@@ -139,7 +141,7 @@ def _networks(entry: Map, one: Service, findings: Findings) -> None:
         place = nodes.key_or_value(entry, "ports" if "ports" in entry.entries else "network")
         message = f"ports are published, but a service with 'network: {one.network}' {why}"
         hint = "" if one.network == "none" else "declare them with 'expose'"
-        findings.add(place, message, ("services", one.name, "ports"), hint)
+        findings.add(place, message, ("services", one.name, "ports"), hint, code=Code.EXCLUSIVE)
 
 
 def _conditions(
@@ -157,10 +159,11 @@ def _conditions(
         if wanted == "healthy" and not _known_healthcheck(containers[other], target.runtime.healthcheck):
             where = "in the EDF" if target.image else "in the EDF or the CDF"
             message = f"waits for '{other}' to be healthy, but it has no healthcheck"
-            findings.add(place, message, path, f"add one to '{other}' {where}, or wait for started")
+            hint = f"add one to '{other}' {where}, or wait for started"
+            findings.add(place, message, path, hint, code=Code.DEPENDENCY)
         if wanted == "completed" and target.runtime.restart in ("always", "unless-stopped"):
             message = f"waits for '{other}' to complete, but its 'restart: {target.runtime.restart}' never lets it end"
-            findings.add(place, message, path)
+            findings.add(place, message, path, code=Code.DEPENDENCY)
 
 
 def _known_healthcheck(container: Container | None, merged: HealthCheck | None) -> bool:
@@ -194,7 +197,7 @@ def _pins(root: Map, known: Mapping[str, Map], findings: Findings) -> None:
                 message = (
                     f"'{name}' is on '{text(pin)}', but same_robot puts it with '{first[0]}' on '{text(first[1])}'"
                 )
-                findings.add(pin, message, ("services", name, "robot"))
+                findings.add(pin, message, ("services", name, "robot"), code=Code.NAME)
 
 
 def _weights(root: Map, findings: Findings) -> None:
@@ -203,12 +206,14 @@ def _weights(root: Map, findings: Findings) -> None:
         return
     given = {key: value for key, value in weights.entries.items() if not key.startswith("x-")}
     if "vram" in given and "memory" in given:
-        findings.add(weights.keys["vram"], "'memory' and 'vram' are the same weight; give one", ("weights", "vram"))
+        message = "'memory' and 'vram' are the same weight; give one"
+        findings.add(weights.keys["vram"], message, ("weights", "vram"), code=Code.EXCLUSIVE)
         return
     total = sum(nodes.as_number(value) or 0.0 for value in given.values()) + 0.25 * (4 - len(given))
     if abs(total - 1) > 1e-6:
         left = "; those not given are 0.25" if len(given) < 4 else ""
-        findings.add(root.keys["weights"], f"the weights sum to {total:g}, not 1{left}", ("weights",))
+        message = f"the weights sum to {total:g}, not 1{left}"
+        findings.add(root.keys["weights"], message, ("weights",), code=Code.WRONG_VALUE)
 
 
 def _subnet(root: Map, services: int, findings: Findings) -> None:
@@ -220,19 +225,20 @@ def _subnet(root: Map, services: int, findings: Findings) -> None:
     try:
         subnet = ipaddress.IPv4Network(given.text)
     except ValueError:
-        findings.add(given, f"'{given.text[:60]}' is not an IPv4 network", path, _network_hint(given.text))
+        wrong = f"'{given.text[:60]}' is not an IPv4 network"
+        findings.add(given, wrong, path, _network_hint(given.text), code=Code.OVERLAY)
         return
     if not any(subnet.subnet_of(block) for block in _PRIVATE):
-        findings.add(
-            given, f"'{given.text}' is not a private network", path, "use one within 10/8, 172.16/12 or 192.168/16"
-        )
+        wrong, hint = f"'{given.text}' is not a private network", "use one within 10/8, 172.16/12 or 192.168/16"
+        findings.add(given, wrong, path, hint, code=Code.OVERLAY)
     elif subnet.prefixlen > _SMALLEST_PREFIX:
-        findings.add(given, f"'{given.text}' is too small", path, f"/{_SMALLEST_PREFIX} is the smallest, /24 is usual")
+        hint = f"/{_SMALLEST_PREFIX} is the smallest, /24 is usual"
+        findings.add(given, f"'{given.text}' is too small", path, hint, code=Code.OVERLAY)
     elif services + 1 > subnet.num_addresses - 2:  # each robot's bridge has an address of its own, at least one
         message = (
             f"'{given.text}' has {subnet.num_addresses - 2} addresses; {services} services and the robots need more"
         )
-        findings.add(given, message, path)
+        findings.add(given, message, path, code=Code.OVERLAY)
 
 
 def _network_hint(words: str) -> str:

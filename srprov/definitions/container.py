@@ -13,6 +13,7 @@ from types import MappingProxyType
 
 import msgspec
 
+from srprov.codes import Code
 from srprov.definitions import (
     build,
     dockerfile,
@@ -121,7 +122,7 @@ class _ExtendsReader:
             return None
         if not isinstance(root, Map):
             message = "the file is empty" if root is None else f"a CDF is a map, not {nodes.kind(root)}"
-            self.findings.extend([Diagnostic(Location(shown), message, hint="begin with cdf: 1")])
+            self.findings.extend([Diagnostic(Location(shown), message, hint="begin with cdf: 1", code=Code.WRONG_TYPE)])
             return None
         schema.check(root, "cdf", own)
         schema.check_tags(root, own, _MERGED_TAGS)
@@ -146,10 +147,11 @@ class _ExtendsReader:
         if target in (*trail, path):
             steps = [*trail, path]
             circle = [*steps[steps.index(target) :], target]
-            own.add(extends, f"extends itself: {' -> '.join(os.path.basename(step) for step in circle)}", ("extends",))
+            message = f"extends itself: {' -> '.join(os.path.basename(step) for step in circle)}"
+            own.add(extends, message, ("extends",), code=Code.DEPENDENCY)
             return None
         if len(trail) >= _LONGEST_CHAIN:
-            own.add(extends, f"more than {_LONGEST_CHAIN} CDFs extend each other", ("extends",))
+            own.add(extends, f"more than {_LONGEST_CHAIN} CDFs extend each other", ("extends",), code=Code.TOO_LARGE)
             return None
         return self.read(target, name, (*trail, path))
 
@@ -164,7 +166,8 @@ class _ExtendsReader:
             return "", ""
         target = os.path.normpath(os.path.join(os.path.dirname(path), extends.text))
         if "\0" in target or not os.path.isfile(target):
-            own.add(extends, f"there is no CDF '{extends.text}'", ("extends",), f"it is looked for at {target}")
+            message, hint = f"there is no CDF '{extends.text}'", f"it is looked for at {target}"
+            own.add(extends, message, ("extends",), hint, code=Code.NO_SUCH_FILE)
             return "", ""
         return target, paths.shown_beside(shown, extends.text)
 
@@ -193,13 +196,14 @@ def _overlay(parent: Map, child: Map) -> Map:
 def _check_origin(layer: Map, findings: Findings, unknown_parent: bool) -> None:
     given = [origin for origin in build.ORIGINS if origin in layer.entries]
     for extra in given[1:]:
-        findings.add(layer.keys[extra], f"'{given[0]}' and '{extra}' exclude each other", (extra,))
+        findings.add(layer.keys[extra], f"'{given[0]}' and '{extra}' exclude each other", (extra,), code=Code.ORIGIN)
     if not given and not unknown_parent:
-        findings.add(layer, "needs one of base, image, dockerfile")
+        findings.add(layer, "needs one of base, image, dockerfile", code=Code.ORIGIN)
     for key in build.BUILDING:
         if given and given[0] != "base" and key in layer.entries:
             message = f"'{key}' would be built into the image, but '{given[0]}' is taken as it is"
-            findings.add(layer.keys[key], message, (key,), "start from 'base', or put it into the Dockerfile")
+            hint = "start from 'base', or put it into the Dockerfile"
+            findings.add(layer.keys[key], message, (key,), hint, code=Code.ORIGIN)
 
 
 def _definition(layer: Map, path: str, folder: str, findings: Findings) -> ContainerDefinition:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from srprov.codes import Code
 from srprov.definitions.model import Service
 from srprov.definitions.values import scalars, text
 from srprov.yamldoc import nodes
@@ -32,17 +33,18 @@ def check(root: Map, services: Mapping[str, Service], findings: Findings) -> Non
                 f"'discovery: {kind}' has no servers",
                 path,
                 f"only {', '.join(_SERVERS)} have them",
+                code=Code.OVERLAY,
             )
         return
     if not named:
         hint = f"name {_SERVERS[kind]}"
         place = nodes.key_or_value(network, "discovery")
-        findings.add(place, f"'discovery: {kind}' needs 'discovery_servers'", path, hint)
+        findings.add(place, f"'discovery: {kind}' needs 'discovery_servers'", path, hint, code=Code.OVERLAY)
     for item in named:
         one = services.get(item.text)
         if one is not None and one.network == "none":
-            findings.add(item, f"nobody reaches '{item.text}', which has 'network: none'", path)
+            findings.add(item, f"nobody reaches '{item.text}', which has 'network: none'", path, code=Code.OVERLAY)
         elif kind == "ros1" and one is not None and (one.replicas != 1 or one.per_robot is not None):
-            findings.add(item, f"several instances of '{item.text}' cannot be one ROS master", path)
+            findings.add(item, f"several instances of '{item.text}' cannot be one ROS master", path, code=Code.OVERLAY)
     if kind == "ros1" and named[1:]:
-        findings.add(named[1], "there is one ROS master, not several", path)
+        findings.add(named[1], "there is one ROS master, not several", path, code=Code.OVERLAY)

@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterator
 from itertools import chain
 
+from srprov.codes import Code
 from srprov.definitions import images
 from srprov.errors import Diagnostic, Location
 
@@ -159,17 +160,19 @@ def check(text: str, shown: str) -> list[Diagnostic]:
     if (found := unclear(text)) is not None:
         message = f"Docker may read this line otherwise than srprov does: {found[1]}"
         hint = "write FROM, COPY and ADD with plain words and spaces, or as a JSON list; what is long, into a file"
-        return [Diagnostic(Location(shown, found[0]), message, "", lines[found[0] - 1].rstrip("\r"), hint)]
+        place, excerpt = Location(shown, found[0]), lines[found[0] - 1].rstrip("\r")
+        return [Diagnostic(place, message, "", excerpt, hint, code=Code.DOCKERFILE)]
     first = next(((number, word, rest) for number, word, rest in instructions(text) if word != "ARG"), None)
     if first is None:
-        return [Diagnostic(Location(shown), "holds no instruction", hint="a Dockerfile begins with FROM")]
+        hint = "a Dockerfile begins with FROM"
+        return [Diagnostic(Location(shown), "holds no instruction", hint=hint, code=Code.DOCKERFILE)]
     number, word, rest = first
     excerpt = lines[number - 1]
     place = Location(shown, number, len(excerpt) - len(excerpt.lstrip()) + 1)
     if word != "FROM":
-        return [Diagnostic(place, f"a Dockerfile begins with FROM, not {word[:40]}", "", excerpt)]
+        return [Diagnostic(place, f"a Dockerfile begins with FROM, not {word[:40]}", "", excerpt, code=Code.DOCKERFILE)]
     if not rest:
-        return [Diagnostic(place, "FROM needs an image", "", excerpt)]
+        return [Diagnostic(place, "FROM needs an image", "", excerpt, code=Code.DOCKERFILE)]
     return _wrong_bases(text, shown)
 
 
@@ -184,7 +187,7 @@ def _wrong_bases(text: str, shown: str) -> list[Diagnostic]:
         if image.lower() not in known and not _EXPANDED.search(image) and (wrong := images.fault(image)):
             at = next((line for line in range(number, ends[number]) if image in lines[line - 1]), number)
             place = Location(shown, at, lines[at - 1].find(image) + 1)
-            found.append(Diagnostic(place, wrong, "", lines[at - 1], images.hint(image)))
+            found.append(Diagnostic(place, wrong, "", lines[at - 1], images.hint(image), code=Code.IMAGE_NAME))
         known.add(name)
     return found[:_MOST_PROBLEMS]
 

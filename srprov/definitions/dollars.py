@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from srprov.codes import Code
 from srprov.errors import Diagnostic
 from srprov.yamldoc import nodes
 from srprov.yamldoc.nodes import Map, Node, Path, Scalar, Seq
@@ -36,12 +37,12 @@ def _of_service(entry: Map, path: Path) -> Iterator[Diagnostic]:
         at = one.text.find("${")
         if at >= 0:
             shown = one.text[at : at + 60].partition("}")[0] + "}"
-            yield nodes.problem(one, f"'{shown}' {_OPEN}", place, "write the value out")
+            yield nodes.problem(one, f"'{shown}' {_OPEN}", place, "write the value out", code=Code.UNRESOLVED)
     for key in ("environment", *_SHELLS):
         for place, one in _texts(entry.entries.get(key), (*path, key)):
             if "$$" in one.text:
                 hint = "write one '$'; two are right where a shell wants its own number"
-                yield nodes.problem(one, _TWICE, place, hint)
+                yield nodes.problem(one, _TWICE, place, hint, code=Code.UNRESOLVED)
 
 
 def _texts(node: Node | None, path: Path) -> Iterator[tuple[Path, Scalar]]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 
+from srprov.codes import Code
 from srprov.errors import Diagnostic, Location
 
 _NAME = re.compile(r"(?:export\s+)?(?P<name>[A-Za-z_][A-Za-z0-9_.-]*)\s*(?P<sign>[=:]?)[ \t]*")
@@ -39,7 +40,11 @@ def parse(text: str, file: str, environ: Mapping[str, str]) -> tuple[dict[str, s
         column = len(line) - len(line.lstrip()) + 1
         if match is None or (not match["sign"] and line.lstrip()[match.end() :].strip()):
             place = Location(file, start, column)
-            problems.append(Diagnostic(place, "is not NAME=value", "", line, "a name has letters, digits and '_'"))
+            problems.append(
+                Diagnostic(
+                    place, "is not NAME=value", "", line, "a name has letters, digits and '_'", code=Code.ENVIRONMENT
+                )
+            )
             continue
         if not match["sign"]:
             if match["name"] in environ:
@@ -52,7 +57,7 @@ def parse(text: str, file: str, environ: Mapping[str, str]) -> tuple[dict[str, s
             rest, end, number = _quoted(rest, lines, number)
             if end < 0:
                 place = Location(file, start, column + match.end())
-                problems.append(Diagnostic(place, "the quote is not closed", "", line))
+                problems.append(Diagnostic(place, "the quote is not closed", "", line, code=Code.ENVIRONMENT))
                 continue
             inner = rest[1:end]
             found[match["name"]] = inner if rest[0] == "'" else re.sub(r"\\(.)", _unescape, inner, flags=re.DOTALL)

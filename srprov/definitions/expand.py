@@ -14,6 +14,7 @@ from types import MappingProxyType
 
 from msgspec.structs import replace
 
+from srprov.codes import Code
 from srprov.definitions.containermodel import Runtime
 from srprov.definitions.model import Experiment, Pool, Service
 from srprov.errors import UsageError
@@ -112,10 +113,14 @@ def _check(experiment: Experiment, instances: Mapping[str, Sequence[Service]]) -
     for name, some in sorted(instances.items()):
         for one in some:
             if one.name in seen or (one.name != name and one.name in experiment.services):
-                raise UsageError(f"two services would be named '{one.name}'", hint=f"rename '{name}' in the EDF")
+                raise UsageError(
+                    f"two services would be named '{one.name}'", hint=f"rename '{name}' in the EDF", code=Code.NAME
+                )
             if len(one.name) > _LONGEST:
                 raise UsageError(
-                    f"'{one.name}' is longer than {_LONGEST} characters", hint=f"give '{name}' a shorter name"
+                    f"'{one.name}' is longer than {_LONGEST} characters",
+                    hint=f"give '{name}' a shorter name",
+                    code=Code.NAME,
                 )
             seen[one.name] = name
 

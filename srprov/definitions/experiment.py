@@ -14,6 +14,7 @@ from typing import Any
 
 from msgspec.structs import replace
 
+from srprov.codes import Code
 from srprov.definitions import (
     cdfs,
     checks,
@@ -61,7 +62,7 @@ def _load(path: str, environ: Mapping[str, str], fetch: Fetch | None) -> Definit
     root = loader.read(path)
     if not isinstance(root, Map):
         message = "the file is empty" if root is None else f"an EDF is a map, not {nodes.kind(root)}"
-        raise DefinitionError([Diagnostic(Location(path), message, hint="begin with edf: 1")])
+        raise DefinitionError([Diagnostic(Location(path), message, hint="begin with edf: 1", code=Code.WRONG_TYPE)])
     findings, unsupported = Findings(), Findings()
     folder = os.path.dirname(os.path.abspath(path))
     schema.check(root, "edf", findings)

@@ -12,6 +12,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass, field
 
 from srprov import names as names_rule
+from srprov.codes import Code
 from srprov.definitions import ranges
 from srprov.yamldoc import nodes
 from srprov.yamldoc.nodes import Findings, Map, Node, Scalar
@@ -63,15 +64,15 @@ class HostTree:
             text, port = ranges.split_port(place.text)
             names = ranges.expand(text)
         except ValueError as error:
-            self.findings.add(place, str(error))
+            self.findings.add(place, str(error), code=Code.INVENTORY)
             return
         for name in names:
             if wrong := names_rule.fault("robot", name):
                 hint = "a range is written robot[1:4]" if "[" in name else ""
-                self.findings.add(place, wrong, (), hint)
+                self.findings.add(place, wrong, (), hint, code=Code.INVENTORY)
                 return
             if name not in self.hosts and len(self.hosts) >= MOST_HOSTS:
-                self.findings.add(place, f"there are more than {MOST_HOSTS} hosts")
+                self.findings.add(place, f"there are more than {MOST_HOSTS} hosts", code=Code.TOO_LARGE)
                 return
             host = self.hosts.setdefault(name, HostEntry(name, place))
             if port is not None:
@@ -97,7 +98,11 @@ class HostTree:
             count += len(found[name])
             if count > _MOST_MEMBERSHIPS:
                 place = next(iter([*group.children.values(), *group.hosts.values()]))
-                self.findings.add(place, f"hosts are in more than {_MOST_MEMBERSHIPS} groups, all counted together")
+                self.findings.add(
+                    place,
+                    f"hosts are in more than {_MOST_MEMBERSHIPS} groups, all counted together",
+                    code=Code.TOO_LARGE,
+                )
                 break
         return {**found, "all": set(self.hosts)}
 
@@ -118,7 +123,11 @@ class HostTree:
                     done[name] = kept
                 elif child in trail:
                     circle = " -> ".join([*left[left.index(child) :], child])
-                    self.findings.add(self.groups[name].children[child], f"the group contains itself: {circle[:400]}")
+                    self.findings.add(
+                        self.groups[name].children[child],
+                        f"the group contains itself: {circle[:400]}",
+                        code=Code.INVENTORY,
+                    )
                 elif child not in done:
                     left.append(child)
         return list(reversed(done.items()))

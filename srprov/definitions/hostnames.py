@@ -9,6 +9,7 @@ import ipaddress
 from collections.abc import Mapping
 
 from srprov import names
+from srprov.codes import Code
 from srprov.definitions.model import Service
 from srprov.yamldoc import nodes
 from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar
@@ -26,7 +27,7 @@ def extra_hosts(node: Node | None, findings: Findings, path: Path) -> tuple[tupl
                 found.append((name, written if written == GATEWAY else str(ipaddress.ip_address(written.strip("[]")))))
             except ValueError:
                 message = f"'{written[:60]}' is no address of '{name[:60]}'"
-                findings.add(value, message, (*path, name), f"an IPv4 or IPv6 address, or {GATEWAY}")
+                findings.add(value, message, (*path, name), f"an IPv4 or IPv6 address, or {GATEWAY}", code=Code.OVERLAY)
     return tuple(dict.fromkeys(found))
 
 
@@ -38,19 +39,19 @@ def check(known: Mapping[str, Map], services: Mapping[str, Service], findings: F
         run = one.runtime
         place = nodes.key_or_value(known[name], "hostname")
         if run.hostname and (why := _not_as_hostname(one)):
-            findings.add(place, why, (*path, "hostname"))
+            findings.add(place, why, (*path, "hostname"), code=Code.OVERLAY)
         elif run.hostname and owners[run.hostname] != name:
             message = f"'{owners[run.hostname]}' has the hostname '{run.hostname}' too"
-            findings.add(place, message, (*path, "hostname"))
+            findings.add(place, message, (*path, "hostname"), code=Code.OVERLAY)
         elif run.hostname != name and (other := _meant(run.hostname, services)):
-            findings.add(place, f"'{run.hostname}' is the name of {other}", (*path, "hostname"))
+            findings.add(place, f"'{run.hostname}' is the name of {other}", (*path, "hostname"), code=Code.OVERLAY)
         place = nodes.key_or_value(known[name], "extra_hosts")
         for extra, address in run.extra_hosts:
             if other := _meant(extra, services) or (f"the hostname of '{owners[extra]}'" if extra in owners else ""):
-                findings.add(place, f"'{extra}' is the name of {other}", (*path, "extra_hosts"))
+                findings.add(place, f"'{extra}' is the name of {other}", (*path, "extra_hosts"), code=Code.OVERLAY)
             if address == GATEWAY and one.network == "none":
                 message = f"'{extra}' would be the robot, which a service with 'network: none' cannot reach"
-                findings.add(place, message, (*path, "extra_hosts"))
+                findings.add(place, message, (*path, "extra_hosts"), code=Code.OVERLAY)
 
 
 def _not_as_hostname(one: Service) -> str:

@@ -12,7 +12,8 @@ import re
 from collections.abc import Callable, Mapping
 from typing import TypeVar
 
-from srprov.definitions import sshargs
+from srprov.codes import Code
+from srprov.definitions import schema, sshargs
 from srprov.definitions.groups import Variables
 from srprov.definitions.model import Host
 from srprov.secret import Secret
@@ -93,7 +94,7 @@ class _VariableReader:
             if isinstance(found, Scalar) and not nodes.is_null(found):
                 return self._named(found.text)
             if found is not None and not isinstance(found, Scalar):
-                self.findings.add(found, f"'{key}' is text, not {nodes.kind(found)}", (key,))
+                self.findings.add(found, f"'{key}' is text, not {nodes.kind(found)}", (key,), code=Code.HOST_VARIABLE)
         return None
 
     def read(self, key: str, reader: Callable[[str], _T], default: _T) -> _T:
@@ -104,7 +105,7 @@ class _VariableReader:
         try:
             return reader(given)
         except ValueError as error:
-            self.findings.add(self.variables[key][1], str(error), (key,))
+            self.findings.add(self.variables[key][1], str(error), (key,), code=Code.HOST_VARIABLE)
             return default
 
     def words(self, key: str) -> tuple[str, ...]:
@@ -125,7 +126,7 @@ class _VariableReader:
             return None if given is None else Secret(given)
         except ValueError as error:
             key = next(key for key in keys if key in self.variables)
-            self.findings.add(self.variables[key][1], f"'{key}' is too short: {error}", (key,))
+            self.findings.add(self.variables[key][1], f"'{key}' is too short: {error}", (key,), code=Code.HOST_VARIABLE)
             return None
 
     def file(self, path: str) -> str:
@@ -141,7 +142,7 @@ class _VariableReader:
         what = why_unknown(node)
         if what:
             hint = "srprov renders no templates: write the value" if "template" in what else "srprov opens no vault"
-            self.findings.add(node, f"'{key}' is {what}, but srprov reads it", (key,), hint)
+            self.findings.add(node, f"'{key}' is {what}, but srprov reads it", (key,), hint, code=Code.HOST_VARIABLE)
         return bool(what)
 
 
@@ -183,3 +184,13 @@ def _connection(text: str) -> str:
     if text in _SSH | _LOCAL:
         return "ssh" if text in _SSH else "local"
     raise ValueError(f"srprov reaches robots by ssh, or itself by local; not by '{text[:40]}'")
+
+
+def check_own(variables: Variables, findings: Findings) -> None:
+    """Check the variables that begin with srprov_; a template among them is told where a host reads it."""
+    own = {name: pair for name, pair in variables.items() if name.startswith("srprov_") and not why_unknown(pair[1])}
+    if own:
+        key, _ = next(iter(own.values()))
+        values = {name: value for name, (_, value) in own.items()}
+        root = Map(key.source, key.line, key.column, values, {name: at for name, (at, _) in own.items()})
+        schema.check(root, "inventory-vars", findings)

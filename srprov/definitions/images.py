@@ -6,6 +6,7 @@ is not asked.
 
 from __future__ import annotations
 
+from srprov.codes import Code
 from srprov.image_reference import parse_reference
 from srprov.yamldoc.nodes import Findings, Node, Path, Scalar
 
@@ -15,7 +16,7 @@ _EXAMPLES = "for example ros:humble, or registry.example:5000/team/image:1.2"
 def check(node: Node | None, findings: Findings, path: Path) -> None:
     """Add an `image` or `base` that is no image reference."""
     if isinstance(node, Scalar) and (wrong := fault(node.text)):
-        findings.add(node, wrong, path, hint(node.text))
+        findings.add(node, wrong, path, hint(node.text), code=Code.IMAGE_NAME)
 
 
 def fault(text: str) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import ast
 import re
 
+from srprov.codes import Code
 from srprov.definitions import words
 from srprov.definitions.groups import HostTree, Variables
 from srprov.errors import DefinitionError, Diagnostic, Location
@@ -25,7 +26,13 @@ _LONGEST_LITERAL = 10_000
 def read(text: str, file: str, tree: HostTree) -> None:
     """Add everything that the text says; what is wrong goes to the tree's findings."""
     if len(text) > _LONGEST:
-        raise DefinitionError([Diagnostic(Location(file), f"is longer than {_LONGEST} characters", hint="write YAML")])
+        raise DefinitionError(
+            [
+                Diagnostic(
+                    Location(file), f"is longer than {_LONGEST} characters", hint="write YAML", code=Code.TOO_LARGE
+                )
+            ]
+        )
     source = Source(file, tuple(text.splitlines()))
     section, kind = "ungrouped", "hosts"
     for number, line in enumerate(source.lines, 1):
@@ -35,16 +42,22 @@ def read(text: str, file: str, tree: HostTree) -> None:
         if not bare or bare[0] in "#;":
             continue
         if len(bare) > _LONGEST_LINE:
-            tree.findings.add(place, f"the line is longer than {_LONGEST_LINE} characters")
+            tree.findings.add(place, f"the line is longer than {_LONGEST_LINE} characters", code=Code.TOO_LARGE)
             continue
         match = _SECTION.fullmatch(bare)
         if match is None and bare.startswith("[") and "]" in bare and "=" not in bare:
-            tree.findings.add(place, f"'{bare[:60]}' is not [group], [group:vars] or [group:children]")
+            tree.findings.add(
+                place, f"'{bare[:60]}' is not [group], [group:vars] or [group:children]", code=Code.INVENTORY
+            )
         elif match is not None:
             section, kind = match["name"], match["kind"] or "hosts"
             if kind not in ("hosts", "vars", "children"):
                 tree.findings.add(
-                    place, f"unknown section '{bare[:60]}'", (), "known: [group], [group:vars], [group:children]"
+                    place,
+                    f"unknown section '{bare[:60]}'",
+                    (),
+                    "known: [group], [group:vars], [group:children]",
+                    code=Code.INVENTORY,
                 )
             tree.group(section)
         elif kind == "vars":
@@ -61,7 +74,7 @@ def _host(place: Scalar, group: str, tree: HostTree) -> None:
     try:
         name, *pairs = words.split(place.text, comments=True)
     except ValueError as error:
-        tree.findings.add(place, f"cannot be split into words: {str(error).lower()}")
+        tree.findings.add(place, f"cannot be split into words: {str(error).lower()}", code=Code.INVENTORY)
         return
     variables: Variables = {}
     offset = 0
@@ -72,7 +85,7 @@ def _host(place: Scalar, group: str, tree: HostTree) -> None:
         offset = offset or -1
         at = Scalar(place.source, place.line, place.column + max(offset, 0), key)
         if not sign or not key:
-            tree.findings.add(at, "is not key=value")
+            tree.findings.add(at, "is not key=value", code=Code.INVENTORY)
             continue
         where = Scalar(place.source, place.line, at.column + len(key) + 1, value)
         variables[key] = (at, _value(where))
@@ -82,7 +95,7 @@ def _host(place: Scalar, group: str, tree: HostTree) -> None:
 def _variable(place: Scalar, group: str, tree: HostTree) -> None:
     key, sign, value = place.text.partition("=")
     if not sign or not key.strip():
-        tree.findings.add(place, "is not key=value")
+        tree.findings.add(place, "is not key=value", code=Code.INVENTORY)
         return
     offset = len(key) + 1 + len(value) - len(value.lstrip())
     where = Scalar(place.source, place.line, place.column + offset, value.strip())

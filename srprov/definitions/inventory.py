@@ -11,7 +11,8 @@ import re
 from collections.abc import Collection, Sequence
 from types import MappingProxyType
 
-from srprov.definitions import hostvars, inifile, schema, script
+from srprov.codes import Code
+from srprov.definitions import hostvars, inifile, script
 from srprov.definitions.groups import Group, HostEntry, HostTree, Variables, variables_of
 from srprov.definitions.model import Inventory
 from srprov.definitions.paths import hide_outside, inside
@@ -65,7 +66,7 @@ def _tree(paths: Sequence[str], folders: Sequence[str], unnamed: Collection[str]
 
 def _finish(tree: HostTree, source: str, *, may_run: bool) -> Inventory:
     for variables in _scopes(tree):
-        _check_own(variables, tree)
+        hostvars.check_own(variables, tree.findings)
     depths, members = tree.depths(), tree.members()
     groups_of: dict[str, set[str]] = {name: set() for name in tree.hosts}
     for group, contained in members.items():
@@ -80,7 +81,7 @@ def _finish(tree: HostTree, source: str, *, may_run: bool) -> Inventory:
         one = hosts[name]
         if not may_run and (one.ssh_options or one.identity_file or one.connection == "local"):
             message = f"'{name}' has ssh options or a key, or is this machine, in an inventory that you did not name"
-            tree.findings.add(tree.hosts[name].place, message, (), _NAME_IT)
+            tree.findings.add(tree.hosts[name].place, message, (), _NAME_IT, code=Code.UNNAMED_INVENTORY)
     if tree.findings.problems:
         raise DefinitionError(tree.findings.problems)
     by_group = {name: tuple(sorted(contained)) for name, contained in sorted(members.items())}
@@ -111,14 +112,15 @@ def read_one(path: str, tree: HostTree, *, may_run: bool) -> None:
     if script.is_program(path):
         if not may_run:
             message = "is a program, and an inventory that you did not name yourself is not run"
-            raise DefinitionError([Diagnostic(Location(path), message, hint=_NAME_IT)])
+            raise DefinitionError([Diagnostic(Location(path), message, hint=_NAME_IT, code=Code.UNNAMED_INVENTORY)])
         script.read(path, tree)
         return
     text = loader.read_text(path)
     significant = (line.strip() for line in text.splitlines())
     first = next((line for line in significant if line and line[0] not in "#;"), "")
-    by_name = path.endswith((".yml", ".yaml", ".json"))
-    if by_name or (not path.endswith((".ini", ".cfg")) and _LOOKS_LIKE_YAML.match(first)):
+    if path.endswith((".yml", ".yaml", ".json")) or (
+        not path.endswith((".ini", ".cfg")) and _LOOKS_LIKE_YAML.match(first)
+    ):
         _read_yaml(loader.parse(text, path), path, tree)
     else:
         inifile.read(text, path, tree)
@@ -128,14 +130,12 @@ def _read_yaml(root: Node | None, path: str, tree: HostTree) -> None:
     if root is None:
         return
     if not isinstance(root, Map):
-        raise DefinitionError(
-            [nodes.problem(root, f"an inventory is a map of groups, not {nodes.kind(root)}", "", "begin with all:")]
-        )
+        message = f"an inventory is a map of groups, not {nodes.kind(root)}"
+        raise DefinitionError([nodes.problem(root, message, "", "begin with all:", code=Code.INVENTORY)])
     if "plugin" in root.entries:
         hint = "give what `ansible-inventory --list` prints, or a program that prints it"
-        raise DefinitionError(
-            [nodes.problem(root.keys["plugin"], "an inventory plugin's settings are no inventory", "", hint)]
-        )
+        message = "an inventory plugin's settings are no inventory"
+        raise DefinitionError([nodes.problem(root.keys["plugin"], message, "", hint, code=Code.INVENTORY)])
     for name, group in root.entries.items():
         if not name.startswith("x-"):
             _read_group(root.keys[name], group, tree, (name,))
@@ -147,16 +147,16 @@ def _read_group(key: Scalar, node: Node, tree: HostTree, path: nodes.Path) -> No
     if nodes.is_null(node):
         return
     if not isinstance(node, Map):
-        tree.findings.add(
-            node, f"the group '{name}' is a map of hosts, vars and children, not {nodes.kind(node)}", path
-        )
+        message = f"the group '{name}' is a map of hosts, vars and children, not {nodes.kind(node)}"
+        tree.findings.add(node, message, path, code=Code.INVENTORY)
         return
     for part, value in node.entries.items():
         if part in _GROUP_KEYS:
             _read_part(name, part, value, tree, (*path, part))
         elif not part.startswith("x-"):
             hint = did_you_mean(part, _GROUP_KEYS) or "a group has hosts, vars and children"
-            tree.findings.add(node.keys[part], f"unknown key '{part[:60]}' in the group '{name}'", (*path, part), hint)
+            message = f"unknown key '{part[:60]}' in the group '{name}'"
+            tree.findings.add(node.keys[part], message, (*path, part), hint, code=Code.INVENTORY)
 
 
 def _read_part(group: str, part: str, node: Node, tree: HostTree, path: nodes.Path) -> None:
@@ -167,7 +167,7 @@ def _read_part(group: str, part: str, node: Node, tree: HostTree, path: nodes.Pa
         return
     if not isinstance(node, Map):
         hint = "write each name with a colon behind it" if part != "vars" else ""
-        tree.findings.add(node, f"'{part}' is a map, not {nodes.kind(node)}", path, hint)
+        tree.findings.add(node, f"'{part}' is a map, not {nodes.kind(node)}", path, hint, code=Code.INVENTORY)
         return
     if part == "vars":
         tree.group(group).variables.update(variables_of(node))
@@ -180,14 +180,15 @@ def _read_part(group: str, part: str, node: Node, tree: HostTree, path: nodes.Pa
         elif isinstance(value, Map) or nodes.is_null(value):
             tree.add_hosts(key, group, variables_of(value) if isinstance(value, Map) else None)
         else:
-            tree.findings.add(value, f"the host '{name}' is a map of variables, not {nodes.kind(value)}", (*path, name))
+            message = f"the host '{name}' is a map of variables, not {nodes.kind(value)}"
+            tree.findings.add(value, message, (*path, name), code=Code.INVENTORY)
 
 
 def _check_place(path: str, unnamed: str) -> None:
     """Raise for a file that an inventory which the user did not name would read elsewhere through a link."""
     if unnamed and os.path.lexists(path) and not inside(path, _folder(unnamed)):
         message = f"'{os.path.relpath(path, _folder(unnamed))}' lies elsewhere, and you did not name this inventory"
-        raise DefinitionError([Diagnostic(Location(unnamed), message, hint=_NAME_IT)])
+        raise DefinitionError([Diagnostic(Location(unnamed), message, hint=_NAME_IT, code=Code.UNNAMED_INVENTORY)])
 
 
 def _read_variables(folder: str, tree: HostTree, unnamed: str) -> None:
@@ -212,7 +213,8 @@ def _variables(folder: str, name: str, tree: HostTree, unnamed: str) -> Variable
             named = [inner for inner in files if os.path.splitext(inner)[1] in ("", ".yml", ".yaml", ".json")]
             parts += [os.path.join(parent, inner) for inner in sorted(named) if not inner.startswith(".")]
         if len(parts) > _MOST_FILES:
-            raise DefinitionError([Diagnostic(Location(path), f"it holds more than {_MOST_FILES} files")])
+            message = f"it holds more than {_MOST_FILES} files"
+            raise DefinitionError([Diagnostic(Location(path), message, code=Code.TOO_LARGE)])
         for part in parts:
             found.update(_variables_file(part, tree, unnamed))
     return found
@@ -227,24 +229,10 @@ def _variables_file(path: str, tree: HostTree, unnamed: str) -> Variables:
         tree.findings.extend(error.problems)
         return {}
     if root is not None and not isinstance(root, Map):
-        tree.findings.add(root, f"a file of variables is a map, not {nodes.kind(root)}")
+        tree.findings.add(root, f"a file of variables is a map, not {nodes.kind(root)}", code=Code.INVENTORY)
     return variables_of(root) if isinstance(root, Map) else {}
 
 
 def _scopes(tree: HostTree) -> list[Variables]:
     holders: list[Group | HostEntry] = [*tree.groups.values(), *tree.hosts.values()]
     return [scope for holder in holders for scope in (holder.variables, holder.from_files) if scope]
-
-
-def _check_own(variables: Variables, tree: HostTree) -> None:
-    """Check the variables that begin with srprov_; a template among them is told where a host reads it."""
-    own = {
-        name: pair
-        for name, pair in variables.items()
-        if name.startswith("srprov_") and not hostvars.why_unknown(pair[1])
-    }
-    if own:
-        key, _ = next(iter(own.values()))
-        values = {name: value for name, (_, value) in own.items()}
-        root = Map(key.source, key.line, key.column, values, {name: at for name, (at, _) in own.items()})
-        schema.check(root, "inventory-vars", tree.findings)

@@ -13,6 +13,7 @@ from types import MappingProxyType
 
 import msgspec
 
+from srprov.codes import Code
 from srprov.definitions import schema
 from srprov.definitions.values import scalars, text
 from srprov.errors import DefinitionError, Diagnostic, Location, did_you_mean
@@ -65,15 +66,19 @@ def load(path: str, kinds: Collection[str]) -> LabPolicy | None:
     except (FileNotFoundError, NotADirectoryError):
         return None
     except OSError as error:
-        raise DefinitionError([Diagnostic(Location(path), f"cannot be read: {error.strerror}")]) from None
+        raise DefinitionError(
+            [Diagnostic(Location(path), f"cannot be read: {error.strerror}", code=Code.UNREADABLE)]
+        ) from None
     if stat.S_IMODE(status.st_mode) & 0o022 or status.st_uid not in (0, os.getuid()):
         message = "a policy that others can write is none"
         hint = f"it must be yours or root's: chown, and chmod go-w {path}"
-        raise DefinitionError([Diagnostic(Location(path), message, hint=hint)])
+        raise DefinitionError([Diagnostic(Location(path), message, hint=hint, code=Code.WRONG_TYPE)])
     root = loader.read(path)
     findings = Findings()
     if not isinstance(root, Map):
-        raise DefinitionError([Diagnostic(Location(path), "a policy is a map", hint="begin with policy: 1")])
+        raise DefinitionError(
+            [Diagnostic(Location(path), "a policy is a map", hint="begin with policy: 1", code=Code.WRONG_TYPE)]
+        )
     schema.check(root, "policy", findings)
     schema.check_tags(root, findings, frozenset())
     made = None if findings.problems else _policy(path, root, kinds, findings)
@@ -100,7 +105,13 @@ def _kinds(allow: Map, kinds: Collection[str], findings: Findings) -> dict[str, 
         for item in scalars(some):
             if item.text not in (*kinds, "all"):
                 hint = did_you_mean(item.text, kinds) or f"known: {', '.join(kinds)}, all"
-                findings.add(item, f"there is no kind '{item.text[:60]}' of permission", ("allow", group), hint)
+                findings.add(
+                    item,
+                    f"there is no kind '{item.text[:60]}' of permission",
+                    ("allow", group),
+                    hint,
+                    code=Code.WRONG_VALUE,
+                )
         named = {item.text for item in scalars(some)}
         found[group] = frozenset(kinds) if "all" in named else frozenset(named)
     return found
@@ -113,7 +124,7 @@ def _limit(root: Map, name: str, findings: Findings) -> Limit:
     ends = {key: _number(name, node, findings) for key, node in given.entries.items()} if isinstance(given, Map) else {}
     default, most = ends.get("default", 0.0), ends.get("max", 0.0)
     if most and default > most:
-        findings.add(given, "the default is more than the maximum", ("limits", name))
+        findings.add(given, "the default is more than the maximum", ("limits", name), code=Code.WRONG_VALUE)
     return Limit(default=default, most=most, line=limits.keys[name].line)
 
 
@@ -122,8 +133,8 @@ def _number(name: str, node: Node, findings: Findings) -> float:
     try:
         number = size_in_bytes(node.text) if name == "memory" else nodes.as_number(node) or 0.0
     except ValueError as error:
-        findings.add(node, str(error), ("limits", name))
+        findings.add(node, str(error), ("limits", name), code=Code.WRONG_VALUE)
         return 0.0
     if number < _LEAST[name]:
-        findings.add(node, f"'{node.text[:40]}' is less than an engine takes", ("limits", name))
+        findings.add(node, f"'{node.text[:40]}' is less than an engine takes", ("limits", name), code=Code.WRONG_VALUE)
     return number

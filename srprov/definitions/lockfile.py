@@ -15,6 +15,7 @@ from types import MappingProxyType
 import msgspec
 from msgspec.structs import replace
 
+from srprov.codes import Code
 from srprov.definitions import paths, schema
 from srprov.definitions.values import text, texts
 from srprov.errors import DefinitionError, Diagnostic, Location
@@ -75,7 +76,9 @@ def load(path: str) -> Lock | None:
         return None
     if os.path.islink(path):
         hint = "put the lock itself there, or remove the link and write it: srprov lock EDF -i INVENTORY"
-        raise DefinitionError([Diagnostic(Location(path), "a lock is no link to another file", hint=hint)])
+        raise DefinitionError(
+            [Diagnostic(Location(path), "a lock is no link to another file", hint=hint, code=Code.LOCK_FILE)]
+        )
     try:
         return _load(path)
     except DefinitionError as error:
@@ -86,12 +89,12 @@ def _load(path: str) -> Lock:
     root, findings = loader.read(path), Findings()
     if not isinstance(root, Map):
         hint = "remove it, and write it anew: srprov lock EDF -i INVENTORY"
-        raise DefinitionError([Diagnostic(Location(path), "a lock is a map", hint=hint)])
+        raise DefinitionError([Diagnostic(Location(path), "a lock is a map", hint=hint, code=Code.LOCK_FILE)])
     files = root.entries.get("files")
     schema.check(_without_files(root, files), "lock", findings)
     for name, sha in files.entries.items() if isinstance(files, Map) else ():
         if not _SHA256.fullmatch(text(sha)):
-            findings.add(sha, "is no sha256 in hex", ("files", name))
+            findings.add(sha, "is no sha256 in hex", ("files", name), code=Code.LOCK_FILE)
     if findings.problems:
         raise DefinitionError(findings.problems)
     images = [one.entries for one in _maps(root.entries["images"])]

@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 
+from srprov.codes import Code
 from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq
 
 FROM_CONTROLLER = "!controller"
@@ -80,10 +81,14 @@ def _as_map(node: Node, environ: Mapping[str, str], findings: Findings, path: Pa
         assert isinstance(item, Scalar)
         name, given, value = item.text.partition("=")
         if name in entries:
-            findings.add(item, f"'{name}' is given twice; already on line {entries[name].line}", (*path, index))
+            findings.add(
+                item, f"'{name}' is given twice; already on line {entries[name].line}", (*path, index), code=Code.TWICE
+            )
         if not given and name not in environ:
             hint = f"write {name}=value, or set {name} where srprov runs"
-            findings.add(item, f"the controller's environment has no '{name}'", (*path, index), hint)
+            findings.add(
+                item, f"the controller's environment has no '{name}'", (*path, index), hint, code=Code.ENVIRONMENT
+            )
         words = value if given else environ.get(name, "")
         tag = "" if given else FROM_CONTROLLER
         entries[name] = Scalar(item.source, item.line, item.column, words, plain=False, tag=tag)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 
 from srprov import names, regular_file
+from srprov.codes import Code
 from srprov.errors import DefinitionError, UsageError
 from srprov.yamldoc import loader
 from srprov.yamldoc.nodes import Map, Scalar
@@ -28,13 +29,19 @@ def experiment_name(path: str) -> str:
     try:
         text = regular_file.read_text(path, loader.MAX_BYTES, "replace")
     except OSError as error:
-        raise UsageError(f"cannot read {path}: {error.strerror}", hint="name an EDF, or --instance ID") from error
+        raise UsageError(
+            f"cannot read {path}: {error.strerror}", hint="name an EDF, or --instance ID", code=Code.NO_FILE
+        ) from error
     name = _as_yaml(text, path)
     if names.valid("instance", name):
         return name
     found = _LINE.search(text)
     if found is None:
-        raise UsageError(f"{path} has no line `name: …` with a valid name", hint="name the instance with --instance ID")
+        raise UsageError(
+            f"{path} has no line `name: …` with a valid name",
+            hint="name the instance with --instance ID",
+            code=Code.WHICH,
+        )
     return next(group for group in found.groups() if group)
 
 

@@ -15,6 +15,7 @@ from collections.abc import Callable, Collection, Iterator
 
 from msgspec.structs import replace
 
+from srprov.codes import Code
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.yamldoc.nodes import Findings, Path, Scalar
 
@@ -48,7 +49,7 @@ def hide_outside(problems: Collection[Diagnostic], *folders: str) -> list[Diagno
         else:
             message = f"is not valid; what is wrong is not shown of a file outside of {_name(folders[0])}"
             hint = f"see `srprov validate {os.path.realpath(file)}`, or copy it into the folder"
-            shown.append(Diagnostic(Location(one.location.file), message, hint=hint))
+            shown.append(Diagnostic(Location(one.location.file), message, hint=hint, code=Code.OUTSIDE))
     return list(dict.fromkeys(shown))
 
 
@@ -80,7 +81,7 @@ def resolve(node: Scalar, experiment_folder: str, findings: Findings, path: Path
     """
     text = node.text
     if "\0" in text or os.path.isabs(text) or text.startswith("~"):
-        findings.add(node, f"'{text[:80]}' must be a relative path in the experiment's folder", path)
+        findings.add(node, f"'{text[:80]}' must be a relative path in the experiment's folder", path, code=Code.OUTSIDE)
         return ""
     folder = node.source.folder
     root = root_for(folder, experiment_folder)
@@ -92,13 +93,27 @@ def resolve(node: Scalar, experiment_folder: str, findings: Findings, path: Path
     except (OSError, ValueError):
         real, escapes, exists = "", False, False
     if escapes:
-        findings.add(node, f"'{text}' leaves the folder {_name(root)}", path, "copy it into the experiment's folder")
+        findings.add(
+            node,
+            f"'{text}' leaves the folder {_name(root)}",
+            path,
+            "copy it into the experiment's folder",
+            code=Code.OUTSIDE,
+        )
     elif not exists:
-        findings.add(node, f"'{text}' does not exist", path, f"it is looked for in {_name(folder)}")
+        findings.add(
+            node, f"'{text}' does not exist", path, f"it is looked for in {_name(folder)}", code=Code.NO_SUCH_FILE
+        )
     elif tree and (fault := _fault_below(real, root)):
-        findings.add(node, f"'{text}' {fault}", path, _SHIPPED_HINT)
+        findings.add(node, f"'{text}' {fault}", path, _SHIPPED_HINT, code=Code.NO_SUCH_FILE)
     elif not _utf8(real):
-        findings.add(node, f"'{text}' leads to a name that is not UTF-8", path, "engines take no such name; rename it")
+        findings.add(
+            node,
+            f"'{text}' leads to a name that is not UTF-8",
+            path,
+            "engines take no such name; rename it",
+            code=Code.NO_SUCH_FILE,
+        )
     else:
         return real
     return ""

@@ -15,6 +15,7 @@ import re
 from collections.abc import Callable, Collection, Sequence
 
 from srprov import regular_file
+from srprov.codes import Code
 from srprov.definitions import ranges
 from srprov.definitions.model import Inventory
 from srprov.errors import UsageError, did_you_mean
@@ -28,7 +29,11 @@ Failed = Callable[[], Collection[str]]
 
 def _no_run() -> Collection[str]:
     """Refuse: only who knows an experiment knows its last run."""
-    raise UsageError(f"'{FAILED}' means the last run of an experiment, and there is none here", hint="name the robots")
+    raise UsageError(
+        f"'{FAILED}' means the last run of an experiment, and there is none here",
+        hint="name the robots",
+        code=Code.NO_RUN,
+    )
 
 
 def select(inventory: Inventory, pattern: str | Sequence[str], failed: Failed = _no_run) -> tuple[str, ...]:
@@ -55,7 +60,7 @@ def select(inventory: Inventory, pattern: str | Sequence[str], failed: Failed = 
         if term.startswith("!"):
             picked -= _match(inventory, term[1:], failed)
     if not picked:
-        raise UsageError(f"the pattern '{text}' matches no host", hint=_known(inventory))
+        raise UsageError(f"the pattern '{text}' matches no host", hint=_known(inventory), code=Code.NO_MATCH)
     return tuple(sorted(picked))
 
 
@@ -88,7 +93,7 @@ def _match(inventory: Inventory, term: str, failed: Failed = _no_run) -> set[str
     if not found:
         suggestion = did_you_mean(term, [*inventory.hosts, *inventory.groups])
         hint = f"{suggestion} {_known(inventory)}".lstrip()
-        raise UsageError(f"'{term[:100]}' matches no host and no group", hint=hint)
+        raise UsageError(f"'{term[:100]}' matches no host and no group", hint=hint, code=Code.NO_MATCH)
     return set(found)
 
 
@@ -96,7 +101,7 @@ def _failed(inventory: Inventory, robots: Collection[str]) -> set[str]:
     here = set(robots) & set(inventory.hosts)
     if not here:
         message = f"'{FAILED}' means {', '.join(sorted(robots))}: not in this inventory"
-        raise UsageError(message, hint=_known(inventory))
+        raise UsageError(message, hint=_known(inventory), code=Code.NO_MATCH)
     return here
 
 
@@ -106,15 +111,15 @@ def _of_file(inventory: Inventory, name: str) -> set[str]:
         lines = [line.strip() for line in regular_file.read_text(name).split("\n")]
     except OSError as error:
         hint = f"'@FILE' is a file with one robot per line; '{FAILED}' are those that failed in the last run"
-        raise UsageError(f"'@{name}': {error.strerror}", hint=hint) from None
+        raise UsageError(f"'@{name}': {error.strerror}", hint=hint, code=Code.NO_FILE) from None
     found: set[str] = set()
     for line in lines:
         if line and line[0] not in "#@":
             found |= _match(inventory, line)
         elif line.startswith("@"):
-            raise UsageError(f"'@{name}': a list of robots cannot name another: '{line[:100]}'")
+            raise UsageError(f"'@{name}': a list of robots cannot name another: '{line[:100]}'", code=Code.OPTION_VALUE)
     if not found:
-        raise UsageError(f"'@{name}' names no robot", hint=_known(inventory))
+        raise UsageError(f"'@{name}' names no robot", hint=_known(inventory), code=Code.NO_MATCH)
     return found
 
 
@@ -123,7 +128,7 @@ def _find(inventory: Inventory, term: str) -> list[str]:
         try:
             regex = re.compile(term[1:])
         except re.error as error:
-            raise UsageError(f"'{term[1:]}' is not a regular expression: {error}") from None
+            raise UsageError(f"'{term[1:]}' is not a regular expression: {error}", code=Code.OPTION_VALUE) from None
         return _named(inventory, lambda name: regex.match(name) is not None)
     direct = _wildcard(inventory, term)
     if direct:
@@ -135,7 +140,7 @@ def _find(inventory: Inventory, term: str) -> list[str]:
     try:
         wanted = set(ranges.expand(term))
     except ValueError as error:
-        raise UsageError(str(error)) from None
+        raise UsageError(str(error), code=Code.OPTION_VALUE) from None
     return [name for name in inventory.hosts if name in wanted]
 
 

@@ -5,6 +5,7 @@ Takes an Experiment and an Inventory; gives problems. Pure.
 
 from __future__ import annotations
 
+from srprov.codes import Code
 from srprov.definitions.model import Experiment, Inventory
 from srprov.errors import Diagnostic, did_you_mean
 
@@ -19,6 +20,7 @@ def unknown_pins(experiment: Experiment, inventory: Inventory) -> tuple[Diagnost
             message=f"'{service.name}' is pinned to '{service.robot}', which is not in the inventory",
             path=f"services.{service.name}.robot",
             hint=_hint(service.robot, inventory),
+            code=Code.NO_MATCH,
         )
         for service in experiment.services.values()
         if service.robot and service.robot not in inventory.hosts

@@ -14,6 +14,7 @@ from collections.abc import Collection, Iterator
 
 from msgspec.structs import replace
 
+from srprov.codes import Code
 from srprov.data import schema as shipped_schema
 from srprov.definitions import paths, schema, template
 from srprov.definitions.playbookmodel import ADDED, AFTER, BEFORE, REPLACES, Playbook, PlaybookCommand
@@ -27,7 +28,6 @@ VARIABLES = (
     "services", "source", "trees", "volumes",
 )  # fmt: skip
 """What a playbook is rendered with; docs/playbooks.md says what each holds."""
-
 
 MAX_LENGTH = 50_000
 """Ours have a few hundred characters; checking takes time with the square of it."""
@@ -46,7 +46,7 @@ def from_experiment(root: Map, folder: str, findings: Findings) -> tuple[Playboo
             file = paths.resolve(item, folder, findings, path)
             if file and (file in found or not os.path.isfile(file)):
                 what = "stands here twice" if file in found else "is a folder, not a playbook"
-                findings.add(item, f"'{item.text}' {what}", path)
+                findings.add(item, f"'{item.text}' {what}", path, code=Code.NO_SUCH_FILE)
             elif file:
                 shown = paths.shown_beside(item.source.file, item.text)
                 try:
@@ -83,11 +83,10 @@ def read(file: str, shown: str, name: str, place: str) -> Playbook:
     """
     text = loader.read_text(file, shown, 20 * MAX_LENGTH).replace("\r\n", "\n").replace("\r", "\n")
     source = Source(shown, tuple(text.split("\n")))
-    findings = Findings()
     if len(text) > MAX_LENGTH:
-        raise DefinitionError(
-            [Diagnostic(Location(shown), f"is longer than {MAX_LENGTH} characters", hint="cut it up")]
-        )
+        wrong = f"is longer than {MAX_LENGTH} characters"
+        raise DefinitionError([Diagnostic(Location(shown), wrong, hint="cut it up", code=Code.TOO_LARGE)])
+    findings = Findings()
     if not _check_template(text, source, findings):
         raise DefinitionError(findings.problems)
     keys: set[tuple[int, int]] = set()
@@ -114,12 +113,13 @@ def _check_template(text: str, source: Source, findings: Findings) -> bool:
 
     for number, line in enumerate(source.lines, 1):
         if (column := min((line.find(one) for one in (HOLE, MARK) if one in line), default=-1)) >= 0:
-            findings.add(Scalar(source, number, column + 1, ""), "holds a character that srprov keeps for itself")
+            place = Scalar(source, number, column + 1, "")
+            findings.add(place, "holds a character that srprov keeps for itself", code=Code.TEMPLATE)
     for part in template.pieces(text):
         if part.kind == "block" and part.word not in template.BLOCKS:
             place = _scalar(text, part.start, source)
             hint = f"known: {', '.join(template.BLOCKS)}"
-            findings.add(place, f"a playbook knows no block '{part.word[:40]}'", (), hint)
+            findings.add(place, f"a playbook knows no block '{part.word[:40]}'", (), hint, code=Code.TEMPLATE)
     if findings.problems:
         return False
     env = ImmutableSandboxedEnvironment()
@@ -127,26 +127,23 @@ def _check_template(text: str, source: Source, findings: Findings) -> bool:
         # parsed, never compiled: the compiler computes constants, and `9**9**9` would keep it busy for ever
         tree = env.parse(text)
     except TemplateSyntaxError as error:
-        findings.add(Scalar(source, error.lineno, 1, ""), f"is no Jinja2 template: {error.message}")
+        findings.add(Scalar(source, error.lineno, 1, ""), f"is no Jinja2 template: {error.message}", code=Code.TEMPLATE)
         return False
     except (RecursionError, ValueError) as error:  # ValueError: a number of thousands of digits
         why = "its expressions are nested too deeply" if isinstance(error, RecursionError) else "a number is too long"
-        findings.add(Scalar(source, 1, 1, ""), f"is no Jinja2 template: {why}")
+        findings.add(Scalar(source, 1, 1, ""), f"is no Jinja2 template: {why}", code=Code.TEMPLATE)
         return False
     names = list(tree.find_all(syntax.Name))
     known = {*VARIABLES, *env.globals, *(one.name for one in names if one.ctx == "store"), "loop"}
     used: list[tuple[str, int, str, Collection[str]]] = []
     used += [("variable", one.lineno, one.name, VARIABLES) for one in names if one.name not in known]
-    used += [
-        ("filter", f.lineno, f.name, env.filters) for f in tree.find_all(syntax.Filter) if f.name not in env.filters
-    ]
-    used += [("test", t.lineno, t.name, env.tests) for t in tree.find_all(syntax.Test) if t.name not in env.tests]
-    for what, row, name, choices in used:
+    used += [("filter", one.lineno, one.name, env.filters) for one in tree.find_all(syntax.Filter)]
+    used += [("test", one.lineno, one.name, env.tests) for one in tree.find_all(syntax.Test)]
+    for what, row, name, choices in (one for one in used if one[2] not in one[3]):
         match = re.search(rf"\b{re.escape(name)}\b", source.excerpt(row))
-        hint = did_you_mean(name, choices)
-        hint = hint or (f"known: {', '.join(VARIABLES)}" if what == "variable" else "")
-        place = Scalar(source, row, match.start() + 1 if match else 1, "")
-        findings.add(place, f"there is no {what} '{name[:60]}'", (), hint)
+        hint = did_you_mean(name, choices) or (f"known: {', '.join(VARIABLES)}" if what == "variable" else "")
+        place, wrong = Scalar(source, row, match.start() + 1 if match else 1, ""), f"there is no {what} '{name[:60]}'"
+        findings.add(place, wrong, (), hint, code=Code.TEMPLATE)
     return True
 
 
@@ -176,7 +173,7 @@ def _items(skeleton: str, source: Source, holes: Collection[tuple[int, int]], fi
         return
     root = _with_source(root, source)
     if not isinstance(root, Seq):
-        findings.add(root, f"a playbook is a list of resources, not {nodes.kind(root)}")
+        findings.add(root, f"a playbook is a list of resources, not {nodes.kind(root)}", code=Code.PLAYBOOK)
         return
     for index, item in enumerate(root.items):
         _check_holes(item, (index,), findings)
@@ -186,7 +183,8 @@ def _items(skeleton: str, source: Source, holes: Collection[tuple[int, int]], fi
         if isinstance(item, Map):
             yield item
         elif (item.line, item.column) in holes:
-            findings.add(item, "an item is a map whose first key names its module, and is not substituted", (index,))
+            wrong = "an item is a map whose first key names its module, and is not substituted"
+            findings.add(item, wrong, (index,), code=Code.PLAYBOOK)
 
 
 def _with_source(node: Node, source: Source) -> Node:
@@ -204,14 +202,14 @@ def _check_holes(node: Node, path: Path, findings: Findings) -> None:
     """Add every substitution that is only a part of a value, or of a key: its type would be lost."""
     hint = 'write the parts as one expression, e.g. {{ "ros-" ~ host }}'
     if isinstance(node, Scalar) and HOLE in node.text and (node.text != HOLE or not node.plain):
-        findings.add(node, "a substitution must be a whole YAML value", path, hint)
+        findings.add(node, "a substitution must be a whole YAML value", path, hint, code=Code.TEMPLATE)
     for index, item in enumerate(node.items if isinstance(node, Seq) else ()):
         _check_holes(item, (*path, index), findings)
     if not isinstance(node, Map):
         return
     for key, value in node.entries.items():
         if HOLE in key:
-            findings.add(node.keys.get(key, node), "a key cannot be substituted", path)
+            findings.add(node.keys.get(key, node), "a key cannot be substituted", path, code=Code.TEMPLATE)
         _check_holes(value, (*path, key.replace(HOLE, "")), findings)
 
 
@@ -223,14 +221,15 @@ def modules() -> tuple[str, ...]:
 def check_item(item: Node, findings: Findings, path: Path = ()) -> None:
     """Add every way in which one item of a playbook is not a resource of its module."""
     if not isinstance(item, Map) or not item.entries:
-        findings.add(item, f"an item is a map whose first key names its module, not {nodes.kind(item)}", path)
+        message = f"an item is a map whose first key names its module, not {nodes.kind(item)}"
+        findings.add(item, message, path, code=Code.PLAYBOOK)
         return
     kind = next(iter(item.entries))
     if kind not in modules():
         later = next((key for key in item.entries if key in modules()), "")
-        known = f"known: {', '.join(modules())}"
-        hint = f"put '{later}' first" if later else did_you_mean(kind, modules()) or known
-        findings.add(item.keys.get(kind, item), f"there is no module '{kind[:60]}'", (*path, kind), hint)
+        hint = f"put '{later}' first" if later else did_you_mean(kind, modules()) or f"known: {', '.join(modules())}"
+        wrong, place = f"there is no module '{kind[:60]}'", item.keys.get(kind, item)
+        findings.add(place, wrong, (*path, kind), hint, code=Code.PLAYBOOK)
         return
     schema.check_tags(item, findings, frozenset(), path)
     schema.check(item, f"playbook/{kind}", findings, path)

@@ -10,6 +10,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 
 from msgspec.structs import replace
 
+from srprov.codes import Code
 from srprov.definitions import values
 from srprov.definitions.model import Definitions, Experiment, Service
 from srprov.definitions.trialsmodel import TrialDefinitions
@@ -31,7 +32,7 @@ def chosen(definitions: Definitions, wanted: Collection[str]) -> Definitions:
     known = {name for one in experiment.services.values() for name in one.profiles}
     for name in sorted(set(wanted) - known - {EVERY}):
         hint = did_you_mean(name, known) or (f"known: {', '.join(sorted(known)[:12])}" if known else "there are none")
-        raise UsageError(f"no service has the profile '{name[:60]}'", hint=hint)
+        raise UsageError(f"no service has the profile '{name[:60]}'", hint=hint, code=Code.NO_SUCH_NAME)
     off = {} if EVERY in wanted else {one.name: one for one in experiment.services.values() if _is_off(one, wanted)}
     if not off:
         return definitions
@@ -66,7 +67,7 @@ def _needed(experiment: Experiment, off: _Off) -> Iterator[Diagnostic]:
             if isinstance(place, nodes.Seq):
                 place = next((item for item in place.items if values.text(item) == name), place)
             if place:
-                yield nodes.problem(place, message, path, hint)
+                yield nodes.problem(place, message, path, hint, code=Code.DEPENDENCY)
 
 
 def _waits(experiment: Experiment, off: _Off) -> Iterator[tuple[nodes.Path, str]]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 
+from srprov.codes import Code
 from srprov.definitions.model import Pool
 from srprov.definitions.values import scalars, text
 from srprov.yamldoc import nodes
@@ -55,6 +56,7 @@ def check(
                 f"there are two pools '{name}'",
                 ("pools", index, "name") if given else ("pools", index),
                 hint,
+                code=Code.TWICE,
             )
         seen.add(name)
 
@@ -89,7 +91,7 @@ def _check_contradictions(root: Map, same_robot: Sequence[Sequence[str]], what: 
             if len({item.text for item in both}) > 1:
                 names = " and ".join(f"'{item.text}'" for item in both[:2])
                 message = f"{names} must run on different robots, but {what} them on one"
-                findings.add(both[1], message, ("relations", "different_robot", index))
+                findings.add(both[1], message, ("relations", "different_robot", index), code=Code.RELATION)
 
 
 def _check_per_robot(
@@ -104,13 +106,18 @@ def _check_per_robot(
     for together in same_robot:
         for name in sorted(everywhere & set(together)):
             message = f"'{name}' runs on each robot ('per_robot'), so same_robot cannot name it"
-            findings.add(known[name].keys["per_robot"], message, ("services", name, "per_robot"))
+            findings.add(known[name].keys["per_robot"], message, ("services", name, "per_robot"), code=Code.RELATION)
 
 
 def _refuse_per_robot(node: Node | None, everywhere: set[str], where: str, path: Path, findings: Findings) -> None:
     for item in scalars(node):
         if item.text in everywhere:
-            findings.add(item, f"'{item.text}' runs on each robot ('per_robot'), so {where} cannot name it", path)
+            findings.add(
+                item,
+                f"'{item.text}' runs on each robot ('per_robot'), so {where} cannot name it",
+                path,
+                code=Code.RELATION,
+            )
 
 
 def _check_instances(known: Mapping[str, Map], findings: Findings) -> None:
@@ -119,7 +126,12 @@ def _check_instances(known: Mapping[str, Map], findings: Findings) -> None:
         path: Path = ("services", name)
         for other in ("robot", "replicas"):
             if "per_robot" in entry.entries and other in entry.entries:
-                findings.add(entry.keys[other], f"'{other}' and 'per_robot' exclude each other", (*path, other))
+                findings.add(
+                    entry.keys[other],
+                    f"'{other}' and 'per_robot' exclude each other",
+                    (*path, other),
+                    code=Code.RELATION,
+                )
         count = entry.entries.get("replicas")
         number = nodes.as_int(count) if isinstance(count, Scalar) else None
         per_robot = isinstance(entry.entries.get("per_robot"), Map)
@@ -131,4 +143,4 @@ def _check_instances(known: Mapping[str, Map], findings: Findings) -> None:
             if taken or per_robot:
                 message = f"'{other}' is also the name of an instance of '{name}'"
                 if taken:
-                    findings.add(known[other], message, ("services", other), f"rename '{other}'")
+                    findings.add(known[other], message, ("services", other), f"rename '{other}'", code=Code.NAME)

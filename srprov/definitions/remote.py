@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 
+from srprov.codes import Code
 from srprov.definitions import build, paths
 from srprov.definitions.values import text
 from srprov.yamldoc.nodes import Findings, Map, Path
@@ -24,20 +25,30 @@ def located(node: Map, fetch: Fetch | None, findings: Findings, unsupported: Fin
     url = build.checked_address(node.entries, findings, at)
     relative = text(node.entries.get("path"))
     if os.path.isabs(relative) or ".." in relative.split("/") or "\0" in relative:
-        findings.add(node.entries.get("path", node), f"'{relative[:80]}' is no path in a repository", (*at, "path"))
+        findings.add(
+            node.entries.get("path", node),
+            f"'{relative[:80]}' is no path in a repository",
+            (*at, "path"),
+            code=Code.REPOSITORY,
+        )
         return "", ""
     if not url or findings.broken(at):
         return "", ""
     if fetch is None:
-        unsupported.add(node, f"the CDF of {url} {NOT_FETCHED}", at)
+        unsupported.add(node, f"the CDF of {url} {NOT_FETCHED}", at, code=Code.REPOSITORY)
         return "", ""
     try:
         folder = fetch(url, text(node.entries.get("ref")))
     except ValueError as error:
-        findings.add(node, str(error), at)
+        findings.add(node, str(error), at, code=Code.REPOSITORY)
         return "", ""
     path = os.path.join(folder, os.path.normpath(relative))
     if not os.path.isfile(path) or not paths.inside(path, folder):
-        findings.add(node.entries.get("path", node), f"there is no CDF '{relative[:80]}' in {url}", (*at, "path"))
+        findings.add(
+            node.entries.get("path", node),
+            f"there is no CDF '{relative[:80]}' in {url}",
+            (*at, "path"),
+            code=Code.NO_SUCH_FILE,
+        )
         return "", ""
     return folder, path

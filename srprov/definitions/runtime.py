@@ -11,6 +11,7 @@ from typing import Protocol, TypeVar
 
 from msgspec.structs import replace
 
+from srprov.codes import Code
 from srprov.definitions import merging, mounts, values
 from srprov.definitions.containermodel import HealthCheck, Logging, Port, Runtime, ports_meet
 from srprov.definitions.hostnames import extra_hosts
@@ -134,7 +135,12 @@ def healthcheck(node: Node | None, findings: Findings, path: Path) -> HealthChec
         words = ("CMD-SHELL", text(test)) if isinstance(test, Scalar) else texts(test)
         wrong = words[0] not in ("CMD", "CMD-SHELL", "NONE") or (words[0] == "CMD-SHELL" and len(words) != 2)
         if wrong or (words[0] == "NONE") != (len(words) == 1):
-            findings.add(test, "a healthcheck's list is [CMD, word…], [CMD-SHELL, text] or [NONE]", (*path, "test"))
+            findings.add(
+                test,
+                "a healthcheck's list is [CMD, word…], [CMD-SHELL, text] or [NONE]",
+                (*path, "test"),
+                code=Code.WRONG_VALUE,
+            )
             return None
     retries = nodes.as_int(node.entries["retries"]) if "retries" in node.entries else None
 
@@ -159,7 +165,11 @@ def _labels(node: Node | None, findings: Findings, path: Path) -> Mapping[str, s
         assert isinstance(node, Map)
         if name == LABELS_OF_OURS or name.startswith(f"{LABELS_OF_OURS}."):
             findings.add(
-                node.keys[name], f"the label '{name[:60]}' is srprov's own", (*path, name), "take another name"
+                node.keys[name],
+                f"the label '{name[:60]}' is srprov's own",
+                (*path, name),
+                "take another name",
+                code=Code.NAME,
             )
     return found
 
@@ -185,12 +195,12 @@ def _ports(node: Node | None, findings: Findings, path: Path) -> tuple[Port, ...
             first = next((place for other, place in others if ports_meet(port, other)), None)
             if first is not None:
                 message = f"port {port[1]}/{port[3]} is published twice; already on line {first.line}"
-                findings.add(item, message, path)
+                findings.add(item, message, path, code=Code.WRONG_VALUE)
                 break
             others.append((port, item))
             every.append(port)
             if len(every) > values.MOST_PORTS:
-                findings.add(item, f"more than {values.MOST_PORTS} ports are published", path)
+                findings.add(item, f"more than {values.MOST_PORTS} ports are published", path, code=Code.TOO_LARGE)
                 return none
     return tuple(every)
 
@@ -207,6 +217,8 @@ def _ulimits(node: Node | None, findings: Findings, path: Path) -> tuple[tuple[s
         both_ends = [value.entries.get("soft"), value.entries.get("hard")] if isinstance(value, Map) else [value, value]
         soft, hard = (nodes.as_int(end) or 0 if end is not None else 0 for end in both_ends)
         if hard != -1 and (soft > hard or soft == -1):
-            findings.add(value, f"the soft limit {soft} is above the hard limit {hard}", (*path, name))
+            findings.add(
+                value, f"the soft limit {soft} is above the hard limit {hard}", (*path, name), code=Code.WRONG_VALUE
+            )
         limits.append((name, soft, hard))
     return tuple(limits)

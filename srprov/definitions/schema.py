@@ -13,6 +13,7 @@ from collections.abc import Collection, Iterator, Mapping
 from functools import cache
 from typing import Any
 
+from srprov.codes import Code
 from srprov.definitions import schema_cache
 from srprov.errors import DefinitionError
 from srprov.yamldoc import nodes
@@ -64,7 +65,7 @@ def _check_size(root: Node, findings: Findings) -> None:
         what = f"holds {len(inside)} entries; {MOST_ENTRIES} are the most" if len(inside) > MOST_ENTRIES else ""
         if what or count > MOST_VALUES:
             told = what or f"the document holds more than {MOST_VALUES} values"
-            raise DefinitionError([*findings.problems, nodes.problem(node, told)])
+            raise DefinitionError([*findings.problems, nodes.problem(node, told, code=Code.TOO_LARGE)])
         left.extend(inside)
 
 
@@ -83,7 +84,7 @@ def check_tags(node: Node, findings: Findings, allowed: frozenset[str], path: Pa
     fits = node.tag == "!replace" and key in allowed and path[-1:] == (key,) and not isinstance(node, Scalar)
     if node.tag and not fits:
         hint = "'!replace' stands before a map or list that would otherwise be merged" if node.tag == "!replace" else ""
-        findings.add(node, f"the tag '{node.tag[:60]}' means nothing here", path, hint)
+        findings.add(node, f"the tag '{node.tag[:60]}' means nothing here", path, hint, code=Code.WRONG_VALUE)
     if isinstance(node, Map):
         for name, value in node.entries.items():
             if not name.startswith("x-"):

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
+from srprov.codes import Code
 from srprov.definitions import unresolved
 from srprov.errors import did_you_mean
 from srprov.yamldoc import nodes
@@ -26,24 +27,24 @@ def add_problem(error: Any, root: Node, prefix: Path, findings: Findings) -> Non
         return
     value, limit = error.instance, error.validator_value
     shown = f"'{value[:60]}'" if isinstance(value, str) else nodes.kind(node)
-    hint = ""
+    hint, code = "", Code.WRONG_VALUE
     if error.validator == "type":
         names = [limit] if isinstance(limit, str) else [name for name in limit if name == "string"] or list(limit)
         message = f"expected {_either(_WORDS.get(name, name) for name in names)}, not {nodes.kind(node)}"
-        hint = _type_hint(node, names)
+        hint, code = _type_hint(node, names), Code.WRONG_TYPE
     elif error.validator == "enum":
         message = f"{shown} is not one of {', '.join(map(str, limit))}"
         hint = did_you_mean(str(value), map(str, limit))
     elif error.validator == "pattern":
         message = f"{shown} is not {error.schema.get('patternErrorMessage', f'of the form {limit}')}"
-        hint = unresolved.HINT if "${" in str(value) else ""
+        hint, code = (unresolved.HINT, Code.UNRESOLVED) if "${" in str(value) else ("", Code.WRONG_VALUE)
     elif error.validator in ("minItems", "minLength", "minProperties"):
         message = "must not be empty" if limit == 1 else f"needs at least {limit} entries"
     elif error.validator == "uniqueItems":
-        message = "holds the same entry twice"
+        message, code = "holds the same entry twice", Code.TWICE
     else:
         message = error.message if len(error.message) < 200 else f"breaks the rule '{error.validator}'"
-    findings.add(node, message, path, hint)
+    findings.add(node, message, path, hint, code=code)
 
 
 def _type_hint(node: Node, names: list[str]) -> str:
@@ -68,7 +69,9 @@ def _unknown_key(error: Any, _root: Node, node: Node, path: Path, _prefix: Path,
         hint = did_you_mean(key, known)
         if not hint and len(known) <= 12:
             hint = f"known: {', '.join(sorted(known))}"
-        findings.add(nodes.key_or_value(node, key), f"unknown key '{key[:60]}'", (*path, key), hint)
+        findings.add(
+            nodes.key_or_value(node, key), f"unknown key '{key[:60]}'", (*path, key), hint, code=Code.UNKNOWN_KEY
+        )
 
 
 def _missing_key(error: Any, root: Node, node: Node, path: Path, prefix: Path, findings: Findings) -> None:  # noqa: ANN401
@@ -76,7 +79,9 @@ def _missing_key(error: Any, root: Node, node: Node, path: Path, prefix: Path, f
     for key in missing:
         if _misspelt(node, [key], error.schema):
             continue
-        findings.add(_owner(root, path[len(prefix) :], node), f"the key '{key}' is missing", path, "")
+        findings.add(
+            _owner(root, path[len(prefix) :], node), f"the key '{key}' is missing", path, "", code=Code.MISSING_KEY
+        )
 
 
 def _wrong_key_name(error: Any, _root: Node, node: Node, path: Path, _prefix: Path, findings: Findings) -> None:  # noqa: ANN401
@@ -84,7 +89,13 @@ def _wrong_key_name(error: Any, _root: Node, node: Node, path: Path, _prefix: Pa
     key = str(error.instance)
     says = error.schema.get("patternErrorMessage")
     message = f"'{key[:60]}' is not {says}" if says else f"unknown name '{key[:60]}'"
-    findings.add(nodes.key_or_value(node, key), message, (*path, key), did_you_mean(key, error.schema.get("enum", ())))
+    findings.add(
+        nodes.key_or_value(node, key),
+        message,
+        (*path, key),
+        did_you_mean(key, error.schema.get("enum", ())),
+        code=Code.NAME,
+    )
 
 
 def _wrong_choice(error: Any, root: Node, node: Node, path: Path, prefix: Path, findings: Findings) -> None:  # noqa: ANN401
@@ -101,7 +112,9 @@ def _wrong_choice(error: Any, root: Node, node: Node, path: Path, prefix: Path, 
         for inner in fitting[0]:
             add_problem(inner, root, prefix, findings)
         return
-    findings.add(node, f"expected {_either(_options(error, branches))}, not {nodes.kind(node)}", path)
+    findings.add(
+        node, f"expected {_either(_options(error, branches))}, not {nodes.kind(node)}", path, code=Code.WRONG_TYPE
+    )
 
 
 def _wrong_choice_of_keys(
@@ -116,13 +129,17 @@ def _wrong_choice_of_keys(
     present = [key for key in keys if isinstance(node, Map) and key in node.entries]
     if present and isinstance(node, Map):
         place = nodes.key_or_value(node, present[1])
-        findings.add(place, f"'{present[0]}' and '{present[1]}' exclude each other", (*path, present[1]))
+        findings.add(
+            place, f"'{present[0]}' and '{present[1]}' exclude each other", (*path, present[1]), code=Code.EXCLUSIVE
+        )
     elif isinstance(node, Map) and not _misspelt(node, keys, error.schema):
         if says := error.schema.get(f"{error.validator}ErrorMessage"):
-            findings.add(_owner(root, path[len(prefix) :], node), says, path)
+            findings.add(_owner(root, path[len(prefix) :], node), says, path, code=Code.MISSING_KEY)
             return
         word = "exactly one" if error.validator == "oneOf" else "one"
-        findings.add(_owner(root, path[len(prefix) :], node), f"needs {word} of {', '.join(keys)}", path)
+        findings.add(
+            _owner(root, path[len(prefix) :], node), f"needs {word} of {', '.join(keys)}", path, code=Code.MISSING_KEY
+        )
 
 
 def _misspelt(node: Node, wanted: list[str], rules: Mapping[str, Any]) -> bool:

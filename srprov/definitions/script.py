@@ -11,6 +11,7 @@ import subprocess
 import time
 
 from srprov import regular_file
+from srprov.codes import Code
 from srprov.definitions.groups import HostTree, variables_of
 from srprov.definitions.program import read_both, stop
 from srprov.errors import DefinitionError, Diagnostic, Location
@@ -99,4 +100,4 @@ def _answer(path: str, arguments: list[str], end: float) -> Map:
 
 
 def _failed(path: str, message: str, hint: str = "") -> DefinitionError:
-    return DefinitionError([Diagnostic(Location(path), message, "", "", hint)])
+    return DefinitionError([Diagnostic(Location(path), message, "", "", hint, code=Code.INVENTORY_PROGRAM)])

@@ -14,6 +14,7 @@ from types import MappingProxyType
 
 from msgspec.structs import replace
 
+from srprov.codes import Code
 from srprov.definitions import values
 from srprov.definitions.containermodel import Mount
 from srprov.definitions.model import Service
@@ -49,9 +50,9 @@ def _source(name: str, key: Scalar, entry: Map, folder: str, findings: Findings)
         try:
             words = values.command_words(command) or ()
         except ValueError as error:
-            findings.add(command, str(error), ("secrets", name, "command"))
+            findings.add(command, str(error), ("secrets", name, "command"), code=Code.SECRET)
     if command is not None and (not words or not words[0]) and not findings.broken(("secrets", name)):
-        findings.add(command, "the command is empty", ("secrets", name, "command"))
+        findings.add(command, "the command is empty", ("secrets", name, "command"), code=Code.SECRET)
     place = next((value for part, value in entry.entries.items() if not part.startswith("x-")), key)
     return SecretSource(
         name=name,
@@ -84,11 +85,16 @@ def _uses(node: Node | None, root: Map, findings: Findings, path: Path) -> tuple
         use = _use(item)
         if use.source not in known:
             hint = did_you_mean(use.source, known) or "name it in the experiment's 'secrets', with where it comes from"
-            findings.add(place, f"there is no secret '{use.source[:60]}'", path, hint)
+            findings.add(place, f"there is no secret '{use.source[:60]}'", path, hint, code=Code.NO_SUCH_NAME)
         if use.target in by_target:
-            findings.add(item, f"'{use.target}' is mounted twice; already as '{by_target[use.target].source}'", path)
+            findings.add(
+                item,
+                f"'{use.target}' is mounted twice; already as '{by_target[use.target].source}'",
+                path,
+                code=Code.SECRET,
+            )
         if not use.target.startswith("/") or use.target in ("/", _FOLDER):
-            findings.add(item, f"'{use.target[:60]}' is no place for a file", path)
+            findings.add(item, f"'{use.target[:60]}' is no place for a file", path, code=Code.SECRET)
         by_target[use.target] = use
     return tuple(by_target.values())
 
@@ -110,14 +116,22 @@ def _check_targets(
             below = use.target.startswith(mount.target.rstrip("/") + "/") and mount.read_only
             if use.target == mount.target or below:
                 message = f"the secret '{use.source}' would lie at '{use.target}', where a volume is mounted"
-                findings.add(nodes.key_or_value(entry, "secrets"), message, path, "give it another target")
+                findings.add(
+                    nodes.key_or_value(entry, "secrets"), message, path, "give it another target", code=Code.SECRET
+                )
 
 
 def _check_elsewhere(key: str, node: Node | None, findings: Findings, path: Path) -> None:
     """Add every secret in `environment` or a command: `docker inspect` would show it to everybody on the robot."""
     for item in _texts(node):
         if isinstance(item, Map) or _PLACEHOLDER.search(item.text):
-            findings.add(item, f"a secret in '{key}' is not supported: Docker would show its value", path, _HINT)
+            findings.add(
+                item,
+                f"a secret in '{key}' is not supported: Docker would show its value",
+                path,
+                _HINT,
+                code=Code.SECRET,
+            )
 
 
 def _texts(node: Node | None) -> Iterator[Scalar | Map]:

@@ -13,6 +13,7 @@ import time
 from collections.abc import Iterable, MutableMapping
 
 from srprov import regular_file
+from srprov.codes import Code
 from srprov.definitions.model import Experiment
 from srprov.definitions.program import read_both, stop
 from srprov.definitions.secretmodel import SecretSource
@@ -54,7 +55,9 @@ def resolve(
             why = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
             message = f"secret '{source.name}': {redact(why)}"
             problems.append(
-                Diagnostic(source.location, message, f"secrets.{source.name}", source.excerpt, _hint(source))
+                Diagnostic(
+                    source.location, message, f"secrets.{source.name}", source.excerpt, _hint(source), code=Code.SECRET
+                )
             )
     if problems:
         raise DefinitionError(problems)

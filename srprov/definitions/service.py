@@ -12,6 +12,7 @@ from types import MappingProxyType
 
 from msgspec.structs import replace
 
+from srprov.codes import Code
 from srprov.definitions import envfile, images, merging, paths, requirements, runtime, taken
 from srprov.definitions.container import Container
 from srprov.definitions.containermodel import Requirements
@@ -62,7 +63,11 @@ def build(
     if built.runtime.pull_policy == "build" and (built.image or (container and container.definition.image)):
         place, hint = merged.entries["pull_policy"], "a CDF with base or dockerfile is built"
         findings.add(
-            place, "'pull_policy: build' builds nothing: the image is a ready one", (*path, "pull_policy"), hint
+            place,
+            "'pull_policy: build' builds nothing: the image is a ready one",
+            (*path, "pull_policy"),
+            hint,
+            code=Code.EXCLUSIVE,
         )
     # what is built into the image is taken as well, whatever the service says of that variable
     into_image = container.layer if container is not None and container.definition.build_environment else None
@@ -109,7 +114,7 @@ def _requires(node: Map, container: Container | None, findings: Findings, path: 
         return requirements.combined(container.definition.requires, own)
     except ValueError as error:
         where = nodes.find(node, ("requires", "arch"))
-        findings.add(where, str(error), (*path, "requires", "arch"))
+        findings.add(where, str(error), (*path, "requires", "arch"), code=Code.WRONG_VALUE)
         return own
 
 
@@ -124,7 +129,7 @@ def _env_files(node: Node | None, folder: str, environ: Mapping[str, str], findi
         if not real:
             continue
         if os.path.isdir(real):
-            findings.add(item, f"'{item.text}' is a folder, not a file", path)
+            findings.add(item, f"'{item.text}' is a folder, not a file", path, code=Code.NO_SUCH_FILE)
             continue
         try:
             shown = paths.shown_beside(item.source.file, item.text)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from srprov.codes import Code
 from srprov.definitions.model import Service
 from srprov.definitions.values import text
 from srprov.yamldoc import nodes
@@ -47,7 +48,7 @@ def check(known: Mapping[str, Map], services: Mapping[str, Service], findings: F
             if text(pin) != where:
                 message = f"'{name}' is on '{text(pin)}', but shares the volume '{volume}' with '{first}' on '{where}'"
                 hint = "put them on one robot, or give each a volume of its own"
-                findings.add(pin, message, ("services", name, "robot"), hint)
+                findings.add(pin, message, ("services", name, "robot"), hint, code=Code.RELATION)
     _check_replicas(known, services, findings)
 
 
@@ -62,7 +63,7 @@ def _check_kinds(
                 f"each {each} of '{one.name}' has a volume '{volume}' of its own, so '{other.name}' cannot share it"
             )
             place = nodes.key_or_value(known[other.name], "volumes")
-            findings.add(place, message, ("services", other.name, "volumes"), "give it another name")
+            findings.add(place, message, ("services", other.name, "volumes"), "give it another name", code=Code.VOLUME)
             return
 
 
@@ -78,7 +79,7 @@ def _check_replicas(known: Mapping[str, Map], services: Mapping[str, Service], f
         for volume in _volumes(one) & taken.keys():
             message = f"'{volume}' is also the name of the volume of a replica of '{taken[volume]}'"
             place = nodes.key_or_value(known[one.name], "volumes")
-            findings.add(place, message, ("services", one.name, "volumes"), "give it another name")
+            findings.add(place, message, ("services", one.name, "volumes"), "give it another name", code=Code.VOLUME)
 
 
 def _volumes(service: Service) -> set[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import TypeVar
 
+from srprov.codes import Code
 from srprov.definitions.trialsmodel import Condition, Conditions, TrialSettings
 from srprov.definitions.values import duration, scalars, text
 from srprov.yamldoc import nodes
@@ -51,7 +52,7 @@ def attempt(node: Node | None, path: Path, read_text: Callable[[str], _T], findi
     try:
         return read_text(node.text)
     except ValueError as error:
-        findings.add(node, str(error), path)
+        findings.add(node, str(error), path, code=Code.TRIAL_JUDGING)
         return None
 
 

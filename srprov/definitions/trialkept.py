@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 
+from srprov.codes import Code
 from srprov.definitions.trialconditions import all_conditions, services_of
 from srprov.definitions.trialsmodel import TrialDefinitions
 from srprov.yamldoc import nodes
@@ -19,11 +20,20 @@ def check(root: Map, found: TrialDefinitions, services: Collection[str], finding
     for place, path, name, why in _wanted(root, found):
         if name in kept:
             findings.add(
-                place, f"'{name}' is kept over all trials, so {why}", path, "take it out of 'keep', or out of here"
+                place,
+                f"'{name}' is kept over all trials, so {why}",
+                path,
+                "take it out of 'keep', or out of here",
+                code=Code.TRIAL_DESIGN,
             )
     if services and kept >= set(services):
         path = ("trials", "keep")
-        findings.add(nodes.find(root, path), "all services are kept, so that a trial has nothing to run", path)
+        findings.add(
+            nodes.find(root, path),
+            "all services are kept, so that a trial has nothing to run",
+            path,
+            code=Code.TRIAL_DESIGN,
+        )
 
 
 def _wanted(root: Map, found: TrialDefinitions) -> Iterator[tuple[Node, Path, str, str]]:

@@ -12,6 +12,7 @@ from fractions import Fraction
 from types import MappingProxyType
 from typing import TypeVar
 
+from srprov.codes import Code
 from srprov.definitions import trialchecks, trialconditions
 from srprov.definitions.model import Service
 from srprov.definitions.trialsmodel import Limits, Margin, Metric, Parameter, Result, TrialDefinitions, TrialSettings
@@ -66,11 +67,18 @@ def _parameter(name: str, node: Node, findings: Findings) -> Parameter:
         odd = [key for key in ("from", "to") if abs(Decimal(_decimal(spaced.entries[key])).adjusted()) > _MOST_DIGITS]
         values = () if odd else _range(spaced)
         for key in odd:
-            findings.add(spaced.entries[key], f"it has more than {_MOST_DIGITS} digits", ("parameters", name, "range"))
+            findings.add(
+                spaced.entries[key],
+                f"it has more than {_MOST_DIGITS} digits",
+                ("parameters", name, "range"),
+                code=Code.TRIAL_DESIGN,
+            )
     for index, value in enumerate(values):
         if value in values[:index]:
             place = scalars(listed)[index] if listed is not None else node
-            findings.add(place, f"{name} has the value '{value[:60]}' twice", ("parameters", name))
+            findings.add(
+                place, f"{name} has the value '{value[:60]}' twice", ("parameters", name), code=Code.TRIAL_DESIGN
+            )
     services = get("apply_to")
     return Parameter(
         name=name,
@@ -109,7 +117,7 @@ def _settings(root: Map, findings: Findings) -> TrialSettings:
     order = text(get("order"), "listed" if seed is None and "parameters" not in root.entries else "random")
     if order == "random" and seed is None and "parameters" in root.entries:
         hint = "any whole number, for example 'seed: 1'; or 'order: listed'"
-        findings.add(root.keys["trials"], "a random order needs a 'seed'", ("trials",), hint)
+        findings.add(root.keys["trials"], "a random order needs a 'seed'", ("trials",), hint, code=Code.TRIAL_DESIGN)
     grace = stop.get("grace")
     return TrialSettings(
         repetitions=_whole(get("repetitions")) or 1,

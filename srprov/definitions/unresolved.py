@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from srprov.codes import Code
 from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq
 
 HINT = "no variables are substituted here: write the value out"
@@ -20,7 +21,7 @@ def check(entry: Map, path: Path, findings: Findings) -> None:
             at = node.text.find("${")
             if at >= 0 and not findings.broken(place) and (key != "volumes" or at < _end_of_source(node.text)):
                 shown = node.text[at : at + 60].partition("}")[0] + "}"
-                findings.add(node, f"'{shown}' would stay as it is", place, HINT)
+                findings.add(node, f"'{shown}' would stay as it is", place, HINT, code=Code.UNRESOLVED)
 
 
 def _values(node: Node | None, path: Path) -> Iterator[tuple[Path, Scalar]]:

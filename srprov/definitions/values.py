@@ -9,6 +9,7 @@ import re
 from collections.abc import Callable
 from typing import TypeVar
 
+from srprov.codes import Code
 from srprov.definitions import commandline, words
 from srprov.definitions.containermodel import Port
 from srprov.yamldoc import nodes
@@ -64,7 +65,7 @@ def guarded(reader: Callable[[Node], T], node: Node, default: T, findings: Findi
     try:
         return reader(node)
     except ValueError as error:
-        findings.add(node, str(error), path)
+        findings.add(node, str(error), path, code=Code.WRONG_VALUE)
         return default
 
 

@@ -11,6 +11,7 @@ from collections.abc import Mapping
 
 from msgspec.structs import replace
 
+from srprov.codes import Code
 from srprov.definitions import paths
 from srprov.definitions.containermodel import Mount, Seed
 from srprov.definitions.model import Service
@@ -27,7 +28,13 @@ def seeded(root: Map, services: Mapping[str, Service], folder: str, findings: Fi
     for name in sorted(seeds.keys() - mounted) if not findings.broken(("services",)) else ():
         assert isinstance(given, Map)
         hint = did_you_mean(name, mounted)
-        findings.add(given.keys[name], f"no service mounts the volume '{name[:60]}'", ("volumes", name), hint)
+        findings.add(
+            given.keys[name],
+            f"no service mounts the volume '{name[:60]}'",
+            ("volumes", name),
+            hint,
+            code=Code.NO_SUCH_NAME,
+        )
     return {name: _with_seeds(one, seeds) for name, one in services.items()}
 
 
@@ -41,7 +48,7 @@ def _seeds(root: Map, folder: str, findings: Findings) -> dict[str, Seed]:
             continue
         real = paths.resolve(source, folder, findings, path, tree=True)
         if real and not os.path.isdir(real):
-            findings.add(source, f"'{source.text[:80]}' is a file; a volume is a folder", path)
+            findings.add(source, f"'{source.text[:80]}' is a file; a volume is a folder", path, code=Code.VOLUME)
         found[name] = Seed(path=real, user=text(entry.entries.get("user")))
     return found
 

@@ -10,6 +10,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 import msgspec
 from msgspec.structs import replace
 
+from srprov.codes import Code
 from srprov.definitions.trialsmodel import Margin
 from srprov.errors import UsageError, visible
 from srprov.evidence import compare_images, compare_inputs, compare_outcomes, compare_runs, grades
@@ -74,7 +75,7 @@ def _check(margins: Mapping[str, Margin], runs: Sequence[Run]) -> None:
         known = {one.name for one in run.story.given.metrics} | {SUCCESS}
         if unknown := sorted(margins.keys() - known):
             hint = f"it has {', '.join(sorted(known))}"
-            raise UsageError(f"{run.name} has no metric {', '.join(unknown)}", hint=hint)
+            raise UsageError(f"{run.name} has no metric {', '.join(unknown)}", hint=hint, code=Code.NO_SUCH_NAME)
 
 
 def _section(

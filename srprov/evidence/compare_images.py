@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping
 
 import msgspec
 
+from srprov.codes import Code
 from srprov.controller.request import BUNDLED
 from srprov.errors import UsageError
 from srprov.evidence.checks_images import locked
@@ -64,7 +65,9 @@ def _images(run: Run) -> dict[str, _Of]:
     try:
         return dict(_known(run))
     except NotThere as error:
-        raise UsageError(f"{run.name} cannot be compared: {error}", hint=f"srprov verify {run.name}") from error
+        raise UsageError(
+            f"{run.name} cannot be compared: {error}", hint=f"srprov verify {run.name}", code=Code.NOT_COMPARABLE
+        ) from error
 
 
 def _known(run: Run) -> Iterator[tuple[str, _Of]]:

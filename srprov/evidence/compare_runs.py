@@ -14,6 +14,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
+from srprov.codes import Code
 from srprov.errors import UsageError
 from srprov.evidence import checks_files, story
 from srprov.evidence.checks_files import Hashed
@@ -109,8 +110,10 @@ def _read(path: str, stack: ExitStack, only: frozenset[str]) -> Run:
         if not is_folder:
             hashed = Hashed(files)
             if wrong := next(chain(checks_files.hashes(hashed), checks_files.nothing_else(hashed)), ""):
-                raise UsageError(f"{path}: {wrong}", hint=f"srprov verify {path} says what else is wrong")
+                raise UsageError(
+                    f"{path}: {wrong}", hint=f"srprov verify {path} says what else is wrong", code=Code.NOT_COMPARABLE
+                )
         return Run(name=path, files=files, story=stack.enter_context(story.read(files)), only=only)
     except (OSError, ValueError) as error:
         hint = "name the folder of a run of trials, or what `srprov bundle` made of one"
-        raise UsageError(f"{path} cannot be compared: {error}", hint=hint) from error
+        raise UsageError(f"{path} cannot be compared: {error}", hint=hint, code=Code.NOT_COMPARABLE) from error

@@ -18,6 +18,7 @@ from typing import Any, BinaryIO, Protocol
 import msgspec
 
 from srprov import regular_file
+from srprov.codes import Code
 from srprov.errors import UsageError, visible
 from srprov.evidence import stored_zip
 from srprov.untrusted import mapping, parse_json
@@ -145,7 +146,7 @@ def opened(path: str) -> Iterator[Archive]:
         except (OSError, ValueError) as error:
             why = error.strerror if isinstance(error, OSError) else error
             hint = "name a file that `srprov bundle` made"
-            raise UsageError(f"{path} is no bundle: {visible(str(why))}", hint=hint) from error
+            raise UsageError(f"{path} is no bundle: {visible(str(why))}", hint=hint, code=Code.NO_BUNDLE) from error
         yield found
 
 
@@ -178,7 +179,11 @@ def of_run(path: Path) -> Folder:
         for folder, names, files in os.walk(home / top, onerror=_raise):
             for one in (*names, *files):
                 if os.path.islink(os.path.join(folder, one)):
-                    raise UsageError(f"{folder}/{one} is a link", hint="it is not what srprov wrote: remove it")
+                    raise UsageError(
+                        f"{folder}/{one} is a link",
+                        hint="it is not what srprov wrote: remove it",
+                        code=Code.STRANGE_FILE,
+                    )
             for one in files:
                 place = Path(folder, one)
                 name = place.relative_to(home).as_posix()
@@ -194,5 +199,5 @@ def _raise(error: OSError) -> None:
 def _size(path: Path) -> int:
     about = path.lstat()
     if not stat.S_ISREG(about.st_mode):
-        raise UsageError(f"{path} is no file", hint="it is not what srprov wrote: remove it")
+        raise UsageError(f"{path} is no file", hint="it is not what srprov wrote: remove it", code=Code.STRANGE_FILE)
     return about.st_size

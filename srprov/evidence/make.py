@@ -17,6 +17,7 @@ from typing import Any, BinaryIO
 
 import msgspec
 
+from srprov.codes import Code
 from srprov.errors import RefusedError, UsageError
 from srprov.evidence import descriptions, make_images, secrets, stored_zip, story
 from srprov.evidence.files import (
@@ -85,16 +86,22 @@ def bundle(
                 os.unlink(stream.name)
                 raise
     except ValueError as error:
-        raise UsageError(f"{folder} cannot be bundled: {error}", hint="run it with this srprov") from error
+        raise UsageError(
+            f"{folder} cannot be bundled: {error}", hint="run it with this srprov", code=Code.RECORD
+        ) from error
     return made
 
 
 def _check(folder: Path, target: Path) -> None:
     if trials_run(folder, whole=False).killed:
         hint = "wait for it, or end it properly: srprov run --resume"
-        raise UsageError(f"{folder}: the run is under way, or was killed", hint=hint)
+        raise UsageError(f"{folder}: the run is under way, or was killed", hint=hint, code=Code.LOCKED)
     if Path(os.path.realpath(folder)) in Path(os.path.realpath(target)).parents:
-        raise UsageError(f"{target} lies in the run's folder: it would hold itself", hint="name another file with -o")
+        raise UsageError(
+            f"{target} lies in the run's folder: it would hold itself",
+            hint="name another file with -o",
+            code=Code.OPTIONS,
+        )
 
 
 @dataclass(slots=True)
@@ -184,7 +191,9 @@ class _Making:
             more = [f"and {len(self.bad) - _MOST_SHOWN} more"] * (len(self.bad) > _MOST_SHOWN)
             lines = "\n".join(f"  {one}" for one in (*self.bad[:_MOST_SHOWN], *more))
             hint = "take it out, and change the secret; --no-secret NAME for a file in which it is none"
-            raise RefusedError(f"there are secrets in the run, so nothing was written:\n{lines}", hint=hint)
+            raise RefusedError(
+                f"there are secrets in the run, so nothing was written:\n{lines}", hint=hint, code=Code.SECRET_SHOWN
+            )
 
 
 class _One(msgspec.Struct, frozen=True):

@@ -15,6 +15,7 @@ import msgspec
 from msgspec.structs import replace
 
 from srprov import private, regular_file
+from srprov.codes import Code
 from srprov.definitions.model import Host, Inventory
 from srprov.errors import RefusedError, UsageError, did_you_mean
 from srprov.evidence import story, verify
@@ -67,7 +68,9 @@ def check(bundle: str, signers: str = "") -> None:
     if report.failed:
         failed = [f"  {one.id} {one.what}: {one.details[0]}" for one in report.findings if one.result == "fail"]
         told = "\n".join(failed)
-        raise RefusedError(f"{bundle} is not what it says:\n{told}", hint=f"srprov verify {bundle} says more")
+        raise RefusedError(
+            f"{bundle} is not what it says:\n{told}", hint=f"srprov verify {bundle} says more", code=Code.BUNDLE_FALSE
+        )
 
 
 def read(bundle: str) -> Replay:
@@ -107,7 +110,7 @@ def unpack(bundle: str, folder: Path) -> None:
         contents = {folder / name.removeprefix(home): content(files, name) for name in names}
         absent = {folder / one for one in data_sets(files, told.home)}
     if folder.is_symlink() or (folder.exists() and _read(folder, absent) not in ({}, contents)):
-        raise UsageError(f"something else is in {folder}", hint="name a new folder with -o")
+        raise UsageError(f"something else is in {folder}", hint="name a new folder with -o", code=Code.IN_THE_WAY)
     for place, data in contents.items():
         private.make_folder(place.parent)
         private.write_output(str(place), data)
@@ -119,7 +122,9 @@ def _opened(bundle: str) -> Iterator[tuple[Files, Story]]:
         with opened(bundle) as files, story.read(files) as told:
             yield files, told
     except ValueError as error:
-        raise UsageError(f"{bundle} cannot be run again: {error}", hint=f"srprov verify {bundle} says more") from error
+        raise UsageError(
+            f"{bundle} cannot be run again: {error}", hint=f"srprov verify {bundle} says more", code=Code.REPLAY
+        ) from error
 
 
 def _read(folder: Path, but: Collection[Path]) -> dict[Path, bytes]:
@@ -144,15 +149,21 @@ def mapped(inventory: Inventory, robots: Collection[str], asked: Mapping[str, st
     """
     for name in asked:
         if name not in robots:
-            raise UsageError(f"--map {name}: the bundle has no such robot", hint=f"it has {', '.join(sorted(robots))}")
+            raise UsageError(
+                f"--map {name}: the bundle has no such robot",
+                hint=f"it has {', '.join(sorted(robots))}",
+                code=Code.REPLAY,
+            )
     whose = {name: asked.get(name, name) for name in sorted(robots)}
     for name, new in whose.items():
         if new not in inventory.hosts:
             hint = did_you_mean(new, inventory.hosts) or f"say who does the part of {name}: --map {name}=ROBOT"
-            raise UsageError(f"there is no robot {new} in the inventory", hint=hint)
+            raise UsageError(f"there is no robot {new} in the inventory", hint=hint, code=Code.REPLAY)
     twice = sorted(new for new in set(whose.values()) if list(whose.values()).count(new) > 1)
     if twice:
-        raise UsageError(f"{twice[0]} would do the part of several robots", hint="each needs a robot of its own")
+        raise UsageError(
+            f"{twice[0]} would do the part of several robots", hint="each needs a robot of its own", code=Code.REPLAY
+        )
     hosts: dict[str, Host] = {name: replace(inventory.hosts[new], name=name) for name, new in whose.items()}
     names = {new: name for name, new in whose.items()}
     groups = {

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 import msgspec
 
+from srprov.codes import Code
 from srprov.controller.kept_images import Content, keep
 from srprov.controller.request import BundledImage
 from srprov.errors import UsageError
@@ -48,7 +49,7 @@ def bring(bundle: str, say: Callable[[str], None], *, wanted: bool = True) -> Ke
             return Kept(images=dict(_of_services(told, every)), names=names)
     except ValueError as error:
         hint = f"srprov verify {bundle} says more"
-        raise UsageError(f"the images of {bundle} cannot be read: {error}", hint=hint) from error
+        raise UsageError(f"the images of {bundle} cannot be read: {error}", hint=hint, code=Code.REPLAY) from error
 
 
 def _contents(files: Files, every: tuple[Stored, ...]) -> Iterator[Content]:

@@ -13,6 +13,7 @@ from itertools import islice
 
 import msgspec
 
+from srprov.codes import Code
 from srprov.errors import UsageError, visible
 from srprov.evidence import checks_crate, checks_files, checks_images, checks_run, checks_values, story
 from srprov.evidence.checks_files import Hashed
@@ -104,9 +105,13 @@ def _check_format(hashed: Hashed, path: str) -> None:
         # so is a bundle in which just that was changed: its manifest says so
         if MANIFEST in hashed.files.sizes:
             return
-        raise UsageError(f"{path} is no bundle: {error}", hint="name a file that `srprov bundle` made") from None
+        raise UsageError(
+            f"{path} is no bundle: {error}", hint="name a file that `srprov bundle` made", code=Code.NO_BUNDLE
+        ) from None
     if isinstance(found, int) and found > FORMAT:
-        raise UsageError(f"{path} has the format {found}", hint=f"this srprov knows {FORMAT}: take a newer one")
+        raise UsageError(
+            f"{path} has the format {found}", hint=f"this srprov knows {FORMAT}: take a newer one", code=Code.NO_BUNDLE
+        )
 
 
 def _findings(hashed: Hashed, told: Story | None, why: str, signers: str) -> Iterator[Finding]:

@@ -13,6 +13,7 @@ from typing import Any, Protocol, TypeVar
 
 import msgspec
 
+from srprov.codes import Code
 from srprov.errors import TransportError
 from srprov.execution.listing import Entry, Listing, ListingError
 from srprov.execution.result_scripts import LIST, TAR, UNNAMEABLE, WHY, ending, inside
@@ -192,7 +193,7 @@ def _give(host: str, streams: Streams, data: memoryview) -> None:
         data = data[sent:]
         if streams.ended or not pace.goes_on(sent):
             streams.close()
-            raise TransportError(host, f"it does not take the list of what is here: {streams.reason()}")
+            raise TransportError(host, f"it does not take the list of what is here: {streams.reason()}", code=Code.LOST)
         if not sent:
             streams.wait(0.2, writing=said.endswith(_READY))
 
@@ -209,7 +210,7 @@ def _pieces(host: str, streams: Streams, pace: Pace) -> Iterator[bytes]:
         piece, error = streams.read()
         complaint = (complaint + error)[-_LONGEST_COMPLAINT:]
         if not pace.goes_on(len(piece)):
-            raise TransportError(host, f"of a result came {TOO_LITTLE} {_said(complaint)}".strip())
+            raise TransportError(host, f"of a result came {TOO_LITTLE} {_said(complaint)}".strip(), code=Code.RESULTS)
         if piece:
             yield piece
         elif error:
@@ -217,7 +218,7 @@ def _pieces(host: str, streams: Streams, pace: Pace) -> Iterator[bytes]:
         elif streams.ended:
             ended = _ENDED.search(complaint)
             if ended is None:
-                raise TransportError(host, f"a result ended too early: {streams.reason()}")
+                raise TransportError(host, f"a result ended too early: {streams.reason()}", code=Code.RESULTS)
             if int(ended[1]):
                 why = _said(complaint[: ended.start()]) or WHY.get(int(ended[1]), f"status {int(ended[1])}")
                 raise CollectFailed(f"{host}: a result cannot be read: {why}")

@@ -15,6 +15,7 @@ from typing import TypeVar
 
 import msgspec
 
+from srprov.codes import Code
 from srprov.errors import TransportError
 from srprov.facts.host import docker_arch
 from srprov.probing.answers import parse_said
@@ -105,10 +106,12 @@ def _prepare(probing: Probing, robot: str, magic: str, session: Session) -> _Rea
     arch = probing.architectures.get(robot) or docker_arch(session.ask([Query(command="uname -m")])[0].out.strip())
     if arch not in ARCHITECTURES:
         why = f"there is no probe for its processor ({text(arch) or 'unknown'}), only for {', '.join(ARCHITECTURES)}"
-        raise TransportError(robot, why, hint="--no-probe")
+        raise TransportError(robot, why, hint="--no-probe", code=Code.PROBE)
     put = session.execute(upload(magic, arch))
     if not put.ok:
-        raise TransportError(robot, f"the probe cannot be written there: {text(put.err)}", hint="is its disk full?")
+        raise TransportError(
+            robot, f"the probe cannot be written there: {text(put.err)}", hint="is its disk full?", code=Code.PROBE
+        )
     replies = session.ask([inspect(one) for one in inside.values()])
     states = {at: _process(reply) for at, reply in zip(inside, replies, strict=True)}
     return _Ready(

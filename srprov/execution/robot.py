@@ -17,6 +17,7 @@ import time
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 
+from srprov.codes import Code
 from srprov.errors import TransportError
 from srprov.execution.architecture import wrong_architecture
 from srprov.execution.failure_text import failure_text, last_lines
@@ -68,7 +69,7 @@ class RobotExecutor:
             if not reply.ok:
                 why = " ".join((reply.err or reply.out).split()) or f"status {reply.status}"
                 message = f"its state cannot be read: {why}"
-                raise TransportError(self.session.host, message, hint="is its Docker Engine up?")
+                raise TransportError(self.session.host, message, hint="is its Docker Engine up?", code=Code.ENGINE)
         with answers_of(self.session.host):
             fresh = {(e.module, e.name): e for e in parse_observed(replies, wanted)}
         again = set(kinds) - set(PROBING)

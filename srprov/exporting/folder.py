@@ -10,6 +10,7 @@ import os
 import posixpath
 from collections.abc import Iterable
 
+from srprov.codes import Code
 from srprov.errors import UsageError
 from srprov.exporting.model import File
 
@@ -26,12 +27,14 @@ def write(folder: str, files: Iterable[File]) -> None:
     try:
         os.makedirs(folder, mode=_MARK, exist_ok=True)
         if os.listdir(folder):
-            raise UsageError(f"{folder} is not empty", hint="name a new folder with -o")
+            raise UsageError(f"{folder} is not empty", hint="name a new folder with -o", code=Code.IN_THE_WAY)
         every = sorted(files, key=lambda one: (one.link is not None, not one.is_folder, one.path))
         for one in every:
             _write(folder, one)
     except OSError as error:
-        raise UsageError(f"{error.filename or folder} cannot be written: {error.strerror}") from error
+        raise UsageError(
+            f"{error.filename or folder} cannot be written: {error.strerror}", code=Code.CANNOT_WRITE
+        ) from error
 
 
 def _write(folder: str, one: File) -> None:
@@ -63,5 +66,5 @@ def _checked(path: str) -> str:
         UsageError: It does not.
     """
     if path.startswith("/") or "" in path.split("/") or {".", ".."} & set(path.split("/")):
-        raise UsageError(f"{path[:80]!r} is no path of an export")
+        raise UsageError(f"{path[:80]!r} is no path of an export", code=Code.NAME)
     return path

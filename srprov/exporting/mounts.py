@@ -15,6 +15,7 @@ from typing import Any
 import msgspec
 from msgspec.structs import replace
 
+from srprov.codes import Code
 from srprov.definitions.containermodel import Mount, Seed
 from srprov.definitions.model import Experiment, Service
 from srprov.errors import UsageError
@@ -139,7 +140,9 @@ class Shipping(msgspec.Struct, frozen=True, kw_only=True):
         except OSError as error:
             if may_be_large and error.errno == errno.EFBIG:
                 return None
-            raise UsageError(f"{error.filename or source} cannot be copied: {error.strerror}") from error
+            raise UsageError(
+                f"{error.filename or source} cannot be copied: {error.strerror}", code=Code.NO_FILE
+            ) from error
         return tuple(
             File(
                 path=posixpath.join(place, *member.path.split("/")[1:]),

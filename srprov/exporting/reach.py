@@ -14,6 +14,7 @@ from typing import Any
 import msgspec
 from msgspec.structs import replace
 
+from srprov.codes import Code
 from srprov.definitions.model import Experiment, Service
 from srprov.errors import UsageError
 from srprov.exporting.model import Machine, Remark
@@ -130,7 +131,7 @@ def _across(experiment: Experiment, machines: Sequence[Machine], robots: Mapping
             if services[name].network != "none":
                 if not robots.get(machine.robot):
                     hint = "services on several robots are told of each other's addresses: give -i INVENTORY"
-                    raise UsageError(f"the address of {machine.robot} is not known", hint=hint)
+                    raise UsageError(f"the address of {machine.robot} is not known", hint=hint, code=Code.UNDERLAY)
                 names[name] = robots[machine.robot]
     addresses = {name: address for name, address in names.items() if services[name].network in ON_OVERLAY}
     overlay = Overlay(

@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
+from srprov.codes import Code
 from srprov.errors import Diagnostic, visible
 from srprov.exporting.classes import CDF, EDF, has_finer, has_names, rule_of
 from srprov.exporting.model import DROPPED, EXACT, KINDS, REFUSED, Export, Field, Path, Remark
@@ -87,7 +88,9 @@ def _field(path: Path, place: Node, kind: str, words: str) -> Field:
 def refused(fields: Iterable[Field]) -> tuple[Diagnostic, ...]:
     """Return the problems because of which nothing is written."""
     return tuple(
-        Diagnostic(one.location, f"cannot be exported: {one.words}", one.name) for one in fields if one.kind == REFUSED
+        Diagnostic(one.location, f"cannot be exported: {one.words}", one.name, code=Code.NOT_TRANSLATED)
+        for one in fields
+        if one.kind == REFUSED
     )
 
 

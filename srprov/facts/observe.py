@@ -7,6 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from srprov import names
+from srprov.codes import Code
 from srprov.errors import SrprovError, TransportError
 from srprov.modules import MODULES, PROBING
 from srprov.resource import Observed, Resource
@@ -32,10 +33,12 @@ def answers_of(robot: str) -> Iterator[None]:
     except SrprovError:
         raise
     except TooManyError as error:
-        raise TransportError(robot, str(error), hint="remove there what is not used any more") from error
+        raise TransportError(
+            robot, str(error), hint="remove there what is not used any more", code=Code.ANSWER
+        ) from error
     except Exception as error:  # parsers do not raise; the one that does must not end the run of all others
         message = f"its answers cannot be read: {type(error).__name__}: {text(str(error))}"
-        raise TransportError(robot, message, hint="report it, with what the robot answers") from error
+        raise TransportError(robot, message, hint="report it, with what the robot answers", code=Code.ANSWER) from error
 
 
 def observe_queries(kinds: Iterable[str] = tuple(MODULES)) -> tuple[AnyQuery, ...]:

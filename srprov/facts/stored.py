@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from srprov.codes import Code
 from srprov.errors import UsageError
 from srprov.facts.model import Docker, HostFacts, Link, Snapshot
 
@@ -23,7 +24,7 @@ def read_document(document: Any) -> Snapshot:  # noqa: ANN401 - JSON is any
         UsageError: It is not of that shape.
     """
     if not isinstance(document, Mapping) or not isinstance(document.get("robots"), Mapping):
-        raise UsageError("no 'robots' in the facts", hint=_HINT)
+        raise UsageError("no 'robots' in the facts", hint=_HINT, code=Code.FACTS_FILE)
     facts = {str(name): read_facts(str(name), values) for name, values in sorted(document["robots"].items())}
     away = document.get("unreachable", {})
     unreachable = {str(name): str(why) for name, why in away.items()} if isinstance(away, Mapping) else {}
@@ -37,7 +38,7 @@ def read_facts(name: str, values: Any) -> HostFacts:  # noqa: ANN401 - JSON is a
         UsageError: A value is of another kind than the field, or free is more than total.
     """
     if not isinstance(values, Mapping):
-        raise UsageError(f"the facts of '{name}' are not a map", hint=_HINT)
+        raise UsageError(f"the facts of '{name}' are not a map", hint=_HINT, code=Code.FACTS_FILE)
     try:
         given = _fields(HostFacts, values)
         given["links"] = tuple(Link(**_fields(Link, link)) for link in values.get("links", ()))
@@ -49,7 +50,7 @@ def read_facts(name: str, values: Any) -> HostFacts:  # noqa: ANN401 - JSON is a
                 raise TypeError(f"'{part}' is more than '{whole}'")
         return facts
     except (TypeError, AttributeError, OverflowError) as error:
-        raise UsageError(f"the facts of '{name}' cannot be read: {error}", hint=_HINT) from error
+        raise UsageError(f"the facts of '{name}' cannot be read: {error}", hint=_HINT, code=Code.FACTS_FILE) from error
 
 
 def _fields(kind: type[Any], values: Mapping[str, Any]) -> dict[str, Any]:

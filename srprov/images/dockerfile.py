@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import TypeVar
 
+from srprov.codes import Code
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.image_reference import Reference, parse_reference
@@ -43,7 +44,7 @@ class FieldErrors:
             return make()
         except (ValueError, OSError) as error:
             reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
-            self.problems.append(Diagnostic(location_of(self.cdf, field), reason, path=field))
+            self.problems.append(Diagnostic(location_of(self.cdf, field), reason, path=field, code=Code.ORIGIN))
             return otherwise
 
     def raise_any(self) -> None:
@@ -104,7 +105,9 @@ def render_dockerfile(cdf: ContainerDefinition, commits: Sequence[str] = ()) -> 
     for number, line in enumerate(text.split("\n"), 1):
         if len(line.encode()) > quoting.LONGEST_LINE:
             message = f"it is longer than Docker's builder takes ({quoting.LONGEST_LINE} bytes); put it into a file"
-            errors.problems.append(Diagnostic(location_of(cdf, fields[number]), message, path=fields[number]))
+            errors.problems.append(
+                Diagnostic(location_of(cdf, fields[number]), message, path=fields[number], code=Code.ORIGIN)
+            )
     errors.raise_any()
     return Dockerfile(
         text=text,

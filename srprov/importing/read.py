@@ -11,6 +11,7 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from srprov.codes import Code
 from srprov.errors import Diagnostic
 from srprov.importing.compose import consistency, envfiles, finish, notes
 from srprov.importing.compose.loading import File, Loading
@@ -107,7 +108,7 @@ def _project_name(given: str | None, files: Sequence[File], reading: Reading, va
     if chosen := given or _worth(variables, "COMPOSE_PROJECT_NAME"):
         if not _NAME.fullmatch(chosen):
             message = f"'{chosen[:60]}' is no name of a project: lower-case letters, digits, '_' and '-'"
-            raise Refused([Diagnostic(Position(files[0].shown), message)])
+            raise Refused([Diagnostic(Position(files[0].shown), message, code=Code.COMPOSE)])
         return chosen
     written = ""
     for file in files:
@@ -120,7 +121,9 @@ def _project_name(given: str | None, files: Sequence[File], reading: Reading, va
     tidy = _tidy(written) or _tidy(os.path.basename(os.path.dirname(os.path.abspath(files[0].path))))
     if not tidy:
         message = "the project has no name"
-        raise Refused([Diagnostic(Position(files[0].shown), message, hint="write `name:` into the file")])
+        raise Refused(
+            [Diagnostic(Position(files[0].shown), message, hint="write `name:` into the file", code=Code.COMPOSE)]
+        )
     return tidy
 
 

@@ -17,6 +17,7 @@ from typing import Any
 
 import msgspec
 
+from srprov.codes import Code
 from srprov.definitions import dockerfile
 from srprov.errors import DefinitionError, Diagnostic, did_you_mean
 from srprov.importing.normal import Normal, Refused
@@ -50,7 +51,14 @@ def read(files: Sequence[str], settings: Mapping[str, str] | None = None, name: 
     if len(definitions) != 1:
         place = Position(definitions[1] if definitions else files[0])
         raise Refused(
-            [Diagnostic(place, "SwarmRob runs one definition at a time", hint="name one, and its Dockerfiles")]
+            [
+                Diagnostic(
+                    place,
+                    "SwarmRob runs one definition at a time",
+                    hint="name one, and its Dockerfiles",
+                    code=Code.SWARMROB,
+                )
+            ]
         )
     try:
         return _read(definitions[0], recipes, settings or {}, name)
@@ -65,16 +73,22 @@ def _read(file: str, recipes: Sequence[str], settings: Mapping[str, str], name: 
     reading = Reading(Findings(), settings)
     if not isinstance(root, Map):
         what = "the file is empty" if root is None else f"a definition is a map, not {nodes.kind(root)}"
-        raise Refused([Diagnostic(Position(file), what, hint="SwarmRob's have 'version' and 'services'")])
+        raise Refused(
+            [Diagnostic(Position(file), what, hint="SwarmRob's have 'version' and 'services'", code=Code.SWARMROB)]
+        )
     reading.at((), root)
     services = root.entries.get("services")
     for key in root.entries:
         if key not in _TOP:
             hint = did_you_mean(key, _TOP) or COMPOSE
-            reading.findings.add(root.keys[key], f"SwarmRob ends at the key '{key[:60]}'", (key,), hint)
+            reading.findings.add(
+                root.keys[key], f"SwarmRob ends at the key '{key[:60]}'", (key,), hint, code=Code.SWARMROB
+            )
     if not isinstance(services, Map) or not services.entries:
         place = services if services is not None else root
-        reading.findings.add(place, "has no services", ("services",), "services: {name: {image: …}}")
+        reading.findings.add(
+            place, "has no services", ("services",), "services: {name: {image: …}}", code=Code.SWARMROB
+        )
     read = _services(services, reading) if isinstance(services, Map) else {}
     _built(recipes, read, reading)
     if reading.findings.problems:
@@ -97,11 +111,15 @@ def _services(given: Map, reading: Reading) -> dict[str, dict[str, Any]]:
         reading.at(at, given.keys[name])
         image = entry.entries.get("image") if isinstance(entry, Map) else None
         if not _NAME.fullmatch(name):
-            reading.findings.add(given.keys[name], f"'{name[:60]}' is no service's name", at)
+            reading.findings.add(given.keys[name], f"'{name[:60]}' is no service's name", at, code=Code.SWARMROB)
         elif not isinstance(entry, Map):
-            reading.findings.add(entry, f"a service is a map, not {nodes.kind(entry)}", at, "image: NAME")
+            reading.findings.add(
+                entry, f"a service is a map, not {nodes.kind(entry)}", at, "image: NAME", code=Code.SWARMROB
+            )
         elif not isinstance(image, Scalar) or not image.text or nodes.is_null(image):
-            reading.findings.add(image or given.keys[name], f"'{name[:60]}' has no image", (*at, "image"))
+            reading.findings.add(
+                image or given.keys[name], f"'{name[:60]}' has no image", (*at, "image"), code=Code.SWARMROB
+            )
         else:
             found[name] = service(entry, set(given.entries), reading, at)
     return found
@@ -117,7 +135,9 @@ def _built(recipes: Sequence[str], services: dict[str, dict[str, Any]], reading:
         reading.findings.extend(dockerfile.check(text, path))
         using = [one for one in services.values() if one.get("image", "").rpartition("/")[2].partition(":")[0] == name]
         if not using:
-            place = Diagnostic(Position(path), f"no service has the image '{name[:60]}'", hint="leave the file out")
+            place = Diagnostic(
+                Position(path), f"no service has the image '{name[:60]}'", hint="leave the file out", code=Code.SWARMROB
+            )
             reading.findings.extend([place])
         for one in using:
             one["build"] = {"context": folder, "dockerfile": file}

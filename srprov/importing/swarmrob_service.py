@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from srprov.codes import Code
 from srprov.errors import did_you_mean
 from srprov.importing.normal import Note, Variable
 from srprov.importing.position import Path, Position
@@ -45,7 +46,9 @@ def service(entry: Map, known: set[str], reading: Reading, at: Path) -> dict[str
             assert isinstance(value, Scalar)
             found[key] = value.text
         elif key in _READ and not isinstance(value, Seq):
-            reading.findings.add(value, f"SwarmRob reads a list here, not {nodes.kind(value)}", path, COMPOSE)
+            reading.findings.add(
+                value, f"SwarmRob reads a list here, not {nodes.kind(value)}", path, COMPOSE, code=Code.SWARMROB
+            )
         elif key == "environment":
             found[key] = _environment(value, reading, path)
         elif key == "depends_on":
@@ -69,25 +72,27 @@ def _words(node: Node, reading: Reading, path: Path) -> list[Scalar]:
         if isinstance(one, Scalar) and not nodes.is_null(one):
             found.append(one)
         else:
-            reading.findings.add(one, f"expected text, not {nodes.kind(one)}", (*path, index))
+            reading.findings.add(one, f"expected text, not {nodes.kind(one)}", (*path, index), code=Code.SWARMROB)
     return found
 
 
 def _is_known(one: Scalar, known: set[str], reading: Reading, path: Path) -> bool:
     if one.text not in known:
         hint = did_you_mean(one.text, known) or "SwarmRob would wait for ever"
-        reading.findings.add(one, f"there is no service '{one.text[:60]}'", path, hint)
+        reading.findings.add(one, f"there is no service '{one.text[:60]}'", path, hint, code=Code.SWARMROB)
     return one.text in known
 
 
 def _pair(one: Scalar, reading: Reading, path: Path) -> tuple[str, str] | None:
     parts = one.text.split(":")
     if len(parts) != 2 or not all(parts) or not parts[1].startswith("/"):
-        reading.findings.add(one, f"SwarmRob reads 'source:target' here, not '{one.text[:60]}'", path, COMPOSE)
+        reading.findings.add(
+            one, f"SwarmRob reads 'source:target' here, not '{one.text[:60]}'", path, COMPOSE, code=Code.SWARMROB
+        )
         return None
     if not parts[0].startswith("/") and (path[-1] == "devices" or "/" in parts[0]):
         hint = "write an absolute path of the robot"
-        reading.findings.add(one, f"'{parts[0][:60]}' is no path that a worker has", path, hint)
+        reading.findings.add(one, f"'{parts[0][:60]}' is no path that a worker has", path, hint, code=Code.SWARMROB)
         return None
     return parts[0], parts[1]
 
@@ -106,7 +111,9 @@ def _environment(node: Node, reading: Reading, path: Path) -> dict[str, str | No
         name, given, value = one.text.partition("=")
         if not given or not name:
             hint = "write NAME=value"
-            reading.findings.add(one, f"SwarmRob reads NAME=value here, not '{name[:60]}'", path, hint)
+            reading.findings.add(
+                one, f"SwarmRob reads NAME=value here, not '{name[:60]}'", path, hint, code=Code.SWARMROB
+            )
             continue
         reading.at((*path, name), one)
         if not value:
@@ -134,7 +141,9 @@ def _put_in(value: str, node: Scalar, reading: Reading, path: Path) -> str | Non
         return None
     for name in lost:
         hint = f"--set {name[:60]}=VALUE: the environment is not looked at"
-        reading.findings.add(node, f"'{name[:60]}' is a variable of the master's environment", path, hint)
+        reading.findings.add(
+            node, f"'{name[:60]}' is a variable of the master's environment", path, hint, code=Code.SWARMROB
+        )
     return result
 
 

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from srprov.codes import Code
 from srprov.errors import LabError
 from srprov.lab.machine import find, run, succeeds
 from srprov.lab.places import Site
@@ -46,7 +47,9 @@ def _let_bridge_ask_firewall(bridge: str) -> None:
     try:
         setting.write_text("1")
     except OSError as error:
-        raise LabError("loss_percent: the bridge cannot ask iptables", hint="modprobe br_netfilter") from error
+        raise LabError(
+            "loss_percent: the bridge cannot ask iptables", hint="modprobe br_netfilter", code=Code.LAB_MACHINE
+        ) from error
 
 
 def repair(site: Site, name: str | None = None) -> None:

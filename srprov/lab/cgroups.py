@@ -18,6 +18,7 @@ from pathlib import Path
 
 import msgspec
 
+from srprov.codes import Code
 from srprov.errors import LabError
 from srprov.lab.machine import SYSTEM_PATH
 from srprov.lab.places import Site
@@ -75,7 +76,9 @@ def make(site: Site, robot: str = "") -> list[Path]:
     """Make the groups of a robot, or only those of the lab; return one folder per hierarchy."""
     roots = _roots()
     if not roots:
-        raise LabError(f"no cgroups are mounted below {ROOT}", hint="mount them, Docker needs them too")
+        raise LabError(
+            f"no cgroups are mounted below {ROOT}", hint="mount them, Docker needs them too", code=Code.LAB_MACHINE
+        )
     made = []
     for root in roots:
         group = root
@@ -104,7 +107,11 @@ def limit_cpus(groups: Sequence[Path], cpus: float) -> None:
             (group / "cpu.cfs_period_us").write_text(str(PERIOD_US))
             (group / "cpu.cfs_quota_us").write_text(str(quota))
             return
-    raise LabError("this kernel cannot limit a robot's CPUs", hint="it needs CONFIG_CFS_BANDWIDTH: leave `cpus` out")
+    raise LabError(
+        "this kernel cannot limit a robot's CPUs",
+        hint="it needs CONFIG_CFS_BANDWIDTH: leave `cpus` out",
+        code=Code.LAB_MACHINE,
+    )
 
 
 def _copy_cpuset(group: Path) -> None:
@@ -215,7 +222,9 @@ def _remove_tree(site: Site, top: Path, until: float) -> None:
             except OSError as error:  # busy for a moment after the last process has gone
                 if time.monotonic() > until:
                     hint = f"see who is in its cgroup.procs, then run `{site.command} down` again"
-                    raise LabError(f"cannot remove {folder}: {error.strerror}", hint=hint) from error
+                    raise LabError(
+                        f"cannot remove {folder}: {error.strerror}", hint=hint, code=Code.LAB_STUCK
+                    ) from error
                 time.sleep(0.01)
             else:
                 break

@@ -15,6 +15,7 @@ import time
 import uuid
 from pathlib import Path
 
+from srprov.codes import Code
 from srprov.errors import LabError
 from srprov.lab import arm64, config, users
 from srprov.lab.figures import loadavg, meminfo
@@ -193,7 +194,7 @@ def await_release(site: Site, name: str, patience_s: float = 10.0) -> None:
     until = time.monotonic() + patience_s
     while os.path.exists(image) and any(_backing(path).startswith(image) for path in LOOPS.glob("loop*/loop")):
         if time.monotonic() > until:
-            raise LabError(f"{image} stays in use", hint="see `losetup -l`")
+            raise LabError(f"{image} stays in use", hint="see `losetup -l`", code=Code.LAB_STUCK)
         time.sleep(0.01)
 
 

@@ -13,6 +13,7 @@ import socket
 import time
 from pathlib import Path
 
+from srprov.codes import Code
 from srprov.errors import LabError
 from srprov.lab import cgroups
 from srprov.lab.machine import run
@@ -77,7 +78,9 @@ def start(site: Site, name: str, init: int) -> None:
     while not answers(init):
         if time.monotonic() > until:
             raise LabError(
-                f"{name}: dockerd does not come back", hint=f"{site.command} shell {name} cat /var/log/dockerd.log"
+                f"{name}: dockerd does not come back",
+                hint=f"{site.command} shell {name} cat /var/log/dockerd.log",
+                code=Code.LAB_STUCK,
             )
         time.sleep(0.05)
 
@@ -91,7 +94,9 @@ def _end(site: Site, name: str, init: int, how: signal.Signals) -> None:
         os.kill(pid, how)
     while process(site, name, init) == pid:
         if time.monotonic() > until:
-            raise LabError(f"{name}: dockerd does not end", hint=f"{site.command} kill {name} --docker")
+            raise LabError(
+                f"{name}: dockerd does not end", hint=f"{site.command} kill {name} --docker", code=Code.LAB_STUCK
+            )
         time.sleep(0.02)
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence, Set
 
+from srprov.codes import Code
 from srprov.errors import LabError, UsageError
 from srprov.lab import clock, engine, machine, members, partition, state
 from srprov.lab.places import Site
@@ -28,18 +29,23 @@ def heal(site: Site, name: str, other: str) -> bool:
     with members.changing(site):
         _check(site, name, other)
         if other != partition.ALL and partition.cut_off(site, name, partition.in_force(site)) == [partition.ALL]:
-            raise UsageError(f"{name} is cut off from all, not only from {other}", hint=f"{site.command} heal {name}")
+            raise UsageError(
+                f"{name} is cut off from all, not only from {other}",
+                hint=f"{site.command} heal {name}",
+                code=Code.LAB_ORDER,
+            )
         return partition.heal(site, name, other)
 
 
 def _check(site: Site, name: str, other: str) -> None:
     one = members.one(site, name)
     if other == name:
-        raise UsageError(f"{name} cannot be cut off from itself", hint="name two robots")
+        raise UsageError(f"{name} cannot be cut off from itself", hint="name two robots", code=Code.LAB_ORDER)
     if other not in (partition.ALL, partition.CONTROLLER) and members.one(site, other).lan != one.lan:
         raise UsageError(
             f"{name} and {other} are in different LANs: what they send passes the controller",
             hint="name two robots of one LAN, or `--from controller`",
+            code=Code.LAB_ORDER,
         )
 
 
@@ -68,7 +74,9 @@ def set_clock(site: Site, name: str, offset_s: float) -> None:
     machine.require_root()
     if not abs(offset_s) <= clock.MOST_S:
         raise UsageError(
-            f"a clock cannot be {offset_s:g} s off", hint=f"at most {clock.MOST_S:g} s, in either direction"
+            f"a clock cannot be {offset_s:g} s off",
+            hint=f"at most {clock.MOST_S:g} s, in either direction",
+            code=Code.LAB_ORDER,
         )
     with members.changing(site):
         members.one(site, name)
@@ -79,7 +87,7 @@ def _booted(site: Site, name: str) -> int:
     """PID 1 of a robot that runs."""
     booted = state.read_robot(site, name)
     if booted is None:
-        raise LabError(f"{name} is not running", hint=f"{site.command} restart {name}")
+        raise LabError(f"{name} is not running", hint=f"{site.command} restart {name}", code=Code.LAB_DOWN)
     return booted.init.pid
 
 
@@ -89,7 +97,7 @@ def _with_engine(site: Site, name: str) -> int:
     robot = members.one(site, name)
     init = _booted(site, name)
     if not robot.docker:
-        raise UsageError(f"{name} has no Docker", hint="its options say `docker: false`")
+        raise UsageError(f"{name} has no Docker", hint="its options say `docker: false`", code=Code.LAB_ORDER)
     return init
 
 

@@ -19,6 +19,7 @@ from typing import Any
 import msgspec
 
 from srprov import regular_file
+from srprov.codes import Code
 from srprov.errors import LabError, UsageError
 from srprov.lab import (
     arm64,
@@ -88,7 +89,9 @@ def _decide(site: Site, wanted: Wanted, before: state.Lab | None, say: Say) -> t
     parsed = spec.parse(source["text"], file)
     count = source["count"] or parsed.count or max(spec.DEFAULT_COUNT, parsed.least)
     if count < parsed.least:
-        raise UsageError(f"-n {count}, but robot{parsed.least} has options in {file}", hint="raise -n")
+        raise UsageError(
+            f"-n {count}, but robot{parsed.least} has options in {file}", hint="raise -n", code=Code.OPTIONS
+        )
     robots = parsed.build(count)
     user = wanted.user or (before.user if before is not None and source is before.spec else None)
     target = str(site.inventory.absolute())
@@ -152,14 +155,18 @@ def _write_inventory(site: Site, lab: state.Lab, robots: Sequence[spec.Robot]) -
 def _write_if_other(path: Path, text: str) -> None:
     """Write a file, as root, into a folder that may be a stranger's: through no link, over nothing but its own name."""
     if path.parent.is_symlink():
-        raise LabError(f"{path.parent} is a link to another folder", hint="remove it, or go to another folder")
+        raise LabError(
+            f"{path.parent} is a link to another folder",
+            hint="remove it, or go to another folder",
+            code=Code.LAB_MACHINE,
+        )
     try:
         if regular_file.read_text(path) == text:
             return
     except FileNotFoundError:
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise LabError(f"{path} cannot be read: {error.strerror}", hint="remove it") from None
+        raise LabError(f"{path} cannot be read: {error.strerror}", hint="remove it", code=Code.LAB_MACHINE) from None
     descriptor, draft = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
     with open(descriptor, "w", encoding="utf-8") as stream:
         os.fchmod(descriptor, 0o644)  # whoever called sudo reads it

@@ -12,6 +12,7 @@ import subprocess
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from srprov.codes import Code
 from srprov.errors import LabError
 
 SYSTEM_PATH = "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin"
@@ -57,7 +58,7 @@ def run(command: Sequence[str], stdin: str | None = None) -> str:
     if done.returncode:
         said = (done.stderr.strip() or done.stdout.strip() or "it said nothing").splitlines()
         what = f"`{' '.join(command)}` failed with {done.returncode}: {'; '.join(said[-3:])}"
-        raise LabError(what, hint="take the lab down, then bring it up again")
+        raise LabError(what, hint="take the lab down, then bring it up again", code=Code.LAB_STUCK)
     return done.stdout
 
 
@@ -70,7 +71,7 @@ def succeeds(command: Sequence[str]) -> bool:
 def require_root() -> None:
     """The lab makes namespaces, mounts and links: it needs root."""
     if os.geteuid() != 0:
-        raise LabError("the lab needs root", hint="run it again with sudo")
+        raise LabError("the lab needs root", hint="run it again with sudo", code=Code.LAB_MACHINE)
 
 
 def require(programs: Mapping[str, str]) -> None:
@@ -78,7 +79,7 @@ def require(programs: Mapping[str, str]) -> None:
     missing = sorted(program for program in programs if find(program) is None)
     if missing:
         packages = " ".join(sorted({programs[program] for program in missing}))
-        raise LabError(f"missing here: {', '.join(missing)}", hint=f"apt-get install {packages}")
+        raise LabError(f"missing here: {', '.join(missing)}", hint=f"apt-get install {packages}", code=Code.LAB_MACHINE)
 
 
 def require_plain_root() -> None:
@@ -86,7 +87,7 @@ def require_plain_root() -> None:
     apart = [f"/{folder}" for folder in LAB_FOLDERS if os.path.ismount(f"/{folder}")]
     if apart:
         what = f"{', '.join(apart)}: not on the root filesystem, where robots need it"
-        raise LabError(what, hint="run the lab on a machine with one root filesystem")
+        raise LabError(what, hint="run the lab on a machine with one root filesystem", code=Code.LAB_MACHINE)
 
 
 def write_setting(path: Path, value: str) -> None:

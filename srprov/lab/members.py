@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from srprov.codes import Code
 from srprov.errors import LabError, UsageError
 from srprov.lab import spec, state
 from srprov.lab.places import Site
@@ -20,7 +21,7 @@ def require_up(site: Site) -> state.Lab:
     """Return the lab; LabError if it is down."""
     lab = state.read_lab(site)
     if lab is None:
-        raise LabError(f"{site.title} is down", hint=f"{site.command} up")
+        raise LabError(f"{site.title} is down", hint=f"{site.command} up", code=Code.LAB_DOWN)
     return lab
 
 
@@ -36,5 +37,5 @@ def one(site: Site, name: str) -> spec.Robot:
     """The robot of that name; an error if the lab has none."""
     robots = {each.name: each for each in of(require_up(site))}
     if name not in robots:
-        raise UsageError(f"the lab has no {name}", hint=f"it has {', '.join(robots)}")
+        raise UsageError(f"the lab has no {name}", hint=f"it has {', '.join(robots)}", code=Code.LAB_ORDER)
     return robots[name]

@@ -13,6 +13,7 @@ from collections.abc import Collection, Iterator, Mapping
 from ipaddress import IPv4Network
 from pathlib import Path
 
+from srprov.codes import Code
 from srprov.errors import LabError
 from srprov.lab import cable, partition
 from srprov.lab.machine import find, run, succeeds
@@ -136,4 +137,4 @@ def _refuse_used_subnet(site: Site, subnet: IPv4Network) -> None:
     if user is not None:
         free = "take a lab with a name, which gets a free subnet: srprov lab --name NAME up"
         hint = f"{site.command} down, then up: it gets another one" if site.name else free
-        raise LabError(f"the lab's subnet {subnet} is in use here: {user}", hint=hint)
+        raise LabError(f"the lab's subnet {subnet} is in use here: {user}", hint=hint, code=Code.LAB_MACHINE)

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import msgspec
 
+from srprov.codes import Code
 from srprov.errors import UsageError
 
 CACHE = Path("/var/cache/srprov-lab")
@@ -165,7 +166,7 @@ def check_name(name: str) -> str:
     if not re.fullmatch(rf"([a-z0-9][a-z0-9-]{{0,{LONGEST_NAME - 1}}})?", name):
         what = f"{name!r} cannot be the name of a lab"
         hint = f"take at most {LONGEST_NAME} of a-z, 0-9 and -, the first not -"
-        raise UsageError(what, hint=hint)
+        raise UsageError(what, hint=hint, code=Code.NAME)
     return name
 
 

@@ -15,6 +15,7 @@ from pathlib import Path
 
 import yaml
 
+from srprov.codes import Code
 from srprov.errors import LabError
 from srprov.lab import cgroups, robot
 from srprov.lab.machine import SYSTEM_PATH, find
@@ -72,6 +73,7 @@ def _await_answer(site: Site, patience_s: float = 10.0) -> None:
             raise LabError(
                 f"the mirror does not answer: {log[-1] if log else 'no message'}",
                 hint=f"{site.command} down",
+                code=Code.LAB_STUCK,
             )
         time.sleep(0.02)
 

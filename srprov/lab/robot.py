@@ -18,6 +18,7 @@ from pathlib import Path
 
 import msgspec
 
+from srprov.codes import Code
 from srprov.errors import LabError
 from srprov.lab import arm64, cable, cgroups, disk, engine, latency, network, partition, state
 from srprov.lab.config import SSHD_BEHIND_PROXY
@@ -87,7 +88,9 @@ def _first_process(site: Site, robot: Robot, launcher: subprocess.Popen[bytes]) 
             if init is not None:
                 return init
         time.sleep(0.002)
-    raise LabError(f"{robot.name} does not boot: {_last_words(site, robot.name)}", hint=f"{site.command} down")
+    raise LabError(
+        f"{robot.name} does not boot: {_last_words(site, robot.name)}", hint=f"{site.command} down", code=Code.LAB_STUCK
+    )
 
 
 def go(site: Site, waiting: Sequence[Waiting]) -> None:
@@ -120,12 +123,15 @@ def await_ready(site: Site, robots: Sequence[Robot], patience_s: float = 60.0) -
                 raise LabError(
                     f"{name} died while booting: {_last_words(site, name)}",
                     hint=f"{site.command} restart {name}",
+                    code=Code.LAB_STUCK,
                 )
             if is_ready(site, robot, booted.init.pid, cuts):
                 del pending[name]
         if pending and time.monotonic() > until:
             why = "; ".join(f"{name}: {_last_words(site, name)}" for name in pending)
-            raise LabError(f"not ready after {patience_s:.0f} s: {why}", hint=f"{site.command} status")
+            raise LabError(
+                f"not ready after {patience_s:.0f} s: {why}", hint=f"{site.command} status", code=Code.LAB_STUCK
+            )
         if pending:
             time.sleep(0.02)
     for robot in robots:
@@ -175,7 +181,7 @@ def kill(site: Site, name: str) -> None:
         for pid in sorted(found):
             _signal(pid)
         if time.monotonic() > until:
-            raise LabError(f"{name} does not die: processes {sorted(found)}", hint="see `dmesg`")
+            raise LabError(f"{name} does not die: processes {sorted(found)}", hint="see `dmesg`", code=Code.LAB_STUCK)
         time.sleep(0.005)
     disk.await_release(site, name)
     network.disconnect(site, name)
@@ -200,7 +206,7 @@ def enter(site: Site, name: str, command: Sequence[str]) -> list[str]:
     """The program that runs `command` (a login shell if empty) in the robot, not through sshd."""
     booted = state.read_robot(site, name)
     if booted is None:
-        raise LabError(f"{name} is not running", hint=f"{site.command} restart {name}")
+        raise LabError(f"{name} is not running", hint=f"{site.command} restart {name}", code=Code.LAB_DOWN)
     inside = [
         "env",
         "-i",

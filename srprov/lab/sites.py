@@ -11,6 +11,7 @@ import contextlib
 import shutil
 from pathlib import Path
 
+from srprov.codes import Code
 from srprov.errors import LabError
 from srprov.lab import arm64, cgroups, network, state
 from srprov.lab.machine import write_setting
@@ -64,7 +65,7 @@ def _free_number() -> int:
         if number not in taken and all(network.in_use(subnet(number, lan)) is None for lan in LANS):
             return number
     what = f"no subnet from {subnet(1)} to {subnet(MOST_NUMBER)} is free here"
-    raise LabError(what, hint="see `srprov lab list` and `ip route`; take a lab or a route away")
+    raise LabError(what, hint="see `srprov lab list` and `ip route`; take a lab or a route away", code=Code.LAB_MACHINE)
 
 
 def release(site: Site) -> None:

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Protocol
 
+from srprov.codes import Code
 from srprov.errors import LabError
 from srprov.lab.config import NOISE_MARK, noise
 
@@ -74,12 +75,16 @@ def hash_of(password: str) -> str:
     """SHA-512 as in /etc/shadow, by the system's own crypt(3)."""
     library = ctypes.util.find_library("crypt")
     if library is None:
-        raise LabError("sudo_password needs libcrypt, which is missing here", hint="apt-get install libcrypt1")
+        raise LabError(
+            "sudo_password needs libcrypt, which is missing here",
+            hint="apt-get install libcrypt1",
+            code=Code.LAB_MACHINE,
+        )
     crypt = ctypes.CDLL(library).crypt
     crypt.restype = ctypes.c_char_p
     found = crypt(password.encode(), f"$6${secrets.token_hex(8)}".encode())
     if not found or not found.startswith(b"$6$"):
-        raise LabError("crypt(3) cannot hash the sudo_password", hint="give another one")
+        raise LabError("crypt(3) cannot hash the sudo_password", hint="give another one", code=Code.LAB_ORDER)
     return str(found.decode())
 
 

@@ -15,6 +15,7 @@ from ipaddress import IPv4Address, IPv4Network
 
 import msgspec
 
+from srprov.codes import Code
 from srprov.errors import UsageError
 from srprov.network.identity import number
 from srprov.network.record import PlacementRecord
@@ -53,7 +54,7 @@ def allocate(
     wanted = [("gateway", name) for name in sorted(set(robots))] + [("service", name) for name in sorted(set(services))]
     if len(wanted) > subnet.num_addresses - 2:
         message = f"subnet {subnet} has {subnet.num_addresses - 2} addresses, {len(wanted)} are needed"
-        raise UsageError(message, hint="name a larger network.subnet in the EDF")
+        raise UsageError(message, hint="name a larger network.subnet in the EDF", code=Code.SUBNET)
     first, count = int(subnet.network_address) + 1, subnet.num_addresses - 2
     kept = {("gateway", name): int(ip) - first for name, ip in used.gateways.items()} | {
         ("service", name): int(ip) - first for name, ip in used.addresses.items()

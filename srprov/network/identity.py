@@ -18,6 +18,7 @@ from typing import TypeGuard, TypeVar
 
 import msgspec
 
+from srprov.codes import Code
 from srprov.definitions.model import NetworkSettings
 from srprov.errors import UsageError
 from srprov.facts.model import Snapshot
@@ -114,9 +115,9 @@ def _vni(instance: str, settings: NetworkSettings, used: int, foreign: Iterable[
     if settings.vni is not None:
         hint = "leave it out to have one chosen"
         if not _is_vni(settings.vni):
-            raise UsageError(f"network.vni {settings.vni} is not in 1..{VNI_LAST}", hint=hint)
+            raise UsageError(f"network.vni {settings.vni} is not in 1..{VNI_LAST}", hint=hint, code=Code.VNI)
         if settings.vni in taken:
-            raise UsageError(f"network.vni {settings.vni} is used by {taken[settings.vni]}", hint=hint)
+            raise UsageError(f"network.vni {settings.vni} is used by {taken[settings.vni]}", hint=hint, code=Code.VNI)
         return settings.vni
     if used:
         return used
@@ -136,11 +137,12 @@ def _subnet(
             raise UsageError(
                 f"network.subnet '{settings.subnet}' is not an IPv4 network of size /{LARGEST} to /{SMALLEST}",
                 hint=hint,
+                code=Code.SUBNET,
             )
         conflict = overlap(wanted, foreign) if wanted != used else None
         if conflict:
             hint = "choose another, or leave it out to have one chosen"
-            raise UsageError(f"network.subnet {wanted} overlaps {conflict.where}", hint=hint)
+            raise UsageError(f"network.subnet {wanted} overlaps {conflict.where}", hint=hint, code=Code.SUBNET)
         return wanted
     if used is not None and _is_ours(used):  # another one was an EDF's wish, or is a robot's lie
         return used
@@ -151,7 +153,9 @@ def _subnet(
         candidate = IPv4Network((base, PREFIX))
         if not overlap(candidate, foreign):
             return candidate
-    raise UsageError(f"no /{PREFIX} of {POOL} is free on all robots", hint="name one as network.subnet in the EDF")
+    raise UsageError(
+        f"no /{PREFIX} of {POOL} is free on all robots", hint="name one as network.subnet in the EDF", code=Code.SUBNET
+    )
 
 
 def _in_use(
@@ -192,7 +196,7 @@ def _check_names(instance: str, names: tuple[str, str], snapshot: Snapshot) -> N
         for link in facts.links:
             if link.name in names and link.alias not in ("", _ALIAS + instance):
                 message = f"link {link.name} on {robot} belongs to '{link.alias.removeprefix(_ALIAS)}'"
-                raise UsageError(message, hint="choose another --instance")
+                raise UsageError(message, hint="choose another --instance", code=Code.VNI)
 
 
 def _is_vni(number: int) -> bool:

@@ -14,6 +14,7 @@ from ipaddress import ip_address
 
 from msgspec.structs import replace
 
+from srprov.codes import Code
 from srprov.definitions.model import Experiment, NetworkSettings
 from srprov.errors import UsageError
 from srprov.facts.model import Snapshot
@@ -103,15 +104,19 @@ def _check_vteps(members: list[str], vteps: Mapping[str, str], snapshot: Snapsho
     hint = "set srprov_underlay in the inventory to the interface or address that the other robots reach"
     for robot in members:
         if robot in snapshot.facts and robot not in vteps:
-            raise UsageError(f"{robot} has no address that other robots reach", hint=hint)
+            raise UsageError(f"{robot} has no address that other robots reach", hint=hint, code=Code.UNDERLAY)
     owner: dict[str, str] = {}
     for robot, vtep in vteps.items():
         if vtep in owner:
-            raise UsageError(f"{owner[vtep]} and {robot} have the same underlay address {vtep}", hint=hint)
+            raise UsageError(
+                f"{owner[vtep]} and {robot} have the same underlay address {vtep}", hint=hint, code=Code.UNDERLAY
+            )
         owner[vtep] = robot
     versions = {ip_address(vtep).version: robot for robot, vtep in vteps.items()}
     if len(versions) > 1:
-        raise UsageError(f"{versions[4]} has an IPv4 underlay address, {versions[6]} an IPv6 one", hint=hint)
+        raise UsageError(
+            f"{versions[4]} has an IPv4 underlay address, {versions[6]} an IPv6 one", hint=hint, code=Code.UNDERLAY
+        )
 
 
 def _check_systemd(members: list[str], snapshot: Snapshot) -> None:
@@ -119,7 +124,9 @@ def _check_systemd(members: list[str], snapshot: Snapshot) -> None:
     lacking = [robot for robot in members if robot in snapshot.facts and not snapshot.facts[robot].systemd]
     if lacking:
         message = f"network.persist needs systemd, which does not run on {', '.join(lacking)}"
-        raise UsageError(message, hint="leave network.persist out, or place the services elsewhere")
+        raise UsageError(
+            message, hint="leave network.persist out, or place the services elsewhere", code=Code.NETWORK_ABILITY
+        )
 
 
 def _mtu(
@@ -141,7 +148,7 @@ def _mtu(
     if wish is not None:
         if narrow and wish > possible[narrow]:
             message = f"network.mtu {wish} is more than {narrow}'s underlay leaves: {possible[narrow]}"
-            raise UsageError(message, hint="lower it, or leave it out")
+            raise UsageError(message, hint="lower it, or leave it out", code=Code.NETWORK_ABILITY)
         return wish
     remembered = [record.mtu] if record and record.mtu >= _LEAST_MTU else []
     return min([*possible.values(), *remembered], default=1500 - max(added.values()))

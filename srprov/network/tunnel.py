@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping
 
+from srprov.codes import Code
 from srprov.definitions.model import Experiment
 from srprov.errors import UsageError
 from srprov.facts.model import Snapshot
@@ -45,15 +46,17 @@ def tunnel_of(
     """
     if experiment.network.encryption != "wireguard":
         if rotate:
-            raise UsageError("its overlay is not encrypted: there are no keys", hint="leave out --rotate-keys")
+            raise UsageError(
+                "its overlay is not encrypted: there are no keys", hint="leave out --rotate-keys", code=Code.ENCRYPTION
+            )
         return None
     if experiment.network.persist:
         message = "network.persist cannot restore an overlay that is encrypted: its keys are gone after a reboot"
-        raise UsageError(message, hint="leave out network.persist, and apply after a reboot")
+        raise UsageError(message, hint="leave out network.persist, and apply after a reboot", code=Code.ENCRYPTION)
     away = sorted(vteps.keys() & snapshot.unreachable.keys())
     if rotate and away:
         message = f"keys change on all robots of an overlay at once, and {', '.join(away)} cannot be reached"
-        raise UsageError(message, hint="rotate them when every robot answers")
+        raise UsageError(message, hint="rotate them when every robot answers", code=Code.ENCRYPTION)
     netns = tunnel_name(instance)
     slot = _slot(netns, snapshot)
     slot = "ab"[slot == "a"] if rotate and slot else slot or "a"
@@ -95,7 +98,9 @@ def _port(instance: str, experiment: Experiment, snapshot: Snapshot) -> int:
     free = (pair for i in range(_PAIRS) if taken.isdisjoint((pair := pairs[(start + i) % _PAIRS], pair + 1)))
     port = next(free, 0)
     if not port:
-        raise UsageError(f"no UDP port from {pairs[0]} to {pairs[-1] + 1} is free on all robots")
+        raise UsageError(
+            f"no UDP port from {pairs[0]} to {pairs[-1] + 1} is free on all robots", code=Code.NETWORK_ABILITY
+        )
     return port
 
 

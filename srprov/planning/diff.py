@@ -15,6 +15,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 
 from msgspec.structs import replace
 
+from srprov.codes import Code
 from srprov.errors import PlanError
 from srprov.modules import MODULES, PROBING, RUNNING
 from srprov.planning.amiss import amiss
@@ -106,7 +107,8 @@ def _by_id(desired: Iterable[Resource]) -> dict[str, Resource]:
     wanted: dict[str, Resource] = {}
     for resource in desired:
         if resource.id in wanted:
-            raise PlanError(f"{resource.id} stands in {wanted[resource.id].source} and in {resource.source}")
+            message = f"{resource.id} stands in {wanted[resource.id].source} and in {resource.source}"
+            raise PlanError(message, code=Code.TWICE)
         wanted[resource.id] = resource
     return wanted
 
@@ -142,7 +144,8 @@ def _taken(wanted: Mapping[str, Resource]) -> dict[str, Resource]:
     sources = {key: MODULES[one.module].taken_from(one.params) for key, one in wanted.items()}
     for key, source in sources.items():
         if source == wanted[key].host:
-            raise PlanError(f"{key} cannot be copied from {source}, where it is", hint="name another robot")
+            message = f"{key} cannot be copied from {source}, where it is"
+            raise PlanError(message, hint="name another robot", code=Code.OPTIONS)
     return {
         resource_id(source, wanted[key].module, wanted[key].name): wanted[key]
         for key, source in sources.items()
@@ -163,7 +166,7 @@ def _orphan_cause(item: Observed, homes: Mapping[str, str], busy: bool, copied: 
 def _in_order(steps: Sequence[Step], wanted: Mapping[str, Resource]) -> tuple[Step, ...]:
     by_key = {order_key(step): step for step in steps}
     if len(by_key) != len(steps):
-        raise PlanError("two steps for one resource")
+        raise PlanError("two steps for one resource", code=Code.TWICE)
     order = _Before(by_key, wanted)
     needs = {key: order.of(step) for key, step in by_key.items()}
     numbers: dict[Key, int] = {}
@@ -184,7 +187,9 @@ def _in_order(steps: Sequence[Step], wanted: Mapping[str, Resource]) -> tuple[St
     if len(numbers) != len(by_key):
         circle = ", ".join(sorted(by_key[key].id for key in by_key if key not in numbers))
         raise PlanError(
-            f"these need each other in a circle: {circle}", hint="break the circle in depends_on or the playbook"
+            f"these need each other in a circle: {circle}",
+            hint="break the circle in depends_on or the playbook",
+            code=Code.DEPENDENCY,
         )
     return tuple(
         replace(

@@ -11,6 +11,7 @@ import hashlib
 from collections.abc import Iterable, Mapping, Sequence
 
 from srprov import names
+from srprov.codes import Code
 from srprov.definitions.secretmodel import SecretSource
 from srprov.errors import Location, UsageError
 from srprov.modules import MODULES, RUNNING
@@ -37,14 +38,18 @@ def load(text: str, name: str) -> PlanFile:
     try:
         read = parse_json(text, max_characters=MAX_CHARACTERS)
         if not isinstance(read, dict) or read.get("format") != FORMAT:
-            raise UsageError(f"{name} is not a plan of format {FORMAT}", hint=_AGAIN)
+            raise UsageError(f"{name} is not a plan of format {FORMAT}", hint=_AGAIN, code=Code.NO_PLAN)
         saved = _plan_file(read_params(Document, read, {}))
         same = _is_made_of(text, pieces(saved))
     except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise UsageError(f"{name} is no plan that can be applied: {error!r}", hint=_AGAIN) from error
+        raise UsageError(f"{name} is no plan that can be applied: {error!r}", hint=_AGAIN, code=Code.NO_PLAN) from error
     if not same:
         changed = differences({**read, "blobs": None}, document(saved)) or ["its form is not that of `srprov plan -o`"]
-        raise UsageError(f"{name} was changed since `srprov plan -o` wrote it:\n{named(changed)}", hint=_AGAIN)
+        raise UsageError(
+            f"{name} was changed since `srprov plan -o` wrote it:\n{named(changed)}",
+            hint=_AGAIN,
+            code=Code.PLAN_CHANGED,
+        )
     return saved
 
 

@@ -11,6 +11,7 @@ from types import MappingProxyType
 
 import msgspec
 
+from srprov.codes import Code
 from srprov.definitions.containermodel import ContainerDefinition, Port, Runtime
 from srprov.definitions.model import Experiment, NetworkSettings, Service
 from srprov.errors import RefusedError
@@ -114,7 +115,9 @@ def require(asked: Collection[Permission], allowed: Collection[str]) -> None:
         what = "; ".join(f"{one.service}: {one.kind} ({one.what})" for one in missing)
         flags = " ".join(f"--allow {kind}" for kind in sorted({one.kind for one in missing}))
         raise RefusedError(
-            f"the experiment asks for more than its own containers: {what}", hint=f"if you trust it: {flags}"
+            f"the experiment asks for more than its own containers: {what}",
+            hint=f"if you trust it: {flags}",
+            code=Code.NOT_ALLOWED,
         )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Container, Iterable, Mapping
 
+from srprov.codes import Code
 from srprov.errors import PlanError
 from srprov.resource import Need, Resource
 
@@ -39,5 +40,9 @@ class Reach:
                 self._left -= len(more)
                 left.extend(more)
             if self._left < 0:
-                raise PlanError("its resources need each other in too many ways", hint="let them need fewer others")
+                raise PlanError(
+                    "its resources need each other in too many ways",
+                    hint="let them need fewer others",
+                    code=Code.TOO_LARGE,
+                )
         return reached

@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from srprov import regular_file
+from srprov.codes import Code
 from srprov.errors import UsageError
 from srprov.secret import redacted
 from srprov.untrusted import mapping, parse_json
@@ -49,11 +50,13 @@ class Journal:
         try:
             fcntl.flock(self._descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise UsageError(f"another srprov works in {self._path.parent}", hint="wait until it has ended") from None
+            raise UsageError(
+                f"another srprov works in {self._path.parent}", hint="wait until it has ended", code=Code.LOCKED
+            ) from None
         lines = sum(piece.count(_NEWLINE) for piece in iter(lambda: os.read(self._descriptor, _PIECE), b""))
         if lines != self._number - 1:
             message = f"another srprov has worked in {self._path.parent} meanwhile"
-            raise UsageError(message, hint="go on with --resume once more")
+            raise UsageError(message, hint="go on with --resume once more", code=Code.LOCKED)
 
     def add(self, event: str, **more: object) -> None:
         """Write one event, and wait until it is on the disk.
@@ -110,12 +113,14 @@ def _content(folder: Path, most: int) -> tuple[bytes, bytes]:
     """Return a journal's whole lines, and what there is of one that was torn."""
     path = folder / NAME
     if path.is_symlink():
-        raise UsageError(f"{path} is a link", hint="it is not what a run wrote; begin a new one")
+        raise UsageError(
+            f"{path} is a link", hint="it is not what a run wrote; begin a new one", code=Code.STRANGE_FILE
+        )
     try:
         data = regular_file.read(path, most)
     except OSError as error:
         raise UsageError(
-            f"{path} cannot be read: {error.strerror}", hint="name the folder of a run of trials"
+            f"{path} cannot be read: {error.strerror}", hint="name the folder of a run of trials", code=Code.RECORD
         ) from None
     end = data.rfind(_NEWLINE) + 1
     return data[:end], data[end:]
@@ -133,7 +138,9 @@ def _event(path: Path, number: int, line: bytes) -> Mapping[str, Any]:
         event = {}
     if event.get("seq") != number or not isinstance(event.get("event"), str):
         raise UsageError(
-            f"{path}:{number} is not the event number {number}", hint="the journal was changed by somebody"
+            f"{path}:{number} is not the event number {number}",
+            hint="the journal was changed by somebody",
+            code=Code.RECORD,
         )
     return event
 

@@ -15,6 +15,7 @@ from typing import Any
 import msgspec
 
 from srprov import regular_file
+from srprov.codes import Code
 from srprov.errors import UsageError
 from srprov.execution import Outcome
 from srprov.untrusted import mapping, parse_json, string
@@ -48,7 +49,7 @@ def last_run(root: Path, instance: str) -> LastRun | None:
         return LastRun(path=path, failed=frozenset(_failed(path)))
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         hint = "name the robots instead of @failed, or remove that folder"
-        raise UsageError(f"{path} is no record that can be read: {error!r}", hint=hint) from error
+        raise UsageError(f"{path} is no record that can be read: {error!r}", hint=hint, code=Code.RECORD) from error
 
 
 def records(root: Path, only: str = "") -> dict[str, list[Path]]:
@@ -66,7 +67,9 @@ def records(root: Path, only: str = "") -> dict[str, list[Path]]:
     except FileNotFoundError:
         return {}
     except OSError as error:
-        raise UsageError(f"{root}: {error.strerror}", hint="name another folder with --runs") from error
+        raise UsageError(
+            f"{root}: {error.strerror}", hint="name another folder with --runs", code=Code.RECORD
+        ) from error
     return {instance: sorted(paths, key=_begun) for instance, paths in found.items()}
 
 

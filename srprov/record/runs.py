@@ -14,6 +14,7 @@ from typing import Any
 
 import msgspec
 
+from srprov.codes import Code
 from srprov.errors import UsageError
 from srprov.record import journal
 from srprov.record.last import record_json
@@ -106,11 +107,19 @@ def trials_run(folder: Path, *, whole: bool = True) -> TrialsRun:
         elif event["event"] in (DISCARD, RERUN):
             kept.append(event)
         if len(columns) > _MOST_COLUMNS:
-            raise UsageError(f"{folder}: its attempts have more than {_MOST_COLUMNS} columns", hint="read its tables")
+            raise UsageError(
+                f"{folder}: its attempts have more than {_MOST_COLUMNS} columns",
+                hint="read its tables",
+                code=Code.TOO_LARGE,
+            )
         if max(cells, ends * len(columns)) > _MOST_CELLS:  # a table has a cell of each column for each
-            raise UsageError(f"{folder}: its attempts have more than {_MOST_CELLS} numbers", hint="read its tables")
+            raise UsageError(
+                f"{folder}: its attempts have more than {_MOST_CELLS} numbers",
+                hint="read its tables",
+                code=Code.TOO_LARGE,
+            )
     if first is None or last is None or first["event"] != "run":
-        raise UsageError(f"{folder} holds no run of trials", hint="`srprov runs` lists runs")
+        raise UsageError(f"{folder} holds no run of trials", hint="`srprov runs` lists runs", code=Code.NO_RUN)
     named = _INSTANCE.fullmatch(string(first.get("run")))
     return TrialsRun(
         path=folder,
@@ -130,7 +139,7 @@ def _row(folder: Path, found: Mapping[str, Any]) -> tuple[dict[str, Any], int]:
     """
     whole = all(isinstance(found.get(name), str) for name in _ROW) and isinstance(found.get("attempt"), int)
     if not whole or len(found) > _MOST_COLUMNS:
-        raise UsageError(f"{folder}: the journal has rows that are none", hint="somebody changed it")
+        raise UsageError(f"{folder}: the journal has rows that are none", hint="somebody changed it", code=Code.RECORD)
     cells = {key: value for key, value in found.items() if _is_cell(value)}
     lists = {key: mappings(value) for key, value in found.items() if isinstance(value, list)}
     return {**cells, **lists}, len(found) + sum(len(one) for some in lists.values() for one in some)
@@ -154,7 +163,7 @@ def kept_runs(folder: Path) -> Iterator[KeptRun | UsageError]:
     try:
         inside = [folder] if _is_run(folder) else sorted(folder.iterdir())
     except OSError as error:
-        raise UsageError(f"{folder}: {error.strerror}", hint="name a folder with runs") from None
+        raise UsageError(f"{folder}: {error.strerror}", hint="name a folder with runs", code=Code.NO_FILE) from None
     for path in inside:
         try:
             if path == folder or _is_run(path):
@@ -162,7 +171,7 @@ def kept_runs(folder: Path) -> Iterator[KeptRun | UsageError]:
         except UsageError as error:
             yield error
         except OSError as error:
-            yield UsageError(f"{path}: {error.strerror}", hint="ask its owner for access")
+            yield UsageError(f"{path}: {error.strerror}", hint="ask its owner for access", code=Code.NO_FILE)
 
 
 def _is_run(folder: Path) -> bool:
@@ -187,7 +196,9 @@ def kept_run(path: Path) -> KeptRun:
         result = mapping(record_json(path / "result.json")) if ended else {}
     except (OSError, ValueError) as error:
         why = error.strerror if isinstance(error, OSError) else error
-        raise UsageError(f"{path} is no record that can be read: {why}", hint="`srprov runs` lists runs") from None
+        raise UsageError(
+            f"{path} is no record that can be read: {why}", hint="`srprov runs` lists runs", code=Code.RECORD
+        ) from None
     counts = {name: integer(result.get(name), high=1_000_000) for name in ("failed", "skipped", "not_reached")}
     return KeptRun(
         run=path.name,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from pathlib import Path
 
+from srprov.codes import Code
 from srprov.errors import UsageError
 from srprov.record.last import newest, record_json, records
 from srprov.untrusted import mapping, mappings, string
@@ -31,7 +32,7 @@ def _images(record: Path) -> Iterator[str]:
         plan = mapping(record_json(record / "plan.json"))
     except (OSError, ValueError) as error:
         hint = "remove that folder, if nothing that it names is needed any more"
-        raise UsageError(f"{record} is no record that can be read: {error}", hint=hint) from error
+        raise UsageError(f"{record} is no record that can be read: {error}", hint=hint, code=Code.RECORD) from error
     yield from mapping(plan.get("contexts"))
     wanted = [*(one for one in mappings(plan.get("steps")) if one.get("want")), *mappings(plan.get("also_wanted"))]
     yield from (string(one.get("name")) for one in wanted if one.get("module") == "image")

@@ -11,6 +11,7 @@ from typing import Any
 
 from msgspec.structs import replace
 
+from srprov.codes import Code
 from srprov.definitions.playbookmodel import ADDED, AFTER, BEFORE, REPLACES, Playbook
 from srprov.errors import DefinitionError, Diagnostic, Location, did_you_mean
 from srprov.modules.module import Module, Running
@@ -151,9 +152,11 @@ class _Chain:
         assert owner is not None  # those of one of our playbooks were compared when it was rendered
         told, other = (resource, first) if playbook else (first, resource)
         message = f"{resource.module}:{resource.name} stands in {other.source} as well"
-        self._tell(told, owner, message, "give it another name")
+        self._tell(told, owner, message, "give it another name", Code.TWICE)
 
-    def _tell(self, resource: Resource, playbook: Playbook, message: str, hint: str = "") -> None:
+    def _tell(
+        self, resource: Resource, playbook: Playbook, message: str, hint: str = "", code: Code = Code.PLAYBOOK
+    ) -> None:
         file, line, column = resource.source.rsplit(":", 2)
         excerpt = playbook.source.excerpt(int(line))
-        self.problems.append(Diagnostic(Location(file, int(line), int(column)), message, "", excerpt, hint))
+        self.problems.append(Diagnostic(Location(file, int(line), int(column)), message, "", excerpt, hint, code=code))

@@ -15,6 +15,7 @@ import yaml
 from jinja2 import StrictUndefined, Undefined
 from jinja2.sandbox import ImmutableSandboxedEnvironment
 
+from srprov.codes import Code
 from srprov.errors import RenderError
 
 TAG = "!json"
@@ -105,4 +106,5 @@ def _refuse(name: str, line: int) -> None:
     raise RenderError(
         f"{name}:{line}: a substitution must be a whole YAML value",
         hint='write the parts as one expression, e.g. {{ "ros-" ~ name }}',
+        code=Code.TEMPLATE,
     )

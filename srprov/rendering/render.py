@@ -17,6 +17,7 @@ from typing import Any
 import yaml
 from jinja2 import Template, TemplateError
 
+from srprov.codes import Code
 from srprov.errors import RenderError
 from srprov.modules.module import Module
 from srprov.modules.params import ParameterError, check_text, read_params
@@ -51,7 +52,11 @@ def render(
         for number, item in enumerate(_items(template, name, host, context), start=1):
             resource = _resource(item, host, modules, blobs, f"{name}, item {number}")
             if resource.id in resources:
-                raise RenderError(f"{resource.source}: {resource.id} stands twice", hint="give each resource one place")
+                raise RenderError(
+                    f"{resource.source}: {resource.id} stands twice",
+                    hint="give each resource one place",
+                    code=Code.TWICE,
+                )
             resources[resource.id] = resource
     return tuple(resources.values())
 
@@ -65,20 +70,24 @@ def _template(name: str, text: str) -> Template:
         return env.from_string(text)
     except TemplateError as error:
         line = getattr(error, "lineno", None) or 1
-        raise RenderError(f"{name}:{line}: {error.message}", hint="correct the template") from error
+        raise RenderError(f"{name}:{line}: {error.message}", hint="correct the template", code=Code.TEMPLATE) from error
 
 
 def _items(template: Template, name: str, host: str, context: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
     try:
         text = template.render(**context)
     except (TemplateError, TypeError, ValueError, ArithmeticError, LookupError, AttributeError) as error:
-        raise RenderError(f"playbook {name}, robot {host}: {error}", hint="check the names in the template") from error
+        raise RenderError(
+            f"playbook {name}, robot {host}: {error}", hint="check the names in the template", code=Code.RENDERED
+        ) from error
     try:
         items = load(text) or []
     except (yaml.YAMLError, ValueError) as error:
-        raise RenderError(f"playbook {name}, robot {host} renders to broken YAML: {error}") from error
+        raise RenderError(
+            f"playbook {name}, robot {host} renders to broken YAML: {error}", code=Code.RENDERED
+        ) from error
     if not isinstance(items, list) or not all(isinstance(item, dict) for item in items):
-        raise RenderError(f"playbook {name}, robot {host}: a playbook is a list of resources")
+        raise RenderError(f"playbook {name}, robot {host}: a playbook is a list of resources", code=Code.PLAYBOOK)
     return items
 
 
@@ -89,20 +98,22 @@ def _resource(
     if kind not in modules:
         known = ", ".join(sorted(modules))
         message = f"{source}: the first key of an item names its module, '{kind}' is none"
-        raise RenderError(message, hint=f"known: {known}")
+        raise RenderError(message, hint=f"known: {known}", code=Code.PLAYBOOK)
     written = {key: value for key, value in item.items() if key not in (kind, "needs")}
     name, needs = item[kind], item.get("needs") or []
     if not isinstance(name, str) or not name:
-        raise RenderError(f"{source}: {name!r} is no name of a {kind}", hint="write the resource's name as text")
+        raise RenderError(
+            f"{source}: {name!r} is no name of a {kind}", hint="write the resource's name as text", code=Code.PLAYBOOK
+        )
     if not isinstance(needs, list):
-        raise RenderError(f"{source}: needs is a list", hint="write needs: [module:name]")
+        raise RenderError(f"{source}: needs is a list", hint="write needs: [module:name]", code=Code.PLAYBOOK)
     for need in needs:
         _check_need(need, source)
     try:
         return build(kind, name, written, needs, host=host, modules=modules, blobs=blobs, source=source)
     except ParameterError as error:
         hint = "`srprov schema playbook` explains the parameters of every module"
-        raise RenderError(f"{source}: {kind} {name!r}: {error}", hint=hint) from error
+        raise RenderError(f"{source}: {kind} {name!r}: {error}", hint=hint, code=Code.PLAYBOOK) from error
 
 
 def _check_need(value: object, source: str) -> None:
@@ -110,7 +121,11 @@ def _check_need(value: object, source: str) -> None:
     if isinstance(value, Mapping):
         identity, condition = value.get("id"), value.get("condition", condition)
     if not isinstance(identity, str) or condition not in [one.value for one in Condition]:
-        raise RenderError(f"{source}: {value!r} is no need", hint="write module:name or {id: …, condition: healthy}")
+        raise RenderError(
+            f"{source}: {value!r} is no need",
+            hint="write module:name or {id: …, condition: healthy}",
+            code=Code.PLAYBOOK,
+        )
 
 
 def build(

@@ -10,6 +10,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
+from srprov.codes import Code
 from srprov.data import schema as shipped_schema
 from srprov.definitions.playbook import VARIABLES, check_item
 from srprov.definitions.playbookmodel import Playbook
@@ -59,20 +60,22 @@ def _root(playbook: Playbook, host: str, rendered: Rendered) -> Node | None:
     if rendered.fault:
         unknown = _UNDEFINED.search(rendered.fault)
         hint = did_you_mean(unknown[1], VARIABLES) if unknown else ""
-        raise DefinitionError([_problem(playbook, rendered.line, f"for robot {host}: {rendered.fault}", hint)])
+        raise DefinitionError(
+            [_problem(playbook, rendered.line, f"for robot {host}: {rendered.fault}", hint, Code.RENDERED)]
+        )
     try:
         with allowance(LONGEST_TEXT, _MOST_VALUES):
             return loader.parse(rendered.text, playbook.source.file)
     except DefinitionError as error:
         first = error.problems[0]
         message = f"renders to broken YAML for robot {host}: {first.message}; there: {first.excerpt.strip()[:80]}"
-        raise DefinitionError([_problem(playbook, 1, message)]) from error
+        raise DefinitionError([_problem(playbook, 1, message, code=Code.RENDERED)]) from error
 
 
-def _problem(playbook: Playbook, line: int, message: str, hint: str = "") -> Diagnostic:
+def _problem(playbook: Playbook, line: int, message: str, hint: str = "", code: Code = Code.PLAYBOOK) -> Diagnostic:
     excerpt = playbook.source.excerpt(line)
     column = len(excerpt) - len(excerpt.lstrip()) + 1
-    return Diagnostic(Location(playbook.source.file, line, column), message, "", excerpt, hint)
+    return Diagnostic(Location(playbook.source.file, line, column), message, "", excerpt, hint, code=code)
 
 
 def _resource(
@@ -91,7 +94,7 @@ def _resource(
     try:
         plain = _placed(item, playbook.source)
     except ValueError as error:  # of a substitution's value
-        findings.add(Scalar(playbook.source, *_place(item), ""), f"a value cannot be used: {error}")
+        findings.add(Scalar(playbook.source, *_place(item), ""), f"a value cannot be used: {error}", code=Code.RENDERED)
         return None
     check_item(plain, found)
     if found.problems:
@@ -107,11 +110,11 @@ def _resource(
     try:
         made = build(kind, name, written, needs, host=context["host"], modules=modules, blobs=blobs, source=source)
     except ParameterError as error:
-        findings.add(plain.keys.get(error.key, place), str(error))
+        findings.add(plain.keys.get(error.key, place), str(error), code=Code.PLAYBOOK)
         return None
     if wrong := modules[kind].misplaced(name, made.params, context):
         message, hint = wrong
-        findings.add(place, message, (), hint)
+        findings.add(place, message, (), hint, code=Code.PLAYBOOK)
     return made
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 
+from srprov.codes import Code
 from srprov.errors import TransportError
 from srprov.pace import TOO_LITTLE, Pace
 from srprov.session import Streams
@@ -29,7 +30,9 @@ def answer(host: str, streams: Streams, end: bytes, seconds: float) -> str:
         complaint += error[: _LONGEST_WORDS - len(complaint)]
         if len(said) > _LONGEST_ANSWER or time.monotonic() > until:
             why = f"within {seconds:g} s" if len(said) <= _LONGEST_ANSWER else "but noise"
-            raise TransportError(host, f"it said nothing of what it gets {why}", hint="is its disk full or slow?")
+            raise TransportError(
+                host, f"it said nothing of what it gets {why}", hint="is its disk full or slow?", code=Code.IMAGE_COPY
+            )
         if not (out or error):
             streams.wait(0.2, writing=False)
     if at >= 0:
@@ -48,7 +51,7 @@ def output(host: str, streams: Streams) -> Iterator[bytes]:
         while not streams.ended:
             piece, _ = streams.read()
             if not pace.goes_on(len(piece)):
-                raise TransportError(host, f"it gave {TOO_LITTLE}", hint="try again")
+                raise TransportError(host, f"it gave {TOO_LITTLE}", hint="try again", code=Code.IMAGE_COPY)
             if piece:
                 yield piece
                 pace.resume()
@@ -71,7 +74,12 @@ def send(host: str, streams: Streams, data: bytes, pace: Pace) -> None:
         piece = piece[sent:]
         if not pace.goes_on(sent) or (not sent and streams.ended):
             why = streams.reason() if streams.ended else f"it took {TOO_LITTLE}"
-            raise TransportError(host, f"what is sent got no further: {why}", hint="apply again: it goes on from there")
+            raise TransportError(
+                host,
+                f"what is sent got no further: {why}",
+                hint="apply again: it goes on from there",
+                code=Code.IMAGE_COPY,
+            )
         if not sent:
             streams.wait(0.2, writing=True)
 

@@ -14,6 +14,7 @@ import socket
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
+from srprov.codes import Code
 from srprov.definitions.model import Host
 from srprov.errors import ConnectError
 from srprov.session import Measures, Traffic
@@ -134,6 +135,8 @@ def _start_shell(host: Host, traffic: Traffic, seconds: float, mark: str = "") -
     try:
         streams = PipeStreams(command, traffic)
     except OSError as error:
-        raise ConnectError(host.name, f"/bin/sh cannot be started: {error.strerror}", hint="is this POSIX?") from None
+        raise ConnectError(
+            host.name, f"/bin/sh cannot be started: {error.strerror}", hint="is this POSIX?", code=Code.SHELL
+        ) from None
     wait_ready(host.name, streams, nonce, deadline, user=getpass.getuser(), password=password)
     return streams

@@ -15,6 +15,7 @@ from concurrent.futures import Future
 from concurrent.futures import TimeoutError as NotYet
 from types import TracebackType
 
+from srprov.codes import Code
 from srprov.definitions.model import Host
 from srprov.errors import ConnectError, TransportError, UsageError
 from srprov.session import Session
@@ -84,13 +85,17 @@ class Sessions:
             UsageError: The inventory has no such host.
         """
         if host not in self._sessions:
-            raise UsageError(f"no host {host!r} in the inventory", hint=f"there are: {', '.join(sorted(self._hosts))}")
+            raise UsageError(
+                f"no host {host!r} in the inventory",
+                hint=f"there are: {', '.join(sorted(self._hosts))}",
+                code=Code.NO_MATCH,
+            )
         failure = self._failure(host)
         if failure is None:
             return self._sessions[host].result()
         # Each caller gets an error of its own: one that is raised twice would grow its traceback from several threads.
         if isinstance(failure, TransportError):
-            raise type(failure)(host, failure.message, hint=failure.hint) from failure
+            raise type(failure)(host, failure.message, code=failure.code, hint=failure.hint) from failure
         raise failure
 
     def _failure(self, host: str) -> BaseException | None:
@@ -100,7 +105,7 @@ class Sessions:
                 return self._sessions[host].exception(timeout=0.5)
             except NotYet:
                 if self._closed.is_set():
-                    return ConnectError(host, "connections were closed", hint="connect again")
+                    return ConnectError(host, "connections were closed", hint="connect again", code=Code.LOST)
 
     def again(self, host: str) -> Session:
         """Connect anew to a robot whose connection was lost, and return the new session.

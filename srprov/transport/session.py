@@ -202,7 +202,7 @@ class BaseSession(abc.ABC):
             if self._lost is None or error.host != self._host:
                 raise
         if self._lost is not None:
-            raise TransportError(self._host, self._lost.message, hint=self._lost.hint)
+            raise TransportError(self._host, self._lost.message, hint=self._lost.hint, code=self._lost.code)
 
     def save_image(self, image: str, timeout_s: float) -> Iterator[bytes]:
         """Stream the image as `docker save` writes it.

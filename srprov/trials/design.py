@@ -19,6 +19,7 @@ from collections.abc import Iterable, Mapping
 
 import msgspec
 
+from srprov.codes import Code
 from srprov.definitions.trialpoints import MOST_TRIALS, combinations, most_points
 from srprov.definitions.trialsmodel import TrialDefinitions, TrialSettings
 from srprov.errors import UsageError
@@ -63,14 +64,20 @@ def design(given: TrialDefinitions) -> Design:
     settings = given.settings
     count = most_points(given) * settings.repetitions
     if count > MOST_TRIALS:
-        raise UsageError(f"{count} trials are more than {MOST_TRIALS}", hint="give fewer values or repetitions")
+        raise UsageError(
+            f"{count} trials are more than {MOST_TRIALS}",
+            hint="give fewer values or repetitions",
+            code=Code.TRIAL_DESIGN,
+        )
     points = _points(given)
     if not points:
-        raise UsageError("no trial is left: 'exclude' takes all points away")
+        raise UsageError("no trial is left: 'exclude' takes all points away", code=Code.TRIAL_DESIGN)
     known: dict[str, Point] = {}
     for point in points:
         if known.setdefault(point.id, point) is not point:
-            raise UsageError(f"two points have the id {point.id}", hint="change a value, however little")
+            raise UsageError(
+                f"two points have the id {point.id}", hint="change a value, however little", code=Code.TRIAL_DESIGN
+            )
     trials = [
         _trial(point, repetition, settings)
         for repetition in range(1, settings.repetitions + 1)

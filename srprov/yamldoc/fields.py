@@ -8,6 +8,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 
+from srprov.codes import Code
 from srprov.errors import did_you_mean
 from srprov.yamldoc import loader, nodes
 from srprov.yamldoc.nodes import Findings, Map, Node, Scalar, Seq, Source
@@ -43,13 +44,13 @@ class FieldReader:
         self.findings = Findings()
         self.root: Node = loader.parse(text, file) or Map(Source(file), 1, 1)
 
-    def problem(self, node: Node, message: str, hint: str = "") -> None:
+    def problem(self, node: Node, message: str, hint: str = "", code: Code = Code.WRONG_VALUE) -> None:
         """Note a problem at a node."""
-        self.findings.add(node, message, hint=hint)
+        self.findings.add(node, message, hint=hint, code=code)
 
     def _expected(self, node: Node, what: str) -> None:
         shown = f"'{node.text[:60]}'" if isinstance(node, Scalar) and node.text else nodes.kind(node)
-        self.problem(node, f"expected {what}, not {shown}")
+        self.problem(node, f"expected {what}, not {shown}", code=Code.WRONG_TYPE)
 
     def mapping(self, node: Node, known: Sequence[str] = ()) -> Iterator[tuple[Scalar, Node]]:
         """Yield keys and values; a key that is not `known` is a problem and left out."""
@@ -59,7 +60,7 @@ class FieldReader:
         for name, value in node.entries.items():
             if known and name not in known:
                 hint = did_you_mean(name, known) or f"known: {', '.join(known)}"
-                self.problem(node.keys[name], f"unknown key '{name[:60]}'", hint)
+                self.problem(node.keys[name], f"unknown key '{name[:60]}'", hint, Code.UNKNOWN_KEY)
             else:
                 yield node.keys[name], value
 

@@ -15,6 +15,7 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from srprov import regular_file
+from srprov.codes import Code
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.yamldoc.allowance import Allowance, current
 from srprov.yamldoc.nodes import Map, Node, Scalar, Seq, Source, problem
@@ -56,14 +57,16 @@ def read_text(path: str | FilePath, shown: str = "", most: int = MAX_BYTES, *, r
                 raise OSError(errno.EFBIG, together)
     except OSError as error:
         reason = _IN_WORDS.get(type(error), error.strerror)
-        raise DefinitionError([Diagnostic(Location(name), f"cannot be read: {reason}")]) from None
+        raise DefinitionError([Diagnostic(Location(name), f"cannot be read: {reason}", code=Code.UNREADABLE)]) from None
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         start = data[: error.start]
         line, column = start.count(b"\n") + 1, error.start - (start.rfind(b"\n") + 1) + 1
         place = Location(name, line, column)
-        raise DefinitionError([Diagnostic(place, "is not UTF-8 text", hint="save the file as UTF-8")]) from None
+        raise DefinitionError(
+            [Diagnostic(place, "is not UTF-8 text", hint="save the file as UTF-8", code=Code.UNREADABLE)]
+        ) from None
 
 
 def parse(text: str, file: str) -> Node | None:
@@ -96,7 +99,7 @@ def _syntax(source: Source, place: Location, words: str, hint: str = "") -> Diag
     excerpt = source.excerpt(place.line)
     tab = "\t" in excerpt[: max(place.column, len(excerpt) - len(excerpt.lstrip()))]
     hint = "YAML allows no tab for indentation; use spaces" if tab else hint
-    return Diagnostic(place, f"is not valid YAML: {words}", "", excerpt, hint)
+    return Diagnostic(place, f"is not valid YAML: {words}", "", excerpt, hint, code=Code.YAML)
 
 
 class _Composer:
@@ -178,13 +181,15 @@ class _Composer:
             key = self._node(event, depth + 1)
             value = self._node(next(self.events), depth + 1)
             if not isinstance(key, Scalar) or key.tag:
-                self.problems.append(problem(key, "a key must be a single word or text"))
+                self.problems.append(problem(key, "a key must be a single word or text", code=Code.YAML))
             elif key.text == "<<" and key.plain:
                 merged.extend(self._merge_sources(value))
             elif key.text in entries:
                 first = keys[key.text].line
                 self.problems.append(
-                    problem(key, f"duplicate key '{key.text}'; it is already on line {first}", key.text)
+                    problem(
+                        key, f"duplicate key '{key.text}'; it is already on line {first}", key.text, code=Code.TWICE
+                    )
                 )
             else:
                 entries[key.text], keys[key.text] = value, key
@@ -198,7 +203,7 @@ class _Composer:
     def _merge_sources(self, value: Node) -> list[Map]:
         maps = list(value.items) if isinstance(value, Seq) else [value]
         wrong = [node for node in maps if not isinstance(node, Map)]
-        self.problems.extend(problem(node, "'<<' merges maps only") for node in wrong)
+        self.problems.extend(problem(node, "'<<' merges maps only", code=Code.YAML) for node in wrong)
         return [node for node in maps if isinstance(node, Map)]
 
     def _alias(self, event: Any, line: int, column: int, depth: int) -> Node:  # noqa: ANN401 - as _node
@@ -220,7 +225,9 @@ class _Composer:
 
     def _stop(self, event: Any, message: str) -> DefinitionError:  # noqa: ANN401 - as _node
         place = Location(self.source.file, event.start_mark.line + 1, event.start_mark.column + 1)
-        return DefinitionError([*self.problems, Diagnostic(place, message, "", self.source.excerpt(place.line))])
+        return DefinitionError(
+            [*self.problems, Diagnostic(place, message, "", self.source.excerpt(place.line), code=Code.TOO_LARGE)]
+        )
 
 
 _PLAIN_TAGS = {_YAML_TAGS + name for name in ("int", "float", "bool", "null")}

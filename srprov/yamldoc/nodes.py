@@ -14,6 +14,7 @@ from collections.abc import Iterable, Mapping
 import msgspec
 from msgspec.structs import replace
 
+from srprov.codes import Code
 from srprov.errors import DefinitionError, Diagnostic, Location
 
 _TRUE = {"true", "yes", "on"}
@@ -99,10 +100,10 @@ def location(node: Node) -> Location:
     return Location(node.source.file, node.line, node.column)
 
 
-def problem(node: Node, message: str, path: Path | str = (), hint: str = "") -> Diagnostic:
+def problem(node: Node, message: str, path: Path | str = (), hint: str = "", *, code: Code) -> Diagnostic:
     """Return a problem that points at a node; `path` is where it stands inside the document."""
     where = path if isinstance(path, str) else dotted(path)
-    return Diagnostic(location(node), message, where, node.source.excerpt(node.line), hint)
+    return Diagnostic(location(node), message, where, node.source.excerpt(node.line), hint, code=code)
 
 
 def dotted(path: Path) -> str:
@@ -184,13 +185,13 @@ class Findings:
         findings._found = dict(self._found)
         return findings
 
-    def add(self, node: Node, message: str, path: Path = (), hint: str = "") -> None:
+    def add(self, node: Node, message: str, path: Path = (), hint: str = "", *, code: Code) -> None:
         """Add one problem at a node; the same one twice counts once.
 
         Raises:
             DefinitionError: There are so many that nobody reads further ones; with those that were found.
         """
-        self._found.setdefault(problem(node, message, path, hint), path)
+        self._found.setdefault(problem(node, message, path, hint, code=code), path)
         self._stop_at_many()
 
     def extend(self, problems: Iterable[Diagnostic]) -> None:

@@ -100,5 +100,7 @@ class _Casting:
         except ValueError as error:
             if not any(one.location == value.at for one in self.variables.problems):
                 problem = wrong(value, f"{path[-1]}: {error}", path)
-                self.variables.problems.append(Diagnostic(problem.location, problem.message, dotted(path)))
+                self.variables.problems.append(
+                    Diagnostic(problem.location, problem.message, dotted(path), code=problem.code)
+                )
             return text

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator
 
 import msgspec
 
+from srprov.codes import Code
 from srprov.errors import Diagnostic
 from srprov.importing.normal import Refused
 from srprov.importing.position import Position
@@ -52,7 +53,7 @@ def raw(text: str, file: str) -> Iterator[Entry]:
             continue
         name, sign, value = bare.partition("=")
         if not name or any(space in name for space in " \t"):
-            raise Refused([Diagnostic(at, f"'{name[:80]}' is no name of a variable")])
+            raise Refused([Diagnostic(at, f"'{name[:80]}' is no name of a variable", code=Code.COMPOSE_VARIABLE)])
         yield Entry(name, value if sign else None, at)
 
 
@@ -81,7 +82,15 @@ class _Source:
         self.lines += self.text.count("\n", self.counted, self.at)
         self.counted = self.at
         if self.lines > MOST_LINES:
-            raise Refused([Diagnostic(Position(self.file, self.lines), f"there are more than {MOST_LINES} lines")])
+            raise Refused(
+                [
+                    Diagnostic(
+                        Position(self.file, self.lines),
+                        f"there are more than {MOST_LINES} lines",
+                        code=Code.COMPOSE_VARIABLE,
+                    )
+                ]
+            )
         return Position(self.file, self.lines, self.at - (self.text.rfind("\n", 0, self.at) + 1) + 1)
 
     def entry(self, put_in: PutIn, lookup: Lookup) -> Entry | None:
@@ -116,10 +125,12 @@ class _Source:
                 end, sign = index, char
                 break
             if not (char in "_.-[]" or char in _SPACE or char.isalnum()):
-                raise Refused([Diagnostic(at, f"a name of a variable has no '{char}'")])
+                raise Refused([Diagnostic(at, f"a name of a variable has no '{char}'", code=Code.COMPOSE_VARIABLE)])
         name = self.text[begin:end].rstrip()
         if " " in name:
-            raise Refused([Diagnostic(at, f"the name of a variable has a space: '{name[:80]}'")])
+            raise Refused(
+                [Diagnostic(at, f"the name of a variable has a space: '{name[:80]}'", code=Code.COMPOSE_VARIABLE)]
+            )
         self.at = min(end + 1, len(self.text))
         if sign != "\n":
             self._skip_space()
@@ -142,7 +153,7 @@ class _Source:
         while (end := self.text.find(quote, end)) >= 0 and self.text[end - 1] == "\\":
             end += 1
         if end < 0:
-            raise Refused([Diagnostic(at, "a quote is not closed")])
+            raise Refused([Diagnostic(at, "a quote is not closed", code=Code.COMPOSE_VARIABLE)])
         self.at = end + 1
         value = self.text[begin:end]
         return value.replace("\\'", "'") if quote == "'" else put_in(_ESCAPE.sub(_escaped, value), at)

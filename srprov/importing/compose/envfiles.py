@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import ChainMap
 from collections.abc import Mapping, Sequence
 
+from srprov.codes import Code
 from srprov.errors import Diagnostic
 from srprov.importing.compose import dotenv
 from srprov.importing.compose.loading import File
@@ -57,4 +58,4 @@ def values(
 def missing(file: File) -> Refused:
     """Return the refusal of a file of variables that is not there."""
     place = file.named.at if file.named else Position(file.shown)
-    return Refused([Diagnostic(place, f"there is no file of variables '{file.shown}'")])
+    return Refused([Diagnostic(place, f"there is no file of variables '{file.shown}'", code=Code.COMPOSE_VARIABLE)])

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import msgspec
 
+from srprov.codes import Code
 from srprov.errors import Diagnostic
 from srprov.importing.compose import notes, paths
 from srprov.importing.compose.forms import long
@@ -105,7 +106,7 @@ def _of_file(loading: Loading, where: Value, among: _Services) -> _Services:
         tree = paths.moved(tree, os.path.relpath(os.path.dirname(file.path), loading.folder))
         services = tree.get("services")
         if services is None or not isinstance(services.data, dict):
-            raise Refused([Diagnostic(where.at, f"'{where.data}' has no services")])
+            raise Refused([Diagnostic(where.at, f"'{where.data}' has no services", code=Code.COMPOSE)])
         loading.bases[file.path, file.shown] = services, reset
     return _Services(loading.bases[file.path, file.shown][0], file, loading.bases[file.path, file.shown][1])
 

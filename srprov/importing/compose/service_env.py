@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 
+from srprov.codes import Code
 from srprov.errors import Diagnostic
 from srprov.importing.compose import envfiles, finish
 from srprov.importing.compose.loading import File, Loading
@@ -71,7 +72,14 @@ def _file(
         return {}
     if form is not None and form.data != "raw":
         raise Refused(
-            [Diagnostic(form.at, f"Compose knows no format '{form.data}' of files of variables", hint="known: raw")]
+            [
+                Diagnostic(
+                    form.at,
+                    f"Compose knows no format '{form.data}' of files of variables",
+                    hint="known: raw",
+                    code=Code.COMPOSE_VARIABLE,
+                )
+            ]
         )
     text = loading.reading.text(file.path, file.shown, name)
     found = envfiles.values(text, file.shown, known, _origins(before, "env_file"), raw=form is not None)

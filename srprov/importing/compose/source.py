@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass, field
 
+from srprov.codes import Code
 from srprov.errors import DefinitionError, Diagnostic
 from srprov.importing.compose.scalars import Date, meaning
 from srprov.importing.compose.scalars import shown as as_printed
@@ -42,7 +43,9 @@ class Reading:
         real = os.path.realpath(path)
         if not any(os.path.commonpath((real, root)) == root for root in self.roots):
             message = f"'{named.data}' lies outside of the project's folder, and is not read"
-            raise Refused([Diagnostic(named.at, message, hint="copy it into the folder of the Compose file")])
+            raise Refused(
+                [Diagnostic(named.at, message, hint="copy it into the folder of the Compose file", code=Code.OUTSIDE)]
+            )
         return real
 
     def text(self, path: str, shown: str, named: Value | None) -> str:
@@ -58,7 +61,7 @@ class Reading:
                 self.texts[real] = loader.read_text(real, shown, real=True)
             return self.texts[real]
         except ValueError:
-            raise Refused([Diagnostic(Position(shown), "no file can have such a name")]) from None
+            raise Refused([Diagnostic(Position(shown), "no file can have such a name", code=Code.UNREADABLE)]) from None
         except Refused:
             raise
         except DefinitionError as error:
@@ -72,7 +75,7 @@ class Reading:
         """
         self.count += 1
         if self.count > MOST_FILES:
-            raise Refused([Diagnostic(at, f"the project has more than {MOST_FILES} files")])
+            raise Refused([Diagnostic(at, f"the project has more than {MOST_FILES} files", code=Code.TOO_LARGE)])
 
     def tree(self, path: str, shown: str, named: Value | None) -> Value:
         """Return a Compose file's tree.
@@ -89,7 +92,12 @@ def _at(error: DefinitionError, named: Value | None) -> Refused:
     """Return the refusal of a file that cannot be read, at the place where it is named."""
     if named is None:
         return Refused(error.problems)
-    return Refused([Diagnostic(named.at, f"'{named.data}' {one.message}", "", "", one.hint) for one in error.problems])
+    return Refused(
+        [
+            Diagnostic(named.at, f"'{named.data}' {one.message}", "", "", one.hint, code=Code.COMPOSE)
+            for one in error.problems
+        ]
+    )
 
 
 def _tree(text: str, shown: str, written: dict[Position, str]) -> Value:
@@ -98,11 +106,11 @@ def _tree(text: str, shown: str, written: dict[Position, str]) -> Value:
     except DefinitionError as error:
         raise Refused(error.problems) from None
     if root is None:
-        raise Refused([Diagnostic(Position(shown), "the file is empty")])
+        raise Refused([Diagnostic(Position(shown), "the file is empty", code=Code.COMPOSE)])
     problems: list[Diagnostic] = []
     value = _Reader(problems, written).value(root, None, ())
     if not problems and not isinstance(value.data, dict):
-        problems.append(Diagnostic(value.at, "a Compose file is a map with services"))
+        problems.append(Diagnostic(value.at, "a Compose file is a map with services", code=Code.COMPOSE))
     if problems:
         raise Refused(problems)
     return value
@@ -130,7 +138,7 @@ class _Reader:
         data = meaning(node.text) if node.plain and not node.tag else node.text
         if isinstance(data, Date):
             message = "this is a date to YAML, which Compose takes nowhere"
-            self.problems.append(nodes.problem(node, message, dotted(path), "quote it"))
+            self.problems.append(nodes.problem(node, message, dotted(path), "quote it", code=Code.COMPOSE))
         if isinstance(data, int | float) and as_printed(data) != node.text.lower():
             self.written[at] = node.text
         return Value(data, at, key, tag)
@@ -139,4 +147,4 @@ class _Reader:
         means = meaning(name) if key.plain else name
         if not isinstance(means, str) or isinstance(means, Date):
             message = f"the key '{name}' is {_KINDS.get(type(means), 'no text')}; a key must be text"
-            self.problems.append(nodes.problem(key, message, path, "quote it"))
+            self.problems.append(nodes.problem(key, message, path, "quote it", code=Code.COMPOSE))

@@ -11,6 +11,7 @@ from typing import Any
 import msgspec
 from msgspec.structs import replace
 
+from srprov.codes import Code
 from srprov.errors import Diagnostic
 from srprov.importing.normal import Refused
 from srprov.importing.position import Path, Position
@@ -51,7 +52,7 @@ def dotted(path: Path) -> str:
 def wrong(value: Value, message: str, path: Path = (), hint: str = "") -> Diagnostic:
     """Return a problem at a value; at its key where it has one and is no scalar."""
     place = value.place if isinstance(value.data, dict | list) else value.at
-    return Diagnostic(place, message, dotted(path), "", hint)
+    return Diagnostic(place, message, dotted(path), "", hint, code=Code.COMPOSE)
 
 
 def refuse(value: Value, message: str, path: Path = (), hint: str = "") -> Refused:

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import msgspec
 
+from srprov.codes import Code
 from srprov.errors import Diagnostic
 from srprov.importing.normal import Refused, Variable
 from srprov.importing.position import Position
@@ -61,7 +62,13 @@ class Variables:
         if "$" not in text:
             return text
         if len(text) > LONGEST_TEXT:
-            raise Refused([Diagnostic(at, f"a text with '$' in it has more than {LONGEST_TEXT} characters")])
+            raise Refused(
+                [
+                    Diagnostic(
+                        at, f"a text with '$' in it has more than {LONGEST_TEXT} characters", code=Code.COMPOSE_VARIABLE
+                    )
+                ]
+            )
         result = _Text(self, at).put_in(text, 0)
         self.grow(len(result), at)
         return result
@@ -75,7 +82,7 @@ class Variables:
         self.size[0] += size
         if self.size[0] > LARGEST_RESULT:
             message = f"with its variables put in, the project is larger than {LARGEST_RESULT >> 20} MiB"
-            raise Refused([Diagnostic(at, message)])
+            raise Refused([Diagnostic(at, message, code=Code.COMPOSE_VARIABLE)])
 
     def look(self, size: int, at: Position) -> None:
         """Count text that is looked through for one variable.
@@ -85,12 +92,20 @@ class Variables:
         """
         self.size[1] += size
         if self.size[1] > MOST_LOOKED_AT:
-            raise Refused([Diagnostic(at, "the project has too many variables in long texts")])
+            raise Refused(
+                [Diagnostic(at, "the project has too many variables in long texts", code=Code.COMPOSE_VARIABLE)]
+            )
 
     def record(self, name: str, source: str, value: str, at: Position) -> None:
         """Note that a variable was asked for."""
         if len(self.used) >= MOST_VARIABLES:
-            raise Refused([Diagnostic(at, f"variables are asked for at more than {MOST_VARIABLES} places")])
+            raise Refused(
+                [
+                    Diagnostic(
+                        at, f"variables are asked for at more than {MOST_VARIABLES} places", code=Code.COMPOSE_VARIABLE
+                    )
+                ]
+            )
         self.used.append(Variable(name, source, value, at))
 
 
@@ -120,7 +135,15 @@ class _Text:
 
     def put_in(self, text: str, depth: int) -> str:
         if depth > DEEPEST:
-            raise Refused([Diagnostic(self.at, f"defaults of variables are nested more than {DEEPEST} deep")])
+            raise Refused(
+                [
+                    Diagnostic(
+                        self.at,
+                        f"defaults of variables are nested more than {DEEPEST} deep",
+                        code=Code.COMPOSE_VARIABLE,
+                    )
+                ]
+            )
         done: list[str] = []
         while found := _FOUND.search(text):
             self.variables.look(len(text), self.at)
@@ -152,7 +175,9 @@ class _Text:
     def _broken(self, text: str) -> str:
         hint = "write '$$' for a dollar sign"
         self.variables.problems.append(
-            Diagnostic(self.at, f"no variable is written like this: '{text[:80]}'", "", "", hint)
+            Diagnostic(
+                self.at, f"no variable is written like this: '{text[:80]}'", "", "", hint, code=Code.COMPOSE_VARIABLE
+            )
         )
         return ""
 
@@ -161,7 +186,9 @@ class _Text:
         if known is None:
             self.variables.record(name, "unset", "", self.at)
             message = f"the variable {name} has no value; nothing is taken from this machine's environment"
-            self.variables.problems.append(Diagnostic(self.at, message, "", "", f"give one: --set {name}=VALUE"))
+            self.variables.problems.append(
+                Diagnostic(self.at, message, "", "", f"give one: --set {name}=VALUE", code=Code.COMPOSE_VARIABLE)
+            )
             return ""
         return self._known(name, known)
 
@@ -184,7 +211,9 @@ class _Text:
             return word
         self.variables.record(name, "unset", "", self.at)
         message = f"the variable {name} is required" + (f": {word[:200]}" if word else "")
-        self.variables.problems.append(Diagnostic(self.at, message, "", "", f"give one: --set {name}=VALUE"))
+        self.variables.problems.append(
+            Diagnostic(self.at, message, "", "", f"give one: --set {name}=VALUE", code=Code.COMPOSE_VARIABLE)
+        )
         return ""
 
 

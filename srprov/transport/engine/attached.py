@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
+from srprov.codes import Code
 from srprov.errors import TransportError
 from srprov.transport.engine.answers import message_of, quoted
 from srprov.transport.engine.link import EngineGone, EngineLink
@@ -105,7 +106,9 @@ class AttachedCommand:
 
     def _failed(self, what: str, error: BaseException) -> TransportError:
         hint = "srprov status says what runs where"
-        return TransportError(self._link.host, f"{what}: {self._link.failure(error, _START_S).err}", hint=hint)
+        return TransportError(
+            self._link.host, f"{what}: {self._link.failure(error, _START_S).err}", hint=hint, code=Code.COMMAND
+        )
 
     def output(self) -> Iterator[tuple[int, bytes]]:
         """Yield what the command writes as it comes, each with 1 or 2 for its stream, until it ends.
@@ -166,7 +169,7 @@ class AttachedCommand:
                 return code if integer(found.get("Pid"), high=1 << 32) or not code else None
             if time.monotonic() > until:
                 why = "it still runs" if found else _why(reply)
-                raise TransportError(self._link.host, f"the command's code is not known: {why}")
+                raise TransportError(self._link.host, f"the command's code is not known: {why}", code=Code.COMMAND)
             time.sleep(0.05)
 
     def close(self) -> None:

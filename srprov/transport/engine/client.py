@@ -19,6 +19,7 @@ from docker import APIClient
 from docker.constants import DEFAULT_DOCKER_API_VERSION, MINIMUM_DOCKER_API_VERSION
 from docker.errors import DockerException, InvalidConfigFile
 
+from srprov.codes import Code
 from srprov.errors import TransportError
 from srprov.session import Progress
 from srprov.transport.engine.adapter import EngineAdapter
@@ -181,11 +182,8 @@ class Engine:
         params |= {"timestamps": 1} if times else {}
         params |= {"since": since} if since else {}
         timeout = (_LOG_TIMEOUT_S, None if follow else WaitInAll(_LOG_TIMEOUT_S))
-        no, hint, broken = (
-            f"no log of {container}",
-            "srprov status lists what is there",
-            f"the log of {container} ended",
-        )
+        no, hint = f"no log of {container}", "srprov status lists what is there"
+        broken = f"the log of {container} ended"
         with self._or_error(no, hint, broken, _LOG_TIMEOUT_S), self._client(_LOG_TIMEOUT_S) as client:
             answer = client.send_call("GET", f"/containers/{container}/logs", params=params, timeout=timeout)
             found = timed_lines(answer.raw) if times else lines(demultiplexed(answer.raw))
@@ -197,10 +195,11 @@ class Engine:
         try:
             yield
         except Refused as refused:
-            raise TransportError(self._link.host, f"{refusal}: {refused.message}", hint=hint) from None
+            said = f"{refusal}: {refused.message}"
+            raise TransportError(self._link.host, said, hint=hint, code=Code.ENGINE) from None
         except _FAILURES as error:
             why = self._link.failure(error, timeout_s).err
-            raise TransportError(self._link.host, f"{loss}: {why}", hint="try again") from error
+            raise TransportError(self._link.host, f"{loss}: {why}", hint="try again", code=Code.LOST) from error
 
     def _client(self, timeout_s: float) -> _Client:
         """Return a client for one request; the time is for sending, and again for all of the answer."""

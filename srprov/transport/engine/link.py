@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from srprov.codes import Code
 from srprov.errors import TransportError
 from srprov.pace import LEAST_RATE
 from srprov.session import Traffic
@@ -206,7 +207,7 @@ class EngineLink(msgspec.Struct, frozen=True, kw_only=True):
         """
         if not self.alive():
             hint = "is the robot up, and its network?"
-            raise TransportError(self.host, "the connection was lost", hint=hint) from error
+            raise TransportError(self.host, "the connection was lost", hint=hint, code=Code.LOST) from error
         if isinstance(error, EngineLate):
             return Reply(status=0, ok=False, err=f"the Docker Engine did not answer within {seconds:g} s")
         words = " ".join(str(error).split())[:500]

@@ -20,6 +20,7 @@ import paramiko
 from paramiko.auth_strategy import AuthResult, AuthStrategy
 
 from srprov import regular_file
+from srprov.codes import Code
 from srprov.errors import AuthError, ConnectError, DeadlineError
 from srprov.transport.deadline import Deadline
 from srprov.transport.openssh.settings import SshSettings
@@ -119,7 +120,9 @@ class Login(AuthStrategy):
         if not transport.is_active():
             if len(self.tried) > 1:
                 raise self._error("; the robot closed the connection after that (MaxAuthTries?)")
-            raise ConnectError(self.settings.name, f"connection lost during the login: {error}", hint="try again")
+            raise ConnectError(
+                self.settings.name, f"connection lost during the login: {error}", hint="try again", code=Code.LOST
+            )
 
     def _attempts(self, agent: Agent) -> Iterator[Attempt]:
         """Return (method, label, attempt) in the order of the module's description."""

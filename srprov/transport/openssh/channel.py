@@ -9,6 +9,7 @@ import time
 
 import paramiko
 
+from srprov.codes import Code
 from srprov.errors import ConnectError, DeadlineError
 from srprov.secret import Secret
 from srprov.transport.deadline import Deadline
@@ -43,7 +44,7 @@ def start(connection: StrictConnection, command: str, deadline: Deadline) -> par
             late = f"sshd opened no session within {deadline.seconds:g} s"
             raise DeadlineError(name, late, hint="is the robot overloaded?") from None
         why = getattr(error, "text", error)
-        raise ConnectError(name, f"sshd opens no session: {why}", hint=MORE_SESSIONS) from None
+        raise ConnectError(name, f"sshd opens no session: {why}", hint=MORE_SESSIONS, code=Code.SHELL) from None
     finally:
         timer.cancel()
     return channel

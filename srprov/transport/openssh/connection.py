@@ -16,6 +16,7 @@ from typing import Any, cast
 
 import paramiko
 
+from srprov.codes import Code
 from srprov.definitions.model import Host
 from srprov.errors import ConnectError, DeadlineError, TransportError
 from srprov.session import Traffic
@@ -123,6 +124,7 @@ class StrictConnection:
                 settings.name,
                 f"jump host {settings.proxy_jump[-1]} cannot reach {settings.hostname} port {settings.port}: {error}",
                 hint="is the robot on, and does the jump host allow TCP forwarding?",
+                code=Code.SSH_CONFIG,
             ) from None
 
     def _in_words(self, error: Exception) -> TransportError:
@@ -131,9 +133,16 @@ class StrictConnection:
         transport = self.client.get_transport()
         words = f"{transport.remote_version}".strip() if transport else ""
         if self.proxy and (complaints := self.proxy.complaints()):
-            return ConnectError(name, f"ProxyCommand failed: {complaints}", hint="try the command by hand")
+            return ConnectError(
+                name, f"ProxyCommand failed: {complaints}", hint="try the command by hand", code=Code.SSH_CONFIG
+            )
         if flooded := next((one for one in (error, error.__context__) if isinstance(one, Flooded)), None):
-            return ConnectError(name, f"{where}: {flooded}", hint="what listens there? --exclude leaves the robot out")
+            return ConnectError(
+                name,
+                f"{where}: {flooded}",
+                hint="what listens there? --exclude leaves the robot out",
+                code=Code.HANDSHAKE,
+            )
         if self.deadline.passed:
             stage = "finish the key exchange" if words else "send an SSH banner"
             return DeadlineError(
@@ -142,12 +151,19 @@ class StrictConnection:
                 hint="is it overloaded, or no sshd at all?",
             )
         if isinstance(error, paramiko.ssh_exception.IncompatiblePeer):
-            return ConnectError(name, f"{where}: no common algorithm ({error})", hint="update sshd on the robot")
+            return ConnectError(
+                name, f"{where}: no common algorithm ({error})", hint="update sshd on the robot", code=Code.HANDSHAKE
+            )
         if not words:
             return Dropped(
-                name, f"{where} closed the connection before its banner", hint="raise MaxStartups in sshd_config?"
+                name,
+                f"{where} closed the connection before its banner",
+                hint="raise MaxStartups in sshd_config?",
+                code=Code.HANDSHAKE,
             )
-        return Dropped(name, f"{where}: connection lost during the key exchange ({error})", hint="try again")
+        return Dropped(
+            name, f"{where}: connection lost during the key exchange ({error})", hint="try again", code=Code.LOST
+        )
 
     def close(self) -> None:
         """End the connection, its jump host and its proxy; safe to call twice."""
@@ -177,7 +193,12 @@ def jump_host(settings: SshSettings, deadline: Deadline, trail: tuple[str, ...] 
     *before, last = settings.proxy_jump
     if last in trail:
         way = " > ".join((*trail, last))
-        raise ConnectError(settings.name, f"ProxyJump leads in a circle: {way}", hint="correct ProxyJump in ssh_config")
+        raise ConnectError(
+            settings.name,
+            f"ProxyJump leads in a circle: {way}",
+            hint="correct ProxyJump in ssh_config",
+            code=Code.SSH_CONFIG,
+        )
     user, address, port = parse_hop(last)
     options = (*settings.inherited, *((("proxyjump", ",".join(before)),) if before else ()))
     host = Host(name=address, address=address, port=port, user=user, ssh_options=options)
@@ -186,7 +207,9 @@ def jump_host(settings: SshSettings, deadline: Deadline, trail: tuple[str, ...] 
     try:
         connection.open()
     except TransportError as error:
-        raise type(error)(settings.name, f"jump host {last}: {error.message}", hint=error.hint) from None
+        raise type(error)(
+            settings.name, f"jump host {last}: {error.message}", code=error.code, hint=error.hint
+        ) from None
     return connection
 
 

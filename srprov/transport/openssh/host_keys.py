@@ -19,6 +19,7 @@ from collections.abc import Iterator, Sequence
 import msgspec
 
 from srprov import regular_file
+from srprov.codes import Code
 from srprov.errors import HostKeyError
 from srprov.transport.openssh.settings import SshSettings
 from srprov.wire import sh
@@ -126,6 +127,7 @@ def check(settings: SshSettings, known: Sequence[KnownKey], kind: str, blob: byt
             settings.name,
             f"its host key {fingerprint(blob)} is marked @revoked",
             hint="do not connect; ask who revoked it",
+            code=Code.HOST_KEY_CHANGED,
         )
     plain = [k for k in known if not k.marker]
     if any(k.blob == blob for k in plain):
@@ -149,6 +151,7 @@ def _changed(settings: SshSettings, old: KnownKey, kind: str, blob: bytes) -> Ho
             "somebody may be in between, or the robot was set up anew. If its own console shows the new fingerprint "
             f"({_on_console(kind)}), forget the old key: {sh('ssh-keygen', '-f', old.file, '-R', name)}"
         ),
+        code=Code.HOST_KEY_CHANGED,
     )
 
 
@@ -205,4 +208,5 @@ def _append(settings: SshSettings, kind: str, blob: bytes) -> None:
             settings.name,
             f"its new host key cannot be written to {file}: {error.strerror}",
             hint="correct UserKnownHostsFile",
+            code=Code.CANNOT_WRITE,
         ) from None

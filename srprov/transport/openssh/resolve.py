@@ -13,6 +13,7 @@ import socket
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+from srprov.codes import Code
 from srprov.definitions.model import Host
 from srprov.errors import ConnectError
 from srprov.transport.openssh.settings import SshSettings
@@ -76,9 +77,8 @@ def _settings(
     hostname = config.one("hostname", host.address).replace("%h", host.address)
     user, port = config.one("user", getpass.getuser()), config.one("port", "22")
     if not re.fullmatch("[0-9]{1,5}", port) or not 0 < int(port) < _PORTS:
-        raise ConnectError(
-            host.name, f"port {port!r} is not within 1 to 65535", hint="correct ansible_port or ssh_config"
-        )
+        wrong, hint = f"port {port!r} is not within 1 to 65535", "correct ansible_port or ssh_config"
+        raise ConnectError(host.name, wrong, hint=hint, code=Code.SSH_CONFIG)
     alias, proxy = config.one("hostkeyalias") or None, config.chosen("proxycommand")
     if proxy:
         _check_words(host.name, (hostname, host.address, user, alias or ""))
@@ -128,7 +128,9 @@ def _check_words(name: str, words: Sequence[str]) -> None:
     for word in words:
         if _NO_WORD.search(word):
             hint = "a ProxyCommand is run by a shell: correct ansible_host, ansible_user or ssh_config"
-            raise ConnectError(name, f"{word[:80]!r} is no host or user name for a ProxyCommand", hint=hint)
+            raise ConnectError(
+                name, f"{word[:80]!r} is no host or user name for a ProxyCommand", hint=hint, code=Code.SSH_CONFIG
+            )
 
 
 def _agent(text: str, tokens: Mapping[str, str]) -> str | None:

@@ -15,6 +15,7 @@ import tempfile
 import threading
 from typing import IO, Any
 
+from srprov.codes import Code
 from srprov.errors import ConnectError, DeadlineError
 from srprov.session import Traffic
 from srprov.transport.deadline import Deadline
@@ -134,11 +135,13 @@ def _lookup(host: str, name: str, port: int, deadline: Deadline, family: int) ->
     thread.join(deadline.left())
     if not answer:
         hint = "is the name server reachable? give the robot's address as ansible_host"
-        raise DeadlineError(host, f"looking up {name!r} took longer than {deadline.seconds:g} s", hint=hint)
+        raise DeadlineError(
+            host, f"looking up {name!r} took longer than {deadline.seconds:g} s", hint=hint, code=Code.LOOKUP
+        )
     if isinstance(answer[0], Exception):
         words = getattr(answer[0], "strerror", None) or str(answer[0])
         hint = "correct the name, or give the robot's address as ansible_host"
-        raise ConnectError(host, f"the name {name!r} cannot be looked up: {words}", hint=hint)
+        raise ConnectError(host, f"the name {name!r} cannot be looked up: {words}", hint=hint, code=Code.LOOKUP)
     return list(dict.fromkeys((info[0], info[4]) for info in answer[0]))
 
 
@@ -175,7 +178,7 @@ class ProxyProcess:
         except OSError as error:
             self.socket.close()
             raise ConnectError(
-                host, f"ProxyCommand cannot be started: {error.strerror}", hint="check /bin/sh"
+                host, f"ProxyCommand cannot be started: {error.strerror}", hint="check /bin/sh", code=Code.SSH_CONFIG
             ) from None
         finally:
             theirs.close()

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from srprov import regular_file
+from srprov.codes import Code
 from srprov.errors import ConnectError
 
 ADDS_UP = frozenset({"identityfile", "certificatefile"})
@@ -72,7 +73,9 @@ def _parse(name: str, text: str, address: str) -> dict[str, list[str]]:
     try:
         found = paramiko.SSHConfig.from_text(text).lookup(address)
     except (paramiko.ConfigParseError, ValueError, KeyError) as error:
-        raise ConnectError(name, f"ssh_config cannot be read: {error}", hint="see what `ssh -G` says of it") from None
+        raise ConnectError(
+            name, f"ssh_config cannot be read: {error}", hint="see what `ssh -G` says of it", code=Code.SSH_CONFIG
+        ) from None
     # lookup() makes up a HostName when there is none; an earlier file or option must not lose against it.
     values: dict[str, Any] = dict(found)
     return {k: v if isinstance(v, list) else [v] for k, v in values.items() if v and (k, v) != ("hostname", address)}
@@ -88,11 +91,17 @@ def _ssh_g(name: str, address: str, given: Mapping[str, Sequence[str]], chosen: 
         )
     except FileNotFoundError:
         hint = "install openssh-client, or write the configuration without Include and Match"
-        raise ConnectError(name, "ssh_config uses Include or Match, and `ssh` is not installed", hint=hint) from None
+        raise ConnectError(
+            name, "ssh_config uses Include or Match, and `ssh` is not installed", hint=hint, code=Code.SSH_CONFIG
+        ) from None
     except subprocess.TimeoutExpired:
-        raise ConnectError(name, "`ssh -G` took longer than 10 s", hint="is a `Match exec` waiting?") from None
+        raise ConnectError(
+            name, "`ssh -G` took longer than 10 s", hint="is a `Match exec` waiting?", code=Code.SSH_CONFIG
+        ) from None
     if done.returncode:
-        raise ConnectError(name, f"`ssh -G {address}`: {done.stderr.strip()}", hint="correct ~/.ssh/config") from None
+        raise ConnectError(
+            name, f"`ssh -G {address}`: {done.stderr.strip()}", hint="correct ~/.ssh/config", code=Code.SSH_CONFIG
+        ) from None
     found: dict[str, list[str]] = {}
     for line in done.stdout.splitlines():
         key, _, value = line.partition(" ")

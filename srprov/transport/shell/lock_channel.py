@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from srprov.codes import Code
 from srprov.errors import TransportError
 from srprov.session import Pulse, Traffic
 
@@ -145,14 +146,18 @@ class HeartbeatChannel:
         """Raise when more is said than letters were asked."""
         if len(self._received) > _LONGEST:
             message = f"lost contact: more than {_LONGEST >> 10} KiB came where one line was expected"
-            raise TransportError(self._host, message, hint="look at the robot: its shell answers as none of srprov's")
+            raise TransportError(
+                self._host, message, hint="look at the robot: its shell answers as none of srprov's", code=Code.ANSWER
+            )
 
     def _raise_if_lost(self) -> None:
         """Raise when the robot's end is gone or silent for too long."""
         if self._streams.ended:
-            raise TransportError(self._host, f"lost contact: {self._streams.reason()}", hint=_HINT)
+            raise TransportError(self._host, f"lost contact: {self._streams.reason()}", hint=_HINT, code=Code.LOST)
         if now() - self._heard > self._pulse.controller_s:
             raise self._silent(self._pulse.controller_s)
 
     def _silent(self, seconds: float) -> TransportError:
-        return TransportError(self._host, f"lost contact: no sign of life for {seconds:g} s", hint=_HINT)
+        return TransportError(
+            self._host, f"lost contact: no sign of life for {seconds:g} s", hint=_HINT, code=Code.LOST
+        )

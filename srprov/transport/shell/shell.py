@@ -13,6 +13,7 @@ import threading
 from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING
 
+from srprov.codes import Code
 from srprov.errors import DeadlineError, TransportError
 from srprov.session import Progress, Traffic
 from srprov.transport.deadline import Deadline, Patience
@@ -81,7 +82,7 @@ class Shell:
         text = batch(nonce, commands, in_place)
         with self._lock:
             if self._closed:
-                raise TransportError(self._host, "its connection is closed", hint="connect again")
+                raise TransportError(self._host, "its connection is closed", hint="connect again", code=Code.LOST)
             self.traffic.round_trips += 1
             out, err = (Frames(nonce, len(commands), only_end=progress is not None) for _ in range(2))
             try:
@@ -133,7 +134,7 @@ class Shell:
                         progress(line)  # type: ignore[misc]  # it is there, or there are no lines
         except ValueError as error:
             hint = "look at the robot: its shell, and what its programs print; --exclude leaves it out"
-            raise TransportError(self._host, str(error), hint=hint) from None
+            raise TransportError(self._host, str(error), hint=hint, code=Code.ANSWER) from None
         return sum(map(len, pieces))
 
     def _lost(self, command: str) -> TransportError:
@@ -142,6 +143,7 @@ class Shell:
             self._host,
             f"the connection was lost during `{excerpt(command)}`: {self._streams.reason()}",
             hint="is the robot up, and its network? what the command did is not known; plan again before applying",
+            code=Code.LOST,
         )
 
     def _late(self, command: str, seconds: float) -> DeadlineError:
@@ -169,6 +171,8 @@ def tell(host: str, streams: Streams, line: str, seconds: float = 20.0) -> None:
     while text:
         text = text[streams.write(text) :]
         if text and (streams.ended or until.passed):
-            raise TransportError(host, f"a second shell does not read: {streams.reason()}", hint="try again")
+            raise TransportError(
+                host, f"a second shell does not read: {streams.reason()}", hint="try again", code=Code.LOST
+            )
         if text:
             streams.wait(0.1, writing=True)

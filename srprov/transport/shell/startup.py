@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from srprov.codes import Code
 from srprov.errors import AuthError, ConnectError, DeadlineError, TransportError
 from srprov.secret import Secret
 from srprov.transport.deadline import Deadline
@@ -56,12 +57,14 @@ def _wait(host: str, streams: Streams, nonce: str, deadline: Deadline, user: str
         if password and complaints.count(sudo_prompt(nonce)) > answered:
             if answered:  # it was wrong, and a third try might lock the account
                 hint = "check ansible_become_password, or what was typed for --ask-become-pass"
-                raise AuthError(host, f"sudo does not accept the password of user {user!r}", hint=hint)
+                raise AuthError(host, f"sudo does not accept the password of user {user!r}", hint=hint, code=Code.SUDO)
             answered = True
             _answer(streams, password, deadline)
         if len(noise) + len(complaints) > _LONGEST:
             message = f"its login printed more than {_LONGEST >> 20} MiB before the shell was ready"
-            raise ConnectError(host, message, hint="what does ~/.bashrc on the robot print? try: ssh -v")
+            raise ConnectError(
+                host, message, hint="what does ~/.bashrc on the robot print? try: ssh -v", code=Code.SHELL
+            )
         if deadline.passed:
             hint = "a slow or waiting ~/.bashrc on the robot? try: ssh -v, then: sudo -n true"
             raise DeadlineError(host, f"its shell was not ready within {deadline.seconds:g} s", hint=hint)
@@ -85,6 +88,10 @@ def _failure(host: str, user: str, complaints: str, streams: Streams) -> Transpo
     """Return the error for a shell that ended before it was ready."""
     text = " ".join(complaints.split())[-300:]
     if "sudo" in text:
-        return AuthError(host, f"user {user!r} cannot become root: {text}", hint=_SUDO_HINT.format(user=user))
+        return AuthError(
+            host, f"user {user!r} cannot become root: {text}", hint=_SUDO_HINT.format(user=user), code=Code.SUDO
+        )
     why = text or streams.reason()
-    return ConnectError(host, f"its shell ended at once: {why}", hint="is the user's login shell usable?")
+    return ConnectError(
+        host, f"its shell ended at once: {why}", hint="is the user's login shell usable?", code=Code.SHELL
+    )
