@@ -20,6 +20,7 @@ from typing import Any
 
 from msgspec.structs import replace
 
+from srprov.codes import Code
 from srprov.errors import TransportError
 from srprov.facts.placements import PLACEMENTS
 from srprov.facts.probes import PROBES
@@ -237,7 +238,7 @@ class FakeRobot:
     def check(self) -> None:
         """Raise TransportError when the robot is gone."""
         if self.gone:
-            raise TransportError(self._host, "the connection was lost", hint="is the robot up?")
+            raise TransportError(self._host, "the connection was lost", hint="is the robot up?", code=Code.LOST)
 
     def state(self) -> dict[str, Any]:
         """Return all that it holds, without what differs from run to run."""

@@ -15,6 +15,7 @@ from srprov.cli.config import ConfigFile, files, places, user_folder
 from srprov.cli.output import out, out_json
 from srprov.cli.status import table
 from srprov.cli.variables import long_name
+from srprov.codes import Code
 from srprov.errors import UsageError, did_you_mean
 
 _ENVIRONMENT = {
@@ -48,7 +49,7 @@ def configured(context: click.Context, verb: str | None, changed: bool, as_json:
     assert isinstance(group, click.Group)
     verbs = dict.fromkeys((name for name in group.list_commands(root) if name not in _NO_SETTINGS), "")
     if verb is not None and verb not in verbs:
-        raise UsageError(f"no verb '{verb}' has settings", hint=did_you_mean(verb, verbs))
+        raise UsageError(f"no verb '{verb}' has settings", hint=did_you_mean(verb, verbs), code=Code.UNKNOWN_VERB)
     every = files(Path.cwd(), os.environ)
     lines = {file: places(dict.fromkeys(group.list_commands(root), ""), file) for file in every}
     rows = [row for name in ([verb] if verb else verbs) for row in _rows(group, root, name, lines)]

@@ -107,7 +107,7 @@ def _attached(session: Session, where: Located, what: Exec) -> int:
     finally:
         running.close()
     if code is None:
-        err(f"error: {where.where}: the command could not be run")
+        err(f"error[{Code.COMMAND}]: {where.where}: the command could not be run")
     return NOT_RUN if code is None else code
 
 

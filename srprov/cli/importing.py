@@ -142,7 +142,7 @@ def _finished(draft: Draft, files: Sequence[str], target: str, form: str, *, str
         out(report.as_sarif(report.told(draft)) if form == "sarif" else report.as_markdown(draft, files))
     if refused:
         what = f"{len(draft.refused)} refused" if draft.refused else f"{len(dropped)} dropped, and --strict"
-        err(f"error: nothing was written: {what}")
+        err(f"error[{Code.NOT_TRANSLATED}]: nothing was written: {what}")
         return USAGE
     (out if form == "text" else err)(
         f"{target}/{EDF}: {counted(len(draft.edf['services']), 'service')}; see {target}/{REPORT}"

@@ -9,6 +9,7 @@ import importlib
 import os
 import sys
 import traceback
+from collections.abc import Sequence
 from pathlib import Path
 
 import click
@@ -21,6 +22,7 @@ from srprov.cli.interrupt import as_interrupt
 from srprov.cli.output import Answer, err, print_uncaught
 from srprov.cli.streams import lost, protect_standard_streams
 from srprov.cli.variables import name_variables
+from srprov.codes import Code
 from srprov.errors import DefinitionError, NoAssignment, SrprovError
 
 _VERBS = {
@@ -112,21 +114,30 @@ def run(arguments: list[str] | None = None) -> int:
     except (click.Abort, KeyboardInterrupt):
         err("interrupted")
         return INTERRUPTED
-    except click.UsageError as error:
-        context = f"{error.ctx.get_usage()}\n" if error.ctx else ""
-        err(f"{context}error: {error.format_message()}")
-        return USAGE
     except click.ClickException as error:
-        err(f"error: {error.format_message()}")
+        _show_misuse(error, sys.argv[1:] if arguments is None else arguments)
         return USAGE
     except SrprovError as error:
         show_error(error)
         return error.exit_code
     except Exception:
         err(traceback.format_exc())
-        err("this is a bug in srprov; please report it with the lines above")
+        err(f"error[{Code.BUG}]: this is a bug in srprov; please report it with the lines above")
         return BUG
     return result if isinstance(result, int) else 0
+
+
+def _show_misuse(error: click.ClickException, words: Sequence[str]) -> None:
+    """Print what is wrong with a command line: first a file that is not there, at last what the verb takes."""
+    from srprov.cli.misuse import as_error, missing_files
+
+    told = as_error(error)
+    if told.code is not Code.NO_FILE:
+        for one in missing_files(words):
+            show_error(one)
+    show_error(told)
+    if isinstance(error, click.UsageError) and error.ctx and told.code is not Code.NO_FILE:
+        err(f"  {' '.join(error.ctx.get_usage().split())}")
 
 
 def show_error(error: SrprovError) -> None:
@@ -154,7 +165,8 @@ def code_of_output(code: int) -> int:
     reader_left = error.errno == errno.EPIPE
     needed = output.expected is Answer.WHOLE or (output.expected is Answer.TEXT and not reader_left)
     if not reader_left:
-        err(f"{'error' if needed else 'warning'}: standard output cannot be written: {error.strerror}")
+        word = f"error[{Code.CANNOT_WRITE}]" if needed else "warning"
+        err(f"{word}: standard output cannot be written: {error.strerror}")
     return code or (USAGE if needed else 0)
 
 

@@ -8,6 +8,7 @@ import click
 
 from srprov.cli.editor_settings import EDITORS, editor_settings
 from srprov.cli.output import out
+from srprov.codes import Code
 from srprov.errors import UsageError
 
 _WIDTH = 118
@@ -28,7 +29,9 @@ def schema(kind: str | None, editor: str | None) -> int:
 
     if editor:
         if kind:
-            raise UsageError("--editor prints settings, and no schema", hint=f"leave out '{kind}', or --editor")
+            raise UsageError(
+                "--editor prints settings, and no schema", hint=f"leave out '{kind}', or --editor", code=Code.OPTIONS
+            )
         out(editor_settings(editor, {name: data.schema_path(name).as_uri() for name in ("edf", "cdf")}).rstrip())
     elif kind:
         out(json.dumps(data.schema(kind), indent=2, ensure_ascii=False))

@@ -8,6 +8,7 @@ from srprov.cli import inputs, options
 from srprov.cli.codes import FAILED, UNREACHABLE
 from srprov.cli.output import err
 from srprov.cli.seconds import Seconds
+from srprov.codes import Code
 from srprov.errors import visible
 
 
@@ -51,5 +52,5 @@ def wait(
         ended = wait_for(awaited(until, there), fleet, wait_timeout, lambda text: err(visible(text)))
     if not ended.why:
         return 0
-    err(f"error: {visible(ended.why)}")
+    err(f"error[{Code.AWAITED}]: {visible(ended.why)}")
     return UNREACHABLE if ended.unreachable else FAILED

@@ -88,7 +88,7 @@ def test_a_hostile_service_name_is_refused_at_its_line(lab_of_module: Lab, tmp_p
     inventory = part_of_lab(lab_of_module, [ROBOT], tmp_path / "lab.yml")
     refused = shows(lab_of_module.srprov("plan", str(path), "-i", inventory))
     assert refused.code == 5, refused
-    assert f"{path}:" in refused.err and "error: " in refused.err, refused
+    assert f"{path}:" in refused.err and "error[SRP-1" in refused.err, refused
 
 
 @pytest.fixture

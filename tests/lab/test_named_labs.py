@@ -123,7 +123,7 @@ def test_a_lab_that_is_down_says_so_and_leaves_nothing(lab_session: Lab, tmp_pat
     done = down.srprov("lab", "kill", "robot1")
     assert (done.code, done.err.splitlines()) == (
         3,
-        [f"error: the lab {down.name} is down", f"  srprov lab --name {down.name} up"],
+        [f"error[SRP-011]: the lab {down.name} is down", f"  srprov lab --name {down.name} up"],
     )
     assert down.succeed("lab", "status").out == f"the lab {down.name} is down\n"
     assert down.succeed("lab", "down").err == f"the lab {down.name} is down already\n"

@@ -171,4 +171,6 @@ def test_the_users_folder_replaces_ours_and_adds(trial: Trial) -> None:
     assert f"35-marker.yml    added, from {mine}/35-marker.yml" in plan.out
     (mine / "35-marker.yml").write_text("- comand: m\n", encoding="utf-8")
     broken = trial.srprov("plan")
-    assert broken.code == 5 and f"{mine}/35-marker.yml:1:3: error: there is no module 'comand'" in broken.err, broken
+    assert (
+        broken.code == 5 and f"{mine}/35-marker.yml:1:3: error[SRP-141]: there is no module 'comand'" in broken.err
+    ), broken

@@ -278,7 +278,9 @@ def test_a_missing_value_stops_before_any_robot(stage: Stage) -> None:
         more = ["--yes"] if verb == "apply" else []
         done = stage.run(verb, str(stage.path), *more, code=5)
         line = next(n for n, text in enumerate(stage.path.read_text().splitlines(), 1) if '"file"' in text)
-        assert re.search(rf"experiment\.edf:{line}:\d+: error: secret 'by-file': No such file", done.err), done
+        assert re.search(rf"experiment\.edf:{line}:\d+: error\[SRP-118\]: secret 'by-file': No such file", done.err), (
+            done
+        )
     stage.run("status", str(stage.path))
     stage.run("destroy", str(stage.path), "--yes")
 

@@ -14,6 +14,7 @@ import pytest
 
 from srprov.cli.exec import _pass_input
 from srprov.cli.raw_terminal import raw_terminal
+from srprov.codes import Code
 from srprov.errors import TransportError
 from srprov.session import ContainerCommand
 
@@ -57,7 +58,7 @@ def test_a_connection_that_is_lost_while_the_size_is_told_leaves_no_traceback(mo
 
     def lost(_rows: int, _columns: int) -> None:
         told.set()
-        raise TransportError("r1", "the connection was lost")
+        raise TransportError("r1", "the connection was lost", code=Code.LOST)
 
     monkeypatch.setattr("sys.stdin", SimpleNamespace(fileno=lambda: theirs))
     monkeypatch.setattr("threading.excepthook", uncaught.append)

@@ -18,6 +18,7 @@ from srprov.cli import output, progress
 from srprov.cli.logs import _Text
 from srprov.cli.output import clean, out_json
 from srprov.cli.status import table
+from srprov.codes import Code
 from srprov.controller.merged_logs import LogLine, Source
 from srprov.errors import RefusedError, visible
 from srprov.execution import Event
@@ -100,7 +101,7 @@ def test_a_log_line_names_its_service_on_one_line(monkeypatch: pytest.MonkeyPatc
 
 def test_further_lines_of_an_error_are_indented() -> None:
     """An error may hold a robot's words: they cannot pass for a line of srprov's own."""
-    error = RefusedError("made from x\nhello: done in 1.0 s: 5 changed\n  as it was")
+    error = RefusedError("made from x\nhello: done in 1.0 s: 5 changed\n  as it was", code=Code.OWNER)
     assert error.message == "made from x\n  hello: done in 1.0 s: 5 changed\n  as it was"
 
 

@@ -18,6 +18,7 @@ import pytest
 from srprov.cli.logs import _show, _tail, _Text
 from srprov.cli.since import since
 from srprov.cli.streams import lost, surviving
+from srprov.codes import Code
 from srprov.controller.merged_logs import MergedLogs, Source, Wanted
 from srprov.errors import TransportError
 
@@ -33,7 +34,7 @@ class Silent:
     def container_log(self, *_words: Any, **_more: Any) -> Iterator[str]:
         self.closed.wait(CLOSED_S)
         self.ended.set()
-        raise TransportError("r2", "the connection was closed")
+        raise TransportError("r2", "the connection was closed", code=Code.LOST)
         yield
 
 

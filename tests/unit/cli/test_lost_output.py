@@ -85,7 +85,7 @@ def test_a_run_keeps_its_own_exit_code(place: Place) -> None:
     with open("/dev/full", "w") as full:
         done = place.run(*APPLY, "--json", stdout=full, fault=4)
     assert done.returncode == 3, done.stderr
-    assert f"error: {DISK_FULL}" in done.stderr
+    assert f"error[SRP-221]: {DISK_FULL}" in done.stderr
 
 
 @pytest.mark.parametrize("gone", [True, False], ids=["nobody reads", "disk full"])
@@ -109,7 +109,7 @@ def test_a_reader_that_leaves_ends_a_reading_verb_quietly(place: Place, verb: li
 def test_an_answer_that_does_not_fit_on_the_disk_is_an_error(place: Place, verb: list[str]) -> None:
     with open("/dev/full", "w") as full:
         done = place.run(*verb, stdout=full)
-    assert (done.returncode, done.stderr) == (5, f"error: {DISK_FULL}\n")
+    assert (done.returncode, done.stderr) == (5, f"error[SRP-221]: {DISK_FULL}\n")
 
 
 def test_streams_may_be_closed_from_the_beginning(place: Place) -> None:
@@ -165,7 +165,7 @@ def test_a_file_that_cannot_be_opened_is_refused_before_a_robot_is_asked(place: 
 def test_a_plan_that_does_not_fit_on_the_disk_is_an_error(place: Place) -> None:
     done = place.run("plan", "e.edf", "-i", "inv.yml", "-o", "/dev/full")
     assert (done.returncode, done.stdout) == (5, "")
-    assert done.stderr == "error: cannot write /dev/full: No space left on device\n  name another file\n"
+    assert done.stderr == "error[SRP-221]: cannot write /dev/full: No space left on device\n  name another file\n"
 
 
 def test_a_refused_plan_leaves_its_file_as_it_was(place: Place) -> None:

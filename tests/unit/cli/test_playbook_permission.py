@@ -74,6 +74,6 @@ def test_what_is_wrong_in_ones_own_folder_is_told_at_its_place(here: Path, capsy
     own(here, "playbooks/notes.txt", "- fil: x\n")
     assert run(["plan", "e.edf", "-i", "inv.yml", "--allow", "playbook"]) == 5
     said = capsys.readouterr().err
-    assert f"{here}/config/srprov/playbooks/05-a.yml:1:3: error: there is no module 'fil'" in said
-    assert f"{here}/config/srprov/playbooks/06-b.yml:1:3: error: needs 'unless' or 'creates'" in said
+    assert f"{here}/config/srprov/playbooks/05-a.yml:1:3: error[SRP-141]: there is no module 'fil'" in said
+    assert f"{here}/config/srprov/playbooks/06-b.yml:1:3: error[SRP-106]: needs 'unless' or 'creates'" in said
     assert "2 problems" in said

@@ -9,6 +9,7 @@ import pytest
 
 from srprov.cli.main import run as cli
 from srprov.cli.replay_lab import lab_for
+from srprov.codes import Code
 from srprov.errors import LabError
 from srprov.evidence.replay import Needed, Replay
 from srprov.lab import lab as labs
@@ -83,7 +84,7 @@ def test_a_lab_is_taken_down_whatever_happens(calls: list[tuple[str, str]], monk
     calls.clear()
 
     def none(*_words: object) -> list[str]:
-        raise LabError("no subnet is free")
+        raise LabError("no subnet is free", code=Code.LAB_MACHINE)
 
     monkeypatch.setattr(labs, "up", none)
     with pytest.raises(LabError), lab_for(REPLAY):

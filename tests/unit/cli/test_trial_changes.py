@@ -128,7 +128,7 @@ def refused(capsys: pytest.CaptureFixture[str]) -> list[str]:
     said = capsys.readouterr().err
     assert code == RefusedError.exit_code, said
     head, *lines = said.splitlines()
-    assert head == "error: this is not the experiment of out any more:"
+    assert head == "error[SRP-903]: this is not the experiment of out any more:"
     assert lines[-1].startswith("  run it as it was, or begin a new run in another folder")
     return [line.strip() for line in lines[:-1]]
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from srprov.codes import Code
 from srprov.controller.bundle_images import Engines
 from srprov.controller.kept_images import Content, keep
 from srprov.errors import TransportError, UsageError
@@ -29,7 +30,7 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def engines(*robots: Robot, away: tuple[str, ...] = ()) -> Engines:
     def get(name: str) -> Any:
         if name in away:
-            raise TransportError(name, "it is off")
+            raise TransportError(name, "it is off", code=Code.LOST)
         return next(one for one in robots if one.host == name)
 
     hosts = dict.fromkeys([*away, *(one.host for one in robots)])

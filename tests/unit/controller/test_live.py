@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from srprov.codes import Code
 from srprov.controller.live import Live
 from srprov.errors import TransportError
 from srprov.wire import EngineQuery, Query, Reply
@@ -24,7 +25,7 @@ class Robot:
 
     def ask(self, queries: Sequence[object]) -> list[Reply]:
         if self.cut:
-            raise TransportError("r1", "lost contact")
+            raise TransportError("r1", "lost contact", code=Code.LOST)
         return [self._answer(query) for query in queries]
 
     def _answer(self, query: object) -> Reply:

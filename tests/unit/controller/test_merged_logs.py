@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from srprov.codes import Code
 from srprov.controller.merged_logs import LogLine, LogLost, MergedLogs, Source, Wanted, after
 from srprov.errors import TransportError
 from srprov.secret import Secret, forget
@@ -35,7 +36,7 @@ class Played:
             if isinstance(one, float):
                 time.sleep(one)
             elif one == "LOST":
-                raise TransportError("r1", "the connection was lost")
+                raise TransportError("r1", "the connection was lost", code=Code.LOST)
             else:
                 yield str(one)
 

@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from srprov.codes import Code
 from srprov.controller.image_rows import rows
 from srprov.controller.prune import choose, freed_by
 from srprov.controller.stored_images import RobotStore, StoredImage, stores
@@ -184,7 +185,7 @@ def test_a_robot_that_fails_is_a_reason_and_the_others_are_told() -> None:
     class Broken(Engine):
         def ask(self, queries: Sequence[Any]) -> list[Reply]:
             if self.images:
-                raise TransportError("r2", "gone", hint="is it on?")
+                raise TransportError("r2", "gone", hint="is it on?", code=Code.LOST)
             return [Reply(status=0, out="", err="no\nsocket", ok=False) for _ in queries]
 
     crowd = Engine()

@@ -15,6 +15,7 @@ import yaml
 from jsonschema import Draft202012Validator
 
 from srprov import data
+from srprov.codes import Code
 from srprov.controller.fleet import Fleet
 from srprov.controller.snapshot import snapshot
 from srprov.definitions import load_experiment
@@ -80,7 +81,7 @@ def fleet_of(**robots: Robot | None) -> Fleet:
     def get(name: str) -> Robot:
         robot = robots[name]
         if robot is None:
-            raise TransportError(name, "no route to host")
+            raise TransportError(name, "no route to host", code=Code.LOST)
         return robot
 
     fake = SimpleNamespace(inventory=SimpleNamespace(hosts=robots), sessions=SimpleNamespace(get=get), forks=4)

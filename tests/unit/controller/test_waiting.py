@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from srprov.codes import Code
 from srprov.controller import waiting
 from srprov.errors import LockHeld, TransportError
 from srprov.wire import Reply
@@ -37,7 +38,7 @@ def robots(clock: Clock, held: dict[str, tuple[str, float]], away: tuple[str, ..
 
     def get(robot: str) -> Any:
         if robot in away:
-            raise TransportError(robot, "no route", hint="")
+            raise TransportError(robot, "no route", hint="", code=Code.LOST)
         purpose, until = held.get(robot, ("", 0.0))
         about = json.dumps({"owner": "anna@desk", "pid": 7, "purpose": purpose, "run": "x"})
         out = f"held 2026-11-21T02:00:00Z {about}\n" if clock.now < 100.0 + until else ""

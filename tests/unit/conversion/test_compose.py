@@ -113,11 +113,17 @@ def test_files_of_two_machines_become_one_experiment(here: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        ("compose.robot.yaml: robot1\n", "robots.yml:1:1: error: no robot is named for pair/compose.pc.yaml"),
-        ("compose.robot.yaml: robot1\nnone.yaml: robot2\n", "robots.yml:2:1: error: 'none.yaml' is none of the files"),
-        ("compose.robot.yaml: robot1\ncompose.pc.yaml: 'a b'\n", "robots.yml:2:18: error: 'a b' cannot be the name"),
-        ("[a]\n", "robots.yml:1:1: error: is no map of files to robots"),
-        ("", "robots.yml:1:1: error: is no map of files to robots"),
+        ("compose.robot.yaml: robot1\n", "robots.yml:1:1: error[SRP-170]: no robot is named for pair/compose.pc.yaml"),
+        (
+            "compose.robot.yaml: robot1\nnone.yaml: robot2\n",
+            "robots.yml:2:1: error[SRP-170]: 'none.yaml' is none of the files",
+        ),
+        (
+            "compose.robot.yaml: robot1\ncompose.pc.yaml: 'a b'\n",
+            "robots.yml:2:18: error[SRP-170]: 'a b' cannot be the name",
+        ),
+        ("[a]\n", "robots.yml:1:1: error[SRP-170]: is no map of files to robots"),
+        ("", "robots.yml:1:1: error[SRP-170]: is no map of files to robots"),
     ],
 )
 def test_a_map_that_is_wrong_is_told(here: Path, capsys: pytest.CaptureFixture[str], text: str, says: str) -> None:
@@ -132,9 +138,9 @@ def test_a_map_that_is_wrong_is_told(here: Path, capsys: pytest.CaptureFixture[s
     [
         ("services:\n  a:\n    image: x\n    network_mode: service:b\n  b: {image: x}\n", "c.yaml:4:5: refused: "),
         ("services:\n  a:\n    image: x\n    volumes: ['../o:/o']\n", "c.yaml:4:15: refused: '../o' lies outside"),
-        ("services:\n  a:\n    image: x:${TAG}\n", "c.yaml:3:12: error: "),
-        ("services:\n  a:\n    image: x\n    nonsense: 1\n", "c.yaml:4:5: error: "),
-        ("services:\n  a:\n    image: X y\n", "c.yaml:3:5: error: "),
+        ("services:\n  a:\n    image: x:${TAG}\n", "c.yaml:3:12: error[SRP-171]: "),
+        ("services:\n  a:\n    image: x\n    nonsense: 1\n", "c.yaml:4:5: error[SRP-170]: "),
+        ("services:\n  a:\n    image: X y\n", "c.yaml:3:5: error[SRP-1"),
         ("services:\n  a:\n    image: x\n    volumes: ['/etc/../etc/shadow:/s', './l:/l']\n", "c.yaml:4:40: "),
     ],
 )

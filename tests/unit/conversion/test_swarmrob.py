@@ -65,7 +65,7 @@ def test_what_it_stumbles_over_is_refused_at_its_line(
     for name, text in case["files"].items():
         for number, line in enumerate(text.split("\n"), 1):
             if MARK in line:
-                assert f"{name}:{number}:{line.index(MARK) + 1}: error: " in shown
+                assert f"{name}:{number}:{line.index(MARK) + 1}: error[SRP-1" in shown
 
 
 def test_strict_writes_nothing_when_a_key_is_dropped(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -73,7 +73,7 @@ def test_strict_writes_nothing_when_a_key_is_dropped(here: Path, capsys: pytest.
     assert run(["import", "swarmrob", "a.yaml", "--strict", "-o", "../out"]) == 5
     shown = capsys.readouterr()
     assert "a.yaml:4:3: dropped: SwarmRob passes over 'tty'" in shown.out
-    assert "error: nothing was written: 1 dropped, and --strict" in shown.err
+    assert "error[SRP-173]: nothing was written: 1 dropped, and --strict" in shown.err
     assert not (here / "../out").exists()
     assert run(["import", "swarmrob", "a.yaml", "-o", "../out"]) == 0
 

@@ -14,7 +14,7 @@ from srprov.cli.main import run
 
 CASES = Path(__file__).parents[2] / "cases" / "broken"
 MARK = "▶"
-PROBLEM = re.compile(r"(?P<place>[^:\s][^:]*:\d+:\d+): error: (?P<message>.*)")
+PROBLEM = re.compile(r"(?P<place>[^:\s][^:]*:\d+:\d+): error\[(?P<code>SRP-[0-9]{3})\]: (?P<message>.*)")
 
 
 def _cases() -> list[Any]:
@@ -83,7 +83,7 @@ def test_caret_stands_below_the_column(
 
     lines = capsys.readouterr().out.splitlines()
     assert lines == [
-        "e.edf:4:23: error: 101 is more than 100  [services.a.cost]",
+        "e.edf:4:23: error[SRP-108]: 101 is more than 100  [services.a.cost]",
         "      a: {image: x, cost: 101}",
         "                          ^",
         "1 problem in 1 file",

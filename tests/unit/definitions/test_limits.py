@@ -29,10 +29,10 @@ def service(fields: str) -> str:
 
 
 EDFS = {
-    "stop period": (service("stop_grace_period: 9999999h"), ":4:36: error: '9999999h' is longer than 24h"),
+    "stop period": (service("stop_grace_period: 9999999h"), ":4:36: error[SRP-108]: '9999999h' is longer than 24h"),
     "interval": (service("healthcheck: {test: x, interval: 9999999h}"), "is longer than 24h"),
     "a number of 400 digits": (service(f"stop_grace_period: {'9' * 400}s"), "is longer than 24h"),
-    "replicas": (service("replicas: 99999999"), ":4:27: error: 99999999 is more than 1000"),
+    "replicas": (service("replicas: 99999999"), ":4:27: error[SRP-108]: 99999999 is more than 1000"),
     "retries": (service("healthcheck: {test: x, retries: 1001}"), "1001 is more than 1000"),
     "a range of ports": (service("ports: ['1-65535:1-65535']"), "publishes 65535 ports; 1000 are the most"),
     "ranges of ports": (
@@ -99,7 +99,7 @@ def test_cdfs_cannot_extend_each_other_for_ever(tmp_path: Path) -> None:
     for number in range(2000):
         (tmp_path / f"{number}.cdf").write_text(f"cdf: 1\nextends: {number + 1}.cdf\n")
     told = problems(tmp_path / "a.edf", edf("  a: {cdf: 0.cdf}\n"))
-    assert f"{tmp_path}/10.cdf:2:10: error: more than 10 CDFs extend each other" in told
+    assert f"{tmp_path}/10.cdf:2:10: error[SRP-110]: more than 10 CDFs extend each other" in told
 
 
 INVENTORIES = {
@@ -121,7 +121,7 @@ INVENTORIES = {
         "",
     ),
     "a circle": ("h.ini", "".join(f"[g{i}:children]\ng{(i + 1) % 5000}\n" for i in range(5000)), "contains itself"),
-    "a line": ("h.ini", "r1 a=" + "x" * 900_000, "h.ini:1:1: error: the line is longer than 50000 characters"),
+    "a line": ("h.ini", "r1 a=" + "x" * 900_000, "h.ini:1:1: error[SRP-110]: the line is longer than 50000 characters"),
     "lines": ("h.ini", "r1\n" * 400_000, "is longer than 1000000 characters"),
     "a variable of each": (
         "h.yml",
@@ -237,7 +237,7 @@ def test_what_is_no_file_is_told_where_it_is_named(tmp_path: Path, field: str, n
     """A pipe, a file larger than memory, a device (which lies outside, so that this is what is told of it)."""
     assert name in list(nothing_of_use(tmp_path))
     told = problems(tmp_path / "a.edf", edf(FIELDS[field].replace("NAME", name)))
-    assert "error:" in told and tmp_path.as_posix() in told
+    assert "error[SRP-1" in told and tmp_path.as_posix() in told
 
 
 @pytest.mark.parametrize("kind", ["a.edf", "a.cdf", "Dockerfile", "hosts", "hosts.yml"])
@@ -254,7 +254,7 @@ def test_a_folder_of_too_many_files_is_not_shipped(tmp_path: Path) -> None:
     for number in range(20_001):
         os.mknod(tmp_path / "data" / str(number))
     told = problems(tmp_path / "a.edf", edf("  a: {image: x, volumes: ['./data:/data:ro']}\n"))
-    assert "a.edf:4:27: error: './data' holds more than 20000 files" in told
+    assert "a.edf:4:27: error[SRP-112]: './data' holds more than 20000 files" in told
 
 
 def test_a_folder_with_a_pipe_in_it_is_not_shipped(tmp_path: Path) -> None:

@@ -167,7 +167,7 @@ def test_messages_of_merged_files_show_no_value_of_a_file_outside(
     edf(here, f"{written}\n  z: {{image: busybox, depends_on: [nobody]}}", "secrets: {q: {env: X}}\n")
     assert run(["validate", "e.edf"]) == 5
     lines = capsys.readouterr().out.splitlines()
-    messages = [line for line in lines if "error:" in line or "hint:" in line]
+    messages = [line for line in lines if "error[" in line or "hint:" in line]
     assert any("nobody" in line for line in messages)
     asked_for = [decoy for decoy in DECOYS if decoy not in written]
     assert not [line for line in messages for decoy in asked_for if decoy in line], messages

@@ -14,6 +14,7 @@ from jsonschema import Draft202012Validator
 from srprov import data
 from srprov.cli.main import run
 from srprov.cli.problems import render_problems
+from srprov.codes import Code
 from srprov.errors import Diagnostic, Location
 from tests.unit.definitions.examples import INVENTORY, write_full
 
@@ -38,6 +39,7 @@ def test_json_is_all_of_stdout(folder: Path, capsys: pytest.CaptureFixture[str])
     assert list(Draft202012Validator(data.schema("validate")).iter_errors(json.loads(shown.out))) == []
     assert json.loads(shown.out)["problems"] == [
         {
+            "code": "SRP-105",
             "file": "bad.edf",
             "line": 3,
             "column": 26,
@@ -113,13 +115,13 @@ def test_control_characters_of_a_file_do_not_reach_the_terminal(
 def test_a_long_line_is_cut_around_the_caret() -> None:
     line = "k: [" + "a, " * 200 + "BAD, " + "b, " * 200 + "]"
     column = line.index("BAD") + 1
-    shown = render_problems([Diagnostic(Location("f", 1, column), "no", "", line)]).splitlines()
+    shown = render_problems([Diagnostic(Location("f", 1, column), "no", "", line, code=Code.YAML)]).splitlines()
     assert len(shown[1]) <= 130
     assert shown[1][shown[2].index("^") :].startswith("BAD")
 
 
 def test_tabs_before_the_caret_stay_tabs() -> None:
-    shown = render_problems([Diagnostic(Location("f", 1, 3), "no", "", "\t\tx: 1")]).splitlines()
+    shown = render_problems([Diagnostic(Location("f", 1, 3), "no", "", "\t\tx: 1", code=Code.YAML)]).splitlines()
     assert shown[2] == "    \t\t^"
 
 
@@ -161,14 +163,15 @@ def test_dollars_that_compose_would_read_otherwise_are_warnings(
     Path("b.cdf").write_text("cdf: 1\nimage: x\nenvironment: {G: '${H}'}\n")
     assert run(["validate", "a.edf", "b.cdf"]) == 0
     shown = capsys.readouterr().out.splitlines()
-    assert [line for line in shown if ": warning: " in line] == [
-        "a.edf:6:22: warning: '${HOME}' would stay as it is: no variables are substituted here"
+    assert [line for line in shown if ": warning[SRP-120]: " in line] == [
+        "a.edf:6:22: warning[SRP-120]: '${HOME}' would stay as it is: no variables are substituted here"
         "  [services.a.environment.A]",
-        "a.edf:6:38: warning: '$$' stays two dollars here; Compose reads it as one  [services.a.environment.B]",
-        "a.edf:7:23: warning: '$$' stays two dollars here; Compose reads it as one  [services.a.command.2]",
-        "a.edf:9:33: warning: '${F}' would stay as it is: no variables are substituted here"
+        "a.edf:7:23: warning[SRP-120]: '$$' stays two dollars here; Compose reads it as one"
+        "  [services.a.command.2]",
+        "a.edf:7:23: warning[SRP-120]: '$$' stays two dollars here; Compose reads it as one  [services.a.command.2]",
+        "a.edf:9:33: warning[SRP-120]: '${F}' would stay as it is: no variables are substituted here"
         "  [services.b.environment.0]",
-        "b.cdf:3:18: warning: '${H}' would stay as it is: no variables are substituted here  [environment.G]",
+        "b.cdf:3:18: warning[SRP-120]: '${H}' would stay as it is: no variables are substituted here  [environment.G]",
     ]
     assert shown[-1] == "2 files valid"
     assert run(["validate", "a.edf", "--format", "json"]) == 0

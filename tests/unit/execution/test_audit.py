@@ -10,6 +10,7 @@ from unittest import mock
 
 import pytest
 
+from srprov.codes import Code
 from srprov.errors import TransportError
 from srprov.execution import audit as audits
 from srprov.execution.audit import AuditEntry, audit
@@ -75,7 +76,9 @@ def test_what_does_not_work_is_told_per_robot() -> None:
     done = results(*((host, Outcome.CHANGED, 0.1) for host in ("full", "lost", "gone", "fine")))
     fine = Session(Reply(status=0))
     full = Session(Reply(status=2, err="sh: cannot create\n/var/log/srprov.log: full", ok=False))
-    there = robots(full=full, lost=Session(TransportError("lost", "the connection was lost")), fine=fine)
+    there = robots(
+        full=full, lost=Session(TransportError("lost", "the connection was lost", code=Code.LOST)), fine=fine
+    )
     assert audit(ENTRY, there, done) == {
         "full": "sh: cannot create /var/log/srprov.log: full",
         "lost": "the connection was lost",

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from srprov.codes import Code
 from srprov.errors import TransportError
 from srprov.execution import packages
 from srprov.execution.packages import NoListing, packages_in, parsed, remove_left
@@ -39,7 +40,7 @@ class Robot:
     def container_log(self, _name: str, *, tail: int, follow: bool) -> Iterator[str]:
         assert tail > 0 and not follow
         if self.refuses == "log":
-            raise TransportError(self.host, "the log broke")
+            raise TransportError(self.host, "the log broke", code=Code.LOST)
         yield from self.log
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from srprov.codes import Code
 from srprov.errors import TransportError
 from srprov.execution import trial_patience
 from srprov.execution.trial_patience import EngineAway, EquipmentFailed, RobotRestarted
@@ -35,7 +36,7 @@ class Robot:
         if self.cut:
             self.cut -= 1
             self.meanwhile()
-            raise TransportError(self.host, "lost contact")
+            raise TransportError(self.host, "lost contact", code=Code.LOST)
         if self.engine_away:
             self.engine_away -= 1
             self.meanwhile()
@@ -209,7 +210,7 @@ def test_a_log_that_breaks_off_with_its_engine_is_fetched_again() -> None:
     def fetch(_session: object) -> str:
         tries.append(1)
         if robot.engine_away:
-            raise TransportError("r1", "the log of a ended")
+            raise TransportError("r1", "the log of a ended", code=Code.LOST)
         return "whole"
 
     assert robots.on("a", fetch) == "whole"

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from srprov.codes import Code
 from srprov.errors import TransportError
 from srprov.execution.collect import CollectFailed, Place, fetch_tar
 from srprov.pace import LEAST_RATE, SILENCE_S, Pace
@@ -113,7 +114,7 @@ def fetched(clock: Clock, carries: Iterator[tuple[float, int]]) -> None:
     try:
         assert sum(map(len, fetch_tar(robot, Place(root="/v", path="."), (), SIZE))) == SIZE
     except CollectFailed as error:
-        raise TransportError("far", str(error)) from error
+        raise TransportError("far", str(error), code=Code.LOST) from error
 
 
 def copied(clock: Clock, carries: Iterator[tuple[float, int]]) -> None:
@@ -121,7 +122,7 @@ def copied(clock: Clock, carries: Iterator[tuple[float, int]]) -> None:
     target: Any = Robot("near", Fast(clock, carries, said=b"ready\n"))
     reply = copy_volume(COPY, target, lambda _name: source, lambda _line: None)
     if not reply.ok:
-        raise TransportError("far", reply.err)
+        raise TransportError("far", reply.err, code=Code.LOST)
 
 
 WAYS = pytest.mark.parametrize("carry", [printed, sent, fetched, copied])

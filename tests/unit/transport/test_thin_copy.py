@@ -14,6 +14,7 @@ from typing import Any
 import pytest
 
 from srprov import spool
+from srprov.codes import Code
 from srprov.errors import TransportError
 from srprov.spool import tidy_script
 from srprov.transport import image_deliver, image_source, link_rate
@@ -189,7 +190,7 @@ def test_a_layer_that_is_cut_off_on_its_way_here_is_read_anew_and_the_others_are
 
     def lost(queries: Sequence[Any]) -> list[Reply]:
         if queries == [Query(command=":")]:
-            raise TransportError("builder", "lost contact")
+            raise TransportError("builder", "lost contact", code=Code.LOST)
         return asked(queries)
 
     monkeypatch.setattr(world.builder, "ask", lost)

@@ -1,0 +1,90 @@
+"""What is told of a command line that is wrong: the user's word first, a file that is missing before all."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from srprov.cli.main import run
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    Path("experiment.edf").write_text("edf: 1\nname: a\nservices: {a: {image: x}}\n")
+    return tmp_path
+
+
+def told(capsys: pytest.CaptureFixture[str], *words: str) -> list[str]:
+    """Run a command line that is wrong, and return the lines that it prints."""
+    assert run(list(words)) == 5
+    shown = capsys.readouterr()
+    assert shown.out == ""
+    return shown.err.splitlines()
+
+
+@pytest.mark.parametrize(
+    ("words", "says", "hint"),
+    [
+        ("pln experiment.edf", "error[SRP-210]: srprov has no verb 'pln'", "did you mean 'plan'?"),
+        ("import compos x", "error[SRP-210]: srprov import has no verb 'compos'", "did you mean 'compose'?"),
+        (
+            "experiment.edf",
+            "error[SRP-210]: srprov has no verb 'experiment.edf'",
+            "name a verb before the file: srprov validate experiment.edf",
+        ),
+        ("xyz", "error[SRP-210]: srprov has no verb 'xyz'", "`srprov --help` lists the verbs"),
+        ("plan --inventry x", "error[SRP-211]: srprov plan has no option '--inventry'", "did you mean '--inventory'?"),
+        (
+            "plan --qqqqqq x",
+            "error[SRP-211]: srprov plan has no option '--qqqqqq'",
+            "`srprov plan --help` lists its options",
+        ),
+        ("validate experiment.edf --format jsn", "error[SRP-212]: --format cannot be 'jsn'", "did you mean 'json'?"),
+        ("validate experiment.edf --format 7", "error[SRP-212]: --format cannot be '7'", "known: text, json, sarif"),
+        ("plan experiment.edf --forks x -i r,", "error[SRP-212]: --forks: ", ""),
+        ("plan experiment.edf -i", "error[SRP-212]: -i needs a value", "`--help` behind the verb says which"),
+        ("validate", "error[SRP-214]: srprov validate needs FILES", "`srprov validate --help` says what it is"),
+        ("plan experiment.edf", "error[SRP-214]: srprov plan needs --inventory", "Inventory; may be repeated."),
+        ("plan experiment.edf b -i r,", "error[SRP-213]: srprov plan takes no further 'b'", ""),
+    ],
+)
+def test_the_word_that_is_wrong_comes_first_and_usage_last(
+    here: Path, capsys: pytest.CaptureFixture[str], words: str, says: str, hint: str
+) -> None:
+    lines = told(capsys, *words.split())
+    assert lines[0].startswith(says), lines
+    assert hint in lines[1]
+    assert not [line for line in lines[:1] if "Usage" in line]
+
+
+@pytest.mark.parametrize("words", ["verify nope.zip", "apply experiment.edf --signers nope -i r,"])
+def test_usage_is_not_told_for_a_file_that_is_missing(
+    here: Path, capsys: pytest.CaptureFixture[str], words: str
+) -> None:
+    lines = told(capsys, *words.split())
+    assert lines[0].startswith("error[SRP-220]: there is no file 'nope")
+    assert "Usage" not in "".join(lines)
+
+
+def test_a_missing_file_is_told_before_what_is_wrong_with_options(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """With the file beside it that was meant; what goes into a file is not looked for."""
+    lines = told(capsys, "plan", "experimnt.edf", "--inventry", "x", "-o", "new.yml")
+    assert lines[:2] == ["error[SRP-220]: there is no file 'experimnt.edf'", "  did you mean 'experiment.edf'?"]
+    assert lines[2].startswith("error[SRP-211]: ")
+    assert len([line for line in lines if "SRP-220" in line]) == 1
+
+
+def test_words_of_the_command_line_cannot_write_lines_of_their_own(
+    here: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for words in (
+        ["a\nerror[SRP-001]: b"],
+        ["plan", "--x\nerror[SRP-001]: b"],
+        ["plan", "a\nerror[SRP-001]: b.edf", "--y"],
+    ):
+        assert not [line for line in told(capsys, *words) if line.startswith("error[SRP-001]")]
