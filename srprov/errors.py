@@ -48,6 +48,14 @@ class SrprovError(Exception):
         self.hint = hint
         self.code = code
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """Say how to make the same error in another process: it is not what the constructor takes."""
+        return _remade, (type(self), self.args), self.__dict__
+
+
+def _remade(kind: type[SrprovError], arguments: tuple[object, ...]) -> SrprovError:
+    return kind.__new__(kind, *arguments)
+
 
 def visible(text: str) -> str:
     """Return one printable line: what ends a line, moves the cursor or turns the writing around, by its number."""

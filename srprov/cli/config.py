@@ -28,6 +28,7 @@ import msgspec
 
 from srprov import regular_file
 from srprov.cli.toml_text import check_parts, line
+from srprov.codes import Code
 from srprov.errors import UsageError, did_you_mean
 
 PROJECT_KEYS = frozenset(

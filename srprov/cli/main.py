@@ -132,11 +132,11 @@ def _show_misuse(error: click.ClickException, words: Sequence[str]) -> None:
     from srprov.cli.misuse import as_error, missing_files
 
     told = as_error(error)
-    if told.code is not Code.NO_FILE:
-        for one in missing_files(words):
-            show_error(one)
+    of_file = told.code in (Code.NO_FILE, Code.CANNOT_WRITE)
+    for one in () if of_file else missing_files(words):
+        show_error(one)
     show_error(told)
-    if isinstance(error, click.UsageError) and error.ctx and told.code is not Code.NO_FILE:
+    if isinstance(error, click.UsageError) and error.ctx and not of_file:
         err(f"  {' '.join(error.ctx.get_usage().split())}")
 
 

@@ -74,7 +74,8 @@ def _bad_value(message: str, param: click.Parameter) -> SrprovError:
     if isinstance(param.type, click.Path | click.File):
         if absent := _ABSENT.fullmatch(message):
             return _no_file(_bare(absent[2]), param)
-        return UsageError(f"{_name(param)}: {_sentence(message)}", code=Code.NO_FILE)
+        code = Code.CANNOT_WRITE if message.startswith("cannot write") else Code.NO_FILE
+        return UsageError(f"{_name(param)}: {_sentence(message)}", code=code)
     if isinstance(param.type, click.Choice) and (match := _NOT_AMONG.match(message)):
         word, known = _bare(match[1]), [str(one) for one in param.type.choices]
         hint = did_you_mean(word, known) or f"known: {', '.join(known)}"

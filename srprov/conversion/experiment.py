@@ -11,6 +11,7 @@ from typing import Any
 
 import msgspec
 
+from srprov.codes import Code
 from srprov.conversion import names_used, services
 from srprov.conversion.kept import Kept
 from srprov.conversion.notes import Finding, Notes
@@ -66,7 +67,9 @@ def convert(
     count = sum(len(one.normal.document.get("services") or ()) for one in machines)
     if count > MOST_SERVICES:
         hint = "import some of the files at a time"
-        raise UsageError(f"there are {count} services, and an experiment has at most {MOST_SERVICES}", hint=hint)
+        raise UsageError(
+            f"there are {count} services, and an experiment has at most {MOST_SERVICES}", hint=hint, code=Code.TOO_LARGE
+        )
     making = Making(name, choices, dict(network))
     projects = [_project(machine, making) for machine in machines]
     for project in projects:

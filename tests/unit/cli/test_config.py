@@ -278,7 +278,7 @@ def test_a_project_cannot_make_a_wait_endless_or_impossible(
         (tmp_path / "srprov.toml").unlink()
         option = f"--{key}={seconds}"
         assert run([verb, "e.edf", "-i", "h", option]) == 5
-        assert f"for '--{key}'" in capsys.readouterr().err.replace("\n", " ")
+        assert f"error[SRP-212]: --{key}: " in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("name", ["srprov.toml", "pyproject.toml"])

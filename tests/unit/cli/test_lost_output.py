@@ -157,7 +157,10 @@ def test_events_that_do_not_fit_on_the_disk_are_told_of_once(place: Place) -> No
 )
 def test_a_file_that_cannot_be_opened_is_refused_before_a_robot_is_asked(place: Place, words: list[str]) -> None:
     done = place.run(*words)
-    assert done.returncode == 5 and f"Invalid value for '{words[-2]}'" in done.stderr
+    assert (
+        done.returncode == 5
+        and f"error[SRP-221]: --{'out' if words[-2] == '-o' else 'events'}: cannot write" in done.stderr
+    )
     assert "asking" not in done.stderr and "Traceback" not in done.stderr
     assert not (place.folder / ".local").exists(), "a run was recorded"
 

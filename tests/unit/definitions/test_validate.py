@@ -166,8 +166,7 @@ def test_dollars_that_compose_would_read_otherwise_are_warnings(
     assert [line for line in shown if ": warning[SRP-120]: " in line] == [
         "a.edf:6:22: warning[SRP-120]: '${HOME}' would stay as it is: no variables are substituted here"
         "  [services.a.environment.A]",
-        "a.edf:7:23: warning[SRP-120]: '$$' stays two dollars here; Compose reads it as one"
-        "  [services.a.command.2]",
+        "a.edf:7:23: warning[SRP-120]: '$$' stays two dollars here; Compose reads it as one  [services.a.command.2]",
         "a.edf:7:23: warning[SRP-120]: '$$' stays two dollars here; Compose reads it as one  [services.a.command.2]",
         "a.edf:9:33: warning[SRP-120]: '${F}' would stay as it is: no variables are substituted here"
         "  [services.b.environment.0]",
