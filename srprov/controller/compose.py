@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 import os
 import posixpath
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -44,6 +44,8 @@ if TYPE_CHECKING:
 
 _COPIED_FIRST = ("git", "outside")
 """Kinds of permission without which nothing is copied: what is fetched, and files from outside of the folder."""
+_NOT_THERE = (*_COPIED_FIRST, "env", "secret", "fetch", "playbook", "unit")
+"""Kinds that a machine which runs Compose is not asked for: whoever uses the files gives it, or it is left out."""
 
 
 class Source(msgspec.Struct, frozen=True, kw_only=True):
@@ -166,11 +168,19 @@ def _exported(
             Wanted(
                 definitions=replace(source.definitions, experiment=experiment, containers=containers),
                 placed=placed, robots=addresses, profiles=source.every_profile, open=source.open,
-                env_files=_env_files(source), texts=_texts(source), edf=source.file, notes=source.definitions.notes,
+                env_files=_env_files(source), texts=_texts(source), edf=source.file,
+                notes=(*source.definitions.notes, *_granted(source)),
                 listing=disk.listing, read=disk.read, shipped=functools.cache(_shipped),
                 checkout=_checkout(containers, source.allowed),
             )
         )  # fmt: skip
+
+
+def _granted(source: Source) -> Iterator[str]:
+    """Yield a note for each permission that `apply` would ask for: Compose asks for none."""
+    asked = permissions(source.definitions.experiment, source.definitions.containers)
+    for one in (one for one in asked if one.kind not in _NOT_THERE):
+        yield f"{one.service} gets more than its container, and Compose asks nobody: {one.kind} ({one.what})"
 
 
 def _shipped(path: str) -> tuple[plain_tar.Member, ...]:

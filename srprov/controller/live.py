@@ -11,6 +11,7 @@ from typing import Any
 
 from srprov.errors import TransportError
 from srprov.execution.trial_totals import Totals
+from srprov.facts.observe import answers_of
 from srprov.session import Session
 from srprov.wire import EngineQuery
 
@@ -45,11 +46,12 @@ class Live:
     def _read(self, robot: str, containers: Sequence[str], session: Session) -> dict[Key, dict[str, float | None]]:
         totals = self._totals.setdefault(robot, Totals({}))
         try:
-            if robot not in totals.hosts:
-                totals.host(robot, session.ask([totals.of_host(robot)])[0])
-            states = session.ask([EngineQuery(path=f"/containers/{one}/json") for one in containers])
-            totals.find(robot, {one: state.json() for one, state in zip(containers, states, strict=True)}, session)
-            totals.take(robot, session.ask(totals.due(robot, now=True)))
+            with answers_of(robot):
+                if robot not in totals.hosts:
+                    totals.host(robot, session.ask([totals.of_host(robot)])[0])
+                states = session.ask([EngineQuery(path=f"/containers/{one}/json") for one in containers])
+                totals.find(robot, {one: state.json() for one, state in zip(containers, states, strict=True)}, session)
+                totals.take(robot, session.ask(totals.due(robot, now=True)))
         except TransportError:  # who asks for the state says so
             return {}
         return {(robot, one): self._used(totals, (robot, one)) for one in containers}

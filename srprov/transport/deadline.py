@@ -7,6 +7,9 @@ from __future__ import annotations
 
 import time
 
+BATCH_S = 300.0
+"""Beyond the longest time of a single one, for the answers to many questions together: a robot that takes nearly all of
+its time for each would be waited for by all others for hours."""
 SLOWEST = 64 * 1024
 """bytes/s of the slowest link that an answer's length is allowed time for."""
 

@@ -28,6 +28,9 @@ _ENTRY = 16 << 10
 _KEEP = "--format=posix --numeric-owner --acls --xattrs '--xattrs-include=*'"
 _FIXED = "--sort=name '--pax-option=exthdr.name=%d/PaxHeaders/%f,delete=atime,delete=ctime'"
 _READY = b"ready\n"
+_MEMORY_KIB = 512 << 10
+"""What an archive says of a file's name and attributes, tar keeps in memory, however long it is; and it comes from
+another robot."""
 _HASH = re.compile("[0-9a-f]{64}")
 
 
@@ -119,7 +122,7 @@ def _out(volume: str) -> str:
 
 def _into(volume: str) -> str:
     tar = f'tar --extract --preserve-permissions --same-owner {_KEEP} --directory="$place"'
-    return f"{_place(volume)}printf 'ready\\n' && {tar} && printf 'done\\n'"
+    return f"{_place(volume)}printf 'ready\\n' && (ulimit -v {_MEMORY_KIB}; exec {tar}) && printf 'done\\n'"
 
 
 def _stream(

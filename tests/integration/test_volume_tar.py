@@ -92,6 +92,16 @@ def test_an_archive_of_a_robot_that_lies_leaves_its_folder_nowhere(places: Place
     assert target.is_dir() and not target.is_symlink()
 
 
+def test_an_archive_of_a_robot_that_lies_takes_little_memory_of_another(places: Places) -> None:
+    """Attributes of three GiB are not waited for: tar would keep them all in memory."""
+    target = places.volume("target")
+    info = tarfile.TarInfo("x")
+    info.type, info.size = tarfile.XHDTYPE, 3 << 30
+    done = places.run(_into("target"), info.tobuf(tarfile.GNU_FORMAT) + b"30 a=" + bytes(1 << 20))
+    assert b"done" not in done.stdout and b"memory" in done.stderr.lower(), done
+    assert list(target.iterdir()) == []
+
+
 def test_robots_say_how_large_data_is_and_how_much_room_there_is(places: Places) -> None:
     """What is sparse takes less of the disk than it is long; a tar of it is no longer than both and its names."""
     source = places.volume("source")

@@ -15,8 +15,9 @@ import threading
 import urllib.parse
 from collections.abc import Sequence
 
+from srprov.transport.deadline import BATCH_S, Deadline
 from srprov.transport.engine.answers import message_of, quoted
-from srprov.transport.engine.link import EngineGone, EngineLink, EngineSocket
+from srprov.transport.engine.link import EngineGone, EngineLate, EngineLink, EngineSocket
 from srprov.untrusted import MAX_JSON_CHARACTERS
 from srprov.wire import EngineQuery, Reply
 
@@ -66,10 +67,11 @@ class EngineReader:
             return []
         with self._busy:
             replies: list[Reply] = []
+            whole = Deadline(max(query.timeout_s for query in queries) + BATCH_S)
             while len(replies) < len(queries):
                 used = self._stream is not None
                 try:
-                    self._batch(queries[len(replies) :], replies, counted=not alongside_shell or bool(replies))
+                    self._batch(queries[len(replies) :], replies, whole, counted=not alongside_shell or bool(replies))
                 except _FAILURES as error:
                     self._drop()
                     # An engine may close an idle stream just as it is used again; a GET can be repeated.
@@ -79,8 +81,10 @@ class EngineReader:
                     replies += [gone] * (len(queries) - len(replies))
             return replies
 
-    def _batch(self, queries: Sequence[EngineQuery], replies: list[Reply], *, counted: bool) -> None:
-        """Send all requests and add the replies as they come; each has its own time."""
+    def _batch(self, queries: Sequence[EngineQuery], replies: list[Reply], whole: Deadline, *, counted: bool) -> None:
+        """Send all requests and add the replies as they come; each has its own time, within that of all."""
+        if whole.passed:
+            raise EngineLate
         if self._stream is None:
             self._stream = self._link.open(min(_DIAL_S, queries[0].timeout_s))
         stream = self._stream
@@ -88,7 +92,7 @@ class EngineReader:
         stream.settimeout(max(_LEAST_S, queries[0].timeout_s))
         stream.sendall(b"".join(_request(query) for query in queries))
         for query in queries:
-            stream.settimeout(max(_LEAST_S, query.timeout_s))
+            stream.settimeout(max(_LEAST_S, min(query.timeout_s, whole.left())))
             # it takes no more of a socket than the method makefile
             answer = http.client.HTTPResponse(stream, method="GET")  # type: ignore[arg-type]
             answer.begin()

@@ -8,6 +8,7 @@ fills it.
 
 from __future__ import annotations
 
+import math
 import secrets
 import threading
 from collections.abc import Collection, Sequence
@@ -16,7 +17,7 @@ from typing import TYPE_CHECKING
 from srprov.codes import Code
 from srprov.errors import DeadlineError, TransportError
 from srprov.session import Progress, Traffic
-from srprov.transport.deadline import Deadline, Patience
+from srprov.transport.deadline import BATCH_S, Deadline, Patience
 from srprov.transport.shell.frames import Frames, batch
 from srprov.wire import Query, Reply
 
@@ -44,7 +45,8 @@ class Shell:
         """
         commands = [query.command for query in queries]
         in_place = {at for at, query in enumerate(queries) if query.in_place}
-        return self._exchange(commands, [query.timeout_s for query in queries], commands, in_place=in_place)
+        limits = [query.timeout_s for query in queries]
+        return self._exchange(commands, limits, commands, in_place=in_place, most_s=max(limits, default=0.0) + BATCH_S)
 
     def run(self, script: str, timeout_s: float, progress: Progress, shown: str) -> Reply:
         """Run a script and pass its output lines to `progress` as they come; errors show `shown` instead of it.
@@ -74,6 +76,7 @@ class Shell:
         shown: Sequence[str],
         progress: Progress | None = None,
         in_place: Collection[int] = (),
+        most_s: float = math.inf,
     ) -> list[Reply]:
         """Write one batch and wait for all of its answers; `progress` gets the lines of a single command."""
         if not commands:
@@ -86,7 +89,7 @@ class Shell:
             self.traffic.round_trips += 1
             out, err = (Frames(nonce, len(commands), only_end=progress is not None) for _ in range(2))
             try:
-                self._pump(text, (out, err), limits_s, shown, progress)
+                self._pump(text, (out, err), limits_s, shown, progress, most_s)
             except BaseException:
                 # Half a batch may still be running: nothing that this shell says can be trusted any more.
                 self.close()
@@ -103,10 +106,11 @@ class Shell:
         limits_s: Sequence[float],
         shown: Sequence[str],
         progress: Progress | None,
+        most_s: float,
     ) -> None:
         """Write and read at the same time until both streams have every answer; each command has its own time."""
         pending = memoryview(text)
-        at, patience = 0, Patience(limits_s[0])
+        at, patience, whole = 0, Patience(limits_s[0]), Patience(most_s)
         while not (frames[0].done and frames[1].done):
             sent = self._streams.write(pending) if pending else 0
             pending = pending[sent:]
@@ -115,13 +119,14 @@ class Shell:
             if at < here < len(shown):
                 at, patience = here, Patience(limits_s[here])
             patience.moved(sent + received)
-            if patience.left() <= 0 and not (frames[0].done and frames[1].done):
-                raise self._late(shown[at], limits_s[at])
+            whole.moved(sent + received)
+            if min(patience.left(), whole.left()) <= 0 and not (frames[0].done and frames[1].done):
+                raise self._late(shown[at], limits_s[at] if patience.left() <= 0 else most_s)
             if sent or received:
                 continue
             if self._streams.ended:
                 raise self._lost(shown[at])
-            self._streams.wait(patience.left(), writing=bool(pending))
+            self._streams.wait(min(patience.left(), whole.left()), writing=bool(pending))
 
     def _take(self, frames: tuple[Frames, Frames], progress: Progress | None) -> int:
         """Feed what is here to the frames, and its new lines to `progress`; return how many bytes it was."""

@@ -57,6 +57,15 @@ def test_a_folder_with_something_else_is_not_written_to(bundled: Path, tmp_path:
     assert not (tmp_path / "elsewhere").exists()
 
 
+@pytest.mark.parametrize("place", [".git/config", "sub/.git/config"])
+def test_a_bundle_does_not_say_whose_experiment_it_is(content: Content, tmp_path: Path, place: str) -> None:
+    """With the remote of somebody else's repository, a replay would count as that experiment and replace what runs."""
+    more = {**content, f"sessions/1/inputs/{place}": b'[remote "origin"]\nurl = https://lab.example/race.git\n'}
+    with pytest.raises(UsageError, match=r"folder \.git"):
+        unpack(str(packed(with_manifest(more), tmp_path / "b.zip")), tmp_path / "again")
+    assert not (tmp_path / "again").exists()
+
+
 def test_robots_do_the_parts_of_others_under_their_names() -> None:
     found = mapped(inventory("r1", "kuka", "spare"), ("r1", "r2"), {"r2": "kuka"})
     assert {name: (one.name, one.address) for name, one in found.hosts.items()} == {

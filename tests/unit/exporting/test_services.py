@@ -210,6 +210,16 @@ def test_files_from_elsewhere_need_a_permission(tmp_path: Path) -> None:
     assert contents(twin(edf, "outside"))["build/other/x"] == b"1"
 
 
+def test_what_apply_would_ask_for_is_told_since_compose_asks_nobody(tmp_path: Path) -> None:
+    """Whoever starts a stranger's export on his own PC gives it all that, and no `--allow` is in the way."""
+    text = "services: {a: {image: x, privileged: true, volumes: ['/:/host']}, b: {image: y, environment: [HOME]}}"
+    made = twin(experiment(tmp_path, text))
+    told = [note for note in made.notes if "Compose asks nobody" in note]
+    assert len(told) == 2 and "a gets" in told[0] and "privileged" in told[0] and "docker-socket (/" in told[1], told
+    readme = contents(made)["README.md"].decode()
+    assert readme.count("Compose asks nobody") == 2
+
+
 def test_a_data_set_to_download_is_named(tmp_path: Path) -> None:
     sha = "ab" * 32
     text = f"services: {{a: {{image: x, data: [{{url: 'https://x.example/d.bag', sha256: {sha}, target: /d}}]}}}}"

@@ -10,6 +10,7 @@ import socket
 import threading
 import time
 from collections.abc import Iterator
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -26,7 +27,7 @@ from srprov.transport.shell import frames
 from srprov.transport.shell.frames import Frames
 from srprov.transport.shell.lock_channel import HeartbeatChannel
 from srprov.transport.shell.startup import wait_ready
-from srprov.wire import Query, Run
+from srprov.wire import EngineQuery, Query, Run
 
 NONCE = "0123456789abcdef" * 2
 MIB = 1 << 20
@@ -89,6 +90,16 @@ def test_a_trickle_does_not_outlast_an_answer_s_time(session: Session, stream: s
     with pytest.raises(DeadlineError, match=r"no answer within 0\.5 s"):
         session.ask([Query(command=f"while :; do printf x{stream}; sleep 0.05; done", timeout_s=0.5)])
     assert time.monotonic() - began < 15
+
+
+@root
+def test_answers_at_the_last_moment_do_not_add_up_to_hours(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    """All other robots would wait for that one."""
+    monkeypatch.setattr("srprov.transport.shell.shell.BATCH_S", 0.4)
+    began = time.monotonic()
+    with pytest.raises(DeadlineError, match=r"no answer within 0\.9 s"):
+        session.ask([Query(command=f"sleep 0.2; echo {n}", timeout_s=0.5) for n in range(50)])
+    assert time.monotonic() - began < 8
 
 
 @root
@@ -202,6 +213,34 @@ def test_whatever_listens_in_the_place_of_an_sshd_is_a_robot_that_cannot_be_reac
 
 
 # --- the engine ---------------------------------------------------------------------------------------------------
+
+
+@root
+def test_an_engine_that_takes_its_time_for_each_answer_is_not_asked_for_hours(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What it has not answered by then counts as not answered; what came stays."""
+    monkeypatch.setattr("srprov.transport.engine.reads.BATCH_S", 0.4)
+    with socket.socket(socket.AF_UNIX) as server:
+        server.bind(str(tmp_path / "docker.sock"))
+        server.listen()
+
+        def speak() -> None:
+            with contextlib.suppress(OSError):
+                taken, _ = server.accept()
+                while taken.recv(MIB):
+                    for _ in range(50):
+                        time.sleep(0.2)
+                        taken.sendall(b"HTTP/1.1 200 OK\r\nContent-Length: 2\r\n\r\n{}")
+
+        threading.Thread(target=speak, daemon=True).start()
+        monkeypatch.setenv("DOCKER_HOST", f"unix://{tmp_path}/docker.sock")
+        made = connect(Host(name="here", address="localhost", connection="local"))
+        began = time.monotonic()
+        replies = made.ask([EngineQuery(path=f"/{n}", timeout_s=0.5) for n in range(50)])
+        made.close()
+    assert time.monotonic() - began < 8
+    assert replies[0].ok and replies[0].out == "{}" and "did not answer within" in replies[-1].err
 
 
 def test_a_line_of_a_million_pieces_is_joined_in_linear_time() -> None:
