@@ -9,6 +9,7 @@ import json
 import re
 import shutil
 import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -16,13 +17,38 @@ from typing import Any
 import pytest
 
 from srprov import data
-from srprov.cli.editor_settings import server_settings
+from srprov.cli.editor_settings import editor_settings, server_settings
 from srprov.yamldoc import loader
 from srprov.yamldoc.nodes import Map, Node, Scalar, Seq
 from tests.integration.language_server import LanguageServer
 from tests.unit.definitions.examples import BASE, CDF, EDF
 
 SERVER = "yaml-language-server@1.25.0"
+LUA = "lupa==2.6"
+RUN_LUA = """\
+import json, sys
+from lupa.luajit21 import LuaRuntime, lua_type
+
+lua = LuaRuntime()
+lua.execute('''
+told = {}
+vim = {
+    filetype = { add = function(about) told.filetypes = about end },
+    lsp = { config = function(name, about) told.config = about end, enable = function(name) told.enabled = name end },
+}
+''')
+lua.execute(sys.stdin.read())
+
+
+def plain(value):
+    if lua_type(value) != "table":
+        return value
+    keys = list(value)
+    return [plain(value[key]) for key in keys] if keys[0] == 1 else {key: plain(value[key]) for key in keys}
+
+
+print(json.dumps(plain(lua.globals().told)))
+"""
 ROOT = Path(__file__).resolve().parents[2]
 EXAMPLES = sorted([*ROOT.glob("examples/*/*.edf"), *ROOT.glob("examples/*/*.cdf")])
 
@@ -151,3 +177,23 @@ def test_what_the_manual_says_for_a_team_and_for_other_names_works(command: tupl
             (problem, *_) = running.open(tmp_path / name, f"{text}nonsense: 1\n")
             assert "srprov " in problem["source"], name
         assert running.open(tmp_path / "other.yml", "nonsense: 1\n") == []
+
+
+def test_the_lua_for_neovim_says_the_same(tmp_path: Path) -> None:
+    """Run by LuaJIT, as Neovim does, with a `vim` that keeps what it is told."""
+    fetch = (sys.executable, "-m", "pip", "install", "-q", "--target", str(tmp_path), LUA)
+    subprocess.run(fetch, check=True, timeout=300)
+    schemas = {kind: data.schema_path(kind).as_uri() for kind in ("edf", "cdf")}
+    (tmp_path / "run.py").write_text(RUN_LUA, encoding="utf-8")
+    done = subprocess.run(
+        (sys.executable, "run.py"),
+        cwd=tmp_path,
+        input=editor_settings("neovim", schemas),
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done
+    told = json.loads(done.stdout)
+    assert told["filetypes"] == {"extension": {"edf": "yaml", "cdf": "yaml"}} and told["enabled"] == "yamlls"
+    assert told["config"]["settings"] == {"yaml": server_settings(schemas)}
+    assert told["config"]["cmd"] == ["yaml-language-server", "--stdio"]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import zipfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -145,6 +146,15 @@ def test_doctor_prints_what_its_schema_says() -> None:
     }
     assert list(Draft202012Validator(data.schema("doctor")).iter_errors(document)) == []
     assert list(Draft202012Validator(data.schema("doctor")).iter_errors({**document, "more": 1}))
+
+
+def test_the_manual_lists_every_verb_with_its_schemas() -> None:
+    manual = (Path(__file__).parents[2] / "docs/json.md").read_text(encoding="utf-8")
+    stated: dict[str, set[str]] = {}
+    for kind, verbs_of in re.findall(r"^\| `([a-z-]+)` \| (`.*) \|", manual, re.MULTILINE):
+        for verb in re.findall(r"`([a-z][a-z ]*)`", re.split("[:;]", verbs_of)[0]):
+            stated.setdefault(verb, set()).add(kind)
+    assert stated == {verb: set(kinds) for verb, kinds in PRINTED.items()}
 
 
 def test_the_journal_of_a_published_run_is_what_its_schema_says() -> None:
