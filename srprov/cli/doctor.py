@@ -29,6 +29,7 @@ def doctor(inventories: tuple[str, ...], as_json: bool, forks: int, timeout: flo
     from srprov.controller.clocks import measure_clock
     from srprov.controller.kept import line, volume_rows, with_sizes
     from srprov.facts.gather import Detail
+    from srprov.facts.observe import answers_of
     from srprov.facts.preconditions import Verdict, judge, precondition_queries
 
     inventory = inputs.load_chosen(inventories, limit, exclude)
@@ -38,7 +39,8 @@ def doctor(inventories: tuple[str, ...], as_json: bool, forks: int, timeout: flo
 
         def one(name: str) -> tuple[Check, ...]:
             session = fleet.sessions.get(name)
-            return judge(snapshot.facts[name], session.ask(precondition_queries()), measure_clock(session))
+            with answers_of(name):
+                return judge(snapshot.facts[name], session.ask(precondition_queries()), measure_clock(session))
 
         checks: dict[str, tuple[Check, ...]] = {}
         with concurrent.futures.ThreadPoolExecutor(max(1, len(snapshot.facts))) as pool:

@@ -26,7 +26,7 @@ from srprov.controller.trial_folder import alone
 from srprov.definitions.expand import expand
 from srprov.definitions.model import Experiment
 from srprov.definitions.trialsmodel import Result
-from srprov.errors import TransportError
+from srprov.errors import SrprovError, TransportError
 from srprov.execution.collect import CollectFailed, place_of
 from srprov.execution.trial_patience import EquipmentFailed, Patience
 from srprov.facts.document import facts_document
@@ -35,6 +35,7 @@ from srprov.facts.model import Snapshot
 from srprov.record.recordings import in_words
 from srprov.record.results import Kept
 from srprov.session import Session
+from srprov.untrusted import text
 from srprov.wire import EngineQuery
 
 _T = TypeVar("_T")
@@ -153,6 +154,11 @@ def _told(label: str, found: _Found) -> Iterator[None]:
         found.failed.append(f"{label}: {error}")
     except OSError as error:
         found.failed.append(f"{label}: {error.filename or 'a file here'}: {error.strerror or error}")
+    except (SrprovError, EquipmentFailed):
+        raise
+    except Exception as error:  # parsers do not raise; the one that does must not lose what the others have
+        why = f"{type(error).__name__}: {text(str(error))}"
+        found.failed.append(f"{label}: what its robot says cannot be read: {why}")
 
 
 def _of_service(robot: _Robot, one: _Service, folder: Path, found: _Found, say: Say) -> None:

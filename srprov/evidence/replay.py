@@ -109,7 +109,7 @@ def unpack(bundle: str, folder: Path) -> None:
         names = [name for name in below(files, home) if name != home + _INVENTORY]
         if any(".git" in name.split("/") for name in names):
             why = f"{bundle} holds a folder .git, which would say whose experiment it is"
-            raise UsageError(why, hint="ask its author for one without it")
+            raise UsageError(why, hint="ask its author for one without it", code=Code.REPLAY)
         contents = {folder / name.removeprefix(home): content(files, name) for name in names}
         absent = {folder / one for one in data_sets(files, told.home)}
     if folder.is_symlink() or (folder.exists() and _read(folder, absent) not in ({}, contents)):

@@ -18,6 +18,7 @@ import msgspec
 from srprov.codes import Code
 from srprov.errors import TransportError
 from srprov.facts.host import docker_arch
+from srprov.facts.observe import answers_of
 from srprov.probing.answers import parse_said
 from srprov.probing.look import Look, parse_look, queries
 from srprov.probing.model import Request, Round, Said
@@ -153,8 +154,13 @@ def _everywhere(sessions: Mapping[str, Session], work: Callable[[str], _T]) -> t
     """Do something on all robots at once; return what came of it, and robot -> why it failed."""
     done: dict[str, _T] = {}
     failed: dict[str, str] = {}
+
+    def one(robot: str) -> _T:
+        with answers_of(robot):
+            return work(robot)
+
     with concurrent.futures.ThreadPoolExecutor(max(1, len(sessions))) as pool:
-        futures = {robot: pool.submit(work, robot) for robot in sorted(sessions)}
+        futures = {robot: pool.submit(one, robot) for robot in sorted(sessions)}
         for robot, future in futures.items():
             try:
                 done[robot] = future.result()

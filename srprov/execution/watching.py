@@ -15,6 +15,7 @@ import msgspec
 
 from srprov.errors import TransportError
 from srprov.execution.trial_patience import EngineAway, EquipmentFailed, Patience, Say
+from srprov.facts.observe import answers_of
 from srprov.linear_regex import compiled
 from srprov.session import Session
 from srprov.trials.metrics import LONGEST_LINE
@@ -119,7 +120,10 @@ class Watch:
         for reply in replies:
             if not reply.ok and reply.status != _NOT_FOUND:
                 raise EngineAway(" ".join((reply.err or reply.out).split())[:300] or f"status {reply.status}")
-        return {place: read(reply.json() if reply.ok else None) for place, reply in zip(places, replies, strict=True)}
+        with answers_of(host):
+            return {
+                place: read(reply.json() if reply.ok else None) for place, reply in zip(places, replies, strict=True)
+            }
 
     def _follow(self, place: Place, patterns: Sequence[str]) -> None:
         """Read a log from its beginning until all patterns were found, again when its container was started again."""
