@@ -104,7 +104,7 @@ def as_codequality(problems: Sequence[Diagnostic], warnings: Sequence[Diagnostic
             rows.append(
                 {
                     "description": problem.message + (f" ({problem.hint})" if problem.hint else ""),
-                    "check_name": "srprov/definition",
+                    "check_name": problem.code,
                     "fingerprint": digest,
                     "severity": severity,
                     "location": {"path": problem.location.file, "lines": {"begin": problem.location.line}},

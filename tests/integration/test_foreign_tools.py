@@ -72,7 +72,7 @@ def test_pre_commit_refuses_a_wrong_edf(tmp_path: Path, hook: str) -> None:
     assert good.returncode == 0 and "2 files valid" in good.stdout, good
     (mine / "e.edf").write_text(WRONG, encoding="utf-8")
     bad = tried()
-    assert bad.returncode == 1 and "e.edf:3:26: error" in bad.stdout and "unknown key 'cots'" in bad.stdout, bad
+    assert bad.returncode == 1 and "e.edf:3:26: error[" in bad.stdout and "unknown key 'cots'" in bad.stdout, bad
 
 
 def test_the_action_and_the_template_install_srprov_and_check_with_it(repository: Repository, forge: FakeForge) -> None:

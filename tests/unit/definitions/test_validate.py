@@ -78,6 +78,7 @@ def test_code_quality_tells_equal_problems_apart_and_keeps_their_names(
     assert [(one["location"], one["severity"]) for one in first] == [
         ({"path": "bad.edf", "lines": {"begin": 3}}, "major")
     ] * 2
+    assert [one["check_name"] for one in first] == ["SRP-105"] * 2
     assert first[0]["description"] == "unknown key 'cots' (did you mean 'cost'?)"
     (folder / "bad.edf").write_text("# a comment\n" + text)
     run(["validate", "--format", "codequality", "bad.edf"])
@@ -166,7 +167,8 @@ def test_dollars_that_compose_would_read_otherwise_are_warnings(
     assert [line for line in shown if ": warning[SRP-120]: " in line] == [
         "a.edf:6:22: warning[SRP-120]: '${HOME}' would stay as it is: no variables are substituted here"
         "  [services.a.environment.A]",
-        "a.edf:7:23: warning[SRP-120]: '$$' stays two dollars here; Compose reads it as one  [services.a.command.2]",
+        "a.edf:6:38: warning[SRP-120]: '$$' stays two dollars here; Compose reads it as one"
+        "  [services.a.environment.B]",
         "a.edf:7:23: warning[SRP-120]: '$$' stays two dollars here; Compose reads it as one  [services.a.command.2]",
         "a.edf:9:33: warning[SRP-120]: '${F}' would stay as it is: no variables are substituted here"
         "  [services.b.environment.0]",
