@@ -139,7 +139,9 @@ def test_a_wrong_file_is_marked_uploaded_and_ends_the_step(repository: Repositor
     repository.write("e.edf", WRONG)
     done = repository.action("validate", sarif="true")
     assert done.returncode == 5, done
-    assert commands(done.stdout) == ["::error file=e.edf,line=3,col=26::unknown key 'cots' (did you mean 'cost'?)"]
+    assert commands(done.stdout) == [
+        "::error file=e.edf,line=3,col=26,title=SRP-105::unknown key 'cots' (did you mean 'cost'?)"
+    ]
     assert repository.outputs == {"valid": "false"}
     (upload,) = forge.sarif
     assert (upload["commit_sha"], upload["ref"]) == ("c0ffee", "refs/pull/7/merge")

@@ -187,7 +187,7 @@ def annotations(found: Mapping[str, Any]) -> Iterator[str]:
     """Return GitHub's commands for marks beside lines, of what `validate --format json` says."""
     for level, key in (("error", "problems"), ("warning", "warnings")):
         for one in found[key]:
-            place = f"file={_value(one['file'])},line={one['line']},col={one['column']}"
+            place = f"file={_value(one['file'])},line={one['line']},col={one['column']},title={_value(one['code'])}"
             yield f"::{level} {place}::{_text(one['message'] + (' (' + one['hint'] + ')' if one['hint'] else ''))}"
 
 
