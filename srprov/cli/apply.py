@@ -12,6 +12,7 @@ from srprov.cli.execute import carry_out, confirm, refuse_without_terminal
 from srprov.cli.plan import show_plan
 from srprov.cli.seconds import Seconds
 from srprov.cli.stdout_guard import answers_only
+from srprov.cli.target_options import targeting
 from srprov.codes import Code
 from srprov.controller.phases import Phases
 from srprov.controller.request import PlanRequest
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 @output_options.TIMINGS
 @options.planning
 @key_options.rotating
+@targeting
 @options.MAX_FAIL
 @options.LOCKED
 @click.option("-y", "--yes", is_flag=True, help="Do not ask.")
@@ -115,11 +117,11 @@ def _fitting(request: PlanRequest, source: Definitions | PlanFile) -> PlanReques
     if isinstance(source, Definitions):
         return inputs.with_own_files(request, source)
     decided = (request.instance, request.reassign, request.history, request.reassign_unreachable, request.data,
-               request.copy, request.rotate_keys, request.profiles)  # fmt: skip
+               request.copy, request.rotate_keys, request.profiles, request.targets)  # fmt: skip
     if any(decided):
         raise UsageError(
-            "--instance, --profile, --reassign, --history, --data, --copy, --rotate-keys and --unreachable=reassign "
-            "are decided when a plan is made, not when it is applied",
+            "--instance, --profile, --target, --reassign, --history, --data, --copy, --rotate-keys and "
+            "--unreachable=reassign are decided when a plan is made, not when it is applied",
             code=Code.OPTIONS,
         )
     return request
@@ -141,5 +143,6 @@ def _planned(
         return check_plan(source, fleet, adopt=request.adopt, signed=signed)
     with fleet.look(source.experiment) as look, answers_only():
         from srprov.controller.plan import make_plan  # a tenth of a second of imports, while the robots are asked
+        from srprov.controller.targets import only_targets
 
-        return make_plan(source, look, request, vault, phases)
+        return only_targets(make_plan(source, look, request, vault, phases), request.targets)

@@ -56,8 +56,8 @@ def build(
 ) -> int:  # fmt: skip
     """Bring the images of an experiment to its robots, ahead of `apply`: built, pulled or copied as `apply` would.
 
-    Nothing else is made there. Robots are chosen as by `apply`, with the same options and permissions. With --show,
-    print what would be built.
+    With SERVICE names, the images of those alone. Nothing else is made there. Robots are chosen as by `apply`, with the
+    same options and permissions. With --show, print what would be built.
     """
     from srprov.controller.source import read_definitions
     from srprov.execution import RunOptions
@@ -65,11 +65,14 @@ def build(
     if show:
         found = read_definitions(file, request.allowed, request.profiles, locked=locked)
         return _show(found, services, request, as_json=as_json)
-    _check(services, inventories)
+    if not inventories:
+        raise UsageError(
+            "which robots?", hint="name the inventory with -i, or look at the Dockerfiles with --show", code=Code.WHICH
+        )
     refuse_without_terminal(yes)
     phases = Phases()
     definitions = read_definitions(file, request.allowed, request.profiles, locked=locked)
-    request = inputs.with_own_files(request, definitions)
+    request = inputs.with_own_files(replace(request, targets=services), definitions)
     inventory = inputs.load_inventory(inventories)
     name = request.instance or definitions.experiment.name
     chosen = inputs.selected(inventory, limit, exclude, inputs.failed_robots(name, runs))
@@ -100,20 +103,6 @@ def _show(definitions: Definitions, services: tuple[str, ...], request: PlanRequ
         raise UsageError("--show prints Dockerfiles, not JSON", hint="leave --json out", code=Code.OPTIONS)
     out("\n\n".join(dockerfiles(definitions, services, request.allowed)))
     return 0
-
-
-def _check(services: tuple[str, ...], inventories: tuple[str, ...]) -> None:
-    """Refuse what only makes sense with --show."""
-    if services:
-        raise UsageError(
-            "services are named for --show alone",
-            hint="without it, all images are brought to robots",
-            code=Code.OPTIONS,
-        )
-    if not inventories:
-        raise UsageError(
-            "which robots?", hint="name the inventory with -i, or look at the Dockerfiles with --show", code=Code.WHICH
-        )
 
 
 def _allowed(planned: Planned, request: PlanRequest, inventory: Inventory, run_options: RunOptions) -> RunOptions:

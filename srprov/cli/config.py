@@ -43,13 +43,13 @@ OWN_KEYS = PROJECT_KEYS | {
     *("metric", "over", "watch", "no-secret"),
     *("discard", "rerun", "reason", "accept-changes", "rotate-keys", "no-probe", "network", "profile"),
     *("margin", "strict", "with", "map", "twin", "set", "name", "env-file", "robot-map", "home", "lab"),
-    *("with-images", "no-bundled-images", "editor", "changed"),
+    *("with-images", "no-bundled-images", "editor", "changed", "target"),
 }
 PARAMETERS = {"inventory": "inventories", "json": "as_json", "format": "form", "out": "target", "facts": "stored",
               "profile": "profiles", "margin": "margins", "with": "others", "map": "pairs",
-              "set": "settings", "env-file": "env_files", "with-images": "way"}  # fmt: skip
+              "set": "settings", "env-file": "env_files", "with-images": "way", "target": "targets"}  # fmt: skip
 """Options that have another name in the code."""
-_LISTS = ("inventory", "allow", "until", "env", "profile", "margin", "with", "map", "set", "env-file")
+_LISTS = ("inventory", "allow", "until", "env", "profile", "margin", "with", "map", "set", "env-file", "target")
 _GROUPS = {"export": ("compose",), "import": ("compose", "swarmrob")}
 """Verbs that stand for several: what is set for one holds for those."""
 _MOST_BYTES = 1 << 20

@@ -15,6 +15,7 @@ from srprov.cli.codes import DIFFERENCES, UNREACHABLE
 from srprov.cli.output import err, out, out_json
 from srprov.cli.output_options import writable
 from srprov.cli.stdout_guard import answers_only
+from srprov.cli.target_options import targeting
 from srprov.codes import Code
 from srprov.controller.request import PlanRequest
 from srprov.errors import RefusedError, UsageError
@@ -33,6 +34,7 @@ if TYPE_CHECKING:
 @options.RUNS
 @options.planning
 @key_options.rotating
+@targeting
 @options.LOCKED
 @click.option("--detailed-exitcode", is_flag=True, help="Exit with 2 when something would change.")
 @click.option("--format", "form", type=click.Choice(["text", "json", "markdown"]), default="text", show_default=True)
@@ -73,8 +75,9 @@ def plan(
         fleet.look(definitions.experiment, exact=request.exact) as look,
     ):
         from srprov.controller.plan import make_plan  # a tenth of a second of imports, while the robots are asked
+        from srprov.controller.targets import only_targets
 
-        planned = make_plan(definitions, look, request, vault).limited(chosen)
+        planned = only_targets(make_plan(definitions, look, request, vault), request.targets).limited(chosen)
     from srprov.controller.saved import kept_plan
     from srprov.planning.markdown import plan_markdown
     from srprov.planning.plan import plan_json

@@ -25,6 +25,7 @@ from srprov.controller.image_layers import with_layers
 from srprov.controller.image_plans import images_alone, images_there, moved_tags, plan_images, with_fresh
 from srprov.controller.labpolicy import enforce, with_limits
 from srprov.controller.mtu_note import mtu_notes
+from srprov.controller.named_services import services_of
 from srprov.controller.owners import Owner
 from srprov.controller.ownership import check_source, owned, trusting
 from srprov.controller.permissions import permit_planning
@@ -95,13 +96,14 @@ class Planned(msgspec.Struct, frozen=True, kw_only=True):
     """The plan with the steps that were left out, if some were."""
     limit: tuple[str, ...] = ()
     """The robots whose steps were kept, if some were left out."""
+    targets: tuple[str, ...] = ()
+    """The services that were chosen, if steps on others were left out."""
 
     def limited(self, robots: Collection[str]) -> Planned:
         """Return it without the steps of other robots, and without those that need one of them."""
         plan = limited(self.plan, robots)
-        if plan is self.plan:
-            return self
-        return replace(self, plan=plan, whole=self.plan, limit=tuple(sorted(robots)))
+        whole = self.whole or self.plan
+        return self if plan is self.plan else replace(self, plan=plan, whole=whole, limit=tuple(sorted(robots)))
 
 
 def make_plan(
@@ -183,6 +185,7 @@ def _inputs(
         copy_way=request.copy,
         known_images=known_images() if images else {},
         images_only=request.images_only,
+        images_for=services_of(request.targets, experiment, placed.placed) if request.images_only else (),
         bundled=mine,
         builders=look.inventory.groups.get(BUILDERS, ()),
     )

@@ -41,6 +41,8 @@ class RenderInputs(msgspec.Struct, frozen=True, kw_only=True):
     """Content tag -> ids of images that this machine had built; a robot's own word for a tag is not enough."""
     images_only: bool = False
     """Nothing but images is wanted on robots."""
+    images_for: Collection[str] = ()
+    """Only those of these services, then; empty: of all."""
     bundled: Mapping[str, BundledImage] = msgspec.field(default_factory=dict)
     """Service -> the image that it has from this machine's cache of layers."""
     builders: Collection[str] = ()

@@ -70,5 +70,7 @@ class PlanRequest(msgspec.Struct, frozen=True, kw_only=True):
     """The machine's and the user's own: what is allowed at all."""
     images_only: bool = False
     """Plan the images, and nothing that runs them."""
+    targets: tuple[str, ...] = ()
+    """The services that something is done for, as the user names them; empty: all."""
     search_limit_s: float | None = SEARCH_LIMIT_S
     """Of each search for a placement; None: no limit."""

@@ -47,7 +47,7 @@ def robot_images(inputs: RenderInputs, blobs: dict[str, bytes]) -> dict[str, lis
     plans = {plan.tag: plan for plan in inputs.images.values()}
     for name, host in sorted(inputs.placed.items()):
         facts = inputs.snapshot.facts.get(host)
-        if facts is None:
+        if facts is None or (inputs.images_for and name not in inputs.images_for):
             continue
         image = image_of(inputs, inputs.experiment.services[name])
         if name in inputs.bundled:

@@ -36,6 +36,7 @@ from srprov.planning.limit import limited
 from srprov.planning.plan import Step
 from srprov.planning.planfile import PlanFile, differences, step_out
 from srprov.planning.planread import named
+from srprov.planning.target import targeted
 from srprov.record.memory import known_images
 from srprov.resource import Resource
 from srprov.secret import redact
@@ -59,6 +60,7 @@ def plan_file(planned: Planned) -> PlanFile:
         also_wanted=tuple(also),
         contexts={tag: image.context for tag, image in planned.images.items()},
         limit=planned.limit,
+        targets=planned.targets,
         inputs=_inputs(planned),
         made_by=srprov.__version__,
     )
@@ -167,6 +169,8 @@ def _derived(saved: PlanFile, wants: tuple[Resource, ...], snapshot: Snapshot) -
     beside = [step for step in saved.plan.steps if step.host in away]
     plan = saved.plan
     steps, _ = diff(wants, owned(snapshot, plan.instance), plan.instance, settled=settled, beside=beside)
+    if saved.targets:
+        steps = targeted(replace(plan, steps=steps), wants, saved.targets).steps
     if saved.limit:
         steps = limited(replace(plan, steps=steps), saved.limit).steps
     changed = differences(_by_number(plan.steps), _by_number(steps))

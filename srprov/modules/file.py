@@ -37,6 +37,7 @@ class FileModule(Module[FileParams]):
 
     kind = "file"
     params = FileParams
+    common = True
     shares_round_trip = True
     root = STATE_ROOT
 

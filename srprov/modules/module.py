@@ -73,6 +73,8 @@ class Module(ABC, Generic[P]):
     """
     rebuilds_users = False
     """It cannot be replaced while it is in use: what needs it is removed before and made again after."""
+    common = False
+    """Robots have it for the experiment as a whole: their ends of the overlay, hosts files, the placement record."""
     root = ""
     """The names are paths below root/<instance>/; empty: they are no paths."""
 

@@ -45,6 +45,7 @@ class NetworkModule(Module[NetworkParams]):
 
     kind = "network"
     params = NetworkParams
+    common = True
     rebuilds_users = True
 
     def queries(self) -> tuple[AnyQuery, ...]:

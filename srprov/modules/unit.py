@@ -80,6 +80,7 @@ class UnitModule(Module[UnitParams]):
 
     kind = "unit"
     params = UnitParams
+    common = True
     shares_round_trip = True
 
     def queries(self) -> tuple[AnyQuery, ...]:

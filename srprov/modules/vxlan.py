@@ -63,6 +63,7 @@ class VxlanModule(Module[VxlanParams]):
 
     kind = "vxlan"
     params = VxlanParams
+    common = True
     shares_round_trip = True
 
     def queries(self) -> tuple[AnyQuery, ...]:

@@ -88,6 +88,7 @@ class VxlanFilterModule(Module[VxlanFilterParams]):
 
     kind = "vxlan_filter"
     params = VxlanFilterParams
+    common = True
     shares_round_trip = True
 
     def queries(self) -> tuple[AnyQuery, ...]:

@@ -46,6 +46,7 @@ class WireguardModule(Module[WireguardParams]):
 
     kind = "wireguard"
     params = WireguardParams
+    common = True
     shares_round_trip = True
 
     def queries(self) -> tuple[AnyQuery, ...]:

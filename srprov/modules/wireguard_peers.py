@@ -55,6 +55,7 @@ class WireguardPeersModule(Module[WireguardPeersParams]):
 
     kind = "wireguard_peers"
     params = WireguardPeersParams
+    common = True
     shares_round_trip = True
 
     def queries(self) -> tuple[AnyQuery, ...]:

@@ -44,6 +44,7 @@ class WireguardRoutesModule(Module[WireguardRoutesParams]):
 
     kind = "wireguard_routes"
     params = WireguardRoutesParams
+    common = True
     shares_round_trip = True
 
     def queries(self) -> tuple[AnyQuery, ...]:

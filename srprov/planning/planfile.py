@@ -44,6 +44,8 @@ class PlanFile(msgspec.Struct, frozen=True, kw_only=True):
     """Tag -> build context, of the images that are built for its services, wherever one comes from in this plan."""
     limit: tuple[str, ...] = ()
     """The robots that were chosen, where steps of others were left out."""
+    targets: tuple[str, ...] = ()
+    """The services that were chosen, where steps on others were left out."""
     inputs: Mapping[str, str] = msgspec.field(default_factory=dict)
     """File name -> text, of the definitions that it was made from."""
     made_by: str = ""
@@ -96,6 +98,7 @@ def _document(saved: PlanFile, blobs: dict[str, bytes]) -> dict[str, Any]:
         "also_wanted": [_also_out(resource, blobs) for resource in saved.also_wanted],
         "contexts": {tag: _keep(data, blobs) for tag, data in sorted(saved.contexts.items())},
         "limit": list(saved.limit),
+        **({"targets": list(saved.targets)} if saved.targets else {}),
         "fingerprints": saved.fingerprints,
         "inputs": dict(sorted(saved.inputs.items())),
         "proof": saved.proof,

@@ -119,3 +119,4 @@ class Document(msgspec.Struct, frozen=True, kw_only=True):
     inputs: Mapping[str, AnyText]
     proof: str
     blobs: Mapping[str, str]
+    targets: tuple[str, ...] = ()

@@ -107,6 +107,7 @@ def _plan_file(read: Document) -> PlanFile:
         also_wanted=also,
         contexts={tag: blobs[sha] for tag, sha in read.contexts.items()},
         limit=read.limit,
+        targets=read.targets,
         inputs=read.inputs,
         made_by=read.srprov,
         proof=read.proof,

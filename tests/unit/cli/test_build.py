@@ -72,9 +72,19 @@ def test_what_apply_would_refuse_is_refused_and_asked_about(world: World, capsys
     assert run(["build", "e.edf", *ALLOWED, "--yes", "--locked"]) == 5
     assert run(["build", "e.edf", "--yes"]) == 5
     assert "-i" in capsys.readouterr().err
-    assert run(["build", "e.edf", "a", *ALLOWED, "--yes"]) == 5
-    assert "--show" in capsys.readouterr().err
+    assert run(["build", "e.edf", "x", *ALLOWED, "--yes"]) == 5
+    assert "no service 'x'" in capsys.readouterr().err
     assert not any(robot.engine.images for robot in world.robots.values())
+
+
+def test_the_images_of_some_services_come_alone(world: World) -> None:
+    """With where they are built; the placement is that of the whole experiment."""
+    assert run(["build", "e.edf", "c", *ALLOWED, "--yes"]) == 0
+    assert images(world) == {"r1": ["alpine"], "r2": []}
+    assert run(["build", "e.edf", "b", *ALLOWED, "--yes"]) == 0
+    assert images(world) == {"r1": ["alpine", "srprov/a"], "r2": ["srprov/a"]}, "r1 builds for r2"
+    assert run(["build", "e.edf", *ALLOWED, "--yes"]) == 0
+    assert images(world) == BUILT
 
 
 def show(capsys: pytest.CaptureFixture[str], *words: str) -> str:
