@@ -19,13 +19,14 @@ from srprov.definitions import (
     dockerfile,
     images,
     merging,
+    mistaken,
     paths,
     remote,
     requirements,
     runtime,
     schema,
     unresolved,
-)
+)  # fmt: skip
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.remote import Fetch
 from srprov.definitions.values import text, texts
@@ -79,8 +80,7 @@ def load(path: str, folder: str, environ: Mapping[str, str], shown: str = "", fe
         if findings.problems:
             raise DefinitionError(findings.problems)
     except DefinitionError as error:
-        own = reader.own
-        if own is None or all(paths.inside(file, folder) for file in reader.files):
+        if (own := reader.own) is None or all(paths.inside(file, folder) for file in reader.files):
             raise
         hidden = paths.hide_merged(error.problems, lambda f: _definition(own, absolute, folder, f), Findings(), folder)
         raise DefinitionError(hidden) from None
@@ -116,7 +116,7 @@ class _ExtendsReader:
         try:
             if dockerfile.is_dockerfile(path):
                 return _as_layer(path, shown)
-            root = loader.read(path, shown)
+            root = mistaken.read(path, "cdf", shown)
         except DefinitionError as error:
             self.findings.extend(error.problems)
             return None

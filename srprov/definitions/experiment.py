@@ -19,6 +19,7 @@ from srprov.definitions import (
     cdfs,
     checks,
     merging,
+    mistaken,
     paths,
     playbook,
     relations,
@@ -36,7 +37,7 @@ from srprov.definitions.model import Definitions, Experiment, NetworkSettings, P
 from srprov.definitions.remote import Fetch
 from srprov.definitions.values import scalars, text, texts
 from srprov.errors import DefinitionError, Diagnostic, Location
-from srprov.yamldoc import loader, nodes
+from srprov.yamldoc import nodes
 from srprov.yamldoc.allowance import allowance
 from srprov.yamldoc.nodes import Findings, Map, Node, Scalar
 
@@ -59,7 +60,7 @@ def load(path: str, environ: Mapping[str, str], fetch: Fetch | None = None) -> D
 
 
 def _load(path: str, environ: Mapping[str, str], fetch: Fetch | None) -> Definitions:
-    root = loader.read(path)
+    root = mistaken.read(path, "edf")
     if not isinstance(root, Map):
         message = "the file is empty" if root is None else f"an EDF is a map, not {nodes.kind(root)}"
         raise DefinitionError([Diagnostic(Location(path), message, hint="begin with edf: 1", code=Code.WRONG_TYPE)])

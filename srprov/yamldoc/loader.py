@@ -144,9 +144,9 @@ class _Composer:
             return self._alias(event, line, column, depth)
         self.count += 1
         if self.count > self.most:
-            raise self._stop(event, f"the document holds more than {self.most} values")
+            raise self._stop(event, f"the document holds more than {self.most} values", Code.TOO_LARGE)
         if depth > MAX_DEPTH:
-            raise self._stop(event, f"is nested more than {MAX_DEPTH} levels deep")
+            raise self._stop(event, f"is nested more than {MAX_DEPTH} levels deep", Code.TOO_LARGE)
         before, outer, self.deepest = self.count, self.deepest, depth
         tag = _own_tag(event.tag)
         node: Node
@@ -214,20 +214,19 @@ class _Composer:
         self.count += size
         self.deepest = max(self.deepest, depth + height)
         if self.count > self.most:
-            raise self._stop(event, f"the aliases stand for more than {self.most} values")
+            raise self._stop(event, f"the aliases stand for more than {self.most} values", Code.TOO_LARGE)
         if depth + height > MAX_DEPTH:
-            raise self._stop(event, f"is nested more than {MAX_DEPTH} levels deep")
+            raise self._stop(event, f"is nested more than {MAX_DEPTH} levels deep", Code.TOO_LARGE)
         if isinstance(node, Scalar):
             return Scalar(self.source, line, column, node.text, node.plain, node.tag)
         if isinstance(node, Seq):
             return Seq(self.source, line, column, node.items, node.tag)
         return Map(self.source, line, column, node.entries, node.keys, node.tag)
 
-    def _stop(self, event: Any, message: str) -> DefinitionError:  # noqa: ANN401 - as _node
+    def _stop(self, event: Any, message: str, code: Code = Code.YAML) -> DefinitionError:  # noqa: ANN401 - as _node
         place = Location(self.source.file, event.start_mark.line + 1, event.start_mark.column + 1)
-        return DefinitionError(
-            [*self.problems, Diagnostic(place, message, "", self.source.excerpt(place.line), code=Code.TOO_LARGE)]
-        )
+        excerpt = self.source.excerpt(place.line)
+        return DefinitionError([*self.problems, Diagnostic(place, message, "", excerpt, code=code)])
 
 
 _PLAIN_TAGS = {_YAML_TAGS + name for name in ("int", "float", "bool", "null")}
