@@ -1,7 +1,9 @@
 """Data sets on this machine: which file has which sha256, and those that were downloaded.
 
 Both lie below `$XDG_CACHE_HOME/srprov/data`, private to the user: `known.json` has what files were when they were last
-hashed, and a download has its sha256 as name. Whoever takes one compares it again: the robot that gets it does.
+hashed, and a download has its sha256 as name, and beside it the addresses that gave it. Whoever takes one compares it
+again: the robot that gets it does. A hash is no secret, records tell it: who names an address gets what that gives, and
+no file of this machine.
 """
 
 from __future__ import annotations
@@ -17,12 +19,13 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from srprov import private, regular_file
-from srprov.untrusted import json_or_none, mapping
+from srprov.untrusted import json_or_none, mapping, strings
 
 MOST_BYTES = 64 << 30
 """Of one data set."""
 SHA256 = re.compile("[0-9a-f]{64}")
 _MOST_KNOWN = 8 << 20
+_MOST_GIVERS = 100
 _PIECE = 1 << 20
 
 
@@ -58,11 +61,15 @@ def digest(path: str) -> tuple[str, int]:
     return found.hexdigest(), identity[2]
 
 
-def find(sha256: str) -> Path | None:
-    """Return a file that has this hash: a download, or one that had it when it was hashed and did not change since."""
-    kept = folder() / sha256
-    if SHA256.fullmatch(sha256) and kept.is_file():
-        return kept
+def find(sha256: str, url: str = "") -> Path | None:
+    """Return a file that has this hash.
+
+    With an address, that is what was downloaded there; without, a file that had it when it was hashed and did not
+    change since.
+    """
+    if url:
+        kept = folder() / sha256
+        return kept if SHA256.fullmatch(sha256) and kept.is_file() and url in _givers(sha256) else None
     for path, entry in _known().items():
         if isinstance(entry, list) and entry[-1:] == [sha256]:
             with contextlib.suppress(OSError):
@@ -71,8 +78,8 @@ def find(sha256: str) -> Path | None:
     return None
 
 
-def keep(sha256: str, pieces: Iterable[bytes]) -> Path:
-    """Keep a download.
+def keep(sha256: str, pieces: Iterable[bytes], url: str) -> Path:
+    """Keep a download, and the address that gave it.
 
     Raises:
         WrongData: It has another hash, or is too large; nothing is kept.
@@ -91,6 +98,8 @@ def keep(sha256: str, pieces: Iterable[bytes]) -> Path:
         if hashed.hexdigest() != sha256:
             raise WrongData(f"its sha256 is {hashed.hexdigest()}, not {sha256}")
         os.replace(part, folder() / sha256)
+        addresses = sorted({*_givers(sha256), url})[-_MOST_GIVERS:]
+        private.replace_file(folder() / f"{sha256}.json", json.dumps(addresses))
     finally:
         part.unlink(missing_ok=True)
     return folder() / sha256
@@ -98,7 +107,17 @@ def keep(sha256: str, pieces: Iterable[bytes]) -> Path:
 
 def forget(sha256: str) -> None:
     """Remove a download that a robot found to be another content."""
-    (folder() / sha256).unlink(missing_ok=True)
+    for name in (f"{sha256}.json", sha256):
+        (folder() / name).unlink(missing_ok=True)
+
+
+def _givers(sha256: str) -> list[str]:
+    """Return the addresses that gave a download."""
+    try:
+        text = regular_file.read(folder() / f"{sha256}.json", _MOST_KNOWN).decode("utf-8", "replace")
+    except OSError:
+        return []
+    return strings(json_or_none(text))
 
 
 def _identity(about: os.stat_result) -> list[int]:

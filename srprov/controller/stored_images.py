@@ -156,6 +156,8 @@ def _ours(listed: Sequence[Mapping[str, Any]]) -> list[StoredImage]:
         tags = tuple(sorted(name for name in every if CONTENT_TAG.fullmatch(name)))
         if key not in heads or not has_label(string_map(item.get("Labels"))) or (every and not tags):
             continue
+        if len(found) > _MOST:
+            break  # they are too many, which `_store` says
         own = {tag.rpartition(":")[0] for tag in tags}
         others = {text(name) for name in every if name not in tags and name.partition("@")[0] not in own}
         one = StoredImage(

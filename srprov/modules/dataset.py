@@ -1,6 +1,7 @@
 """Data sets: read-only files that a robot has once, by content, for all instances that use them.
 
-The name is `STATE_ROOT/<instance>/data/<sha256>`, an empty file that says that the instance uses it. The data set is
+The name is `STATE_ROOT/<instance>/data/<sha256>`, a file that says that the instance uses it; it is empty once a
+controller had the content to send, from a file of its own or from the address that is named. The data set is
 `STATE_ROOT/.data/<sha256>/data`: it appears there by one rename, when its hash was compared. The last instance that
 uses it takes it away.
 """
@@ -22,7 +23,7 @@ from srprov.wire import DATA_STORE, AnyQuery, Command, Query, Reply, Run, SendDa
 _LIST = f"""\
 for f in {STATE_ROOT}/*/data/*; do
   [ -f "$f" ] || continue
-  [ -f {DATA_STORE}/"${{f##*/}}"/data ] && printf '%s there\\n' "$f" || printf '%s\\n' "$f"
+  [ ! -s "$f" ] && [ -f {DATA_STORE}/"${{f##*/}}"/data ] && printf '%s there\\n' "$f" || printf '%s\\n' "$f"
 done
 :"""
 _NAME = re.compile(rf"{STATE_ROOT}/([^/]+)/data/([0-9a-f]{{64}})")
@@ -71,12 +72,14 @@ class DataModule(Module[DataParams]):
         """Ask whether it is there; the robot has compared the hash before it put the content there."""
         if found is not None and found["there"]:
             return None
-        mark = f"mkdir -p {quote(posixpath.dirname(name))} && touch {quote(name)}"
+        mark = f"mkdir -p {quote(posixpath.dirname(name))} && echo begun >{quote(name)}"
         size = f" ({want.size / (1 << 20):.1f} MiB)" if want.size else ""
         action = Action.CREATE if found is None else Action.UPDATE
         cause = f"not used there yet{size}" if found is None else f"its content is not there{size}"
         send = SendData(sha256=want.sha256, url=want.url)
-        return Change(action=action, cause=cause, before=found, commands=(Run(script=mark), send))
+        # whoever only knows the hash of what is there for others does not get it, also when he tries again
+        commands = (Run(script=mark), send, Run(script=f": >{quote(name)}"))
+        return Change(action=action, cause=cause, before=found, commands=commands)
 
     def is_own(self, name: str, want: DataParams, names: Names) -> bool:
         """Compare the name with the hash."""

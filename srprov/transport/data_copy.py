@@ -110,8 +110,8 @@ def _here(command: SendData, progress: Progress) -> Path:
     with _turns_lock:
         turn = _turns.setdefault(command.sha256, threading.Lock())
     with turn:
-        if found := datasets.find(command.sha256):
+        if found := datasets.find(command.sha256, command.url):
             return found
         if not command.url:
             raise ValueError("no file here is known to have this hash; plan its EDF here again")
-        return datasets.keep(command.sha256, download(command.url, command.timeout_s, progress))
+        return datasets.keep(command.sha256, download(command.url, command.timeout_s, progress), command.url)

@@ -18,6 +18,8 @@ PIECES = st.sampled_from(
         *(" " * 20_000, "a" * 20_000, "a," * 9000, "${a-" * 4000, "a/" * 9000),
     ]
 )
+_PUMPED = 150_000
+"""Characters."""
 JUNK: st.SearchStrategy[Any] = (
     st.none()
     | st.booleans()
@@ -32,9 +34,16 @@ JUNK: st.SearchStrategy[Any] = (
 def text(draw: Callable[..., Any], seed: str) -> bytes:
     """Replace, double or cut out some stretches of a text."""
     lines = seed.split("\n")
-    for _ in range(draw(st.integers(1, 4))):
-        kind = draw(st.sampled_from(["piece", "piece", "line", "cut", "double"]))
-        if kind == "piece":
+    for left in reversed(range(draw(st.integers(1, 4)))):
+        kind = draw(st.sampled_from(["piece", "piece", "line", "cut", "double", "pump"]))
+        if kind == "pump" and not left:
+            # what is read in a time that grows with the square of a length shows at this one
+            at = draw(st.integers(0, len(lines) - 1))
+            start = draw(st.integers(0, len(lines[at])))
+            end = start + draw(st.sampled_from([1, 1, 2, 7, 1000]))
+            piece = lines[at][start:end] or "\n"
+            lines[at] = lines[at][:start] + piece * (_PUMPED // len(piece)) + lines[at][end:]
+        elif kind == "piece":
             at = draw(st.integers(0, len(lines) - 1))
             line = lines[at]
             start = draw(st.integers(0, len(line)))
@@ -53,6 +62,12 @@ def _places(value: Any, at: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
     return [at] + [path for key, one in inside for path in _places(one, (*at, key))]
 
 
+def _at(value: Any, path: tuple[Any, ...]) -> Any:
+    for part in path:
+        value = value[part]
+    return value
+
+
 def _replaced(value: Any, path: tuple[Any, ...], new: Any) -> Any:
     if not path:
         return new
@@ -63,17 +78,19 @@ def _replaced(value: Any, path: tuple[Any, ...], new: Any) -> Any:
 
 @st.composite
 def values(draw: Callable[..., Any], seed: str) -> bytes:
-    """Replace some values of a JSON document by junk, or by other values of it."""
+    """Replace some values of a JSON document by junk, or by other values of it; or make one of its lists long."""
     document = json.loads(seed)
+    lists = [path for path in _places(document) if isinstance(_at(document, path), list)]
+    if lists and draw(st.integers(0, 5)) == 0:
+        path = draw(st.sampled_from(lists))
+        return json.dumps(_replaced(document, path, _at(document, path) * 2000)).encode("utf-8", "surrogatepass")
     for _ in range(draw(st.integers(1, 3))):
         every = _places(document)
         place = every[draw(st.integers(0, len(every) - 1))]
         source = every[draw(st.integers(0, len(every) - 1))]
         new = draw(JUNK)
         if draw(st.booleans()):
-            new = document
-            for part in source:
-                new = new[part]
+            new = _at(document, source)
         document = _replaced(document, place, new)
         if len(json.dumps(document)) > 500_000:
             break
@@ -82,7 +99,7 @@ def values(draw: Callable[..., Any], seed: str) -> bytes:
 
 def _is_json(seed: str) -> bool:
     try:
-        return isinstance(json.loads(seed), dict)
+        return isinstance(json.loads(seed), dict | list)
     except ValueError:
         return False
 

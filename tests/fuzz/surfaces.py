@@ -60,6 +60,7 @@ from srprov.untrusted import json_or_none, parse_json
 from srprov.wire import Reply
 from tests.fakes import World
 from tests.fuzz.foreign import foreign
+from tests.fuzz.robots import answers
 from tests.unit.assignment.worlds import robot
 from tests.unit.definitions.examples import BASE, CDF, EDF, INVENTORY
 from tests.unit.facts.robot_outputs import COMPUTER, replies
@@ -375,6 +376,7 @@ def surfaces(kept: Path) -> Mapping[str, Surface]:
         "container": Surface((CONTAINER,), _trial),
         "policy": Surface((POLICY,), _file("policy.yml", _policy)),
         **{name: Surface((text,), use) for name, (text, use) in foreign(kept).items()},
+        **{name: Surface(texts, use) for name, (texts, use) in answers().items()},
     }
 
 

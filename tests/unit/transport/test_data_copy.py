@@ -10,11 +10,15 @@ from pathlib import Path
 import pytest
 
 from srprov import datasets
+from srprov.modules import MODULES
+from srprov.modules.dataset import DataParams
+from srprov.modules.module import STATE_ROOT
 from srprov.transport.data_copy import take_script
-from srprov.wire import DATA_STORE
+from srprov.wire import DATA_STORE, Reply, Run, SendData
 
 CONTENT = os.urandom(300_000)
 SHA = hashlib.sha256(CONTENT).hexdigest()
+URL = "https://data.example/x.bag"
 
 
 @pytest.fixture(autouse=True)
@@ -86,18 +90,28 @@ def test_a_link_in_the_place_of_a_checked_file_is_not_followed(tmp_path: Path) -
 
 
 def test_a_download_is_kept_when_its_hash_is_right(tmp_path: Path) -> None:
-    kept = datasets.keep(SHA, [CONTENT[:1000], CONTENT[1000:]])
-    assert datasets.find(SHA) == kept and kept.read_bytes() == CONTENT
+    kept = datasets.keep(SHA, [CONTENT[:1000], CONTENT[1000:]], URL)
+    assert datasets.find(SHA, URL) == kept and kept.read_bytes() == CONTENT
     datasets.forget(SHA)
-    assert datasets.find(SHA) is None
+    assert datasets.find(SHA, URL) is None
+
+
+def test_who_names_an_address_gets_what_it_gives_and_no_file_of_this_machine(tmp_path: Path) -> None:
+    """A record or a bundle tells the hash of a data set that nobody else may have."""
+    (tmp_path / "private").write_bytes(CONTENT)
+    datasets.digest(str(tmp_path / "private"))
+    assert datasets.find(SHA) == tmp_path / "private" and datasets.find(SHA, URL) is None
+    kept = datasets.keep(SHA, [CONTENT], "https://lab.example/private.bag")
+    assert datasets.find(SHA, URL) is None and datasets.find(SHA, "https://lab.example/private.bag") == kept
+    assert datasets.keep(SHA, [CONTENT], URL) == datasets.find(SHA, URL)
 
 
 def test_a_download_with_another_hash_or_too_large_is_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(datasets.WrongData, match="its sha256 is"):
-        datasets.keep(SHA, [b"other"])
+        datasets.keep(SHA, [b"other"], URL)
     monkeypatch.setattr(datasets, "MOST_BYTES", 10)
     with pytest.raises(datasets.WrongData, match="larger"):
-        datasets.keep(SHA, [CONTENT])
+        datasets.keep(SHA, [CONTENT], URL)
     assert list(datasets.folder().iterdir()) == []
 
 
@@ -106,3 +120,27 @@ def test_a_list_of_known_files_of_any_shape_is_only_a_list(known: str) -> None:
     datasets.folder().mkdir(parents=True)
     (datasets.folder() / "known.json").write_text(known)
     assert datasets.find(SHA) is None
+
+
+def test_a_robot_that_has_a_data_set_gives_it_to_nobody_who_has_not_got_it_himself(tmp_path: Path) -> None:
+    """An apply that fails since nobody gives the content is tried again: that must not find all as it should be."""
+    module, name = MODULES["data"], f"{STATE_ROOT}/hello/data/{SHA}"
+    change = module.check(name, DataParams(sha256=SHA, url=URL), None)
+    assert change is not None
+    begin, send, end = change.commands
+    assert isinstance(begin, Run) and isinstance(send, SendData) and isinstance(end, Run)
+    (tmp_path / ".data" / SHA).mkdir(parents=True)
+    (tmp_path / ".data" / SHA / "data").write_bytes(CONTENT)  # another instance's
+
+    def there() -> list[object]:
+        said = shell(module.queries()[0].command)  # type: ignore[union-attr]  # a question to the shell
+        return [one.state["there"] for one in module.parse([Reply(status=0, out=said)])]
+
+    def shell(script: str) -> str:
+        done = subprocess.run(["sh", "-c", script.replace(STATE_ROOT, str(tmp_path))], capture_output=True, check=True)
+        return done.stdout.decode().replace(str(tmp_path), STATE_ROOT)
+
+    shell(begin.script)
+    assert there() == [False]
+    shell(end.script)
+    assert there() == [True]
