@@ -23,6 +23,8 @@ _NAME = re.compile(r"[^\s/\x00-\x1f\x7f]{1,15}")
 _MAC = re.compile(r"[0-9a-f]{2}(:[0-9a-f]{2}){5}")
 _FOREIGN = re.compile(r"lo|docker[0-9]*|docker_gwbridge|br-[0-9a-f]{12}|srp[vb].*")
 """Names of loopback, of Docker's bridges, of ours (which the alias also tells)."""
+_MOST_ADDRESSES = 4 * LIST_LENGTH
+"""Of all interfaces: each is compared with the networks of others."""
 _FOREIGN_KINDS = ("vxlan", "dummy", "ifb")
 
 Address = IPv4Address | IPv6Address
@@ -44,14 +46,16 @@ class _Candidate(msgspec.Struct, frozen=True):
 def parse_links(out: str) -> tuple[Link, ...]:
     """Read `ip -j -d addr show`, sorted by name, speeds not yet known; what has no proper name is left out."""
     found: dict[str, Link] = {}
+    left = _MOST_ADDRESSES
     for item in mappings(json_or_none(out), most=LIST_LENGTH):
         name = item.get("ifname")
-        if isinstance(name, str) and _NAME.fullmatch(name) and name.isprintable():
-            found.setdefault(name, _link(name, item))
+        if isinstance(name, str) and _NAME.fullmatch(name) and name.isprintable() and name not in found:
+            found[name] = _link(name, item, left)
+            left -= len(found[name].addresses)
     return tuple(found[name] for name in sorted(found))
 
 
-def _link(name: str, item: Mapping[str, Any]) -> Link:
+def _link(name: str, item: Mapping[str, Any], most: int) -> Link:
     flags, info = item.get("flags"), mapping(item.get("linkinfo"))
     mac, data = text(item.get("address"), length=17), mapping(info.get("info_data"))
     kind = text(info.get("info_kind"), length=16)
@@ -61,15 +65,15 @@ def _link(name: str, item: Mapping[str, Any]) -> Link:
         up=isinstance(flags, list) and "UP" in flags,
         mac=mac if _MAC.fullmatch(mac) else "",
         kind=kind,
-        addresses=tuple(_addresses(item.get("addr_info"))),
+        addresses=tuple(_addresses(item.get("addr_info"), most)),
         vni=integer(data.get("id"), low=0, high=2**24 - 1, default=0) if kind == "vxlan" else 0,
         port=integer(data.get("port"), low=0, high=65535, default=0) if kind == "vxlan" else 0,
         alias=text(item.get("ifalias")),
     )
 
 
-def _addresses(items: object) -> Iterable[str]:
-    for item in mappings(items, most=LIST_LENGTH):
+def _addresses(items: object, most: int) -> Iterable[str]:
+    for item in mappings(items, most=most):
         whole = f"{text(item.get('local'), length=45)}/{integer(item.get('prefixlen'), low=0, high=128, default=-1)}"
         # An address that is not usable yet, or being phased out, is none to build on.
         if item.get("tentative") or item.get("deprecated") or item.get("dadfailed"):

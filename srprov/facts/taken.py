@@ -7,6 +7,7 @@ Source: Docker Engine API 1.41, "List containers"; ss(8).
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Iterator, Sequence
 from ipaddress import ip_address
@@ -31,7 +32,8 @@ _OF_THE_ENGINE = ("docker-proxy", "rootlesskit")
 def taken_ports(replies: Sequence[Reply]) -> tuple[TakenPort, ...]:
     """Read the replies to `QUERIES`."""
     listening, containers = replies
-    return (*_listeners(listening.out), *(_of_containers(containers) if containers.ok else ()))
+    published = itertools.islice(_of_containers(containers), 8 * LIST_LENGTH) if containers.ok else ()
+    return (*_listeners(listening.out), *published)
 
 
 def _listeners(out: str) -> Iterator[TakenPort]:

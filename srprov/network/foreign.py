@@ -6,6 +6,7 @@ right shape counts as nothing.
 
 from __future__ import annotations
 
+import bisect
 from collections.abc import Iterable, Iterator
 from ipaddress import IPv4Network, IPv6Network, ip_network
 
@@ -53,6 +54,31 @@ def foreign_uses(
                 yield _of_another(where, thing.state.get("subnet"), thing.state.get("vni"), thing.state.get("port"))
     for robot, facts in sorted(snapshot.facts.items()):
         yield from _on_robot(robot, facts, names, ours)
+
+
+class Ranges:
+    """Networks as ranges of addresses that are asked many times: robots may say thousands of them."""
+
+    def __init__(self, networks: Iterable[IPv4Network | None]) -> None:
+        """Take networks; None is none."""
+        self._first: list[int] = []
+        self._last: list[int] = []
+        for first, last in sorted(map(_range, filter(None, networks))):
+            if self._last and first <= self._last[-1] + 1:
+                self._last[-1] = max(self._last[-1], last)
+            else:
+                self._first.append(first)
+                self._last.append(last)
+
+    def meet(self, network: IPv4Network) -> bool:
+        """Return whether an address of a network lies in one of them."""
+        first, last = _range(network)
+        at = bisect.bisect_left(self._last, first)
+        return at < len(self._first) and self._first[at] <= last
+
+
+def _range(network: IPv4Network) -> tuple[int, int]:
+    return int(network.network_address), int(network.broadcast_address)
 
 
 def overlap(wanted: IPv4Network, uses: Iterable[ForeignUse]) -> ForeignUse | None:

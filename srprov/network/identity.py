@@ -22,7 +22,7 @@ from srprov.codes import Code
 from srprov.definitions.model import NetworkSettings
 from srprov.errors import UsageError
 from srprov.facts.model import Snapshot
-from srprov.network.foreign import LARGEST, ForeignUse, foreign_uses, lifelines, overlap, routes_of, to_network
+from srprov.network.foreign import LARGEST, ForeignUse, Ranges, foreign_uses, lifelines, overlap, routes_of, to_network
 from srprov.network.record import PlacementRecord
 
 POOL = IPv4Network("10.128.0.0/9")
@@ -148,10 +148,11 @@ def _subnet(
         return used
     count = 1 << (PREFIX - POOL.prefixlen)
     start = number("subnet", instance) % count
+    taken = Ranges(use.subnet for use in foreign)
     for i in range(count):
         base = int(POOL.network_address) + ((start + i) % count << (32 - PREFIX))
         candidate = IPv4Network((base, PREFIX))
-        if not overlap(candidate, foreign):
+        if not taken.meet(candidate):
             return candidate
     raise UsageError(
         f"no /{PREFIX} of {POOL} is free on all robots", hint="name one as network.subnet in the EDF", code=Code.SUBNET
@@ -175,10 +176,11 @@ def _in_use(
     kept = [network for facts in snapshot.facts.values() for network in lifelines(facts, names)]
     if not states:
         kept += [network for facts in snapshot.facts.values() for network in routes_of(facts, names)]
+    away = Ranges(kept)
     subnets = [
         network
         for text in ([state.get("subnet") for state in states] or [record.subnet])
-        if _fits(network := to_network(text)) and not any(network.overlaps(one) for one in kept)
+        if _fits(network := to_network(text)) and not away.meet(network)
     ]
     vnis = [v for v in ([state.get("vni") for state in states] or [record.vni]) if isinstance(v, int) and _is_vni(v)]
     return _most_frequent(subnets), _most_frequent(vnis) or 0

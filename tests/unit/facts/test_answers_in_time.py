@@ -7,10 +7,13 @@ from collections.abc import Sequence
 
 import pytest
 
-from srprov.definitions.model import Host
+from srprov.definitions.model import Host, NetworkSettings
+from srprov.errors import UsageError
 from srprov.facts.host import parse_host
+from srprov.facts.model import Snapshot
 from srprov.facts.probes import EMULATORS
 from srprov.modules import MODULES
+from srprov.network.identity import identify
 from srprov.wire import Reply
 from tests.bounded import bounded
 from tests.unit.facts.robot_outputs import COMPUTER, replies
@@ -61,3 +64,22 @@ def test_what_is_no_number_where_the_kernel_has_one_counts_as_none() -> None:
     }
     (found,) = MODULES["vxlan"].parse([Reply(status=0, out=json.dumps([odd])), Reply(status=0, out="[]")])
     assert (found.state["mtu"], found.state["vni"], found.state["port"]) == (0, 0, 0)
+
+
+def test_addresses_without_end_do_not_make_the_choice_of_a_subnet_long() -> None:
+    """Each of 2048 subnets is looked for in what robots have; and a robot may say that it has all of them."""
+    said = [{"local": f"10.{128 + n // 65536}.{n // 256 % 256}.{n % 256}", "prefixlen": 32} for n in range(1000)]
+    links = json.dumps([{"ifname": f"e{n}", "flags": ["UP"], "addr_info": said} for n in range(100)])
+    routes = json.dumps([{"dst": "10.128.0.0/9", "dev": "e0"}])
+    answers = replies({**COMPUTER, "links": links, "routes": routes})
+
+    def chosen() -> str:
+        facts = {f"r{n}": parse_host(Host(name=f"r{n}", address="x"), answers, None) for n in range(3)}
+        assert max(sum(len(link.addresses) for link in one.links) for one in facts.values()) == 4096
+        snapshot = Snapshot(facts=facts, observed={name: () for name in facts}, unreachable={}, records={})
+        try:
+            return str(identify("hello", NetworkSettings(), snapshot).subnet)
+        except UsageError as error:
+            return error.message
+
+    assert "no /20 of 10.128.0.0/9 is free" in bounded(chosen)

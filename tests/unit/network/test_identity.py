@@ -6,11 +6,14 @@ import hashlib
 from ipaddress import IPv4Network
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from srprov.definitions.model import NetworkSettings
 from srprov.errors import UsageError
 from srprov.facts.model import Link, Snapshot
+from srprov.network.foreign import Ranges
 from srprov.network.identity import POOL, identify, link_names, number
 from srprov.network.record import PlacementRecord
 from srprov.resource import Observed
@@ -229,3 +232,15 @@ def test_a_robot_cannot_have_a_subnet_of_the_labs_network_kept() -> None:
     assert identify("hello", NO_WISH, with_networks(used)).subnet == HELLO.subnet
     wish = NetworkSettings(subnet="192.168.50.0/28")
     assert str(identify("hello", wish, with_networks(used)).subnet) == "192.168.50.0/28"
+
+
+NETWORKS = st.builds(
+    lambda start, prefix: IPv4Network((start >> (32 - prefix) << (32 - prefix), prefix)),
+    st.integers(0, 2**32 - 1) | st.integers(0, 64),
+    st.integers(8, 32) | st.integers(26, 32),
+)
+
+
+@given(st.lists(NETWORKS, max_size=12), NETWORKS)
+def test_ranges_meet_what_overlaps(some: list[IPv4Network], other: IPv4Network) -> None:
+    assert Ranges([*some, None]).meet(other) == any(one.overlaps(other) for one in some)
