@@ -10,7 +10,7 @@ WORKERS ?= 2
 FUZZ_SECONDS ?= 3600
 PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
-.PHONY: help setup demo evidence test unit soak lint fmt type clean bench-assignment bench-transfer bench-images bench-provisioning bench-trials bench-network bench-containers
+.PHONY: help setup demo evidence test unit soak lint fmt errors type clean bench-assignment bench-transfer bench-images bench-provisioning bench-trials bench-network bench-containers
 
 help: ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | column -t -s '|' 2>/dev/null \
@@ -93,6 +93,9 @@ lint: setup ## ruff: rules and format
 type: setup ## mypy --strict
 	@echo "type: mypy --strict srprov"
 	@$(BIN)/mypy --strict srprov
+
+errors: ## docs/errors.md anew, from srprov/explaining
+	@$(BIN)/python -m tools.errors_page
 
 fmt: setup ## let ruff rewrite what it can
 	@$(BIN)/ruff check --fix $(CHECKED)

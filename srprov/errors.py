@@ -48,6 +48,12 @@ class SrprovError(Exception):
         self.hint = hint
         self.code = code
 
+    @property
+    def told(self) -> str:
+        """The message with its code at the end of its first line, for lists of what several robots said."""
+        first, *more = self.message.split("\n")
+        return "\n".join([f"{first} [{self.code}]", *more])
+
     def __reduce__(self) -> tuple[object, ...]:
         """Say how to make the same error in another process: it is not what the constructor takes."""
         return _remade, (type(self), self.args), self.__dict__

@@ -20,6 +20,7 @@ NO_FILES = frozenset(
 OWN: Mapping[str, str] = {
     "regular_file.py": "this is where files are read",
     "data.py": "schemas that ship with srprov",
+    "explaining/": "pages that ship with srprov",
     "controller/playbooks.py": "playbooks that ship with srprov",
     "probing/script.py": "the programs that ship with srprov",
     "controller/trial_folder.py:alone": "a folder, only to lock it",

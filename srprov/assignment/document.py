@@ -36,4 +36,4 @@ def assign_json(answer: Assignment, front: Sequence[Point] = ()) -> dict[str, An
 
 def refusal_json(error: NoAssignment) -> dict[str, Any]:
     """Return the document where there is no placement: what is in the way, and what would help."""
-    return {"assignment": None, "error": error.message, "why_not": error.misses, "hint": error.hint}
+    return {"assignment": None, "code": error.code, "error": error.message, "why_not": error.misses, "hint": error.hint}

@@ -48,7 +48,7 @@ def doctor(inventories: tuple[str, ...], as_json: bool, forks: int, timeout: flo
                 try:
                     checks[name] = future.result()
                 except TransportError as error:
-                    unreachable[name] = error.message
+                    unreachable[name] = error.told
         kept = with_sizes(volume_rows(snapshot, "", kept=True), fleet, snapshot)
     if as_json:
         out_json(doctor_json(checks, unreachable, kept))

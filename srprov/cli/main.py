@@ -58,6 +58,7 @@ _VERBS = {
     "export": "Write an experiment as Docker Compose files.",
     "lab": "The embedded lab: robots on this machine.",
     "schema": "Print a JSON Schema.",
+    "explain": "Say what the code of an error means, with examples and what to do.",
     "config": "Show every setting with its value, and where that comes from.",
     "completion": "Print a script that completes command lines in bash, zsh or fish.",
 }

@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from srprov import __version__
+from srprov.codes import Code
 from srprov.errors import Diagnostic
 
 _WIDEST = 120
@@ -63,7 +64,8 @@ def _rows(problems: Sequence[Diagnostic]) -> list[dict[str, Any]]:
 
 def as_sarif(problems: Sequence[Diagnostic], warnings: Sequence[Diagnostic] = ()) -> str:
     """Return a SARIF 2.1.0 log, as code hosts show it beside the lines of a pull request."""
-    driver = {"name": "srprov", "version": __version__, "rules": [{"id": "definition", "name": "Definition"}]}
+    rules = [_rule(code) for code in sorted({problem.code for problem in (*problems, *warnings)})]
+    driver = {"name": "srprov", "version": __version__, "rules": rules}
     run = {
         "tool": {"driver": driver},
         "columnKind": "unicodeCodePoints",
@@ -76,6 +78,19 @@ def as_sarif(problems: Sequence[Diagnostic], warnings: Sequence[Diagnostic] = ()
     return json.dumps(log, indent=2)
 
 
+def _rule(code: Code) -> dict[str, Any]:
+    from srprov.explaining import as_markdown, as_text, pages
+
+    page = pages()[code]
+    return {
+        "id": code,
+        "name": "".join(word.capitalize() for word in code.name.split("_")),
+        "shortDescription": {"text": f"{page.title[:1].upper()}{page.title[1:]}."},
+        "fullDescription": {"text": page.means},
+        "help": {"text": as_text(page), "markdown": as_markdown(page)},
+    }
+
+
 def _result(problem: Diagnostic, level: str) -> dict[str, Any]:
     from urllib.parse import quote
 
@@ -86,7 +101,7 @@ def _result(problem: Diagnostic, level: str) -> dict[str, Any]:
     }
     if problem.path:
         place["logicalLocations"] = [{"fullyQualifiedName": problem.path}]
-    return {"ruleId": "definition", "level": level, "message": {"text": words}, "locations": [place]}
+    return {"ruleId": problem.code, "level": level, "message": {"text": words}, "locations": [place]}
 
 
 def as_codequality(problems: Sequence[Diagnostic], warnings: Sequence[Diagnostic] = ()) -> str:

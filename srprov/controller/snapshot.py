@@ -91,7 +91,7 @@ def _look(fleet: Fleet) -> tuple[list[Seen], dict[str, str]]:
             try:
                 seen.append(future.result())
             except TransportError as error:
-                unreachable[name] = error.message
+                unreachable[name] = error.told
     return seen, unreachable
 
 

@@ -115,7 +115,7 @@ def stores(fleet: Fleet, *, whole: bool = False) -> tuple[dict[str, RobotStore],
             try:
                 found[name] = future.result()
             except TransportError as error:
-                unreachable[name] = error.message + (f"\n  {error.hint}" if error.hint else "")
+                unreachable[name] = error.told + (f"\n  {error.hint}" if error.hint else "")
     return found, unreachable
 
 

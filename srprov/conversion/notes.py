@@ -26,6 +26,8 @@ class Finding(msgspec.Struct, frozen=True):
     kept: Kept
     message: str = ""
     hint: str = ""
+    code: str = ""
+    """Of the problem that it is, where it is one by itself."""
 
     @property
     def problem(self) -> Diagnostic:

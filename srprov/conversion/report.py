@@ -10,6 +10,7 @@ from typing import Any
 from urllib.parse import quote
 
 from srprov import __version__
+from srprov.codes import Code
 from srprov.conversion.experiment import Draft
 from srprov.conversion.kept import Kept
 from srprov.conversion.notes import Finding
@@ -127,7 +128,7 @@ def _at(one: Any) -> dict[str, Any]:  # noqa: ANN401 - findings, notes and varia
 
 def of_problems(problems: Sequence[Diagnostic]) -> list[Finding]:
     """Return what a file is refused for as a whole, as findings."""
-    return [Finding(one.location, one.path, Kept.REFUSED, one.message, one.hint) for one in problems]
+    return [Finding(one.location, one.path, Kept.REFUSED, one.message, one.hint, one.code) for one in problems]
 
 
 def refusal(problems: Sequence[Diagnostic]) -> dict[str, Any]:
@@ -146,7 +147,9 @@ def refusal(problems: Sequence[Diagnostic]) -> dict[str, Any]:
 
 
 def _row(one: Finding) -> dict[str, Any]:
-    return {**_at(one), "key": one.key, "kept": one.kept.value, "message": one.message, "hint": one.hint}
+    code = one.code or (Code.NOT_TRANSLATED.value if one.kept is Kept.REFUSED else "")
+    told = {"key": one.key, "kept": one.kept.value, "message": one.message, "hint": one.hint, "code": code}
+    return {**_at(one), **told}
 
 
 def as_sarif(found: Sequence[Finding]) -> str:

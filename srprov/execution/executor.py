@@ -138,7 +138,7 @@ class _Run:
         except TransportError as error:
             self._mark_unreachable(batch.host, error)
             if batch.host in self.lost:
-                self._end_all(batch.steps, Outcome.UNREACHABLE, error.message)
+                self._end_all(batch.steps, Outcome.UNREACHABLE, error.told)
 
     def _steps(self, robot: RobotExecutor, batch: Batch) -> None:
         acted: list[Step] = []
@@ -222,7 +222,7 @@ class _Run:
     def _mark_unreachable(self, host: str, error: TransportError) -> None:
         """Note that a robot cannot be talked to any more, unless it is we who ended that."""
         if host not in self.ending.closed:
-            self.lost[host] = error.message
+            self.lost[host] = error.told
         self.robots.pop(host, None)
 
     def _end(self, result: StepResult) -> None:

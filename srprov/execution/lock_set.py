@@ -187,7 +187,7 @@ class LockSet:
                 answer = channel.send("t")
             self._keep(name, channel)
         except TransportError as error:
-            self.lost[name] = error.message
+            self.lost[name] = error.told
             return
         word, _, rest = answer.partition(" ")
         if word == "locked":
@@ -211,4 +211,4 @@ class LockSet:
         try:
             self._channels[name].send("f")
         except TransportError as error:
-            self.lost[name] = error.message
+            self.lost[name] = error.told

@@ -218,7 +218,7 @@ def holders(
             try:
                 line = next((one for one in future.result().out.splitlines() if one.startswith("held ")), "")
             except TransportError as error:
-                unreachable[name] = error.message
+                unreachable[name] = error.told
             else:
                 held[name] = parse_holder(line.removeprefix("held ")) if line else None
     finally:

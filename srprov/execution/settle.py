@@ -63,4 +63,4 @@ def _check(robot: RobotExecutor, fresh: list[StepResult]) -> list[StepResult]:
         return [robot.verdict(result.step, "did not stay up") for result in fresh]
     except TransportError as error:
         took = time.monotonic() - begun
-        return [replace(r, outcome=Outcome.UNREACHABLE, message=error.message, duration_s=took) for r in fresh]
+        return [replace(r, outcome=Outcome.UNREACHABLE, message=error.told, duration_s=took) for r in fresh]

@@ -186,7 +186,7 @@ def _with_facts(snapshot: Snapshot, again: Mapping[str, Future[tuple[HostFacts, 
 
 
 def _said(error: TransportError) -> str:
-    return error.message + (f"\n  {error.hint}" if error.hint else "")
+    return error.told + (f"\n  {error.hint}" if error.hint else "")
 
 
 def _ask(readers: Readers, host: str, questions: Sequence[AnyQuery]) -> Sequence[Reply]:

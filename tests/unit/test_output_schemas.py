@@ -33,6 +33,7 @@ PRINTED: Mapping[str, tuple[str, ...]] = {
     "config": ("config",),
     "destroy": ("run", "events"),
     "doctor": ("doctor",),
+    "explain": ("explain",),
     "export compose": ("export",),
     "facts": ("facts",),
     "images": ("images",),

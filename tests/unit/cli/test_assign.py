@@ -109,7 +109,7 @@ def test_what_cannot_be_is_told_with_8(lab: Path, capsys: pytest.CaptureFixture[
     said = capsys.readouterr()
     refused = json.loads(said.out)
     jsonschema.validate(refused, data.schema("assign"))
-    assert list(refused) == ["assignment", "error", "why_not", "hint"]
+    assert list(refused) == ["assignment", "code", "error", "why_not", "hint"]
     assert refused["assignment"] is None
     assert "4 places needed, 3 there" in refused["error"]
     assert "give r1, r2 or r3 one more slot" in refused["hint"]

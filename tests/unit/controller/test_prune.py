@@ -194,7 +194,7 @@ def test_a_robot_that_fails_is_a_reason_and_the_others_are_told() -> None:
     robots = fleet(a=Engine().add(1, A, labels=OURS), b=Broken().add(1), c=Broken(), d=crowd)
     found, unreachable = stores(robots, whole=True)
     assert len(found["a"].images) == 1 and found.keys() == {"a"}
-    assert unreachable["b"] == "gone\n  is it on?" and "no socket" in unreachable["c"]
+    assert unreachable["b"] == "gone [SRP-310]\n  is it on?" and "no socket" in unreachable["c"]
     assert "more than 500 images" in unreachable["d"]
     assert choose(found, unreachable, {}).planned.plan.unreachable == unreachable
 

@@ -181,7 +181,7 @@ def test_a_robot_lost_in_the_middle_stops_nobody_else() -> None:
     result = run(w, plan)
     assert outcomes(result) == {"a": Outcome.UNREACHABLE, "b": Outcome.SKIPPED, "c": Outcome.CHANGED}
     assert of(result, "hello.b").message.endswith("which could not be reached")
-    assert result.unreachable == {"r1": "the connection was lost"}
+    assert result.unreachable == {"r1": "the connection was lost [SRP-310]"}
     assert result.exit_code == 4
     w.robots["r1"].gone = False
     w.robots["r1"].fault = None

@@ -294,7 +294,7 @@ def test_a_robot_that_goes_while_checks_are_asked_is_unreachable(write: Any) -> 
 
     robot.ask = failing  # type: ignore[method-assign] # one robot of one test
     plan = plan_for(world, with_playbooks(write(MARKER)), allowed=ALLOW)
-    assert plan.unreachable == {"r1": "the connection was lost\n  is the robot up?"}
+    assert plan.unreachable == {"r1": "the connection was lost [SRP-310]\n  is the robot up?"}
 
 
 WRONG = [  # `@` begins a command up to what its check is
