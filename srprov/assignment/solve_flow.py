@@ -46,7 +46,9 @@ def assign(cost: Array, allowed: Array, room: Array | None = None) -> Array | No
         return None
     if status != solver.OPTIMAL:
         raise SrprovError(
-            f"the min-cost flow solver gave up: {status.name}", hint="this is a bug of srprov", code=Code.BUG
+            f"the placement could not be computed: the min-cost flow solver gave up ({status.name})",
+            hint="this is a bug of srprov",
+            code=Code.BUG,
         )
     used = solver.flows(arcs) > 0
     found = np.empty(nodes, dtype=np.int64)

@@ -45,7 +45,11 @@ class Growing:
         _costs(update.objective_updates.linear_coefficients, first, cost)
         _matrix(update.linear_constraint_matrix_updates, rows, columns + first)
         if not self._solver.update(update):
-            raise SrprovError("GLOP did not take new columns", hint="this is a bug of srprov", code=Code.BUG)
+            raise SrprovError(
+                "the placement could not be computed: GLOP did not take new columns",
+                hint="this is a bug of srprov",
+                code=Code.BUG,
+            )
 
     def add_row(self, columns: Array, most: float) -> None:
         """Add a row: at most so much of some columns, by their position in all that were added."""
@@ -58,7 +62,11 @@ class Growing:
         update.new_linear_constraints.upper_bounds.append(most)
         _matrix(update.linear_constraint_matrix_updates, np.full(len(columns), row), columns)
         if not self._solver.update(update):
-            raise SrprovError("GLOP did not take a new row", hint="this is a bug of srprov", code=Code.BUG)
+            raise SrprovError(
+                "the placement could not be computed: GLOP did not take a new row",
+                hint="this is a bug of srprov",
+                code=Code.BUG,
+            )
 
     def reprice(self, columns: Array, cost: float) -> None:
         """Return columns, by their position in all that were added, another cost."""
@@ -69,7 +77,11 @@ class Growing:
         into.ids.extend(sorted(columns.tolist()))
         into.values.extend([cost] * len(columns))
         if not self._solver.update(update):
-            raise SrprovError("GLOP did not take new costs", hint="this is a bug of srprov", code=Code.BUG)
+            raise SrprovError(
+                "the placement could not be computed: GLOP did not take new costs",
+                hint="this is a bug of srprov",
+                code=Code.BUG,
+            )
 
     def solve(self) -> tuple[float, Array, Array]:
         """Return the least cost, float [columns] the choice and float [R] the dual values."""
@@ -88,7 +100,9 @@ class Growing:
         )
         if not result.solutions or not result.solutions[0].HasField("dual_solution"):
             raise SrprovError(
-                f"GLOP gave up: {result.termination.detail}", hint="this is a bug of srprov", code=Code.BUG
+                f"the placement could not be computed: GLOP gave up ({result.termination.detail})",
+                hint="this is a bug of srprov",
+                code=Code.BUG,
             )
         solution = result.solutions[0]
         primal, dual = solution.primal_solution, solution.dual_solution

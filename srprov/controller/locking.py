@@ -66,8 +66,10 @@ def draft(file: str, old: Lock, update: Collection[str], allowed: Collection[str
         for url, ref in sorted(names.repositories - commits.keys()):
             commits[(url, ref)] = commit_of(url, ref)
         files = file_hashes(found.experiment, found.containers.values())
-    except (ValueError, OSError) as error:
-        raise UsageError(str(error), code=Code.NO_FILE) from None
+    except OSError as error:
+        raise UsageError(f"{error.filename or file} cannot be read: {error.strerror}", code=Code.NO_FILE) from None
+    except ValueError as error:  # of git
+        raise UsageError(str(error), code=Code.REPOSITORY) from None
     return Draft(found, names, kept, {one: commits[one] for one in names.repositories}, files)
 
 

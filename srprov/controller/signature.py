@@ -95,7 +95,7 @@ def _ssh_keygen(
         ) from error
     except subprocess.TimeoutExpired as error:
         raise RefusedError(
-            f"ssh-keygen did not end within {limit_s:g} s", hint="try again", code=Code.SIGNATURE
+            f"no signature within {limit_s:g} s: ssh-keygen did not end", hint="try again", code=Code.SIGNATURE
         ) from error
 
 

@@ -12,13 +12,19 @@ _LONGEST_LINE = 400
 
 
 def failure_text(command: Command, reply: Reply) -> str:
-    """Return a command's first words, its status and the end of what it said."""
+    """Return the end of what a command said, then its status and its first words: what went wrong comes first."""
     text = command.text().splitlines()[0][:160]
     # the end of a build's output says more than its error
     streamed = isinstance(command, EngineCall) and command.stream and reply.status in command.accept
     parts = (reply.out, reply.err) if streamed else (reply.err or reply.out,)
-    said = "\n    ".join(line for part in parts for line in last_lines(part, _MOST_LINES))
-    return f"{text}\n  status {reply.status}: {said}" if said else f"{text}\n  status {reply.status}"
+    said = [line for part in parts for line in last_lines(part, _MOST_LINES)]
+    if len(said) == 1:
+        what = said[0]
+    elif said:
+        what = "\n    ".join(["it failed; its last lines:", *said])
+    else:
+        what = "it failed, and said nothing"
+    return f"{what}\n  status {reply.status} of {text}"
 
 
 def last_lines(text: str, most: int) -> list[str]:

@@ -57,7 +57,8 @@ def run(command: Sequence[str], stdin: str | None = None) -> str:
     )
     if done.returncode:
         said = (done.stderr.strip() or done.stdout.strip() or "it said nothing").splitlines()
-        what = f"`{' '.join(command)}` failed with {done.returncode}: {'; '.join(said[-3:])}"
+        why, how = "; ".join(said[-3:]), f"{done.returncode} of {' '.join(command)}"
+        what = f"this machine refuses what the lab needs: {why} ({how})"
         raise LabError(what, hint="take the lab down, then bring it up again", code=Code.LAB_STUCK)
     return done.stdout
 

@@ -84,7 +84,7 @@ def hash_of(password: str) -> str:
     crypt.restype = ctypes.c_char_p
     found = crypt(password.encode(), f"$6${secrets.token_hex(8)}".encode())
     if not found or not found.startswith(b"$6$"):
-        raise LabError("crypt(3) cannot hash the sudo_password", hint="give another one", code=Code.LAB_ORDER)
+        raise LabError("the sudo_password cannot be hashed by crypt(3)", hint="give another one", code=Code.LAB_ORDER)
     return str(found.decode())
 
 

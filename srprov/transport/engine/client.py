@@ -64,7 +64,7 @@ class _Client(APIClient):
             super().__init__(base_url=_HERE, version=version, timeout=timeout_s)  # type: ignore[arg-type]  # any number
         except (AttributeError, TypeError, ValueError, InvalidConfigFile) as error:
             # the SDK reads it whether it is needed or not, and expects nothing else than a right one
-            raise EngineGone(f"the docker SDK cannot read its config.json on this machine: {error}") from error
+            raise EngineGone(f"config.json of Docker on this machine cannot be read: {error}") from error
         # nothing of this machine's user goes to a robot: no headers of ~/.docker/config.json, no proxy, no .netrc
         self._general_configs: dict[str, Any] = {}
         self.trust_env = False

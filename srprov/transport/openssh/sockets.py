@@ -178,7 +178,10 @@ class ProxyProcess:
         except OSError as error:
             self.socket.close()
             raise ConnectError(
-                host, f"ProxyCommand cannot be started: {error.strerror}", hint="check /bin/sh", code=Code.SSH_CONFIG
+                host,
+                f"its ProxyCommand cannot be started: {error.strerror}",
+                hint="check /bin/sh",
+                code=Code.SSH_CONFIG,
             ) from None
         finally:
             theirs.close()

@@ -96,11 +96,17 @@ def _ssh_g(name: str, address: str, given: Mapping[str, Sequence[str]], chosen: 
         ) from None
     except subprocess.TimeoutExpired:
         raise ConnectError(
-            name, "`ssh -G` took longer than 10 s", hint="is a `Match exec` waiting?", code=Code.SSH_CONFIG
+            name,
+            "its ssh configuration was not read within 10 s, by `ssh -G`",
+            hint="is a `Match exec` waiting?",
+            code=Code.SSH_CONFIG,
         ) from None
     if done.returncode:
         raise ConnectError(
-            name, f"`ssh -G {address}`: {done.stderr.strip()}", hint="correct ~/.ssh/config", code=Code.SSH_CONFIG
+            name,
+            f"its ssh configuration cannot be used: {done.stderr.strip()} (of `ssh -G {address}`)",
+            hint="correct ~/.ssh/config",
+            code=Code.SSH_CONFIG,
         ) from None
     found: dict[str, list[str]] = {}
     for line in done.stdout.splitlines():

@@ -140,7 +140,9 @@ def test_a_failed_command_names_itself_and_what_was_said() -> None:
     result = run(w, plan_for(w, pair()))
     image = of(result, "r1/image:busybox:latest")
     assert image.outcome is Outcome.FAILED
-    assert image.message.startswith("POST /images/create?fromImage=busybox&tag=latest\n  status 404: manifest for")
+    said, command = image.message.split("\n")
+    assert said.startswith("manifest for")
+    assert command == "  status 404 of POST /images/create?fromImage=busybox&tag=latest"
     assert outcomes(result) == {"a": Outcome.SKIPPED, "b": Outcome.SKIPPED}
     assert of(result, "hello.a").message == "needs #1 (r1/image:busybox:latest), which failed"
     assert of(result, "hello.b").message.endswith("(r1/container:srprov.hello.a), which was skipped")
