@@ -25,9 +25,10 @@ rooms stand in that order; `tests/test_rooms.py` holds them to it:
     exporting/    an experiment -> files for other tools, such as Docker Compose
     oci/          images as files: an OCI layout, and the packages in its layers; pure
     evidence/     a run of trials as one file, and whether such a file is true
+    explaining/   the code of an error -> what it means, with examples
     lab/          the embedded lab: robots on this machine
 
-Beside them stand values that rooms share: wire.py, session.py, resource.py, errors.py, names.py, private.py, secret.py,
+Beside them stand values that rooms share: wire.py, session.py, resource.py, errors.py, codes.py, names.py, private.py, secret.py,
 untrusted.py, plain_tar.py, sizes.py, git_address.py, pace.py.
 docs/architecture.md has the flow as a picture, and a glossary.
 """

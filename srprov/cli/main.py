@@ -120,6 +120,7 @@ def run(arguments: list[str] | None = None) -> int:
         return USAGE
     except SrprovError as error:
         show_error(error)
+        _point_to_page(error.code)
         return error.exit_code
     except Exception:
         err(traceback.format_exc())
@@ -139,6 +140,12 @@ def _show_misuse(error: click.ClickException, words: Sequence[str]) -> None:
     show_error(told)
     if isinstance(error, click.UsageError) and error.ctx and not of_file:
         err(f"  {' '.join(error.ctx.get_usage().split())}")
+
+
+def _point_to_page(code: Code) -> None:
+    """Say where more is said, to a person: a log has the code."""
+    if sys.stderr.isatty():
+        err(f"srprov explain {code}  says more")
 
 
 def show_error(error: SrprovError) -> None:
