@@ -28,8 +28,8 @@ rooms stand in that order; `tests/test_rooms.py` holds them to it:
     explaining/   the code of an error -> what it means, with examples
     lab/          the embedded lab: robots on this machine
 
-Beside them stand values that rooms share: wire.py, session.py, resource.py, errors.py, codes.py, names.py, private.py, secret.py,
-untrusted.py, plain_tar.py, sizes.py, git_address.py, pace.py.
+Beside them stand values that rooms share: wire.py, session.py, resource.py, errors.py, codes.py, names.py, private.py,
+secret.py, untrusted.py, plain_tar.py, sizes.py, git_address.py, pace.py.
 docs/architecture.md has the flow as a picture, and a glossary.
 """
 
