@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from srprov.codes import Code
-from srprov.errors import UsageError
+from srprov.errors import UsageError, did_you_mean
 
 _HERE = Path(__file__).resolve().parent
 
@@ -61,7 +61,6 @@ def schema_path(kind: str) -> Path:
         UsageError: There is no such kind; the hint names those that exist.
     """
     if kind not in schema_kinds():
-        raise UsageError(
-            f"there is no schema named '{kind}'", hint=f"known: {', '.join(schema_kinds())}", code=Code.OPTION_VALUE
-        )
+        hint = did_you_mean(kind, schema_kinds()) or f"known: {', '.join(schema_kinds())}"
+        raise UsageError(f"there is no schema named '{kind}'", hint=hint, code=Code.OPTION_VALUE)
     return _folder("schemas") / f"{kind}.schema.json"

@@ -47,6 +47,16 @@ def read_with_status(
     return content, about
 
 
+def names_beside(path: str | os.PathLike[str]) -> list[str]:
+    """Return the names in the folder of a path that end as it does: one of them may be meant by what is not there."""
+    folder, name = os.path.split(os.fspath(path))
+    ending = os.path.splitext(name)[1]
+    try:
+        return [one for one in os.listdir(folder or ".") if one.endswith(ending)]
+    except (OSError, ValueError):
+        return []
+
+
 def read_text(path: str | os.PathLike[str], most: int = 8 * MIB, errors: str = "strict") -> str:
     """Return the content as UTF-8 text, as `read` does; `errors` as for `bytes.decode`."""
     try:

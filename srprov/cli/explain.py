@@ -28,7 +28,10 @@ def explain(code: str | None, as_json: bool) -> int:
             out("\n".join(f"{page.code}  {page.title}" for page in every.values()))
         return 0
     page = explaining.pages()[_code(code)]
-    out_json({"codes": [explaining.as_document(page)]}) if as_json else out(explaining.as_text(page))
+    if as_json:
+        out_json({"codes": [explaining.as_document(page)]})
+    else:
+        out(explaining.as_text(page))
     return 0
 
 

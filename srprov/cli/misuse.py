@@ -11,6 +11,7 @@ from collections.abc import Iterator, Sequence
 
 import click
 
+from srprov import regular_file
 from srprov.codes import Code
 from srprov.errors import SrprovError, UsageError, did_you_mean, visible
 
@@ -84,13 +85,7 @@ def _bad_value(message: str, param: click.Parameter) -> SrprovError:
 
 
 def _no_file(path: str, param: click.Parameter | None = None) -> SrprovError:
-    folder, name = os.path.split(path)
-    try:
-        beside = os.listdir(folder or ".")
-    except OSError:
-        beside = []
-    ending = os.path.splitext(name)[1]
-    near = did_you_mean(name, [one for one in beside if one.endswith(ending)])
+    near = did_you_mean(os.path.basename(path), regular_file.names_beside(path))
     where = f" ({_name(param)})" if param else ""
     return UsageError(f"there is no file '{_short(path)}'{where}", hint=near, code=Code.NO_FILE)
 

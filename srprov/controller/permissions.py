@@ -10,7 +10,7 @@ from collections.abc import Collection, Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from srprov.codes import Code
-from srprov.errors import RefusedError, UsageError
+from srprov.errors import RefusedError, UsageError, did_you_mean
 from srprov.planning.policy import ASKED_FIRST, KINDS, Permission, require
 
 if TYPE_CHECKING:
@@ -27,9 +27,8 @@ def check_kinds(allowed: Collection[str]) -> None:
     """
     unknown = sorted(set(allowed) - set(kinds()))
     if unknown:
-        raise UsageError(
-            f"--allow knows no kind {', '.join(unknown)}", hint=f"known: {', '.join(kinds())}", code=Code.OPTION_VALUE
-        )
+        hint = "; ".join(filter(None, (did_you_mean(unknown[0], kinds()), f"known: {', '.join(kinds())}")))
+        raise UsageError(f"--allow knows no kind {', '.join(unknown)}", hint=hint, code=Code.OPTION_VALUE)
 
 
 def kinds() -> tuple[str, ...]:

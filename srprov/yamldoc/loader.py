@@ -16,7 +16,7 @@ from typing import Any
 
 from srprov import regular_file
 from srprov.codes import Code
-from srprov.errors import DefinitionError, Diagnostic, Location
+from srprov.errors import DefinitionError, Diagnostic, Location, did_you_mean
 from srprov.yamldoc.allowance import Allowance, current
 from srprov.yamldoc.nodes import Map, Node, Scalar, Seq, Source, problem
 
@@ -57,7 +57,11 @@ def read_text(path: str | FilePath, shown: str = "", most: int = MAX_BYTES, *, r
                 raise OSError(errno.EFBIG, together)
     except OSError as error:
         reason = _IN_WORDS.get(type(error), error.strerror)
-        raise DefinitionError([Diagnostic(Location(name), f"cannot be read: {reason}", code=Code.UNREADABLE)]) from None
+        near = regular_file.names_beside(path) if isinstance(error, FileNotFoundError) else []
+        hint = did_you_mean(FilePath(path).name, near)
+        raise DefinitionError(
+            [Diagnostic(Location(name), f"cannot be read: {reason}", hint=hint, code=Code.UNREADABLE)]
+        ) from None
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:

@@ -88,3 +88,26 @@ def test_words_of_the_command_line_cannot_write_lines_of_their_own(
         ["plan", "a\nerror[SRP-001]: b.edf", "--y"],
     ):
         assert not [line for line in told(capsys, *words) if line.startswith("error[SRP-001]")]
+
+
+def test_the_file_that_was_meant_is_named_where_an_edf_is_read(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    Path("experiment.yml").write_text("")
+    lines = told(capsys, "plan", "experimnt.edf", "-i", "r1,")
+    assert lines[:2] == [
+        "experimnt.edf:1:1: error[SRP-101]: cannot be read: there is no such file",
+        "    hint: did you mean 'experiment.edf'?",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("words", "hint"),
+    [
+        ("schema edff", "did you mean 'edf'?"),
+        ("plan experiment.edf -i r1, --allow host-netwrk", "did you mean 'host-network'?"),
+    ],
+)
+def test_values_that_are_one_of_many_are_told_with_the_nearest(
+    here: Path, capsys: pytest.CaptureFixture[str], words: str, hint: str
+) -> None:
+    lines = told(capsys, *words.split())
+    assert lines[0].startswith("error[SRP-212]: ") and hint in lines[1]
