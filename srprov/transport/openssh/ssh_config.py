@@ -24,7 +24,7 @@ ADDS_UP = frozenset({"identityfile", "certificatefile"})
 """Keywords of which every value counts; of the others the first one wins."""
 DEFAULT_KEYS = ("id_ed25519", "id_ecdsa", "id_rsa")
 
-_BEYOND_PARAMIKO = re.compile(r"^\s*(include|match)\b\s*=?\s*(.*)$", re.IGNORECASE | re.MULTILINE)
+_BEYOND_PARAMIKO = re.compile(r"^[^\S\n]*(include|match)\b[^\S\n]*=?[^\S\n]*(.*)$", re.IGNORECASE | re.MULTILINE)
 _SSH_G_KEYS = frozenset({*DEFAULT_KEYS, "id_ecdsa_sk", "id_ed25519_sk", "id_xmss", "id_dsa"})
 
 
