@@ -120,6 +120,7 @@ class Code(str, enum.Enum):
     RESULTS = "SRP-604"
     AWAITED = "SRP-605"
     COMMAND = "SRP-606"
+    STEP_FAILED = "SRP-607"
 
     # the overlay
     VNI = "SRP-701"

@@ -51,8 +51,7 @@ class SrprovError(Exception):
     @property
     def told(self) -> str:
         """The message with its code at the end of its first line, for lists of what several robots said."""
-        first, *more = self.message.split("\n")
-        return "\n".join([f"{first} [{self.code}]", *more])
+        return with_code(self.message, self.code)
 
     def __reduce__(self) -> tuple[object, ...]:
         """Say how to make the same error in another process: it is not what the constructor takes."""
@@ -61,6 +60,12 @@ class SrprovError(Exception):
 
 def _remade(kind: type[SrprovError], arguments: tuple[object, ...]) -> SrprovError:
     return kind.__new__(kind, *arguments)
+
+
+def with_code(message: str, code: Code) -> str:
+    """Return a message with a code at the end of its first line."""
+    first, *more = message.split("\n")
+    return "\n".join([f"{first} [{code}]", *more])
 
 
 def visible(text: str) -> str:

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from srprov.codes import Code
 from srprov.controller.phases import Phases
+from srprov.errors import with_code
 from srprov.execution import Outcome, RunResult
 from srprov.planning.plan import Plan
 from srprov.session import Session
@@ -80,7 +82,9 @@ def failures(result: RunResult, images: Mapping[str, ImagePlan]) -> list[str]:
     lines = []
     for one in result.results:
         if one.outcome not in (Outcome.CHANGED, Outcome.UNCHANGED):
-            lines.append(f"{one.outcome.value}: #{one.step.number} {one.step.id}: {one.message}")
+            failed = one.outcome is Outcome.FAILED
+            message = with_code(one.message, Code.STEP_FAILED) if failed else one.message
+            lines.append(f"{one.outcome.value}: #{one.step.number} {one.step.id}: {message}")
             image = images.get(one.step.name)
             if image and one.outcome is Outcome.FAILED:
                 from srprov.images.tag import locate_failure  # only a failed build needs it

@@ -188,5 +188,5 @@ def test_quiet_leaves_warnings_errors_and_the_last_line(place: Place) -> None:
     assert loud.stdout and loud.stderr.startswith("asking 2 robots for facts\n[1/") and loud.stderr.count("\n") > 10
     failed = place.run(*APPLY, "--quiet", fault=4)
     assert failed.returncode == 3 and failed.stdout == ""
-    assert failed.stderr.startswith("failed: #") and "\nskipped: #" in failed.stderr
+    assert failed.stderr.startswith("failed: #") and " [SRP-607]\n" in failed.stderr and "\nskipped: #" in failed.stderr
     assert failed.stderr.splitlines()[-1].startswith("hello: done in ")
