@@ -1,4 +1,4 @@
-"""The values that modules, rendering, planning and execution share: Resource, Observed, State, Action, Change.
+"""The values that modules, rendering, planning and execution share: Resource, Observed, State, Change, Difference.
 
 A `Resource` is one thing that should be true on one robot. A `State` is what was found of it. A `Change` is the
 difference, with its cause in words and the commands that end it. All are values; none can talk to a robot.
@@ -91,6 +91,21 @@ class Observed(msgspec.Struct, frozen=True, kw_only=True):
     def service(self) -> str:
         """The service that it runs, or empty."""
         return str(self.state.get("service", ""))
+
+
+class Difference(msgspec.Struct, frozen=True, kw_only=True):
+    """One value that a change gives another one: as text, for people and for review; nothing is done by it."""
+
+    field: str
+    """As the user writes it, e.g. `environment.RATE`."""
+    old: str | None = None
+    """None: not set."""
+    new: str | None = None
+    """None: not set."""
+    note: str = ""
+    """Instead of values: that they are secret, or why they are not shown."""
+    diff: tuple[str, ...] = ()
+    """Instead of values: lines of a unified diff, for the content of a file."""
 
 
 class Change(msgspec.Struct, frozen=True, kw_only=True):

@@ -29,6 +29,10 @@ class Behaviour:
     log: str = ""
 
 
+_ASIDE = ("HostConfig", "NetworkingConfig")
+"""What of a create request is no part of the configuration that the engine tells."""
+
+
 @dataclass
 class Container:
     """One container; `body` is the create request."""
@@ -108,7 +112,7 @@ class Engine:
         if path.startswith("/images/") and path.endswith("/history"):
             return _answer([])
         if path.startswith("/images/") and path.endswith("/json"):
-            return _answer({"Config": {"OnBuild": None}})  # a build's base
+            return _answer({"Config": {"OnBuild": None, "Cmd": ["sh"], "Env": ["PATH=/bin"]}})  # also a build's base
         if path.startswith("/containers/") and path.endswith("/json"):
             return self._inspect(unquote(path.split("/")[2]))
         raise AssertionError(f"the fake engine knows no GET {path}")
@@ -202,7 +206,19 @@ class Engine:
         if health := self.health(one):
             log = [{"ExitCode": 0 if health == "healthy" else 1, "Output": "connection refused\n"}]
             state["Health"] = {"Status": health, "FailingStreak": 0, "Log": log}
-        return _answer({"Id": identity(name), "Name": "/" + name, "State": state})
+        ends = self._listed(one)["NetworkSettings"]
+        host = {
+            "ShmSize": 67108864,
+            "IpcMode": "private",
+            "Runtime": "runc",
+            "PidsLimit": None,
+            **one.body["HostConfig"],
+        }
+        filled = {"Hostname": identity(name)[:12], "WorkingDir": "", "User": "", "Cmd": ["sh"], "Entrypoint": None}
+        config = {**filled, **{key: value for key, value in one.body.items() if key not in _ASIDE}}
+        config["Env"] = [*(one.body.get("Env") or []), "PATH=/bin"]
+        about = {"Config": config, "HostConfig": host, "NetworkSettings": ends}
+        return _answer({"Id": identity(name), "Name": "/" + name, "State": state, **about})
 
     # -- changing ------------------------------------------------------------------------------------------------------
 

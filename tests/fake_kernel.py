@@ -273,6 +273,8 @@ class Disk:
     modes: dict[str, int] = field(default_factory=dict)
     inodes: dict[str, int] = field(default_factory=dict)
     trees: dict[str, tuple[str, ...]] = field(default_factory=dict)
+    shipped: dict[str, bytes] = field(default_factory=dict)
+    """Files in trees by path."""
     serial: int = 0
     marks: set[str] = field(default_factory=set)
     """Paths outside our folders that a user's command made."""
@@ -341,6 +343,17 @@ class Disk:
         at = re.compile(re.escape(STATE_ROOT) + r"/[^/]+/trees/[^/]+")
         return "".join(f"{path}\n" for path in sorted({*self.files, *self.trees}) if at.fullmatch(path))
 
+    def contents(self, command: str) -> str | None:
+        """Print what the queries for old contents print; None when it is none of those."""
+        words, every = shlex.split(command), {**self.files, **self.shipped}
+        match words:
+            case ["head", "-c", size, path, *_] | ["[", "-d", _, "]", "||", "head", "-c", size, path, *_]:
+                return every.get(path, b"")[: int(size)].decode("utf-8", "replace")
+            case ["find", path, "-type", "f", "-exec", "sha256sum", *_]:
+                there = {one for one in every if one == path or one.startswith(path + "/")}
+                return "".join(f"{hashlib.sha256(every[one]).hexdigest()}  {one}\n" for one in sorted(there))
+        return None
+
     def records(self) -> str:
         """Print what the question for placement records prints."""
         texts = [c.decode() for p, c in sorted(self.files.items()) if p.endswith("/placement.json")]
@@ -362,12 +375,15 @@ class Disk:
                 return f"tar: {tar}: Cannot open: No such file or directory"
             with tarfile.open(fileobj=io.BytesIO(self.files[tar])) as archive:
                 self.trees[final] = tuple(sorted(archive.getnames()))
+                self.shipped |= {
+                    f"{final}/{one.name}": file.read() for one in archive if (file := archive.extractfile(one))
+                }
             self._remove(tar)
             return ""
         return None
 
     def _remove(self, path: str) -> None:
-        for mapping in (self.files, self.modes, self.inodes, self.trees):
+        for mapping in (self.files, self.modes, self.inodes, self.trees, self.shipped):
             for one in [p for p in mapping if p == path or p.startswith(path + "/")]:
                 del mapping[one]  # type: ignore[attr-defined]
 

@@ -276,6 +276,8 @@ class FakeRobot:
             return Reply(status=0, out="".join(f"{line}\n" for line in self.listening))
         if asked := _THERE.findall(command):
             return Reply(status=0, out="".join(f"{n}\n" for path, n in asked if not self.disk.exists(path)))
+        if (content := self.disk.contents(command)) is not None:
+            return Reply(status=0, out=content)
         if command == ":":
             return Reply(status=0)
         if command.startswith("first="):

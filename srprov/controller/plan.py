@@ -17,19 +17,20 @@ from srprov import rendering
 from srprov.assignment import solve
 from srprov.assignment.model import Assignment
 from srprov.controller import bundled
-from srprov.controller.choice import Choice, choice_of, decided, idle_notes, settled
+from srprov.controller.choice import Choice, choice_of, decided, settled
 from srprov.controller.context import contexts
-from srprov.controller.copies import placement_notes
 from srprov.controller.data_plan import plan_data
 from srprov.controller.image_layers import with_layers
-from srprov.controller.image_plans import images_alone, images_there, moved_tags, plan_images, with_fresh
+from srprov.controller.image_plans import images_alone, images_there, plan_images, with_fresh
 from srprov.controller.labpolicy import enforce, with_limits
 from srprov.controller.mtu_note import mtu_notes
 from srprov.controller.named_services import services_of
+from srprov.controller.old_values import with_differences
 from srprov.controller.owners import Owner
 from srprov.controller.ownership import check_source, owned, trusting
 from srprov.controller.permissions import permit_planning
 from srprov.controller.phases import Phases
+from srprov.controller.plan_value import plan_value
 from srprov.controller.platforms import check_platforms
 from srprov.controller.playbooks import playbooks
 from srprov.controller.render_inputs import RenderInputs
@@ -37,11 +38,10 @@ from srprov.controller.request import PlanRequest
 from srprov.controller.robot_images import BUILDERS, check_never
 from srprov.controller.robot_room import check_room, with_log_drivers
 from srprov.controller.robots_words import at_home
-from srprov.controller.trial_values import at_first_point, design_notes
+from srprov.controller.trial_values import at_first_point
 from srprov.definitions.model import Definitions, Experiment, Inventory
 from srprov.definitions.pins import unknown_pins
 from srprov.definitions.playbookmodel import Playbook
-from srprov.definitions.secretvalues import used
 from srprov.definitions.source import source_of
 from srprov.disk import together
 from srprov.errors import DefinitionError
@@ -55,7 +55,7 @@ from srprov.network.record import record
 from srprov.planning.amiss import told
 from srprov.planning.diff import diff
 from srprov.planning.limit import limited
-from srprov.planning.plan import Plan, PlaybookUse, Step
+from srprov.planning.plan import Plan, Step
 from srprov.planning.policy import permissions
 from srprov.record.memory import known_images
 from srprov.resource import Resource
@@ -140,7 +140,9 @@ def make_plan(
     amiss, alone = ((), ()) if request.images_only else told(desired, snapshot.observed)
     room = check_room(steps, choice, instance, snapshot, look, playbooks=bool(theirs))
     notes = (*notes, *amiss, *alone, *room, *mtu_notes(overlay, snapshot))
-    made = _plan(definitions, replace(inputs, snapshot=snapshot), placed, theirs, steps, unchanged, notes)
+    now = replace(inputs, snapshot=snapshot)
+    made = plan_value(definitions, now, placed, theirs, steps, unchanged, notes)
+    made = replace(made, chosen=any(choice.free or one in choice.new for one in placed.runner_up))
     enforce(made, look.inventory, request.policies)
     return Planned(
         plan=made, snapshot=snapshot, definitions=definitions, experiment=choice.experiment, assignment=placed,
@@ -217,34 +219,4 @@ def _compared(
         # what an engine is asked for now changes how containers are made, and not which
         desired = _desired(replace(inputs, snapshot=told), theirs, vault)
         steps, unchanged = diff(desired, owned(told, inputs.instance), inputs.instance)
-    return told, desired, steps, unchanged
-
-
-def _plan(
-    definitions: Definitions, inputs: RenderInputs, placed: Assignment, theirs: Sequence[Playbook],
-    steps: tuple[Step, ...], unchanged: int, notes: tuple[str, ...],
-) -> Plan:  # fmt: skip
-    experiment = inputs.experiment
-    return Plan(
-        instance=inputs.instance,
-        source=inputs.source,
-        steps=steps,
-        unchanged=unchanged,
-        assignment=placed.placed,
-        cost=placed.cost,
-        costs={service: terms.total for service, terms in placed.terms.items()},
-        permissions=permissions(experiment, definitions.containers),
-        secrets=used(experiment),
-        data=inputs.data.moves,
-        notes=(
-            *definitions.notes,
-            *moved_tags(definitions.locked, inputs.snapshot),
-            *placement_notes(inputs, placed),
-            *idle_notes(definitions, experiment, inputs.snapshot),
-            *notes,
-            *inputs.data.notes,
-            *design_notes(definitions.experiment.trials),
-        ),
-        unreachable=inputs.snapshot.unreachable,
-        playbooks=tuple(PlaybookUse(name=one.name, file=one.file, place=one.place) for one in theirs),
-    )
+    return told, desired, with_differences(steps, told.observed, desired, look), unchanged

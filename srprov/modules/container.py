@@ -14,7 +14,7 @@ from typing import Any
 from urllib.parse import quote as url_quote
 
 from srprov.definitions.model import Service
-from srprov.modules import container_form
+from srprov.modules import container_form, container_values
 from srprov.modules.container_body import differing
 from srprov.modules.container_commands import creation, hashes, remove, start, stop
 from srprov.modules.container_leftover import BUILD, end_process, left_by_build
@@ -34,7 +34,7 @@ from srprov.modules.module import (
     Module,
     Names,
 )
-from srprov.resource import Action, Change, Observed, State
+from srprov.resource import Action, Change, Difference, Observed, State
 from srprov.untrusted import integer, mappings, string, string_map
 from srprov.wire import AnyQuery, Command, EngineCall, EngineQuery, Query, Reply, sh
 
@@ -84,6 +84,21 @@ class ContainerModule(Module[ContainerParams]):
         if found["state"] in _NEVER_RUN:
             return _replacement(name, want, found, _NEVER_RUN[found["state"]])
         return _check_process(name, want.job, found)
+
+    def old_queries(self, name: str, want: ContainerParams, found: State) -> tuple[AnyQuery, ...]:
+        """Inspect it, and the image that it was made of."""
+        if found["hash"] == hashes(want)[0]:
+            return ()
+        image = url_quote(found["image"], safe="")
+        return (self.status_query(name), EngineQuery(path=f"/images/{image}/json"))
+
+    def differences(self, want: ContainerParams, found: State, replies: Sequence[Reply]) -> tuple[Difference, ...]:
+        """Compare field by field what the hashes of its parts say to be different."""
+        return () if found["hash"] == hashes(want)[0] else container_values.differing_values(want, found, replies)
+
+    def between(self, old: ContainerParams, new: ContainerParams) -> tuple[Difference, ...]:
+        """Compare field by field."""
+        return container_values.between(old, new)
 
     def removal(self, found: Observed) -> tuple[Command, ...]:
         """Stop with the container's own grace, then remove it with its anonymous volumes."""

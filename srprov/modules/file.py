@@ -12,9 +12,10 @@ from typing import Any
 
 import msgspec
 
+from srprov.modules.differences import read_start, text_difference
 from srprov.modules.module import DISCOVERY_FILE, STATE_ROOT, Module, Names
 from srprov.modules.params import AnyText, Mode
-from srprov.resource import Action, Change, Observed, State
+from srprov.resource import Action, Change, Difference, Observed, State
 from srprov.wire import AnyQuery, Command, Put, Query, Reply, Run, quote
 
 _LIST = f"cd {STATE_ROOT} 2>/dev/null || exit 0; find . -mindepth 2 -maxdepth 2 -type f -exec sha256sum {{}} +"
@@ -65,6 +66,24 @@ class FileModule(Module[FileParams]):
         if found is None:
             return Change(action=Action.CREATE, cause="not there", commands=(write,))
         return Change(action=Action.UPDATE, cause="content differs", before=found, commands=(write,))
+
+    def is_plumbing(self, name: str) -> bool:
+        """Compare with those that srprov's own playbooks write."""
+        return _OWN.fullmatch(name.rpartition("/")[2]) is not None
+
+    def old_queries(self, name: str, want: FileParams, found: State) -> tuple[AnyQuery, ...]:
+        """Read the beginning of one that a user's playbook states."""
+        same = found["sha256"] == hashlib.sha256(want.content.encode()).hexdigest()
+        return () if same or self.is_plumbing(name) else (read_start(name),)
+
+    def differences(self, want: FileParams, found: State, replies: Sequence[Reply]) -> tuple[Difference, ...]:
+        """Compare line by line."""
+        return (text_difference("content", replies[0], want.content),) if replies else ()
+
+    def between(self, old: FileParams, new: FileParams) -> tuple[Difference, ...]:
+        """Compare line by line."""
+        same = old.content == new.content
+        return () if same else (text_difference("content", Reply(status=0, out=old.content), new.content),)
 
     def removal(self, found: Observed) -> tuple[Command, ...]:
         """Remove it, and the instance's folder when it was the last thing there."""

@@ -22,7 +22,7 @@ import msgspec
 
 from srprov.definitions.model import Service
 from srprov.modules.params import P
-from srprov.resource import Change, Observed, State
+from srprov.resource import Change, Difference, Observed, State
 from srprov.wire import AnyQuery, Command, EngineQuery, Query, Reply
 
 INSTANCE = "srprov.instance"
@@ -121,6 +121,25 @@ class Module(ABC, Generic[P]):
     @abstractmethod
     def removal(self, found: Observed) -> tuple[Command, ...]:
         """Return the commands that take it away."""
+
+    def is_plumbing(self, name: str) -> bool:
+        """Return whether one is what srprov makes for itself, so that a plan names it only when it is asked to."""
+        return False
+
+    def old_queries(self, name: str, want: P, found: State) -> tuple[AnyQuery, ...]:
+        """Return what to ask to see which values of one that was found a change would replace; none if it is right."""
+        return ()
+
+    def differences(self, want: P, found: State, replies: Sequence[Reply]) -> tuple[Difference, ...]:
+        """Return which values of one that was found differ from the wanted ones.
+
+        `replies` are those to `old_queries`; none where the robot did not answer, or was not asked.
+        """
+        return ()
+
+    def between(self, old: P, new: P) -> tuple[Difference, ...]:
+        """Return which values of two wanted ones differ."""
+        return ()
 
     def removed_before(self, other: str) -> bool:
         """Return whether its removals on a robot come before those of another kind."""

@@ -14,8 +14,9 @@ from typing import Any
 
 import msgspec
 
+from srprov.modules.differences import compared
 from srprov.modules.module import CONFIG_HASH, INSTANCE, LABEL_FILTER, SOURCE, Module, Names, canonical, digest
-from srprov.resource import Action, Change, Observed, State
+from srprov.resource import Action, Change, Difference, Observed, State
 from srprov.untrusted import integer, mappings, string, string_map
 from srprov.wire import AnyQuery, Command, EngineCall, EngineQuery, Reply, Run, quote
 
@@ -24,6 +25,7 @@ _PORT = "srprov.port"
 _PREFIX = "srpb"
 _BRIDGE_OPTION = "com.docker.network.bridge.name"
 _MTU_OPTION = "com.docker.network.driver.mtu"
+_COMPARED = ("subnet", "gateway", "mtu", "bridge", "vni", "port")
 
 
 class NetworkParams(msgspec.Struct, frozen=True, kw_only=True):
@@ -82,14 +84,20 @@ class NetworkModule(Module[NetworkParams]):
         if found is None:
             return Change(action=Action.CREATE, cause="not there", commands=(_create(name, want),))
         differing = [
-            f"{key} is {found[key]}, not {getattr(want, key)}"
-            for key in ("subnet", "gateway", "mtu", "bridge", "vni", "port")
-            if found[key] != getattr(want, key)
+            f"{key} is {found[key]}, not {getattr(want, key)}" for key in _COMPARED if found[key] != getattr(want, key)
         ]
         if not differing:
             return None
         commands = (*_remove(name, found), _create(name, want))
         return Change(action=Action.REPLACE, cause="; ".join(differing), before=found, commands=commands)
+
+    def differences(self, want: NetworkParams, found: State, replies: Sequence[Reply]) -> tuple[Difference, ...]:
+        """Compare field by field: the list of networks says all of it."""
+        return compared({key: str(found[key]) for key in _COMPARED}, _values(want))
+
+    def between(self, old: NetworkParams, new: NetworkParams) -> tuple[Difference, ...]:
+        """Compare field by field."""
+        return compared(_values(old), _values(new))
 
     def removal(self, found: Observed) -> tuple[Command, ...]:
         """Remove by name."""
@@ -103,6 +111,10 @@ class NetworkModule(Module[NetworkParams]):
     def made_after_removal_of(self, other: str) -> bool:
         """Wait for what holds addresses and bridges of a network that goes."""
         return other in ("container", "vxlan")
+
+
+def _values(want: NetworkParams) -> dict[str, str]:
+    return {key: str(getattr(want, key)) for key in _COMPARED}
 
 
 def _create(name: str, want: NetworkParams) -> Command:

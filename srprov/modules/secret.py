@@ -17,10 +17,11 @@ import msgspec
 from msgspec.structs import replace
 
 from srprov.modules.container_form import WORD
+from srprov.modules.differences import HIDDEN
 from srprov.modules.file import remove_path
 from srprov.modules.module import MEMORY_ROOT, Module, Names
 from srprov.modules.params import NOT_WRITTEN, Mode
-from srprov.resource import Action, Change, Observed, Resource, State
+from srprov.resource import Action, Change, Difference, Observed, Resource, State
 from srprov.secret import Hidden, Secret, Vault
 from srprov.wire import AnyQuery, Command, Put, Query, Reply
 
@@ -101,6 +102,14 @@ class SecretModule(Module[SecretParams]):
             cause = f"mode is {found['mode'] or 'unknown'}, not {mode}"
             return Change(action=Action.UPDATE, cause=cause, before=found, commands=write)
         return None
+
+    def differences(self, want: SecretParams, found: State, replies: Sequence[Reply]) -> tuple[Difference, ...]:
+        """Say of the value no more than that it differs."""
+        if found["mode"] != (mode := f"{want.mode:04o}"):
+            return (Difference(field="mode", old=found["mode"] or None, new=mode),)
+        if want.value is None or found["digest"] != want.value.digest():
+            return (Difference(field="value", note=HIDDEN),)
+        return ()
 
     def removal(self, found: Observed) -> tuple[Command, ...]:
         """Remove it, and the folders above it that are empty then."""

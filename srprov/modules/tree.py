@@ -8,17 +8,24 @@ from __future__ import annotations
 
 import functools
 import hashlib
-from collections.abc import Sequence
+import posixpath
+import re
+from collections.abc import Mapping, Sequence
 
 import msgspec
 
 from srprov import plain_tar
+from srprov.modules.differences import read_start, text_difference
 from srprov.modules.file import remove_path
 from srprov.modules.module import STATE_ROOT, Module, Names
-from srprov.resource import Action, Change, Observed, State
+from srprov.resource import Action, Change, Difference, Observed, State
 from srprov.wire import AnyQuery, Command, Put, Query, Reply, Run, quote
 
 _PARTS = 3
+_MOUNTED = re.compile(rf"bind ({STATE_ROOT}/[^/\0]+/trees/[0-9a-f]{{24}})/([^/\0]+) \(read-only\)")
+_MOST_LISTED = 256 << 10
+"""Bytes of the list of an old tree's files."""
+_MOST_NAMED = 8
 
 
 class TreeParams(msgspec.Struct, frozen=True, kw_only=True):
@@ -91,3 +98,64 @@ def plain_digest(blob: bytes) -> str:
     if len(tops) != 1 or tops[0].link is not None or any(one.mode not in (0o644, 0o755) for one in members):
         return ""
     return hashlib.sha256(blob).hexdigest()[:24]
+
+
+def mounted_tree(value: str | None) -> tuple[str, str]:
+    """Return the tree's name, and that of its top entry, of a mount as `container_values` tells it; or nothing."""
+    match = _MOUNTED.fullmatch(value or "")
+    return (match[1], match[2]) if match and match[2] not in (".", "..") else ("", "")
+
+
+def content_queries(path: str) -> tuple[Query, Query]:
+    """Return what to ask for the contents of a mounted file or folder: all hashes, and of a file its beginning."""
+    word = quote(path)
+    files = f"find {word} -type f -exec sha256sum {{}} + 2>/dev/null | head -c {_MOST_LISTED}; :"
+    return Query(command=files), Query(command=f"[ -d {word} ] || {read_start(path).command}")
+
+
+def content_difference(field: str, path: str, replies: Sequence[Reply], blob: bytes) -> Difference:
+    """Return how a mounted file or folder differs from the tar that takes its place; `replies` are to the queries.
+
+    Of a file it is a diff, of a folder the names of what is changed, new and gone.
+    """
+    try:
+        members = [one for one in plain_tar.members(blob) if one.content is not None]
+    except ValueError as error:  # of a plan file, which may hold anything
+        return Difference(field=field, note=f"the new content is {error}")
+    if len(members) == 1 and "/" not in members[0].path and not any(path + "/" in line for line in _lines(replies[0])):
+        assert members[0].content is not None  # looked at above
+        return text_difference(field, replies[1], members[0].content.decode("utf-8", "replace"))
+    if len(replies[0].out.encode()) >= _MOST_LISTED or not replies[0].ok:
+        return Difference(field=field, note="the old content was not read")
+    old = {posixpath.relpath(name, path): sha for sha, _, name in (line.partition("  ") for line in _lines(replies[0]))}
+    new = {one.path.partition("/")[2] or ".": hashlib.sha256(one.content or b"").hexdigest() for one in members}
+    return Difference(field=field, note=_named(old, new) or "content differs in no file: links or permissions")
+
+
+def between_trees(field: str, old: bytes, new: bytes) -> Difference:
+    """Return how two tars differ, each of one file or folder."""
+    files = [[one for one in plain_tar.members(blob) if one.content is not None] for blob in (old, new)]
+    if all(len(one) == 1 and "/" not in one[0].path for one in files):
+        before, after = ((one[0].content or b"").decode("utf-8", "replace") for one in files)
+        return text_difference(field, Reply(status=0, out=before), after)
+    hashes = [{one.path.partition("/")[2] or ".": hashlib.sha256(one.content or b"").hexdigest() for one in each}
+              for each in files]  # fmt: skip
+    return Difference(field=field, note=_named(*hashes) or "content differs in no file: links or permissions")
+
+
+def _lines(reply: Reply) -> list[str]:
+    return [line for line in reply.out.split("\n") if len(line) > hashlib.sha256().digest_size * 2]
+
+
+def _named(old: Mapping[str, str], new: Mapping[str, str]) -> str:
+    """Return the names of files that differ, a few of each kind."""
+    kinds = {
+        "changed": sorted(name for name in old.keys() & new.keys() if old[name] != new[name]),
+        "new": sorted(new.keys() - old.keys()),
+        "gone": sorted(old.keys() - new.keys()),
+    }
+    return "; ".join(
+        f"{len(names)} {kind}: {', '.join(names[:_MOST_NAMED])}{', …' if len(names) > _MOST_NAMED else ''}"
+        for kind, names in kinds.items()
+        if names
+    )

@@ -108,6 +108,10 @@ class UnitModule(Module[UnitParams]):
             return None
         return Change(action=Action.UPDATE, cause="; ".join(causes), before=found, commands=_write(name, text))
 
+    def is_plumbing(self, name: str) -> bool:
+        """Be what the overlay is made of."""
+        return True
+
     def removal(self, found: Observed) -> tuple[Command, ...]:
         """Disable and delete it. It has nothing to stop: the link is removed by itself."""
         unit = quote(found.name)

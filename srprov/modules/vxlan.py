@@ -123,6 +123,10 @@ class VxlanModule(Module[VxlanParams]):
             return Change(action=Action.UPDATE, cause="; ".join(loose), before=found, commands=commands)
         return None
 
+    def is_plumbing(self, name: str) -> bool:
+        """Be what the overlay is made of."""
+        return True
+
     def removal(self, found: Observed) -> tuple[Command, ...]:
         """Delete the link; its entries go with it."""
         name = quote(found.name)

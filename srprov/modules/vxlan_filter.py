@@ -140,6 +140,10 @@ class VxlanFilterModule(Module[VxlanFilterParams]):
         commands = _commands(rules, found["by"])
         return Change(action=Action.UPDATE, cause="; ".join(causes), before=found, commands=commands)
 
+    def is_plumbing(self, name: str) -> bool:
+        """Be what the overlay is made of."""
+        return True
+
     def removal(self, found: Observed) -> tuple[Command, ...]:
         """Take the rules away where they are."""
         return (Run(script=opening(found.name, found.state["by"])),)

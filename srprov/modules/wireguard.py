@@ -75,6 +75,10 @@ class WireguardModule(Module[WireguardParams]):
             return Change(action=Action.UPDATE, cause="; ".join(causes), before=found, commands=commands)
         return None
 
+    def is_plumbing(self, name: str) -> bool:
+        """Be what the overlay is made of."""
+        return True
+
     def removal(self, found: Observed) -> tuple[Command, ...]:
         """Delete the interface, wait until its process is gone, and delete the namespace with its last interface."""
         name, netns = quote(found.name), quote(found.name[:-1])

@@ -77,6 +77,10 @@ class WireguardRoutesModule(Module[WireguardRoutesParams]):
             return Change(action=Action.UPDATE, cause=cause, before=found, commands=commands)
         return None
 
+    def is_plumbing(self, name: str) -> bool:
+        """Be what the overlay is made of."""
+        return True
+
     def removal(self, found: Observed) -> tuple[Command, ...]:
         """Do nothing: they go with their interface."""
         return ()

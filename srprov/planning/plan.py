@@ -14,7 +14,7 @@ import msgspec
 
 from srprov.definitions.secretmodel import SecretSource
 from srprov.planning.policy import Permission
-from srprov.resource import Action, Change, Need, Observed, Resource, resource_id
+from srprov.resource import Action, Change, Difference, Need, Observed, Resource, resource_id
 from srprov.wire import Command, CopyImage, CopyVolume, EngineCall, Put, Run, SendData
 
 
@@ -34,6 +34,8 @@ class Step(msgspec.Struct, frozen=True, kw_only=True):
     """What should be true; None for a removal."""
     found: Observed | None = None
     """What is removed, or what an order is about; None otherwise."""
+    differences: tuple[Difference, ...] = ()
+    """Which values it changes, as far as that is known; only shown."""
     order: str = ""
     """A user's `stop`, `start` or `restart` of what is there, which is in no plan that is made or read."""
 
@@ -112,6 +114,8 @@ class Plan(msgspec.Struct, frozen=True, kw_only=True):
     data: tuple[DataMove, ...] = ()
     notes: tuple[str, ...] = ()
     unreachable: Mapping[str, str] = msgspec.field(default_factory=dict)
+    chosen: bool = False
+    """The placement was a choice: some service that is new might have gone elsewhere. In no plan file."""
 
     @property
     def empty(self) -> bool:
@@ -163,7 +167,18 @@ def step_json(step: Step) -> dict[str, Any]:
         "needs": list(step.needs),
         "waits": [{"id": need.id, "condition": need.condition} for need in step.waits],
         "commands": [command_json(command) for command in step.commands],
+        # plan files of older versions have none
+        **({"differences": [difference_json(one) for one in step.differences]} if step.differences else {}),
     }
+
+
+def difference_json(one: Difference) -> dict[str, Any]:
+    """Return one changed value as JSON: old and new, or a note, or the lines of a diff."""
+    if one.note:
+        return {"field": one.field, "note": one.note}
+    if one.diff:
+        return {"field": one.field, "diff": list(one.diff)}
+    return {"field": one.field, "old": one.old, "new": one.new}
 
 
 def command_json(command: Command) -> dict[str, Any]:

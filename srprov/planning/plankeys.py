@@ -64,6 +64,16 @@ class CommandKeys(msgspec.Struct, frozen=True, kw_only=True):
     stream: bool = False
 
 
+class DifferenceKeys(msgspec.Struct, frozen=True, kw_only=True):
+    """One changed value: `old` and `new`, or one of `note` and `diff`."""
+
+    field: AnyText
+    old: AnyText | None = None
+    new: AnyText | None = None
+    note: AnyText = AnyText("")
+    diff: tuple[AnyText, ...] = ()
+
+
 class StepKeys(msgspec.Struct, frozen=True, kw_only=True):
     """One step."""
 
@@ -80,6 +90,7 @@ class StepKeys(msgspec.Struct, frozen=True, kw_only=True):
     before: Mapping[str, Any] | None
     want: WantKeys | None
     found: FoundKeys | None
+    differences: tuple[DifferenceKeys, ...] = ()
 
 
 class SecretKeys(msgspec.Struct, frozen=True, kw_only=True):

@@ -9,19 +9,11 @@ from collections.abc import Iterator
 
 from srprov.errors import visible
 from srprov.planning.plan import Plan, Step
-from srprov.resource import Action
-
-_WORDS = {
-    Action.CREATE: "to add",
-    Action.UPDATE: "to change",
-    Action.REPLACE: "to replace",
-    Action.DELETE: "to remove",
-    Action.RUN: "to run",
-}
+from srprov.planning.steptext import WORDS, step_lines
 
 
 def plan_text(plan: Plan, *, commands: bool = False) -> str:
-    """Return the plan as lines. `commands` adds what each step runs, exactly."""
+    """Return the plan as lines. `commands` adds what each step runs, exactly, and folds no plumbing."""
     # names and causes come from robots, and must not write lines of their own
     return "\n".join(visible(line) for line in _lines(plan, commands)) + "\n"
 
@@ -31,7 +23,7 @@ def summary(plan: Plan) -> str:
     if plan.empty:
         return f"Nothing to do: {plan.unchanged} resources are right already."
     counts = plan.counts()
-    parts = [f"{counts[action.name.lower()]} {word}" for action, word in _WORDS.items() if counts[action.name.lower()]]
+    parts = [f"{counts[action.name.lower()]} {word}" for action, word in WORDS.items() if counts[action.name.lower()]]
     return f"Plan: {', '.join(parts)}; {plan.unchanged} unchanged."
 
 
@@ -59,12 +51,13 @@ def _lines(plan: Plan, commands: bool) -> Iterator[str]:
     if plan.assignment:
         yield ""
         yield from _assignment(plan)
-    for host in sorted({step.host for step in plan.steps}):
+    by_robot: dict[str, list[Step]] = {}
+    for step in plan.steps:
+        by_robot.setdefault(step.host, []).append(step)
+    for host, steps in sorted(by_robot.items()):
         yield ""
         yield host
-        for step in plan.steps:
-            if step.host == host:
-                yield from _step(step, commands)
+        yield from step_lines(steps, commands=commands)
     if plan.unreachable or plan.notes:
         yield ""
     for host, reason in sorted(plan.unreachable.items()):
@@ -81,27 +74,8 @@ def _lines(plan: Plan, commands: bool) -> Iterator[str]:
 def _assignment(plan: Plan) -> Iterator[str]:
     width = max(len(service) for service in plan.assignment)
     robots = max(len(robot) for robot in plan.assignment.values())
-    yield f"Placement (cost {plan.cost:.4f})"
+    # where nothing was to be chosen, a cost says nothing
+    yield f"Placement (cost {plan.cost:.4f})" if plan.chosen else "Placement"
     for service, robot in sorted(plan.assignment.items()):
-        cost = f"  cost {plan.costs[service]:.4f}" if service in plan.costs else ""
+        cost = f"  cost {plan.costs[service]:.4f}" if plan.chosen and service in plan.costs else ""
         yield f"  {service:<{width}} -> {robot:<{robots}}{cost}".rstrip()
-
-
-def _step(step: Step, commands: bool) -> Iterator[str]:
-    symbol = step.change.action.value
-    after = [f"#{number}" for number in step.needs]
-    after += [f"{need.id.rpartition('/')[0].split('/')[0]}'s {_short(need.id)} {need.condition}" for need in step.waits]
-    needs = f"  [after {', '.join(after)}]" if after else ""
-    danger = "  DATA IS LOST" if step.change.destructive else ""
-    yield f"  {symbol} #{step.number} {step.module} {step.name}: {step.change.cause}{danger}{needs}"
-    if commands:
-        for command in step.commands:
-            first, *rest = command.text().splitlines() or [""]
-            yield f"      $ {first}"
-            for line in rest:
-                yield f"        {line}"
-
-
-def _short(identity: str) -> str:
-    name = identity.rpartition(":")[2]
-    return name.rpartition(".")[2] or name

@@ -1,0 +1,73 @@
+"""Two sets of values -> what differs between them, as text for people. Pure.
+
+What comes from robots is untrusted: texts are cut, and a diff is bounded in what it reads and in what it shows.
+"""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+from collections.abc import Mapping
+
+from srprov.resource import Difference
+from srprov.wire import Query, Reply, quote
+
+HIDDEN = "secret, changed"
+MOST_READ = 64 << 10
+"""Bytes of an old file that are read to show what changes in it."""
+_MOST_LINES = 1500
+"""Lines of a file that are compared: what a robot says must not take minutes."""
+_MOST_SHOWN = 60
+"""Lines of a diff."""
+_LONGEST_LINE = 300
+_LONGEST_VALUE = 2000
+_NOT_TEXT = ("\0", "\ufffd")
+
+
+def compared(old: Mapping[str, str], new: Mapping[str, str]) -> tuple[Difference, ...]:
+    """Return the fields that have another value, by name; an empty value counts as none."""
+    pairs = ((field, old.get(field) or None, new.get(field) or None) for field in sorted({*old, *new}))
+    return tuple(
+        Difference(field=field, old=_cut(before, _LONGEST_VALUE), new=_cut(after, _LONGEST_VALUE))
+        for field, before, after in pairs
+        if before != after
+    )
+
+
+def read_start(path: str) -> Query:
+    """Return what to ask for the first bytes of a file, one more than are compared."""
+    return Query(command=f"head -c {MOST_READ + 1} {quote(path)} 2>/dev/null; :")
+
+
+def text_difference(field: str, old: Reply, new: str) -> Difference:
+    """Return how the content of a file changes: a unified diff, or why there is none; `old` is from `read_start`."""
+    after = f"{len(new.encode('utf-8', 'replace'))} bytes"
+    if not old.ok:
+        return Difference(field=field, note=f"the old content was not read; new: {after}")
+    if any(mark in text for mark in _NOT_TEXT for text in (old.out, new)):
+        sha256 = hashlib.sha256(new.encode("utf-8", "surrogateescape")).hexdigest()
+        return Difference(field=field, note=f"no text; new: {after}, sha256 {sha256}")
+    if max(len(old.out.encode()), len(new.encode("utf-8", "replace"))) > MOST_READ:
+        return Difference(field=field, note=f"longer than {MOST_READ >> 10} KiB, not compared; new: {after}")
+    before_lines, after_lines = old.out.splitlines(keepends=True), new.splitlines(keepends=True)
+    if max(len(before_lines), len(after_lines)) > _MOST_LINES:
+        return Difference(field=field, note=f"more than {_MOST_LINES} lines, not compared; new: {after}")
+    return Difference(field=field, diff=_unified(before_lines, after_lines))
+
+
+def _unified(before: list[str], after: list[str]) -> tuple[str, ...]:
+    """Return the hunks of a unified diff; a last line without an end is said to have none, as diff(1) does."""
+    lines: list[str] = []
+    for line in list(difflib.unified_diff(before, after, n=2))[2:]:
+        lines.append(_cut(line.rstrip("\r\n"), _LONGEST_LINE) or "")
+        if not line.startswith("@@") and not line.endswith(("\n", "\r")):
+            lines.append("\\ no newline at the end")
+    if len(lines) > _MOST_SHOWN:
+        return (*lines[:_MOST_SHOWN], f"\\ and {len(lines) - _MOST_SHOWN} more lines")
+    return tuple(lines)
+
+
+def _cut(text: str | None, most: int) -> str | None:
+    if text is None or len(text) <= most:
+        return text
+    return f"{text[: most - 1]}… ({len(text)} characters)"

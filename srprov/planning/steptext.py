@@ -1,0 +1,112 @@
+"""The steps of a plan as lines: each with its cause and the values that it changes; plumbing folded away. Pure."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator, Sequence
+
+from srprov.errors import visible
+from srprov.modules import MODULES
+from srprov.planning.plan import Step
+from srprov.resource import Action, Difference
+
+WORDS = {
+    Action.CREATE: "to add",
+    Action.UPDATE: "to change",
+    Action.REPLACE: "to replace",
+    Action.DELETE: "to remove",
+    Action.RUN: "to run",
+}
+NOT_SET = "(not set)"
+_LONGEST = 160
+"""Characters of a value in a line."""
+_BARE = re.compile(r"[!-~](?:[ -~]*[!-~])?")
+
+
+def is_plumbing(step: Step) -> bool:
+    """Return whether a step is about what srprov makes for itself, and loses nothing."""
+    return MODULES[step.module].is_plumbing(step.name) and not step.change.destructive
+
+
+def step_lines(steps: Sequence[Step], *, commands: bool) -> Iterator[str]:
+    """Return the lines of one robot's steps. `commands` adds what each runs, exactly, and folds nothing."""
+    folded = [] if commands else [step for step in steps if is_plumbing(step)]
+    hidden = {step.number for step in folded}
+    for step in steps:
+        if step.number not in hidden:
+            yield from _step(step, commands)
+    if folded:
+        yield f"  {_symbol(folded)} {plumbing(folded)}"
+
+
+def plumbing(steps: Sequence[Step]) -> str:
+    """Return in one line what steps of plumbing do, e.g. `#3, #5-#7 srprov's own file, vxlan: 4 to add`."""
+    counts = {word: sum(step.change.action is action for step in steps) for action, word in WORDS.items()}
+    parts = [f"{count} {word}" for word, count in counts.items() if count]
+    kinds = ", ".join(sorted({step.module for step in steps}))
+    return f"{numbers([step.number for step in steps])} srprov's own {kinds}: {', '.join(parts)}"
+
+
+def numbers(found: Sequence[int]) -> str:
+    """Return step numbers as ranges, such as `#3, #5-#7`."""
+    shown: list[str] = []
+    first = last = 0
+    for number in [*sorted(found), 0]:
+        if number == last + 1 and last:
+            last = number
+            continue
+        if last:
+            shown.append(
+                f"#{first}" if first == last else f"#{first}, #{last}" if last == first + 1 else f"#{first}-#{last}"
+            )
+        first = last = number
+    return ", ".join(shown)
+
+
+def difference_lines(one: Difference) -> Iterator[str]:
+    """Return a changed value as lines: `field: old -> new`, a note, or a diff below the field's name."""
+    field = visible(one.field)
+    if one.diff:
+        yield f"{field}:"
+        yield from (f"  {visible(line)}" for line in one.diff)
+    elif one.note:
+        yield f"{field}: {visible(one.note)}"
+    else:
+        yield f"{field}: {value(one.old)} -> {value(one.new)}"
+
+
+def value(text: str | None) -> str:
+    """Return a value as it stands in a line: what could be misread is in quotes, as JSON has it."""
+    if text is None:
+        return NOT_SET
+    plain = _BARE.fullmatch(text) and text != NOT_SET and " -> " not in text
+    shown = visible(text) if plain else visible(json.dumps(text, ensure_ascii=False))
+    return shown if len(shown) <= _LONGEST else f"{shown[: _LONGEST - 1]}…"
+
+
+def _symbol(steps: Sequence[Step]) -> str:
+    symbols = {step.change.action.value for step in steps}
+    return symbols.pop() if len(symbols) == 1 else Action.UPDATE.value
+
+
+def _step(step: Step, commands: bool) -> Iterator[str]:
+    symbol = step.change.action.value
+    after = [f"#{number}" for number in step.needs]
+    after += [f"{need.id.rpartition('/')[0].split('/')[0]}'s {_short(need.id)} {need.condition}" for need in step.waits]
+    needs = f"  [after {', '.join(after)}]" if after else ""
+    danger = "  DATA IS LOST" if step.change.destructive else ""
+    yield f"  {symbol} #{step.number} {step.module} {step.name}: {step.change.cause}{danger}{needs}"
+    for one in step.differences:
+        yield from (f"      {line}" for line in difference_lines(one))
+    if commands:
+        for command in step.commands:
+            first, *rest = command.text().splitlines() or [""]
+            yield f"      $ {first}"
+            for line in rest:
+                yield f"        {line}"
+
+
+def _short(identity: str) -> str:
+    name = identity.rpartition(":")[2]
+    return name.rpartition(".")[2] or name
