@@ -28,6 +28,15 @@ if TYPE_CHECKING:
     from srprov.session import Pulse
 
 
+def _expected(_context: click.Context, _option: click.Parameter, text: str) -> str:
+    """Refuse what is no hash before a robot is asked."""
+    if not text:
+        return ""
+    from srprov.planning.planhash import expected_hash
+
+    return expected_hash(text)
+
+
 @click.command()
 @click.argument("file", metavar="FILE")
 @options.robots
@@ -49,15 +58,19 @@ if TYPE_CHECKING:
 @click.option("--no-probe", is_flag=True, help="Do not try the overlay after a change on it.")
 @click.option("--signers", type=click.Path(exists=True, dir_okay=False), default=None, metavar="FILE",
               help="Only a plan that one of them signed: an allowed_signers file, see ssh-keygen(1).")  # fmt: skip
+@click.option("--expect", default="", metavar="HASH", callback=_expected,
+              help="Do only the plan that `srprov plan` showed with this hash; refuse others with 6.")  # fmt: skip
 @output_options.EVENTS
 @output_options.QUIET
-@click.option("-v", "--verbose", is_flag=True, help="Show the exact commands of each step.")
+@click.option(
+    "-v", "--verbose", is_flag=True, help="Show the exact commands of each step, and steps of plumbing one by one."
+)
 @click.option("--no-color", is_flag=True, help="Plain text; so does NO_COLOR.")
 def apply(
     file: str, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, limit: str, exclude: str,
     request: PlanRequest, unreachable: str, yes: bool, wait_timeout: float, settle: float, events: TextIO | None,
     verbose: bool, no_color: bool, lock_wait: float, stop_timeout: float, pulse: Pulse, runs: Path | None,
-    max_fail: str, signers: str | None, locked: bool, no_probe: bool,
+    max_fail: str, signers: str | None, locked: bool, no_probe: bool, expect: str,
 ) -> int:  # fmt: skip
     """Change the robots so that the experiment runs on them. FILE is an EDF, or a plan that `srprov plan -o` wrote.
 
@@ -85,7 +98,8 @@ def apply(
         lock_wait = inputs.waited(fleet, name, lock_wait, chosen)
         planned = _planned(source, fleet, request, secrets.vault, phases, signed=bool(signers)).limited(chosen)
         if not as_json and not (yes and output_options.is_quiet()):
-            show_plan(planned.plan, None, verbose=verbose)
+            show_plan(planned.plan, None, verbose=verbose, color=not no_color)
+        _check_expected(planned, expect)
         permit_run(planned.plan, request.allowed, inventory, request.policies)
         confirm(planned.plan, yes, stop_timeout)
         planned = secrets.read(planned)
@@ -97,6 +111,14 @@ def apply(
             probing=None if no_probe else _probing(planned),
         )  # fmt: skip
         return carry_out(planned, fleet, how, phases, as_json=as_json, events=events, color=not no_color, runs=runs)
+
+
+def _check_expected(planned: Planned, expected: str) -> None:
+    """Refuse another plan than the one that somebody reviewed."""
+    if expected:
+        from srprov.planning.planhash import check_hash
+
+        check_hash(planned.plan, expected)
 
 
 def _probing(planned: Planned) -> Probing | None:

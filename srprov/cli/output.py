@@ -63,6 +63,12 @@ def out(text: str) -> None:
     click.echo(clean(text))
 
 
+def out_painted(text: str, paint: Callable[[str], str]) -> None:
+    """Print an answer, on a terminal with colors: `paint` adds them to the clean text."""
+    shown = clean(text)
+    click.echo(paint(shown) if wants_color(sys.stdout) else shown)
+
+
 def out_anew(text: str) -> None:
     """Print an answer in the place of the one before it on a terminal, elsewhere below it, after an empty line."""
     if sys.stdout.isatty():

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from srprov import private
 from srprov.cli import inputs, key_options, options
 from srprov.cli.codes import DIFFERENCES, UNREACHABLE
-from srprov.cli.output import err, out, out_json
+from srprov.cli.output import err, out, out_json, out_painted
 from srprov.cli.output_options import writable
 from srprov.cli.stdout_guard import answers_only
 from srprov.cli.target_options import targeting
@@ -46,7 +46,9 @@ if TYPE_CHECKING:
     "--sign", type=click.Path(exists=True, dir_okay=False), default=None, metavar="KEY",
     help="Sign the plan with this SSH key, into FILE.sig, for `apply --signers`.",
 )  # fmt: skip
-@click.option("-v", "--verbose", is_flag=True, help="Show the exact commands of each step.")
+@click.option(
+    "-v", "--verbose", is_flag=True, help="Show the exact commands of each step, and steps of plumbing one by one."
+)
 def plan(
     file: str, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, limit: str, exclude: str,
     runs: Path | None, request: PlanRequest, unreachable: str, detailed_exitcode: bool, form: str, target: str | None,
@@ -80,15 +82,15 @@ def plan(
         planned = only_targets(make_plan(definitions, look, request, vault), request.targets).limited(chosen)
     from srprov.controller.saved import kept_plan
     from srprov.planning.markdown import plan_markdown
-    from srprov.planning.plan import plan_json
+    from srprov.planning.planhash import shown_json
 
     made = planned.plan
     if target:
         write_plan(target, kept_plan(planned), vault, definitions.variables, sign)
     if form == "markdown" and not as_json:
-        out(plan_markdown(made).rstrip())
+        out(plan_markdown(made, commands=verbose).rstrip())
     else:
-        show_plan(made, plan_json(made) if as_json or form == "json" else None, verbose=verbose)
+        show_plan(made, shown_json(made) if as_json or form == "json" else None, verbose=verbose)
     if made.unreachable and unreachable == "fail":
         return UNREACHABLE
     return DIFFERENCES if detailed_exitcode and (not made.empty or planned.amiss) else 0
@@ -149,12 +151,17 @@ def write_plan(
             ) from error
 
 
-def show_plan(made: Plan, as_json: Mapping[str, Any] | None, *, verbose: bool) -> None:
+def show_plan(made: Plan, as_json: Mapping[str, Any] | None, *, verbose: bool, color: bool = True) -> None:
     """Print a plan as text, or as JSON with a one-line summary beside it."""
+    from srprov.cli.plan_colors import painted
+    from srprov.planning.planhash import plan_hash
     from srprov.planning.text import plan_text, summary
 
     if as_json is None:
-        out(plan_text(made, commands=verbose).rstrip())
+        text = plan_text(made, commands=verbose).rstrip()
+        out_painted(text, painted if color else str)
+        if not made.empty:
+            out(f"Its hash, for `apply --expect`: {plan_hash(made)}")
     else:
         out_json(as_json)
         err(summary(made))

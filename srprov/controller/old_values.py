@@ -183,11 +183,13 @@ def _without(side: str | None, *, prose: bool) -> str | None:
     return suspicion.masked(known) if prose and known == side else known
 
 
-def as_reviewed(live: Step, filed: Step) -> Step:
+def as_reviewed(live: Step, filed: Step | None) -> Step:
     """Return a step that was derived from a plan file with what the file hides of its old values.
 
     Whoever applies the file does not know the secrets yet by which they were hidden.
     """
+    if filed is None:
+        return live
     hidden = {one.field: one for one in filed.differences if one.note == _IN_FILE or MASK in (one.old or "")}
     kept = tuple(
         hidden[one.field] if one.field in hidden and hidden[one.field].new in (one.new, None) else one

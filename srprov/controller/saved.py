@@ -17,12 +17,14 @@ from srprov.controller.authority import check_copies, check_underlay, wants_of
 from srprov.controller.data_owner import check_saved, remember_owner
 from srprov.controller.data_sets import refuse_files
 from srprov.controller.fleet import Fleet
+from srprov.controller.old_values import as_reviewed, with_differences
 from srprov.controller.ownership import check_source, looking, owned
 from srprov.controller.permissions import require_decided
 from srprov.controller.plan import Planned
 from srprov.controller.plan_proof import check_claim, proved, provers
+from srprov.controller.staleness import refuse_stale
 from srprov.definitions.model import NetworkSettings
-from srprov.errors import StalePlan, UsageError
+from srprov.errors import UsageError
 from srprov.facts.gather import Detail, Gathering
 from srprov.facts.model import Snapshot
 from srprov.modules import PROBING
@@ -120,34 +122,20 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False, signed: bo
     wants = wants_of(saved)
     with Gathering(part, fleet.sessions.get, engine=True, forks=fleet.forks) as look:
         snapshot = look.probe(look.closer(Detail.ENGINE), wants)
-    _refuse_stale(saved, wants, snapshot)
-    owners = provers(saved)
-    check_saved(saved.plan, wants, snapshot, owners)
-    check_source(snapshot, saved.plan.instance, saved.plan.source, adopt=adopt)
-    if not owners:
-        check_copies(saved, known_images())
-        refuse_files(wants)
-        check_underlay(saved, {facts.underlay_address for facts in snapshot.facts.values()})
-        if not adopt and not signed:
-            check_claim(saved, snapshot)
-    _check_networks(wants, saved.plan.instance, snapshot)
-    steps = _derived(saved, wants, snapshot)
+        refuse_stale(saved, wants, snapshot, look)
+        owners = provers(saved)
+        check_saved(saved.plan, wants, snapshot, owners)
+        check_source(snapshot, saved.plan.instance, saved.plan.source, adopt=adopt)
+        if not owners:
+            check_copies(saved, known_images())
+            refuse_files(wants)
+            check_underlay(saved, {facts.underlay_address for facts in snapshot.facts.values()})
+            if not adopt and not signed:
+                check_claim(saved, snapshot)
+        _check_networks(wants, saved.plan.instance, snapshot)
+        steps = _derived(saved, wants, snapshot, look)
     unreachable = {**saved.plan.unreachable, **snapshot.unreachable}
     return Planned(plan=replace(saved.plan, steps=steps, unreachable=unreachable), saved=saved)
-
-
-def _refuse_stale(saved: PlanFile, wants: tuple[Resource, ...], snapshot: Snapshot) -> None:
-    now = fingerprints(saved.plan, snapshot, wants, saved.fingerprints)
-    moved = [
-        f"{host}: {difference}"
-        for host in sorted(now)
-        for difference in differences(saved.fingerprints[host], now[host])
-    ]
-    if moved:
-        raise StalePlan(
-            "robots changed since the plan was made:\n" + "\n".join(f"  {line}" for line in moved),
-            hint="plan again, review it again, then apply that",
-        )
 
 
 def _check_networks(wants: tuple[Resource, ...], instance: str, snapshot: Snapshot) -> None:
@@ -158,7 +146,9 @@ def _check_networks(wants: tuple[Resource, ...], instance: str, snapshot: Snapsh
         identify(instance, NetworkSettings(subnet=subnet, vni=vni, port=port), snapshot, record)
 
 
-def _derived(saved: PlanFile, wants: tuple[Resource, ...], snapshot: Snapshot) -> tuple[Step, ...]:
+def _derived(
+    saved: PlanFile, wants: tuple[Resource, ...], snapshot: Snapshot, look: Gathering
+) -> tuple[Step, ...]:  # fmt: skip
     """Return the steps that follow from what a file wants; those of robots out of reach without commands."""
     away = saved.fingerprints.keys() - snapshot.facts.keys()
     # whether a secret that is there is right shows only when its value is read, after the question
@@ -173,7 +163,10 @@ def _derived(saved: PlanFile, wants: tuple[Resource, ...], snapshot: Snapshot) -
         steps = targeted(replace(plan, steps=steps), wants, saved.targets).steps
     if saved.limit:
         steps = limited(replace(plan, steps=steps), saved.limit).steps
-    changed = differences(_by_number(plan.steps), _by_number(steps))
+    filed = {step.number: step for step in plan.steps}
+    live = with_differences(steps, snapshot.observed, wants, look)
+    steps = tuple(as_reviewed(step, filed.get(step.number)) for step in live)
+    changed = differences(_by_number(plan.steps), _by_number(steps, filed))
     if changed:
         hint = "somebody changed it, or another version of srprov made it: plan again, review it again, apply that"
         raise UsageError(
@@ -186,12 +179,16 @@ def _derived(saved: PlanFile, wants: tuple[Resource, ...], snapshot: Snapshot) -
     return tuple(replace(step, change=mute.get(step.number, step.change)) for step in steps)
 
 
-def _by_number(steps: tuple[Step, ...]) -> Mapping[str, object]:
-    """Return what two plans must agree on: all but causes that only a secret's value, or a check just now, tells."""
-    told = {
-        f"step {step.number}": {**step_out(step, {}), "cause": "" if _varies(step) else step.change.cause}
-        for step in steps
-    }
+def _by_number(steps: tuple[Step, ...], filed: Mapping[int, Step] | None = None) -> Mapping[str, object]:
+    """Return what two plans must agree on: all but causes that only a secret's value, or a check just now, tells.
+
+    Of the steps of `filed` that tell no values, as in files of older versions, no other ones do.
+    """
+    told = {}
+    for step in steps:
+        silent = filed is not None and (other := filed.get(step.number)) is not None and not other.differences
+        out = step_out(replace(step, differences=()) if silent else step, {})
+        told[f"step {step.number}"] = {**out, "cause": "" if _varies(step) else step.change.cause}
     return {**told, "order": list(told)}
 
 

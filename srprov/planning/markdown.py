@@ -1,23 +1,62 @@
 """A plan as Markdown, for a comment on a pull request. Pure.
 
-Names and causes come from robots and files: whatever could end a table cell or begin markup is escaped.
+Names, causes and values come from robots and files: whatever could end a table cell or begin markup is escaped, and
+values stand in fences that none of them can end. Steps that are equal but for their robot share a row. The text stays
+below what a comment may have: what does not fit is counted.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Sequence
+
+import msgspec
 
 from srprov.errors import visible
-from srprov.planning.plan import Plan
+from srprov.planning.plan import Plan, Step
+from srprov.planning.planhash import plan_hash
+from srprov.planning.steptext import difference_lines, is_plumbing, numbers, own, value
 from srprov.planning.text import summary
+from srprov.resource import Difference
 
+LONGEST = 60_000
+"""Characters: GitHub takes 65,536 in a comment, and whoever posts it adds some."""
+_FOR_THE_END = 1_000
+"""Characters that are kept for what says how much is missing."""
 _MARKUP = re.compile(r"([\\`*_{}\[\]()<>#+\-!|~@&$^])")
+_MOST_ROBOTS = 12
+"""Names, or ranges of numbers, in a cell."""
 
 
-def plan_markdown(plan: Plan) -> str:
-    """Return the plan as Markdown: the summary first, the steps in a table that folds away."""
-    return "\n".join(_lines(plan)) + "\n"
+class _Group(msgspec.Struct, frozen=True):
+    """Steps that do the same on several robots."""
+
+    steps: tuple[Step, ...]
+
+    @property
+    def first(self) -> Step:
+        """One that stands for all."""
+        return self.steps[0]
+
+    @property
+    def robots(self) -> str:
+        """Their robots, the first few by name."""
+        return _few([escaped(step.host) for step in self.steps])
+
+
+def plan_markdown(plan: Plan, *, commands: bool = False) -> str:
+    """Return the plan as Markdown: the summary first, then values, then all steps in a table that folds away.
+
+    With `commands`, what srprov makes for itself has a row of its own too.
+    """
+    head = [*_head(plan)]
+    text = _fitted(head, LONGEST - _FOR_THE_END, "lines")
+    groups = _groups(step for step in plan.steps if commands or not is_plumbing(step))
+    left = LONGEST - _FOR_THE_END - len(text)
+    table = _fitted(_rows(groups), left * 2 // 3, "rows") if plan.steps else ""
+    values = _fitted(_values(groups), left - len(table), "changed values")
+    folded = [] if commands else [step for step in plan.steps if is_plumbing(step)]
+    return text + values + (_folding(plan, table, folded) if plan.steps else "")
 
 
 def escaped(text: str) -> str:
@@ -25,8 +64,21 @@ def escaped(text: str) -> str:
     return _MARKUP.sub(r"\\\1", visible(" ".join(text.split())))
 
 
-def _lines(plan: Plan) -> Iterator[str]:
+def _fitted(pieces: Iterable[str], most: int, what: str) -> str:
+    """Return pieces, each of whole lines, as long as they fit, and how many of them did not."""
+    shown, size, missing = [], 0, 0
+    for piece in pieces:
+        size += len(piece) + 1
+        if missing or size > most:
+            missing += 1
+        else:
+            shown.append(f"{piece}\n")
+    return "".join(shown) + (f"\n*… and {missing} more {what}: `srprov plan` shows them.*\n\n" if missing else "")
+
+
+def _head(plan: Plan) -> Iterator[str]:
     yield f"### srprov plan: {escaped(plan.instance)}"
+    yield f"<!-- srprov-plan sha256:{plan_hash(plan)} -->"
     yield ""
     yield f"**{summary(plan)}**"
     yield ""
@@ -48,25 +100,71 @@ def _lines(plan: Plan) -> Iterator[str]:
     if plan.permissions or plan.playbooks or plan.data or plan.unreachable or plan.notes:
         yield ""
     if plan.assignment:
-        yield "| service | robot | cost |"
-        yield "|---|---|---|"
-        for service, robot in sorted(plan.assignment.items()):
-            cost = f"{plan.costs[service]:.4f}" if service in plan.costs else ""
-            yield f"| {escaped(service)} | {escaped(robot)} | {cost} |"
-        yield ""
-    if plan.steps:
-        yield from _steps(plan)
+        yield from _placement(plan)
 
 
-def _steps(plan: Plan) -> Iterator[str]:
-    yield f"<details><summary>{len(plan.steps)} steps</summary>"
+def _placement(plan: Plan) -> Iterator[str]:
+    costs = plan.costs if plan.chosen else {}
+    yield "| service | robot | cost |" if costs else "| service | robot |"
+    yield "|---|---|---|" if costs else "|---|---|"
+    for service, robot in sorted(plan.assignment.items()):
+        cost = f" {costs[service]:.4f} |" if service in costs else " |" if costs else ""
+        yield f"| {escaped(service)} | {escaped(robot)} |{cost}"
     yield ""
-    yield "| # | robot | | what | cause | after |"
-    yield "|---|---|---|---|---|---|"
-    for step in plan.steps:
-        what = escaped(f"{step.module} {step.name}")
-        after = ", ".join(f"{number}" for number in step.needs)
+
+
+def _few(names: Sequence[str]) -> str:
+    more = f" and {len(names) - _MOST_ROBOTS} more" if len(names) > _MOST_ROBOTS else ""
+    return ", ".join(names[:_MOST_ROBOTS]) + more
+
+
+def _groups(steps: Iterable[Step]) -> list[_Group]:
+    found: dict[object, list[Step]] = {}
+    for step in steps:
+        change = step.change
+        key = (change.action, step.module, step.name, change.cause, change.destructive, step.differences)
+        found.setdefault(key, []).append(step)
+    return [_Group(tuple(few)) for few in found.values()]
+
+
+def _values(groups: Iterable[_Group]) -> Iterator[str]:
+    """Return a piece per group that changes values."""
+    for group in groups:
+        if group.first.differences:
+            lines = [line for one in group.first.differences for line in _changed(one)]
+            fence = "`" * max(3, 1 + max(len(run) for line in lines for run in re.findall("`*", line)))
+            title = f"**{escaped(group.first.module)} {escaped(group.first.name)}** on {group.robots}"
+            yield "\n".join([title, "", f"{fence}diff", *lines, fence, ""])
+
+
+def _changed(one: Difference) -> Iterator[str]:
+    """Return a changed value as lines that a highlighter of diffs colours."""
+    if one.diff or one.note:
+        first, *diff = difference_lines(one)
+        yield f"! {first}"
+        yield from (line[2:] for line in diff)
+        return
+    if one.old is not None:
+        yield f"- {visible(one.field)}: {value(one.old)}"
+    if one.new is not None:
+        yield f"+ {visible(one.field)}: {value(one.new)}"
+
+
+def _rows(groups: Iterable[_Group]) -> Iterator[str]:
+    """Return a row per group."""
+    for group in groups:
+        step = group.first
         cause = escaped(step.change.cause) + (" **data is lost**" if step.change.destructive else "")
-        yield f"| {step.number} | {escaped(step.host)} | `{step.change.action.value}` | {what} | {cause} | {after} |"
-    yield ""
-    yield "</details>"
+        what = escaped(f"{step.module} {step.name}")
+        listed = _few(numbers([one.number for one in group.steps]).replace("#", "").split(", "))
+        yield f"| {listed} | {group.robots} | `{step.change.action.value}` | {what} | {cause} |"
+
+
+def _folding(plan: Plan, table: str, folded: list[Step]) -> str:
+    head = [f"<details><summary>{len(plan.steps)} steps</summary>", ""]
+    if table:
+        head += ["| # | robots | | what | cause |", "|---|---|---|---|---|", table.rstrip("\n")]
+    if folded:
+        robots = len({step.host for step in folded})
+        head += ["", f"On {robots} robot{'s' * (robots != 1)}, {escaped(own(folded))}"]
+    return "\n".join([*head, "", "</details>"]) + "\n"

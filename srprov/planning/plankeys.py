@@ -68,8 +68,8 @@ class DifferenceKeys(msgspec.Struct, frozen=True, kw_only=True):
     """One changed value: `old` and `new`, or one of `note` and `diff`."""
 
     field: AnyText
-    old: AnyText | None = None
-    new: AnyText | None = None
+    old: str | None = None
+    new: str | None = None
     note: AnyText = AnyText("")
     diff: tuple[AnyText, ...] = ()
 

@@ -18,8 +18,8 @@ from srprov.modules import MODULES, RUNNING
 from srprov.modules.params import read_params
 from srprov.planning.plan import Plan, Step
 from srprov.planning.planfile import FORMAT, MAX_CHARACTERS, PlanFile, differences, document, pieces
-from srprov.planning.plankeys import CommandKeys, Document, SecretKeys, StepKeys, WantKeys
-from srprov.resource import Action, Change, Condition, Need, Observed, Resource
+from srprov.planning.plankeys import CommandKeys, DifferenceKeys, Document, SecretKeys, StepKeys, WantKeys
+from srprov.resource import Action, Change, Condition, Difference, Need, Observed, Resource
 from srprov.untrusted import parse_json
 from srprov.wire import Command, CopyImage, CopyVolume, EngineCall, Put, Run, SendData
 
@@ -144,7 +144,12 @@ def _step(read: StepKeys, blobs: Mapping[str, bytes]) -> Step:
         found=Observed(module=read.module, name=read.name, instance=found.instance, state=found.state)
         if found
         else None,
+        differences=tuple(_difference(one) for one in read.differences),
     )
+
+
+def _difference(read: DifferenceKeys) -> Difference:
+    return Difference(field=read.field, old=read.old, new=read.new, note=read.note, diff=read.diff)
 
 
 def _check_needs(needs: Sequence[Need]) -> None:

@@ -37,15 +37,14 @@ def step_lines(steps: Sequence[Step], *, commands: bool) -> Iterator[str]:
         if step.number not in hidden:
             yield from _step(step, commands)
     if folded:
-        yield f"  {_symbol(folded)} {plumbing(folded)}"
+        yield f"  {_symbol(folded)} {numbers([step.number for step in folded])} {own(folded)}"
 
 
-def plumbing(steps: Sequence[Step]) -> str:
-    """Return in one line what steps of plumbing do, e.g. `#3, #5-#7 srprov's own file, vxlan: 4 to add`."""
+def own(steps: Sequence[Step]) -> str:
+    """Return in words what steps of plumbing do, e.g. `srprov's own file, vxlan: 4 to add`."""
     counts = {word: sum(step.change.action is action for step in steps) for action, word in WORDS.items()}
     parts = [f"{count} {word}" for word, count in counts.items() if count]
-    kinds = ", ".join(sorted({step.module for step in steps}))
-    return f"{numbers([step.number for step in steps])} srprov's own {kinds}: {', '.join(parts)}"
+    return f"srprov's own {', '.join(sorted({step.module for step in steps}))}: {', '.join(parts)}"
 
 
 def numbers(found: Sequence[int]) -> str:
