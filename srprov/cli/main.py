@@ -33,6 +33,7 @@ _VERBS = {
     "lock": "Write down what tags and branches are now, for plan and apply.",
     "build": "Bring images to the robots ahead of apply, or show their Dockerfiles.",
     "plan": "Show what would change; changes nothing.",
+    "diff": "Show what a change of an EDF would change; no robot is asked.",
     "apply": "Change the robots so that the experiment runs on them.",
     "trials": "List the experiment's trials; no robot is asked.",
     "run": "Run the experiment's trials, and bring home what they give.",

@@ -151,8 +151,10 @@ def write_plan(
             ) from error
 
 
-def show_plan(made: Plan, as_json: Mapping[str, Any] | None, *, verbose: bool, color: bool = True) -> None:
-    """Print a plan as text, or as JSON with a one-line summary beside it."""
+def show_plan(
+    made: Plan, as_json: Mapping[str, Any] | None, *, verbose: bool, color: bool = True, reviewed: bool = True
+) -> None:  # fmt: skip
+    """Print a plan as text, or as JSON with a one-line summary beside it; with its hash if it can be `reviewed`."""
     from srprov.cli.plan_colors import painted
     from srprov.planning.planhash import plan_hash
     from srprov.planning.text import plan_text, summary
@@ -160,7 +162,7 @@ def show_plan(made: Plan, as_json: Mapping[str, Any] | None, *, verbose: bool, c
     if as_json is None:
         text = plan_text(made, commands=verbose).rstrip()
         out_painted(text, painted if color else str)
-        if not made.empty:
+        if reviewed and not made.empty:
             out(f"Its hash, for `apply --expect`: {plan_hash(made)}")
     else:
         out_json(as_json)

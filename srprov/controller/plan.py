@@ -107,11 +107,12 @@ class Planned(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def make_plan(
-    definitions: Definitions, look: Gathering, request: PlanRequest, vault: Vault, phases: Phases | None = None
+    definitions: Definitions, look: Gathering, request: PlanRequest, vault: Vault | None, phases: Phases | None = None
 ) -> Planned:
     """Read the robots and say what would make the experiment true.
 
-    `look` has begun to ask them; `vault` has the values of the experiment's secrets; `phases` is the clock of the run.
+    `look` has begun to ask them; `vault` has the values of the experiment's secrets, None if they are not wanted;
+    `phases` is the clock of the run.
 
     Raises:
         DefinitionError: The files name what was not fetched, or for robots that are not in the inventory.
@@ -196,16 +197,16 @@ def _inputs(
     return inputs
 
 
-def _desired(inputs: RenderInputs, theirs: Sequence[Playbook], vault: Vault) -> tuple[Resource, ...]:
+def _desired(inputs: RenderInputs, theirs: Sequence[Playbook], vault: Vault | None) -> tuple[Resource, ...]:
     """Return what should be true on all robots; only after rendering a secret gets its value."""
     per_robot, blobs = contexts(inputs)
     rendered = rendering.render_all(playbooks(), theirs, per_robot, modules=MODULES, blobs=blobs)
     wanted = images_alone(rendered) if inputs.images_only else rendered
-    return tuple(with_value(resource, vault) for resource in wanted)
+    return tuple(wanted) if vault is None else tuple(with_value(resource, vault) for resource in wanted)
 
 
 def _compared(
-    inputs: RenderInputs, theirs: Sequence[Playbook], vault: Vault, look: Gathering
+    inputs: RenderInputs, theirs: Sequence[Playbook], vault: Vault | None, look: Gathering
 ) -> tuple[Snapshot, tuple[Resource, ...], tuple[Step, ...], int]:
     """Return the robots as seen last, what should be true there, the steps to it, and how much is right already."""
     desired = _desired(inputs, theirs, vault)

@@ -29,7 +29,7 @@ _SECOND_NS = 1_000_000_000
 _FROM_IMAGE = ("command", "environment", "healthcheck", "labels")
 """Parts that an image brings along."""
 _ALSO_FROM_IMAGE = ("user", "working_dir", "stop_signal", "expose")
-_FILLED_IN = {"shm_size": ("67108864",), "ipc": ("private", "shareable"), "runtime": ("runc",),
+_FILLED_IN = {"shm_size": ("64m",), "ipc": ("private", "shareable"), "runtime": ("runc",),
               "restart": ("no",), "security_opt": ("label=disable",)}  # fmt: skip
 """Field -> what an engine puts there when nothing was said."""
 
@@ -142,8 +142,7 @@ def _options(config: Mapping[str, Any], host: Mapping[str, Any]) -> dict[str, st
         for one in mappings(host.get("Ulimits"))
     ]
     texts = {"Hostname": "hostname", "WorkingDir": "working_dir", "User": "user", "StopSignal": "stop_signal"}
-    numbers = {"ShmSize": "shm_size", "Memory": "mem_limit", "MemoryReservation": "mem_reservation",
-               "PidsLimit": "pids_limit"}  # fmt: skip
+    sizes = {"ShmSize": "shm_size", "Memory": "mem_limit", "MemoryReservation": "mem_reservation"}
     return {
         **{name: string(config.get(key)) for key, name in texts.items()},
         "stop_grace_period": _number(config.get("StopTimeout"), "s"),
@@ -153,7 +152,8 @@ def _options(config: Mapping[str, Any], host: Mapping[str, Any]) -> dict[str, st
         "ulimits": ", ".join(limits),
         "ipc": string(host.get("IpcMode")),
         **{f"tmpfs.{path}": value or "no options" for path, value in string_map(host.get("Tmpfs")).items()},
-        **{name: _number(host.get(key)) for key, name in numbers.items()},
+        **{name: _size(host.get(key)) for key, name in sizes.items()},
+        "pids_limit": _number(host.get("PidsLimit")),
         "cpus": f"{quota:g}" if quota else "",
         "cpuset": string(host.get("CpusetCpus")),
         "oom_score_adj": _number(host.get("OomScoreAdj")),
@@ -222,6 +222,15 @@ def _seconds(value: object) -> str:
 def _number(value: object, unit: str = "") -> str:
     number = integer(value, low=-(10**18))
     return f"{number}{unit}" if number > 0 or (number < 0 and not unit) else ""
+
+
+def _size(value: object) -> str:
+    """Return bytes as an EDF has them: `64m`."""
+    size = integer(value)
+    for unit, factor in (("g", 1 << 30), ("m", 1 << 20), ("k", 1 << 10)):
+        if size and size % factor == 0:
+            return f"{size // factor}{unit}"
+    return str(size) if size else ""
 
 
 def _flag(value: object) -> str:

@@ -78,7 +78,8 @@ def _fitted(pieces: Iterable[str], most: int, what: str) -> str:
 
 def _head(plan: Plan) -> Iterator[str]:
     yield f"### srprov plan: {escaped(plan.instance)}"
-    yield f"<!-- srprov-plan sha256:{plan_hash(plan)} -->"
+    if any(step.commands for step in plan.steps):  # else there is nothing to be done, or it cannot be
+        yield f"<!-- srprov-plan sha256:{plan_hash(plan)} -->"
     yield ""
     yield f"**{summary(plan)}**"
     yield ""
