@@ -19,9 +19,8 @@ from srprov.modules import MODULES
 from srprov.modules.differences import HIDDEN
 from srprov.modules.tree import TreeParams, between_trees, content_difference, content_queries, mounted_tree
 from srprov.planning.plan import Step
-from srprov.redaction import MASK
 from srprov.resource import Action, Difference, Observed, Resource
-from srprov.secret import redact
+from srprov.secret import MASK, redact
 from srprov.snapshot import suspicion
 from srprov.wire import AnyQuery, Reply
 
