@@ -56,5 +56,5 @@ def diff(
     if form == "markdown" and not as_json:
         out(plan_markdown(made, commands=verbose).rstrip())
     else:
-        show_plan(made, plan_json(made) if as_json or form == "json" else None, verbose=verbose, reviewed=False)
+        show_plan(made, plan_json(made) if as_json or form == "json" else None, verbose=verbose)
     return DIFFERENCES if detailed_exitcode and not made.empty else 0

@@ -90,7 +90,7 @@ def plan(
     if form == "markdown" and not as_json:
         out(plan_markdown(made, commands=verbose).rstrip())
     else:
-        show_plan(made, shown_json(made) if as_json or form == "json" else None, verbose=verbose)
+        show_plan(made, shown_json(made) if as_json or form == "json" else None, verbose=verbose, reviewed=True)
     if made.unreachable and unreachable == "fail":
         return UNREACHABLE
     return DIFFERENCES if detailed_exitcode and (not made.empty or planned.amiss) else 0
@@ -152,9 +152,12 @@ def write_plan(
 
 
 def show_plan(
-    made: Plan, as_json: Mapping[str, Any] | None, *, verbose: bool, color: bool = True, reviewed: bool = True
+    made: Plan, as_json: Mapping[str, Any] | None, *, verbose: bool, color: bool = True, reviewed: bool = False
 ) -> None:  # fmt: skip
-    """Print a plan as text, or as JSON with a one-line summary beside it; with its hash if it can be `reviewed`."""
+    """Print a plan as text, or as JSON with a one-line summary beside it.
+
+    One that is `reviewed`, and done later, has its hash, and a word on a placement that may be another one by then.
+    """
     from srprov.cli.plan_colors import painted
     from srprov.planning.planhash import plan_hash
     from srprov.planning.text import plan_text, summary
@@ -164,6 +167,8 @@ def show_plan(
         out_painted(text, painted if color else str)
         if reviewed and not made.empty:
             out(f"Its hash, for `apply --expect`: {plan_hash(made)}")
+        if reviewed and made.chosen:
+            out("The placement was chosen by how the robots are at this moment; `plan -o FILE` keeps it for `apply`.")
     else:
         out_json(as_json)
         err(summary(made))

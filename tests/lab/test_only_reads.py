@@ -144,7 +144,14 @@ def test_what_plans_only_reads_and_what_applies_does_not(listening: Listening, t
     lab, inventory = listening.lab, listening.inventory
     path = tmp_path / "read.edf"
     one = busybox("sh", "-c", "echo up; exec sleep 86400", environment={"WORD": "it's $(reboot)"}, volumes=["log:/log"])
+    for folder, text in (("conf", "a"), ("conf2", "b")):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "app.yml").write_text(text)
+    one["volumes"] += ["./conf:/conf", "./conf/app.yml:/app.yml"]
     path.write_text(edf("read", {"one": one}), encoding="utf-8")
+    mounts = ["log:/log", "./conf2:/conf", "./conf2/app.yml:/app.yml"]
+    changed = {**one, "volumes": mounts, "environment": {"WORD": "other"}}
+    path.with_name("changed.edf").write_text(edf("read", {"one": changed}), encoding="utf-8")
     path.with_name("other.edf").write_text(edf("other", {"one": one}), encoding="utf-8")
     looks = [
         ("validate", str(path)),
@@ -215,6 +222,7 @@ def test_what_plans_only_reads_and_what_applies_does_not(listening: Listening, t
 
     lab.shell(ROBOT, "docker", "stop", "srprov.read.one")  # so that a plan has something to say
     look(
+        ("plan", str(path.with_name("changed.edf")), "-i", inventory, "--adopt"),
         ("logs", str(path), "-i", inventory),
         ("wait", str(path), "-i", inventory, "--until", "log:one=^up$", "--wait-timeout", "60"),
     )

@@ -32,6 +32,7 @@ PRINTED: Mapping[str, tuple[str, ...]] = {
     "compare": ("compare",),
     "config": ("config",),
     "destroy": ("run", "events"),
+    "diff": ("plan",),
     "doctor": ("doctor",),
     "explain": ("explain",),
     "export compose": ("export",),

@@ -1,0 +1,104 @@
+"""Values of files and containers that differ: bounded, and indifferent to what a robot says."""
+
+from __future__ import annotations
+
+import json
+import time
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from srprov.definitions.containermodel import Runtime
+from srprov.modules.container_params import ContainerParams, NetworkPlace
+from srprov.modules.container_values import differing_values, wanted_values
+from srprov.modules.differences import MOST_READ, compared, text_difference
+from srprov.modules.tree import content_difference, mounted_tree
+from srprov.resource import Difference
+from srprov.wire import Reply
+
+WANT = ContainerParams(
+    instance="i", source="s", service="web", image="busybox", hostname="web", job=False,
+    run=Runtime(environment={"RATE": "4"}), mounts=(), network=NetworkPlace(mode="none"), api="1.41",
+)  # fmt: skip
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.text(max_size=8),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=4), inner, max_size=3),
+    max_leaves=8,
+)
+KEYS = ("Id", "Config", "HostConfig", "NetworkSettings")
+INNER = ("Env", "Cmd", "Mounts", "PortBindings", "Healthcheck", "LogConfig", "Ulimits", "Labels", "Devices", "Tmpfs",
+         "RestartPolicy", "Networks", "DeviceRequests", "StopTimeout", "Memory", "ExposedPorts")  # fmt: skip
+
+
+@settings(max_examples=150)
+@given(about=st.dictionaries(st.sampled_from(KEYS), st.dictionaries(st.sampled_from(INNER), JSON) | JSON), image=JSON)
+def test_whatever_an_engine_says_gives_texts(about: Any, image: Any) -> None:
+    """Never an error; every value a text."""
+    replies = [Reply(status=200, out=json.dumps(one)) for one in (about, image)]
+    for found in differing_values(WANT, {"parts": {}}, replies):
+        assert isinstance(found.field, str)
+        assert all(isinstance(side, str | None) for side in (found.old, found.new))
+
+
+def test_without_the_image_nothing_that_it_may_have_brought_is_told() -> None:
+    """A variable that is there and not wanted may be the image's; one that is wanted is known."""
+    about = {"Id": "a" * 64, "Config": {"Image": "busybox", "Env": ["RATE=2", "PATH=/bin"], "Cmd": ["sh"]}}
+    replies = [Reply(status=200, out=json.dumps(about)), Reply(status=404, ok=False)]
+
+    found = differing_values(WANT, {"parts": {"environment": "x", "command": "x"}}, replies)
+
+    assert Difference(field="environment.RATE", old="2", new="4") in found
+    assert not [one for one in found if one.field in ("environment.PATH", "command")]
+
+
+def test_wanted_values_have_no_empty_part() -> None:
+    """The parts are those of the hashes, so that one leads to the other."""
+    from srprov.modules.container_body import parts_of
+
+    assert set(parts_of(WANT)) <= set(wanted_values(WANT))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "note"),
+    [
+        (Reply(status=1, ok=False), "a", "the old content was not read; new: 1 bytes"),
+        (Reply(status=0, out="a\ufffd"), "b", "no text; new: 1 bytes, sha256 3e23e816"),
+        (Reply(status=0, out="a" * (MOST_READ + 1)), "b", "longer than 64 KiB, not compared; new: 1 bytes"),
+        (Reply(status=0, out="a\n" * 1501), "b", "more than 1500 lines, not compared; new: 1 bytes"),
+    ],
+)
+def test_what_is_no_short_text_is_not_compared(old: Reply, new: str, note: str) -> None:
+    """It is said, with what is known of the new content."""
+    assert text_difference("content", old, new).note.startswith(note)
+
+
+def test_a_diff_is_short_and_quick() -> None:
+    """The worst that fits: other lines on both sides, and the same one again and again."""
+    begun = time.monotonic()
+    for line in ("x{}", "y"):
+        old = "".join(f"{line.format(n)}\n" for n in range(1500))
+        new = "".join(f"z{line.format(n)}\n" for n in range(1500))
+        found = text_difference("content", Reply(status=0, out=old), new)
+        assert len(found.diff) == 61
+        assert found.diff[-1].endswith(" more lines")
+    assert time.monotonic() - begun < 5
+    (added,) = [line for line in text_difference("c", Reply(status=0, out="a"), "b").diff if line.startswith("\\")][:1]
+    assert added == "\\ no newline at the end"
+
+
+def test_only_other_values_are_told() -> None:
+    """An empty one is none; a long one is cut."""
+    assert compared({"a": "1", "b": "", "c": "x"}, {"a": "1", "c": "y" * 3000, "d": "2"}) == (
+        Difference(field="c", old="x", new="y" * 1999 + "… (3000 characters)"),
+        Difference(field="d", old=None, new="2"),
+    )
+
+
+def test_a_tar_that_is_none_is_said_to_be() -> None:
+    """A plan file may hold any bytes."""
+    found = content_difference("volumes./f", "/p", (Reply(status=0), Reply(status=0)), b"x" * 600)
+    assert found.note.startswith("the new content is ")
+    assert mounted_tree("bind /var/lib/srprov/e/trees/" + "a" * 24 + "/.. (read-only)") == ("", "")
+    assert mounted_tree("bind /etc (read-only)") == mounted_tree(None) == ("", "")

@@ -1,0 +1,62 @@
+"""Lines of steps: numbers as ranges, values that cannot be misread, plumbing in one line."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+
+from srprov.planning.plan import Plan, Step
+from srprov.planning.steptext import difference_lines, numbers, value
+from srprov.planning.text import plan_text
+from srprov.resource import Action, Change, Difference
+from tests.hostile import texts, unprintable
+
+
+@pytest.mark.parametrize(
+    ("found", "shown"),
+    [([], ""), ([3], "#3"), ([4, 3], "#3, #4"), ([1, 2, 3, 7, 9, 10, 11], "#1-#3, #7, #9-#11")],
+)
+def test_numbers_are_ranges(found: list[int], shown: str) -> None:
+    """Three and more in a row are one."""
+    assert numbers(found) == shown
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        (None, "(not set)"), ("(not set)", '"(not set)"'), ("a b", "a b"), (" a", '" a"'), ("", '""'),
+        ("1 -> 2", '"1 -> 2"'), ("a\nb", '"a\\nb"'), ("é", '"é"'), ("x" * 200, "x" * 159 + "…"),
+    ],
+)  # fmt: skip
+def test_a_value_cannot_be_misread(text: str | None, shown: str) -> None:
+    """What looks like something else is in quotes; what is long is cut."""
+    assert value(text) == shown
+
+
+@given(field=texts, old=texts, new=texts)
+def test_no_value_writes_a_line_of_its_own(field: str, old: str, new: str) -> None:
+    """Whatever a robot says: one line each, and nothing unseen in it."""
+    lines = list(difference_lines(Difference(field=field, old=old, new=new)))
+    assert len(lines) == 1
+    assert len(list(difference_lines(Difference(field=field, diff=(old or "-", new or "+"))))) == 3
+    assert unprintable("\n".join(lines)) == []
+
+
+def made(number: int, module: str, name: str, *, destructive: bool = False) -> Step:
+    change = Change(action=Action.CREATE, cause="not there", destructive=destructive)
+    return Step(number=number, host="r1", module=module, name=name, change=change)
+
+
+def test_plumbing_is_one_line_of_its_robot_unless_commands_are_shown() -> None:
+    """A file of a user's playbook is none; what destroys data is never folded."""
+    steps = (
+        made(1, "file", "/var/lib/srprov/e/hosts-web"), made(2, "file", "/var/lib/srprov/e/mine.conf"),
+        made(3, "vxlan", "srpv1"), made(4, "vxlan", "srpv2", destructive=True),
+    )  # fmt: skip
+    plan = Plan(instance="e", source="s", steps=steps)
+
+    lines = plan_text(plan).splitlines()
+    assert "  + #1, #3 srprov's own file, vxlan: 2 to add" in lines
+    assert "  + #2 file /var/lib/srprov/e/mine.conf: not there" in lines
+    assert "  + #4 vxlan srpv2: not there  DATA IS LOST" in lines
+    assert "  + #3 vxlan srpv1: not there" in plan_text(plan, commands=True).splitlines()
