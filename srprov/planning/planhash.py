@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
+from srprov.codes import Code
 from srprov.errors import StalePlan, UsageError
 from srprov.modules.module import digest
 from srprov.planning.plan import Plan, Step, command_json, plan_json
@@ -41,6 +42,7 @@ def expected_hash(text: str) -> str:
         raise UsageError(
             f"{text[:80]!r} is not the hash of a plan",
             hint=f"`srprov plan` shows it; at least {_SHORTEST} of its hexadecimal digits are needed",
+            code=Code.OPTION_VALUE,
         )
     return given[1].lower()
 
