@@ -89,7 +89,7 @@ class ContainerModule(Module[ContainerParams]):
         """Inspect it, and the image that it was made of."""
         if found["hash"] == hashes(want)[0]:
             return ()
-        image = url_quote(found["image"], safe="")
+        image = url_quote(found["image"] or "none", safe="/:@")
         return (self.status_query(name), EngineQuery(path=f"/images/{image}/json"))
 
     def differences(self, want: ContainerParams, found: State, replies: Sequence[Reply]) -> tuple[Difference, ...]:

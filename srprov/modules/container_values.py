@@ -49,8 +49,7 @@ def differing_values(want: ContainerParams, found: State, replies: Sequence[Repl
     if not about:
         return (Difference(field="container", note="its old values were not read"),)
     wanted, there = wanted_values(want), _found(about, want)
-    image = mapping(mapping(replies[1].json()).get("Config")) if replies[1].ok else None
-    brought = _parts(image, {}) | {"labels": _labels(string_map(image.get("Labels")))} if image is not None else None
+    brought = _brought(replies[1])
     found_differences = []
     for part in _differing_parts(want, found):
         new = wanted.get(part, {})
@@ -65,6 +64,14 @@ def between(old: ContainerParams, new: ContainerParams) -> tuple[Difference, ...
     before, after = wanted_values(old), wanted_values(new)
     parts = sorted({*before, *after})
     return tuple(one for part in parts for one in compared(before.get(part, {}), after.get(part, {})))
+
+
+def _brought(reply: Reply) -> Parts | None:
+    """Return what an image gives its containers; None where the engine does not say."""
+    config = mapping(reply.json()).get("Config") if reply.ok else None
+    if not isinstance(config, Mapping):
+        return None
+    return {**_parts(config, {}), "labels": _labels(string_map(config.get("Labels")))}
 
 
 def _differing_parts(want: ContainerParams, found: State) -> list[str]:

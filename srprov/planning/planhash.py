@@ -9,6 +9,8 @@ from __future__ import annotations
 import re
 from typing import Any
 
+from msgspec.structs import replace
+
 from srprov.codes import Code
 from srprov.errors import StalePlan, UsageError
 from srprov.modules.module import digest
@@ -22,7 +24,7 @@ _GIVEN = re.compile(r"(?:sha256:)?([0-9a-fA-F]{16,64})")
 
 def plan_hash(plan: Plan) -> str:
     """Return the sha256, in hex."""
-    document = plan_json(plan)
+    document = plan_json(replace(plan, steps=()))
     return digest({**{key: document[key] for key in _COVERED}, "steps": [_done(step) for step in plan.steps]})
 
 

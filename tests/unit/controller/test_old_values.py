@@ -258,6 +258,19 @@ def test_a_file_without_values_is_as_good() -> None:
     assert told(check_plan(old, fleet(world), adopt=True).plan) == {"environment.RATE": ("2", "4")}
 
 
+def test_what_a_file_hides_stays_hidden() -> None:
+    """Whoever applies it does not know the secret yet by which an old value was hidden."""
+    world = running(one(environment={"A": "is canary-8271"}))
+    Secret("canary-8271")
+    text = kept(world, one(environment={"A": "plain"}))
+    assert "canary" not in text
+    forget()
+
+    checked = check_plan(load(text, "plan.json"), fleet(world), adopt=True)
+
+    assert told(checked.plan) == {"environment.A": ("is ***", "plain")}
+
+
 def test_a_stale_plan_names_values() -> None:
     """Somebody else applied meanwhile: what is there now, and what the plan had found; no hash."""
     world = running(experiment(service("web", **BASE), service("other", robot="r1", command=("one",))))
