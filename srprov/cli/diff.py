@@ -47,12 +47,12 @@ def diff(
 
     policies, allowed = permitted(allow)
     request = replace(request, allowed=allowed, policies=policies)
-    sides = [read_definitions(file, allowed, request.profiles) for file in (old, new)]
+    before, after = (read_definitions(file, allowed, request.profiles) for file in (old, new))
     inventory = inputs.load_inventory(inventories)
     snapshot, _ = stored_facts(stored, inventory)
-    request = inputs.with_own_files(request, sides[0])
+    request = inputs.with_own_files(request, before)
     with answers_only():
-        made = compared(*sides, inventory, snapshot, request)
+        made = compared(before, after, inventory, snapshot, request)
     if form == "markdown" and not as_json:
         out(plan_markdown(made, commands=verbose).rstrip())
     else:

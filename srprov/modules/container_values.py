@@ -50,13 +50,13 @@ def differing_values(want: ContainerParams, found: State, replies: Sequence[Repl
         return (Difference(field="container", note="its old values were not read"),)
     wanted, there = wanted_values(want), _found(about, want)
     brought = _brought(replies[1])
-    found_differences = []
+    differing: list[Difference] = []
     for part in _differing_parts(want, found):
         new = wanted.get(part, {})
         base = None if brought is None else brought.get(part, {})
         kept = {key: value for key, value in there.get(part, {}).items() if _counts(part, key, value, new, base)}
-        found_differences += compared({key: value for key, value in kept.items() if key not in want.made_with}, new)
-    return tuple(found_differences)
+        differing += compared({key: value for key, value in kept.items() if key not in want.made_with}, new)
+    return tuple(differing)
 
 
 def between(old: ContainerParams, new: ContainerParams) -> tuple[Difference, ...]:

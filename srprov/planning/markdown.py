@@ -66,7 +66,8 @@ def escaped(text: str) -> str:
 
 def _fitted(pieces: Iterable[str], most: int, what: str) -> str:
     """Return pieces, each of whole lines, as long as they fit, and how many of them did not."""
-    shown, size, missing = [], 0, 0
+    shown: list[str] = []
+    size = missing = 0
     for piece in pieces:
         size += len(piece) + 1
         if missing or size > most:
