@@ -138,9 +138,22 @@ def new_and_gone() -> Plan:
     return plan_for(applied(), experiment(WEB, GREETER, service("logger", robot="r2")))
 
 
+def values() -> Plan:
+    """What changes is told by field, a shipped file line by line."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "app.yml"
+        mount = Mount(kind="tree", source=str(file), target="/etc/app.yml", read_only=True)
+        file.write_text("level: 1\nrate: 2\n")
+        world = applied(three(service("app", robot="r2", environment={"RATE": "2", "OLD": "x y"}, mounts=(mount,))))
+        file.write_text("level: 1\nrate: 4\n")
+        ports = (("", 8080, 80, "tcp"),)
+        environment = {"RATE": "4", "DB_PASSWORD": "hunter22"}
+        return plan_for(world, three(service("app", robot="r2", environment=environment, ports=ports, mounts=(mount,))))
+
+
 SCENES: tuple[Callable[[], Plan], ...] = (
     fresh, nothing, move, removal, removal_with_volumes, network_replaced, drift, permissions, unreachable,
-    new_and_gone, playbooks,
+    new_and_gone, playbooks, values,
 )  # fmt: skip
 
 
