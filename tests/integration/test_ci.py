@@ -30,7 +30,7 @@ PROGRAM = """\
 #!/bin/sh
 env >>"{kept}"
 case $1 in
-    plan) exec "{python}" -m tests.unit.cli.faked "$@" ;;
+    plan | facts) exec "{python}" -m tests.unit.cli.faked "$@" ;;
     *) exec "{python}" -m srprov "$@" ;;
 esac
 """
@@ -185,6 +185,23 @@ def test_the_plan_is_one_comment_that_is_updated(repository: Repository, forge: 
     assert mallory["body"] == f"{name}\nall is well"
     assert ("PATCH", f"/repos/lab/experiments/issues/comments/{forge.comments[-1]['id']}") in forge.asked
     assert TOKEN not in repository.kept.read_text(encoding="utf-8") and forge.strangers == 0
+
+
+def test_with_a_base_the_difference_is_told_and_no_robot_is_asked(repository: Repository, forge: FakeForge) -> None:
+    """From the facts and the files of the target branch, in a folder beside."""
+    base = repository.folder / ".base"
+    base.mkdir()
+    facts = repository.run(repository.environment, str(repository.program), "facts", "-i", "inv.yml", "--json").stdout
+    for name, text in (("e.edf", EDF), ("inv.yml", "all: {hosts: {r1: {}, r2: {}}}\n"), ("facts.json", facts)):
+        (base / name).write_text(text, encoding="utf-8")
+    wanted = {"experiment": "e.edf", "inventory": ".base/inv.yml", "base": ".base", "facts": ".base/facts.json"}
+    done = repository.action("plan", **wanted)
+    assert done.returncode == 0 and repository.outputs["changes"] == "false", done
+    repository.write("e.edf", EDF.replace("busybox", "busybox, environment: {RATE: 4}"))
+    done = repository.action("plan", **wanted)
+    assert done.returncode == 0 and repository.outputs["changes"] == "true", done
+    (body,) = forge.bodies()
+    assert body.startswith(told.marker("diff e.edf")) and "RATE" in body, body
 
 
 def test_a_plan_that_cannot_be_made_ends_the_step_and_is_told(repository: Repository, forge: FakeForge) -> None:

@@ -45,7 +45,7 @@ def published(folder: Path) -> Path:
     workflow = folder / ".github" / "workflows" / "srprov.yml"
     workflow.parent.mkdir(parents=True)
     text = (ROOT / "templates/github.yml").read_text(encoding="utf-8")
-    assert text.count("OWNER/srprov@COMMIT") == 2
+    assert text.count("OWNER/srprov@COMMIT") == 3
     workflow.write_text(text.replace("OWNER/srprov@COMMIT", f"owner/srprov@{COMMIT}"), encoding="utf-8")
     shutil.copy(ROOT / "action.yml", folder)
     return workflow

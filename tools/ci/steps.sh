@@ -83,23 +83,33 @@ validate() {
     return "$verdict"
 }
 
-plan() {
-    local lines code words=() experiment=${SRPROV_CI_EXPERIMENT-}
-    if [ -z "$experiment" ]; then return; fi
+# Say what the plan's command line is: set `words`, and `what` to its verb. With a base, no robot is asked.
+ask() {
+    local lines inventory experiment=$1 base=${SRPROV_CI_BASE-}
+    what=plan
+    if [ -n "$base" ]; then what="diff"; fi
+    words=("$what" --format markdown --detailed-exitcode)
     split "${SRPROV_CI_INVENTORY-}"
-    local inventory
     for inventory in ${lines[@]+"${lines[@]}"}; do words+=(--inventory "$inventory"); done
     split "${SRPROV_CI_OPTIONS-}"
     words+=(${lines[@]+"${lines[@]}"})
-    srprov "$work/plan.md" "$work/plan.err" plan --format markdown --detailed-exitcode ${words[@]+"${words[@]}"} -- "$experiment"
+    if [ -n "$base" ]; then words+=(--facts "${SRPROV_CI_FACTS-}" -- "$base/$experiment"); else words+=(--); fi
+    words+=("$experiment")
+}
+
+plan() {
+    local code words what experiment=${SRPROV_CI_EXPERIMENT-}
+    if [ -z "$experiment" ]; then return; fi
+    ask "$experiment"
+    srprov "$work/plan.md" "$work/plan.err" "${words[@]}"
     quoted "$work/plan.err"
     if [ "$code" -ne 0 ] && [ "$code" -ne 2 ]; then
-        printf '\n**srprov plan ended with exit code %s; the job says why.**\n' "$code" >>"$work/plan.md"
+        printf '\n**srprov %s ended with exit code %s; the job says why.**\n' "$what" "$code" >>"$work/plan.md"
     fi
     cat "$work/plan.md" >>"${GITHUB_STEP_SUMMARY:-/dev/null}"
     output plan "$work/plan.md"
     if [ "$code" -eq 2 ]; then output changes true; else output changes false; fi
-    if [ "${SRPROV_CI_COMMENT-}" = true ]; then forge comment "plan $experiment" "$work/plan.md"; fi
+    if [ "${SRPROV_CI_COMMENT-}" = true ]; then forge comment "$what $experiment" "$work/plan.md"; fi
     if [ "$code" -ne 2 ]; then return "$code"; fi
 }
 
