@@ -26,6 +26,7 @@ rooms stand in that order; `tests/test_rooms.py` holds them to it:
     oci/          images as files: an OCI layout, and the packages in its layers; pure
     evidence/     a run of trials as one file, and whether such a file is true
     explaining/   the code of an error -> what it means, with examples
+    report/       a run, a plan or a bundle as one HTML page
     lab/          the embedded lab: robots on this machine
 
 Beside them stand values that rooms share: wire.py, session.py, resource.py, errors.py, codes.py, names.py, private.py,

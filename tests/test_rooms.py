@@ -112,6 +112,10 @@ ROOMS: Mapping[str, Room] = {
         " controller.choice controller.request controller.trial_instances controller.bundling"
         " controller.bundle_images controller.kept_images transport.blob layers image_reference oci"
     ),
+    # Pages: what a run left, read as evidence is, and shown.
+    "report": room(
+        "codes errors regular_file untrusted trials.judge record.runs evidence.files evidence.story assignment.report"
+    ),
     # Files of other tools -> experiments: reads what strangers wrote, and reaches no robot.
     "importing": room("codes errors private regular_file untrusted image_reference linear_regex yamldoc definitions"),
     # A Compose project in its normal form -> the folder of an experiment.
@@ -194,8 +198,9 @@ FILES: Mapping[str, Room] = {
     "cli/progress.py": cli_file("planning execution"),
     "cli/replay.py": cli_file("evidence facts"),
     "cli/replay_lab.py": cli_file("evidence lab", "yaml"),
+    "cli/report.py": cli_file("record report"),
     "cli/run.py": cli_file("execution"),
-    "cli/runs.py": cli_file("record trials.judge"),
+    "cli/runs.py": cli_file("record report.plot trials.judge"),
     "cli/schema.py": cli_file("data"),
     "cli/status.py": cli_file("facts probing"),
     "cli/stored_facts.py": cli_file("facts"),

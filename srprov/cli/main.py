@@ -38,6 +38,7 @@ _VERBS = {
     "trials": "List the experiment's trials; no robot is asked.",
     "run": "Run the experiment's trials, and bring home what they give.",
     "runs": "List the runs that were recorded, or show the trials of one; no robot is asked.",
+    "report": "Write a run, a plan or a bundle as one HTML page; no robot is asked.",
     "bundle": "Pack a run of trials into one file that others can check.",
     "verify": "Check such a file: its hashes, and all that can be worked out again; no robot is asked.",
     "compare": "Say what is the same in two runs of trials, and what is not; no robot is asked.",

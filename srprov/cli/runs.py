@@ -151,8 +151,8 @@ def _cells(row: Mapping[str, Any]) -> dict[str, Any]:
 
 def _draw(folder: Path, target: str, metric: str, over: str) -> int:
     """Draw the attempts that count, each value and the means."""
-    from srprov.cli.runs_plot import draw
     from srprov.record.runs import trials_run
+    from srprov.report.plot import draw
     from srprov.trials.judge import COUNTED
 
     rows = [row for row in trials_run(folder).rows if row["status"] in COUNTED]

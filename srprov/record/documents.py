@@ -86,6 +86,10 @@ def write_inputs(folder: Sink, run: RunInputs) -> None:
 _DEEPEST = 20
 _WHEN_ASKED = frozenset({"matrix", "why_not", "runner_up"})
 """Parts of a decision that follow from the facts: `assign --facts --explain` shows them."""
+_REASONS = frozenset({"runner_up"})
+"""What is left out of a small one: `report` shows the rest."""
+_SMALL = 2500
+"""Pairs of services and robots: their costs take some 50 KB, and milliseconds beside the run."""
 _LONGEST_NAME = 200
 """Bytes; a file is written beside its place first, under a longer name."""
 
@@ -125,9 +129,13 @@ def decision(plan: Plan, assignment: object) -> dict[str, Any]:
 
 
 def _known(assignment: object) -> dict[str, object]:
-    """Return a decision without what is worked out only when somebody asks why."""
-    every = fields_of(assignment)
-    return {name: getattr(assignment, name) for name in every if name not in _WHEN_ASKED}
+    """Return a decision without what is worked out only when somebody asks why; a small one has the costs of all."""
+    matrix: Mapping[str, Mapping[str, object]] = getattr(assignment, "matrix", {})
+    robots = len(next(iter(matrix.values()), ()))
+    left_out = _REASONS if len(matrix) * robots <= _SMALL else _WHEN_ASKED
+    kept = {name: getattr(assignment, name) for name in fields_of(assignment) if name not in left_out}
+    # a mapping that works out its values when they are asked for is asked for all of them
+    return {name: dict(value) if isinstance(value, Mapping) else value for name, value in kept.items()}
 
 
 def environment(run: RunInputs, begun: dt.datetime) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -92,10 +92,19 @@ def trials_run(folder: Path, *, whole: bool = True) -> TrialsRun:
     Raises:
         UsageError: The folder holds none, or not what a run writes.
     """
+    return trials_of(journal.look(folder, _MOST_JOURNAL), folder, whole=whole)
+
+
+def trials_of(events: Iterable[Mapping[str, Any]], folder: Path, *, whole: bool = True) -> TrialsRun:
+    """Return the same of events that were read already; `folder` is what errors and the answer call it.
+
+    Raises:
+        UsageError: They are of no run of trials, or not what one writes.
+    """
     kept: list[Mapping[str, Any]] = []
     first, last, asked, cells, ends = None, None, 0, 0, 0
     columns: set[str] = set()
-    for event in journal.look(folder, _MOST_JOURNAL):
+    for event in events:
         first, last = first or event, last if last and event["event"] in (DISCARD, RERUN) else event
         if event["event"] in ("run", "resume"):
             asked = max(asked, integer(event.get("trials"), high=1_000_000))

@@ -24,6 +24,8 @@ from srprov.evidence import replay
 from srprov.evidence.compare import compare
 from srprov.evidence.verify import verify
 from srprov.record.runs import kept_runs, trials_run
+from srprov.report.page import page
+from srprov.report.read import of_run
 from srprov.snapshot import report as snapshot_report
 from srprov.snapshot.folder import definition_of
 from srprov.snapshot.gitscript import ASKED
@@ -31,6 +33,9 @@ from srprov.snapshot.hider import Hider
 from srprov.snapshot.questions import END, QUESTIONS
 from srprov.wire import AnyQuery, EngineQuery, Reply
 from tests.unit.evidence.bundles import Content, packed, unpacked, with_manifest
+from tests.unit.report.pages import Page
+from tests.unit.report.records import run as a_run
+from tests.unit.report.records import write as write_record
 
 COMPOSE = """\
 name: shop
@@ -311,6 +316,25 @@ def _margins(_folder: Path, content: bytes) -> None:
         assert error.exit_code == 5
 
 
+_RECORD = {name: one if isinstance(one, str) else json.dumps(one) for name, one in a_run(3, failed=True).items()}
+
+
+def _paged(name: str) -> Callable[[Path, bytes], None]:
+    """Return what makes a page of a record with a mutated file, and looks whether it is still whole and harmless."""
+
+    def use(folder: Path, content: bytes) -> None:
+        record = write_record(folder / "record", _RECORD)
+        (record / name).write_bytes(content)
+        try:
+            made = Page(page(of_run(record)))
+        except SrprovError as error:
+            assert error.exit_code == 5, error
+            return
+        assert made.faults == [] and not made.names & {"script", "img", "iframe", "@style", "@src", "@onclick"}
+
+    return use
+
+
 def foreign(folder: Path) -> Mapping[str, tuple[str, Callable[[Path, bytes], None]]]:
     """Return name -> (text, what is done with a mutated one); the folder has what `Kept.make` put there."""
     answers = {**_SAID, **_GIT, "policy": _POLICY, "origins": _ORIGINS, "box": _BOX, "image": _IMAGE}
@@ -323,5 +347,6 @@ def foreign(folder: Path) -> Mapping[str, tuple[str, Callable[[Path, bytes], Non
         **{f"snapshot {name}": (text, _snapshot(name)) for name, text in answers.items()},
         "replay map": ("r1=spare\nr2=r1", _mapped),
         "margins": ("steps=5%\nticks=1\nsuccess=0.1", _margins),
+        **{f"page {name}": (text, _paged(name)) for name, text in _RECORD.items() if not name.startswith("inputs/")},
         **Kept(folder).surfaces(),
     }  # fmt: skip

@@ -6,6 +6,7 @@ One experiment for all tests of this file; they stand in the order in which it g
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import select
 import subprocess
@@ -19,6 +20,7 @@ from pathlib import Path
 import pytest
 
 from tests.lab.conftest import ROOT, Lab, busybox, causes, edf, part_of_lab
+from tests.unit.report.pages import Page, wrong_numbers
 
 pytestmark = pytest.mark.lab
 
@@ -52,11 +54,14 @@ class Twelve:
     lab: Lab
     file: Path
     inventory: str
+    record: str = ""
+    """The folder of the last run."""
 
     def apply(self, services: dict[str, dict[str, object]]) -> None:
         self.file.write_text(edf("twelve", services, placement={"slots_per_robot": 2}), encoding="utf-8")
         done = self.lab.srprov("apply", str(self.file), "-i", self.inventory, "--yes", "--settle", "0", "--json")
         assert done.code == 0, done
+        self.record = done.json["run"]
 
     def exec(self, name: str, script: str, robot: str = "") -> str:
         """Run a script in a service's container."""
@@ -130,6 +135,21 @@ def test_multicast_reaches_all_others(twelve: Twelve) -> None:
         heard = {name: line_of(process, 20).split() for name, process in processes.items()}
     for name in NAMES:
         assert heard[name] == [f"{other}={found[other]['ip']}" for other in NAMES if other != name], name
+
+
+def test_the_page_of_the_run_says_what_its_result_says(twelve: Twelve, tmp_path: Path) -> None:
+    """Each number is that of result.json; the page is small, and names each pair of robots that was tried."""
+    target = tmp_path / "page.html"
+    done = twelve.lab.srprov("report", twelve.record, "-o", str(target))
+    assert done.code == 0, done
+    page = Page(target.read_text())
+    result = json.loads(Path(twelve.record, "result.json").read_text())
+    assert page.faults == [] and wrong_numbers(page, result) == []
+    shown = {pointer: exact for pointer, exact, _ in page.numbers}
+    assert shown["/changed"] == str(result["changed"]) and shown["/failed"] == "0"
+    assert {f"/robots/{robot}/bytes_sent" for robot in HOME.values()} <= shown.keys()
+    assert target.stat().st_size < 300_000
+    assert "Critical path" in page.text and f"all {result['probe']['pairs']} pairs" in page.text
 
 
 def test_a_thirteenth_joins_and_nobody_restarts(twelve: Twelve) -> None:

@@ -47,6 +47,7 @@ PRINTED: Mapping[str, tuple[str, ...]] = {
     "plan": ("plan",),
     "probe": ("probe",),
     "replay": ("compare", "events"),
+    "report": ("report",),
     "restart": ("run", "events"),
     "run": ("trials-run", "events"),
     "runs": ("runs", "trials-run"),
