@@ -168,8 +168,8 @@ def _at_home(problem: Diagnostic, draft: Draft, beside: str) -> Diagnostic:
     path = (*at, *key) if name in draft.origins else ()
     hint = f"{problem.hint}; " if problem.hint else ""
     shown = ".".join(map(str, path))
-    place, hint = notes.normal.position_of(path), f"{hint}of what it became here"
-    return Diagnostic(place, problem.message, shown, "", hint, code=problem.code)
+    source_at, hint = notes.normal.position_of(path), f"{hint}of what it became here"
+    return Diagnostic(source_at, problem.message, shown, "", hint, code=problem.code)
 
 
 def _user(volume: str, draft: Draft) -> str:
