@@ -115,6 +115,29 @@ def _replace(path: Path, content: bytes) -> None:
         raise
 
 
+def rewrite(path: Path, content: bytes) -> None:
+    """Give a file that is there another content, as `replace_file` does; permissions and owner stay.
+
+    Raises:
+        OSError: It is no file, or a link, or cannot be written.
+    """
+    about = os.lstat(path)
+    if not stat.S_ISREG(about.st_mode):
+        raise OSError(errno.EINVAL, "it is no file", str(path))
+    beside = _beside(path)
+    try:
+        with open(_new(beside), "wb") as stream:
+            stream.write(content)
+            if (about.st_uid, about.st_gid) != (os.geteuid(), os.getegid()):
+                os.fchown(stream.fileno(), about.st_uid, about.st_gid)
+            os.fchmod(stream.fileno(), stat.S_IMODE(about.st_mode))
+        beside.replace(path)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            beside.unlink()
+        raise
+
+
 def _beside(path: Path) -> Path:
     if path.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))

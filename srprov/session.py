@@ -11,6 +11,7 @@ from typing import Any, Protocol
 
 import msgspec
 
+from srprov.container_files import ContainerFiles
 from srprov.wire import AnyQuery, Command, Put, Reply, Run
 
 
@@ -180,7 +181,7 @@ class Reader(Protocol):
         """What was used so far."""
 
 
-class Session(Reader, Protocol):
+class Session(Reader, ContainerFiles, Protocol):
     """A reader that can also change the robot."""
 
     def execute(self, command: Command, progress: Progress = no_progress) -> Reply:

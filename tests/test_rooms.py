@@ -49,9 +49,9 @@ ROOMS: Mapping[str, Room] = {
         "click rich tomli",
     ),
     "controller": room(
-        "codes errors layers regular_file wire session resource secret data datasets disk owner private untrusted"
-        " time_sync"
-        " sizes image_reference git_address git linear_regex definitions transport facts assignment network images"
+        "codes errors layers regular_file wire session container_files resource secret data datasets disk owner private"
+        " untrusted time_sync sizes image_reference git_address git linear_regex definitions transport facts assignment"
+        " network images"
         " rendering modules planning execution record trials probing plain_tar exporting snapshot yamldoc"
     ),
     "datasets": room("private regular_file untrusted"),
@@ -71,8 +71,8 @@ ROOMS: Mapping[str, Room] = {
         "jsonschema jinja2",
     ),
     "transport": room(
-        "codes errors pace datasets engine_files spool layers private plain_tar regular_file wire session untrusted"
-        " secret"
+        "codes errors pace datasets engine_files spool layers private plain_tar regular_file wire session"
+        " container_files untrusted secret"
         " definitions.model",
         "paramiko fabric invoke docker requests urllib3 psutil",
     ),
@@ -143,7 +143,8 @@ ROOMS: Mapping[str, Room] = {
     "spool": room("wire"),
     "engine_files": room("wire"),
     "wire": room("errors untrusted resource"),
-    "session": room("errors wire"),
+    "session": room("errors wire container_files"),
+    "container_files": room(),
     "resource": room("errors wire"),
 }
 
@@ -179,11 +180,13 @@ FILES: Mapping[str, Room] = {
     "cli/exec.py": cli_file("facts"),
     "cli/explain.py": cli_file("explaining"),
     "cli/execute.py": cli_file("planning execution"),
+    "cli/cp.py": cli_file("facts"),
     "cli/destroy.py": cli_file("execution facts.model"),
     "cli/export.py": cli_file("exporting facts"),
     "cli/facts.py": cli_file("facts"),
     "cli/facts_ranges.py": cli_file("facts data definitions.schema", "jsonschema"),
     "cli/facts_table.py": cli_file("facts"),
+    "cli/fmt.py": cli_file("definitions.formatting"),
     "cli/images.py": cli_file("execution sizes"),
     "cli/images_prune.py": cli_file("execution sizes"),
     "cli/importing.py": cli_file("conversion importing.normal"),

@@ -9,9 +9,9 @@ platforms: [linux/amd64] # PyPI has no Linux wheel of cyclonedds for ARM
 packages:
   apt: [python3, python3-pip]
   pip: [cyclonedds==11.0.1]
-environment:
-  PYTHONUNBUFFERED: "1"
 files:
   - { src: greeting.py, dest: /opt/chatter/greeting.py }
   - { src: publisher.py, dest: /opt/chatter/publisher.py }
   - { src: subscriber.py, dest: /opt/chatter/subscriber.py }
+environment:
+  PYTHONUNBUFFERED: "1"

@@ -9,10 +9,10 @@ platforms: [linux/amd64, linux/arm64]
 packages:
   apt: [python3, python3-pip]
   pip: [eclipse-zenoh==1.10.2]
-environment:
-  PYTHONUNBUFFERED: "1"
 files:
   - { src: stopping.py, dest: /opt/chatter/stopping.py }
   - { src: router.py, dest: /opt/chatter/router.py }
   - { src: publisher.py, dest: /opt/chatter/publisher.py }
   - { src: subscriber.py, dest: /opt/chatter/subscriber.py }
+environment:
+  PYTHONUNBUFFERED: "1"

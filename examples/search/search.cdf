@@ -9,10 +9,10 @@ platforms: [linux/amd64] # PyPI has no Linux wheel of cyclonedds for ARM
 packages:
   apt: [python3, python3-pip]
   pip: [cyclonedds==11.0.1]
-environment:
-  PYTHONUNBUFFERED: "1"
 files:
   - { src: area.py, dest: /opt/search/area.py }
   - { src: fleet.py, dest: /opt/search/fleet.py }
   - { src: robot.py, dest: /opt/search/robot.py }
   - { src: base.py, dest: /opt/search/base.py }
+environment:
+  PYTHONUNBUFFERED: "1"

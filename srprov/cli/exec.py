@@ -74,24 +74,15 @@ def exec(
 def _run(
     file: str, service: str, inventories: tuple[str, ...], forks: int, timeout: float, instance: str, what: Exec
 ) -> int:
-    from srprov.controller.located import locate
+    from srprov.controller.located import locate, only
     from srprov.facts.gather import Detail
 
     inventory = inputs.load_inventory(inventories)
     name = inputs.named_instance(file, instance)[0]
     experiment = inputs.experiment_if_valid(file)
     with inputs.connect(inventory, timeout, forks) as fleet:
-        where = _only(locate(fleet.gather(Detail.BASIC), name, experiment).named([service]))
+        where = only(locate(fleet.gather(Detail.BASIC), name, experiment).named([service]))
         return _attached(fleet.sessions.get(where.host), where, what)
-
-
-def _only(found: tuple[Located, ...]) -> Located:
-    if len(found) > 1:
-        several = ", ".join(one.where for one in found)
-        raise UsageError(
-            f"that is more than one container: {several}", hint="name one of them, or SERVICE@ROBOT", code=Code.WHICH
-        )
-    return found[0]
 
 
 def _attached(session: Session, where: Located, what: Exec) -> int:

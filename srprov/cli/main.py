@@ -27,6 +27,7 @@ from srprov.errors import DefinitionError, NoAssignment, SrprovError
 
 _VERBS = {
     "validate": "Check definition files; no robot is asked.",
+    "fmt": "Bring EDFs and CDFs into one form; no robot is asked.",
     "facts": "Show the robots as they are.",
     "doctor": "Check that each robot has what srprov needs, and say how to get it.",
     "assign": "Show which robot would run which service, and why.",
@@ -49,6 +50,7 @@ _VERBS = {
     "images": "Show the images that srprov built on robots; prune: remove what nobody uses.",
     "wait": "Wait until jobs have completed, services are healthy, or something was printed.",
     "exec": "Run a command in a service's container.",
+    "cp": "Copy files from a service's container, or into one.",
     "logs": "Show the output of services.",
     "collect": "Bring home the results, logs and facts of the running experiment.",
     "restart": "Stop services and start them again.",

@@ -139,3 +139,15 @@ def _families(services: Mapping[str, Service]) -> Mapping[str, frozenset[str]]:
         if one.instance_of:
             families.setdefault(one.instance_of, set()).add(name)
     return {name: frozenset(some) for name, some in families.items()}
+
+
+def only(found: tuple[Located, ...]) -> Located:
+    """Return the one container that is meant.
+
+    Raises:
+        UsageError: It is more than one.
+    """
+    if len(found) > 1:
+        several = ", ".join(one.where for one in found)
+        raise UsageError(f"that is more than one container: {several}", hint="name one of them, or SERVICE@ROBOT")
+    return found[0]

@@ -13,6 +13,7 @@ field means is in `schemas/` and in docs/definitions.md.
     template, playbook, playbookmodel  playbooks that users write
     taken                  what comes from outside of the experiment's folder
     secrets, secretmodel, secretvalues  where secrets come from, and what they are
+    formatting  EDFs and CDFs in one form
     inventory, inifile, script, hostvars, ranges, patterns  the robots
 """
 

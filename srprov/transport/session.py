@@ -15,10 +15,11 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from srprov.errors import TransportError
-from srprov.session import ContainerCommand, Exec, Measures, Progress, Pulse, Streams, Traffic, no_progress
+from srprov.session import Measures, Progress, Pulse, Streams, Traffic, no_progress
 from srprov.transport.background import background
 from srprov.transport.engine import EngineAccess, preload
 from srprov.transport.engine.link import EngineLink, EngineSocket
+from srprov.transport.engine_streams import EngineStreams
 from srprov.transport.shell.lock_channel import HeartbeatChannel
 from srprov.transport.shell.shell import Shell, tell
 from srprov.wire import AnyQuery, Command, Copy, EngineCall, EngineQuery, Put, Query, Reply, Run, sh
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
     from srprov.transport.options import ConnectOptions, Peers
 
 
-class BaseSession(abc.ABC):
+class BaseSession(EngineStreams, abc.ABC):
     """A session without its connection; subclasses say how to dial the engine, whether they live, and how to end."""
 
     _find_connection = "line=; echo; "
@@ -204,14 +205,6 @@ class BaseSession(abc.ABC):
         if self._lost is not None:
             raise TransportError(self._host, self._lost.message, hint=self._lost.hint, code=self._lost.code)
 
-    def save_image(self, image: str, timeout_s: float) -> Iterator[bytes]:
-        """Stream the image as `docker save` writes it.
-
-        Raises:
-            TransportError: The engine does not have it, or went away.
-        """
-        return self.engine.client.save(image, timeout_s)
-
     def open_shell(self, script: str) -> Streams:
         """Run a script in a shell of its own; see `session.Session`.
 
@@ -222,20 +215,6 @@ class BaseSession(abc.ABC):
             streams = self._second_shell()
             tell(self._host, streams, f"SRPROV_SESSION={self._mark}; export SRPROV_SESSION; {script}; exit\n")
         return streams
-
-    def run_in(self, container: str, what: Exec) -> ContainerCommand:
-        """Start a command in a running container; see `session.Session`."""
-        return self.engine.attach(container, what)
-
-    def container_log(
-        self, container: str, *, tail: int, follow: bool, times: bool = False, since: str = ""
-    ) -> Iterator[str]:
-        """Return a container's log line by line; see `session.Session`.
-
-        Raises:
-            TransportError: The engine or the robot cannot be talked to any more.
-        """
-        return self.engine.client.log(container, tail=tail, follow=follow, times=times, since=since)
 
     def measure(self) -> Measures | None:
         """Return load and memory when that needs no shell, else None."""

@@ -5,4 +5,6 @@ Takes a path or text; gives nodes with file, line and column, or `DefinitionErro
     loader   YAML text -> nodes, within limits of size, depth and count
     nodes    the value tree, what a scalar may mean, and `Findings`
     fields   typed fields of a document that has no JSON Schema
+    writer   values -> YAML text
+    canonical  a document in one form, with its comments: written (values), layout (text -> how it is written), form
 """

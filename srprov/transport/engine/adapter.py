@@ -29,9 +29,9 @@ class _Connection(urllib3.connection.HTTPConnection):
         self._dial = dial
 
     def connect(self) -> None:
-        seconds = float(self.timeout) if isinstance(self.timeout, (int, float)) else 60.0
-        self.sock: Any = self._dial(seconds)  # http.client uses no more of a socket than this one has
-        self.sock.settimeout(seconds)
+        timeout = self.timeout if isinstance(self.timeout, (int, float)) else 60.0
+        self.sock: Any = self._dial(float(timeout))  # http.client uses no more of a socket than this one has
+        self.sock.settimeout(timeout)  # as it is: it may be one of waits alone
 
     def request(self, *args: Any, **kwargs: Any) -> None:  # noqa: ANN401 - as the base class has it
         # A connection that is used again still has the deadline of its last request.

@@ -129,7 +129,7 @@ class Engine:
         data = call.blob or call.body.encode("utf-8")
         headers = {"Content-Type": "application/x-tar" if call.blob else "application/json"} if data else {}
         try:
-            with self._client(call.timeout_s) as client:
+            with self.opened(call.timeout_s) as client:
                 answer = client.send_call(call.method, call.path, params=dict(call.params), data=data, headers=headers)
                 status = answer.status_code
                 if call.stream and status in call.accept:
@@ -149,7 +149,7 @@ class Engine:
             TransportError: The robot is gone, or the chunks' source is.
         """
         try:
-            with self._client(timeout_s) as client:
+            with self.opened(timeout_s) as client:
                 client.load_image(chunks, quiet=True)  # type: ignore[no-untyped-call]  # its stubs are incomplete
                 return follow(client.pieces(), client.answer.status_code, progress)
         except Refused as refused:
@@ -164,7 +164,7 @@ class Engine:
             TransportError: The engine does not have it, or went away.
         """
         no, broken = f"its engine cannot give {image}", f"its engine stopped giving {image}"
-        with self._or_error(no, "is it still there?", broken, timeout_s), self._client(timeout_s) as client:
+        with self.or_error(no, "is it still there?", broken, timeout_s), self.opened(timeout_s) as client:
             yield from client.get_image(within(image), _CHUNK)
 
     def log(self, container: str, *, tail: int, follow: bool, times: bool = False, since: str = "") -> Iterator[str]:
@@ -184,13 +184,13 @@ class Engine:
         timeout = (_LOG_TIMEOUT_S, None if follow else WaitInAll(_LOG_TIMEOUT_S))
         no, hint = f"no log of {container}", "srprov status lists what is there"
         broken = f"the log of {container} ended"
-        with self._or_error(no, hint, broken, _LOG_TIMEOUT_S), self._client(_LOG_TIMEOUT_S) as client:
+        with self.or_error(no, hint, broken, _LOG_TIMEOUT_S), self.opened(_LOG_TIMEOUT_S) as client:
             answer = client.send_call("GET", f"/containers/{container}/logs", params=params, timeout=timeout)
             found = timed_lines(answer.raw) if times else lines(demultiplexed(answer.raw))
             yield from itertools.islice(found, None if follow or tail < 0 else tail)
 
     @contextlib.contextmanager
-    def _or_error(self, refusal: str, hint: str, loss: str, timeout_s: float) -> Iterator[None]:
+    def or_error(self, refusal: str, hint: str, loss: str, timeout_s: float) -> Iterator[None]:
         """Raise TransportError, with one of two beginnings, when the engine refuses or is lost."""
         try:
             yield
@@ -201,7 +201,7 @@ class Engine:
             why = self._link.failure(error, timeout_s).err
             raise TransportError(self._link.host, f"{loss}: {why}", hint="try again", code=Code.LOST) from error
 
-    def _client(self, timeout_s: float) -> _Client:
+    def opened(self, timeout_s: float) -> _Client:
         """Return a client for one request; the time is for sending, and again for all of the answer."""
         return _Client(self._adapter, self._agree(), timeout_s)
 

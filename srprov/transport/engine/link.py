@@ -100,6 +100,7 @@ class EngineSocket:
                 raise EngineGone(self._complaint() or f"the connection to the engine broke: {error}") from error
             if not sent:
                 raise EngineGone(self._complaint() or "the connection to the engine was closed")
+            self._give_back(sent)
             view = view[sent:]
 
     def close_writing(self) -> None:
@@ -113,10 +114,13 @@ class EngineSocket:
             data = stream.recv(min(len(buffer), 1 << 20))
         if not data and (why := self._complaint()):
             raise EngineGone(why)
-        if self._waits is not None:
-            self._left = min(self._waits, self._left + len(data) / LEAST_RATE)
+        self._give_back(len(data))
         buffer[: len(data)] = data
         return len(data)
+
+    def _give_back(self, size: int) -> None:
+        if self._waits is not None:
+            self._left = min(self._waits, self._left + size / LEAST_RATE)
 
     def makefile(self, _mode: str = "rb") -> io.BufferedReader:
         """Return the one reader: what is left in it when an answer ends is the beginning of the next."""

@@ -1,0 +1,175 @@
+"""`srprov cp`: files and folders from a service's container to here, and the other way."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import click
+
+from srprov.cli import inputs, options
+from srprov.cli.codes import FAILED
+from srprov.cli.output import Answer, counted, err, expect, is_terminal, wants_color
+from srprov.cli.streams import lost
+from srprov.errors import UsageError
+
+if TYPE_CHECKING:
+    from srprov.controller.copied_in import Owner
+    from srprov.controller.copied_out import Copied
+    from srprov.controller.copying import InService
+    from srprov.controller.located import Located
+    from srprov.session import Session
+
+_PIECE = 1 << 20
+_OWNER = re.compile(r"([0-9]{1,10})(?::([0-9]{1,10}))?")
+
+
+def _owner(_context: click.Context, _option: click.Parameter, text: str) -> tuple[int, int]:
+    found = _OWNER.fullmatch(text)
+    if found is None:
+        raise click.BadParameter(f"{text[:60]!r} is not UID or UID:GID.")
+    return int(found[1]), int(found[2] or found[1])
+
+
+@click.command()
+@click.argument("file", metavar="FILE")
+@click.argument("source", metavar="SOURCE")
+@click.argument("target", metavar="TARGET")
+@options.robots_without_json
+@options.INSTANCE
+@click.option("-p", "--preserve", is_flag=True,
+              help="From a container: keep permissions and times; else files are yours alone.")  # fmt: skip
+@click.option("-u", "--user", callback=_owner, default="0:0", show_default=True, metavar="UID[:GID]",
+              help="Into a container: whose the files are there.")  # fmt: skip
+def cp(
+    file: str, source: str, target: str, inventories: tuple[str, ...], forks: int, timeout: float, instance: str,
+    preserve: bool, user: tuple[int, int],
+) -> int:  # fmt: skip
+    """Copy a file or folder from a service's container (SERVICE:/path) to here, or from here into one.
+
+    SERVICE is a name of the EDF that runs once, a replica, or SERVICE@ROBOT; its container need not run. The rules are
+    those of cp -r: what is there is replaced, into a folder that is there the copy goes under its own name, and DIR/.
+    is the content of a folder. `-` is a tar, on standard output or from standard input.
+
+    What is copied into a container is no part of the experiment: it is gone when apply makes the container anew, and
+    plan does not show it. Volumes keep it.
+
+    Exits with 0; with 3 when something was left out: links that lead out, devices, pipes, sockets; with 4 when the
+    robot is lost.
+    """
+    from srprov.controller.copying import place
+
+    here, there = place(source), place(target)
+    service = here if not isinstance(here, str) else there
+    if isinstance(service, str) or not (isinstance(here, str) or isinstance(there, str)):
+        hint = "e.g. navigator:/out/result.json . ; between two containers: cp A:/x - into cp - B:/y"
+        raise UsageError("one of SOURCE and TARGET is SERVICE:/path, the other is here", hint=hint)
+    if target == "-" and sys.stdout.isatty():
+        raise UsageError("a tar is nothing for a terminal", hint="let it go into a file or a program: | tar t")
+    with _located(file, service.service, inventories, forks, timeout, instance) as (session, where):
+        container = where.container
+        if isinstance(there, str):
+            assert not isinstance(here, str)
+            return _out(session, container, here, there, preserve=preserve)
+        assert isinstance(here, str)
+        from srprov.controller.copied_in import Owner
+
+        return _into(session, container, here, there, Owner(*user))
+
+
+@contextmanager
+def _located(
+    file: str, service: str, inventories: tuple[str, ...], forks: int, timeout: float, instance: str
+) -> Iterator[tuple[Session, Located]]:
+    """Find the one container that is meant, and give the session with its robot."""
+    from srprov.controller.located import locate, only
+    from srprov.facts.gather import Detail
+
+    inventory = inputs.load_inventory(inventories)
+    name = inputs.named_instance(file, instance)[0]
+    experiment = inputs.experiment_if_valid(file)
+    with inputs.connect(inventory, timeout, forks) as fleet:
+        where = only(locate(fleet.gather(Detail.BASIC), name, experiment).named([service]))
+        if where.found is None:
+            raise UsageError(f"{where.where}: its container is not there", hint="`srprov apply` makes it")
+        yield fleet.sessions.get(where.host), where
+
+
+def _out(session: Session, container: str, source: InService, target: str, *, preserve: bool) -> int:
+    from srprov.controller.copied_out import Copied
+    from srprov.controller.copying import copy_out, raw_out
+
+    if target == "-":
+        for piece in raw_out(session, container, source):
+            sys.stdout.buffer.write(piece)
+            if lost(sys.stdout):
+                break  # main says so, unless the reader has seen enough
+        sys.stdout.buffer.flush()
+        return 0
+    copied = Copied()
+    with _shown(copied), _in_words():
+        copy_out(session, container, source, target, copied, preserve=preserve)
+    return _told(copied)
+
+
+def _into(session: Session, container: str, source: str, target: InService, owner: Owner) -> int:
+    from srprov.controller.copied_out import Copied
+    from srprov.controller.copying import copy_into, raw_into
+
+    copied = Copied()
+    with _shown(copied):
+        if source == "-":
+            raw_into(session, container, _standard_input(copied), target)
+        else:
+            copy_into(session, container, source, target, owner, copied)
+    return _told(copied) if source != "-" else 0
+
+
+def _standard_input(copied: Copied) -> Iterator[bytes]:
+    try:
+        while piece := os.read(sys.stdin.fileno(), _PIECE):
+            copied.bytes += len(piece)
+            yield piece
+    except OSError as error:
+        raise UsageError(f"standard input cannot be read: {error.strerror}") from error
+
+
+@contextmanager
+def _in_words() -> Iterator[None]:
+    """Say which file of this machine cannot be written."""
+    try:
+        yield
+    except OSError as error:
+        hint = "files that were copied before are whole"
+        where = f"{error.filename}: " if isinstance(error.filename, str) else ""
+        raise UsageError(f"{where}{error.strerror or error}", hint=hint) from error
+
+
+@contextmanager
+def _shown(copied: Copied) -> Iterator[None]:
+    """Say on a terminal how much was copied so far."""
+    expect(Answer.ASIDE)
+    if not is_terminal(sys.stderr):
+        yield
+        return
+    from srprov.cli.status_line import status_line
+
+    with status_line(lambda: f"{_amount(copied)} copied", color=wants_color(sys.stderr)):
+        yield
+
+
+def _told(copied: Copied) -> int:
+    for line in copied.left_out:
+        err(f"left out: {line}")
+    err(f"{_amount(copied)} copied")
+    return FAILED if copied.left_out else 0
+
+
+def _amount(copied: Copied) -> str:
+    size = copied.bytes
+    words = f"{size} bytes" if size < 1 << 20 else f"{size / (1 << 20):.1f} MiB"
+    return f"{counted(copied.files, 'file')}, {words}"

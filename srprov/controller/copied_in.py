@@ -1,0 +1,100 @@
+"""Files here -> a tar for a container, made while it is sent.
+
+Takes the path of a file or folder; gives pieces of bytes. Reads files through `regular_file`, follows only a link that
+the user named, and changes nothing.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+import tarfile
+from collections.abc import Iterator
+
+import msgspec
+
+from srprov import regular_file
+from srprov.controller.copied_out import Copied
+from srprov.errors import UsageError, visible
+
+_BLOCK = 512
+_PIECE = 1 << 20
+_CHANGED = "it changed while it was read"
+
+
+class Owner(msgspec.Struct, frozen=True):
+    """Whose files are in the container; numbers, since names there are not those here."""
+
+    user: int = 0
+    group: int = 0
+
+
+def tar_of(path: str, name: str, owner: Owner, copied: Copied) -> Iterator[bytes]:
+    """Yield a file, or a folder and all below it, as a tar.
+
+    Args:
+        path: What is sent; a link is followed here, and nowhere below.
+        name: What it is called in the tar; empty: the content of a folder.
+        owner: Whose it is there.
+        copied: Is told what was sent, and what was left out.
+
+    Raises:
+        UsageError: Something cannot be read, or changes meanwhile.
+    """
+    try:
+        yield from _any(os.path.realpath(path), name, owner, copied)
+    except OSError as error:  # the engine's client would take it for the connection's
+        raise UsageError(f"{error.filename or path}: {error.strerror or error}") from error
+    yield bytes(2 * _BLOCK)
+
+
+def _any(path: str, name: str, owner: Owner, copied: Copied) -> Iterator[bytes]:
+    mode = os.stat(path, follow_symlinks=False).st_mode
+    if stat.S_ISDIR(mode):
+        yield from _folder(path, name, owner, copied)
+    elif stat.S_ISREG(mode):
+        yield from _file(path, name, owner, copied)
+    else:
+        copied.left_out.append(f"{visible(path)}: a device, pipe or socket")
+
+
+def _folder(path: str, name: str, owner: Owner, copied: Copied) -> Iterator[bytes]:
+    with regular_file.real_folder(path) as descriptor:
+        if name:
+            yield _header(name, os.fstat(descriptor), owner, tarfile.DIRTYPE)
+        below = sorted(os.listdir(descriptor))
+        links = {one: os.readlink(one, dir_fd=descriptor) for one in below if _is_link(one, descriptor)}
+        for one, leads_to in links.items():
+            about = os.stat(one, dir_fd=descriptor, follow_symlinks=False)
+            yield _header(os.path.join(name, one), about, owner, tarfile.SYMTYPE, leads_to)
+    for one in below:
+        if one not in links:
+            yield from _any(os.path.join(path, one), os.path.join(name, one), owner, copied)
+
+
+def _is_link(name: str, folder: int) -> bool:
+    return stat.S_ISLNK(os.stat(name, dir_fd=folder, follow_symlinks=False).st_mode)
+
+
+def _file(path: str, name: str, owner: Owner, copied: Copied) -> Iterator[bytes]:
+    with regular_file.real_file(path) as stream:
+        about = os.fstat(stream.fileno())
+        yield _header(name, about, owner, tarfile.REGTYPE)
+        left = about.st_size
+        while left:
+            piece = stream.read(min(left, _PIECE))
+            if not piece:
+                raise UsageError(f"{path}: {_CHANGED}", hint="copy it again once nobody writes to it")
+            left -= len(piece)
+            copied.bytes += len(piece)
+            yield piece
+    copied.files += 1
+    yield bytes(-about.st_size % _BLOCK)
+
+
+def _header(name: str, about: os.stat_result, owner: Owner, kind: bytes, link: str = "") -> bytes:
+    entry = tarfile.TarInfo(name)
+    entry.type, entry.linkname, entry.mode = kind, link, stat.S_IMODE(about.st_mode) & 0o777
+    entry.size = about.st_size if kind == tarfile.REGTYPE else 0
+    entry.mtime, entry.uid, entry.gid = int(about.st_mtime), owner.user, owner.group
+    return entry.tobuf(tarfile.PAX_FORMAT, "utf-8", "surrogateescape")

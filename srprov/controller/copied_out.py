@@ -1,0 +1,233 @@
+"""A tar from a container -> files here, none of them outside of the place that the user named.
+
+Takes pieces of a tar that a stranger's container filled, and a folder. Every folder on the way is opened by its
+descriptor and no link is followed: neither `..`, nor a link in the tar, nor one that is here already leads elsewhere.
+A file comes under another name beside its place and takes it when it is whole. Links come when they stay inside of
+what is copied; devices, pipes and sockets do not.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import os
+import secrets
+import stat
+import tarfile
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import msgspec
+
+from srprov.errors import UsageError, visible
+from srprov.transport.tar_stream import TarError, TarStream
+
+MOST_MEMBERS = 200_000
+_FOLDER = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
+_NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+
+
+@dataclass
+class Copied:
+    """What was copied so far; it is told while more comes."""
+
+    files: int = 0
+    bytes: int = 0
+    left_out: list[str] = field(default_factory=list)
+    """What was not, and why."""
+
+
+class Target(msgspec.Struct, frozen=True, kw_only=True):
+    """Where a copy goes on this machine."""
+
+    folder: str
+    """It is there; a link to it is followed."""
+    name: str
+    """What the copy is called in it; empty: what is copied is a folder, and its content goes into this one."""
+
+
+def unpack(chunks: Iterator[bytes], target: Target, copied: Copied, *, preserve: bool) -> None:
+    """Write what a tar holds: one file, or one folder with all below it.
+
+    Args:
+        chunks: The tar.
+        target: Where it goes.
+        copied: Is told what was done.
+        preserve: Keep permissions and times; else files are their owner's alone, and executable where they were.
+
+    Raises:
+        UsageError: The tar is none, or something that is here is in the way.
+        OSError: Something cannot be written.
+    """
+    tar = TarStream(chunks, most_members=MOST_MEMBERS, any_kind=True)
+    try:
+        with _Tree(target, copied, preserve) as tree:
+            for header in tar:
+                tree.add(header, tar.content())
+    except TarError as error:
+        raise UsageError(f"what the container's engine sends is not understood: {error}") from error
+
+
+class _Tree:
+    """The copy; it holds the folders that lead to where it writes, from the user's own on."""
+
+    def __init__(self, target: Target, copied: Copied, preserve: bool) -> None:
+        self._target, self._copied, self._preserve = target, copied, preserve
+        self._open: list[tuple[str, int, tarfile.TarInfo | None]] = []
+        """Name, descriptor and header of each folder on the way; the first is the user's."""
+        self._top: list[str] | None = None
+        """What all names in the tar begin with."""
+        self._written: set[str] = set()
+
+    def __enter__(self) -> _Tree:
+        folder = os.open(self._target.folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+        self._open.append(("", folder, None))
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        self._leave(0)
+
+    def add(self, header: tarfile.TarInfo, content: Iterator[bytes]) -> None:
+        """Write one member."""
+        parts = self._place(header.name)
+        if header.isdir():
+            self._enter(parts, header)
+            return
+        if not parts:
+            raise UsageError("what is to be copied is neither a file nor a folder")
+        folder = self._enter(parts[:-1])
+        shown = visible("/".join(parts))
+        if header.isreg():
+            self._file(folder, parts, header, content)
+        elif header.issym() and stays_inside(len(parts) - self._above - 1, header.linkname):
+            with self._beside(folder, parts) as name:
+                os.symlink(header.linkname, name, dir_fd=folder)
+        elif header.issym():
+            self._copied.left_out.append(f"{shown}: a link that leads out of it, to {visible(header.linkname)}")
+        elif header.islnk():
+            self._hard_link(folder, parts, header)
+        else:
+            self._copied.left_out.append(f"{shown}: a device, pipe or socket")
+
+    @property
+    def _above(self) -> int:
+        """How many folders of a place are not the container's."""
+        return 1 if self._target.name else 0
+
+    def _place(self, name: str) -> list[str]:
+        """Return where a member goes, below the user's folder."""
+        parts = [part for part in name.split("/") if part not in ("", ".")]
+        if ".." in parts:
+            raise TarError(f"{name[:80]!r} leads out of it")
+        if self._top is None:
+            self._top = parts[:1]
+        if parts[: len(self._top)] != self._top:
+            raise TarError(f"{name[:80]!r} is not below {'/'.join(self._top)!r}")
+        return [*filter(None, [self._target.name]), *parts[len(self._top) :]]
+
+    def _enter(self, parts: list[str], header: tarfile.TarInfo | None = None) -> int:
+        """Return the descriptor of a folder, which is made when it is missing; leave those that do not lead there."""
+        known = 0
+        while known < min(len(parts), len(self._open) - 1) and self._open[known + 1][0] == parts[known]:
+            known += 1
+        self._leave(known + 1)
+        for at, name in enumerate(parts[known:], known + 1):
+            above = self._open[-1][1]
+            with contextlib.suppress(FileExistsError):
+                os.mkdir(name, 0o700, dir_fd=above)
+            try:
+                descriptor = os.open(name, _FOLDER, dir_fd=above)
+            except OSError as error:
+                if error.errno not in (errno.ENOTDIR, errno.ELOOP):
+                    raise
+                where = os.path.join(self._target.folder, *parts[:at])
+                raise UsageError(f"{where}: a file or link is there, where a folder is to be") from None
+            self._open.append((name, descriptor, header if at == len(parts) else None))
+        return self._open[-1][1]
+
+    def _leave(self, first: int) -> None:
+        """Close folders from one on, and give each its permissions and time now that nothing more is written there."""
+        while len(self._open) > first:
+            _, descriptor, header = self._open.pop()
+            try:
+                if self._preserve and header is not None:
+                    _like(descriptor, header)
+            finally:
+                os.close(descriptor)
+
+    def _file(self, folder: int, parts: list[str], header: tarfile.TarInfo, content: Iterator[bytes]) -> None:
+        with (
+            self._beside(folder, parts) as name,
+            os.fdopen(os.open(name, _NEW, 0o600, dir_fd=folder), "wb") as stream,
+        ):
+            for piece in content:
+                stream.write(piece)
+                self._copied.bytes += len(piece)
+            stream.flush()
+            if self._preserve:
+                _like(stream.fileno(), header)
+            else:
+                os.fchmod(stream.fileno(), 0o600 | header.mode & 0o100)
+        self._copied.files += 1
+        self._written.add("/".join(parts))
+
+    def _hard_link(self, folder: int, parts: list[str], header: tarfile.TarInfo) -> None:
+        """Let a file have a second name; the first one must have come in this copy."""
+        first = self._place(header.linkname)
+        if "/".join(first) not in self._written:
+            raise TarError(f"{header.name[:80]!r} is another name of what did not come")
+        source = os.dup(self._open[0][1])
+        try:
+            for name in first[:-1]:
+                below = os.open(name, _FOLDER, dir_fd=source)
+                os.close(source)
+                source = below
+            with self._beside(folder, parts) as name:
+                os.link(first[-1], name, src_dir_fd=source, dst_dir_fd=folder, follow_symlinks=False)
+        finally:
+            os.close(source)
+        self._copied.files += 1
+        self._written.add("/".join(parts))
+
+    @contextlib.contextmanager
+    def _beside(self, folder: int, parts: list[str]) -> Iterator[str]:
+        """Give a name for what is made in the block; when it is whole, it takes the place of what is there."""
+        name = f".srprov-{secrets.token_hex(8)}.part"
+        try:
+            yield name
+            if _is_folder(folder, parts[-1]):
+                where = os.path.join(self._target.folder, *parts)
+                raise UsageError(f"{where}: a folder is there, where a file is to be")
+            os.rename(name, parts[-1], src_dir_fd=folder, dst_dir_fd=folder)
+        finally:
+            with contextlib.suppress(OSError):  # it is there when something failed, or was the same file already
+                os.unlink(name, dir_fd=folder)
+
+
+def _is_folder(above: int, name: str) -> bool:
+    try:
+        return stat.S_ISDIR(os.stat(name, dir_fd=above, follow_symlinks=False).st_mode)
+    except FileNotFoundError:
+        return False
+
+
+def _like(descriptor: int, header: tarfile.TarInfo) -> None:
+    """Give a file or folder the permissions and the time of its header; never those that act as somebody else."""
+    os.fchmod(descriptor, header.mode & 0o777)
+    with contextlib.suppress(OverflowError, ValueError):  # a time that no file here can have
+        os.utime(descriptor, (header.mtime, header.mtime))
+
+
+def stays_inside(depth: int, link: str) -> bool:
+    """Return whether a link cannot lead out of what is copied, whatever other such links are in it.
+
+    Args:
+        depth: How many folders of the copy lie above the link.
+        link: Where it points to. `..` may only stand at its beginning: behind the name of another link it would lead to
+            wherever that one's target lies.
+    """
+    if link.startswith("/") or not link:
+        return False
+    parts = [part for part in link.split("/") if part not in ("", ".")]
+    up = next((at for at, part in enumerate(parts) if part != ".."), len(parts))
+    return up <= depth and ".." not in parts[up:]

@@ -1,0 +1,160 @@
+"""Copies between this machine and a container: what each word of the user means, and where the copy goes.
+
+Takes a `ContainerFiles` of the robot; the rules are those of `cp`. What comes out is written by `copied_out.py`, what
+goes in is read by `copied_in.py`.
+"""
+
+from __future__ import annotations
+
+import os
+import posixpath
+from collections.abc import Iterator
+
+import msgspec
+
+from srprov.container_files import ContainerFiles, InContainer
+from srprov.controller.copied_in import Owner, tar_of
+from srprov.controller.copied_out import Copied, Target, unpack
+from srprov.errors import UsageError
+
+
+class InService(msgspec.Struct, frozen=True, kw_only=True):
+    """A path in a service's container, as a user names it."""
+
+    service: str
+    """A service, a replica, or SERVICE@ROBOT."""
+    path: str
+    """A whole path, without `.` and `..`."""
+    content: bool = False
+    """It ended with `/.`: the content of the folder is meant."""
+    folder: bool = False
+    """It ended with `/`: only a folder is meant."""
+
+
+def place(word: str) -> InService | str:
+    """Return what SOURCE or TARGET means: `SERVICE:/path`, else a path here, as `./a:b` is.
+
+    Raises:
+        UsageError: It names a service, and no whole path.
+    """
+    service, colon, path = word.partition(":")
+    if not colon or "/" in service or service.startswith((".", "~")):
+        return word
+    if not service or not path.startswith("/"):
+        hint = f"a path in a container begins with /; a file here that is called so is ./{word}"
+        raise UsageError(f"'{word}' is no SERVICE:/path", hint=hint)
+    content = path.endswith(("/.", "/./"))
+    return InService(
+        service=service, path=_whole(path), content=content, folder=content or path.endswith("/")
+    )  # fmt: skip
+
+
+def _whole(path: str) -> str:
+    return "/" + posixpath.normpath(path).lstrip("/")
+
+
+def copy_out(
+    files: ContainerFiles, container: str, source: InService, target: str, copied: Copied, *, preserve: bool
+) -> None:
+    """Copy a file or folder from a container to this machine.
+
+    Raises:
+        UsageError: It is not there, or the target cannot take it.
+        TransportError: The engine refuses, or it or the robot is gone.
+        OSError: Something cannot be written.
+    """
+    path, found = _found(files, container, source)
+    unpack(files.copy_out(container, path), _target(source, found, target), copied, preserve=preserve)
+
+
+def raw_out(files: ContainerFiles, container: str, source: InService) -> Iterator[bytes]:
+    """Return a file or folder of a container as a tar, as its engine makes it.
+
+    Raises:
+        UsageError: It is not there.
+        TransportError: The engine refuses, or it or the robot is gone.
+    """
+    path, _ = _found(files, container, source)
+    return files.copy_out(container, path)
+
+
+def copy_into(
+    files: ContainerFiles, container: str, source: str, target: InService, owner: Owner, copied: Copied
+) -> None:
+    """Copy a file or folder from this machine into a container.
+
+    Raises:
+        UsageError: It is not there, cannot be read, or the target cannot take it.
+        TransportError: The engine refuses, or it or the robot is gone.
+    """
+    if not os.path.exists(source):
+        raise UsageError(f"{source}: there is no such file or folder")
+    content = source.endswith("/.") or source == "."
+    folder, name = _place_there(files, container, target, source, content)
+    files.copy_into(container, folder, tar_of(source, name, owner, copied))
+
+
+def raw_into(files: ContainerFiles, container: str, tar: Iterator[bytes], target: InService) -> None:
+    """Unpack a tar of the user's in a folder of a container.
+
+    Raises:
+        UsageError: There is no such folder.
+        TransportError: The engine refuses, or it or the robot is gone.
+    """
+    path, found = _found(files, container, target)
+    if not found.is_folder:
+        raise UsageError(f"{target.service}:{path} is no folder", hint="a tar is unpacked in one")
+    files.copy_into(container, path, tar)
+
+
+def _found(files: ContainerFiles, container: str, what: InService) -> tuple[str, InContainer]:
+    """Return what is at a path, and where it really lies: one link is followed."""
+    path, found = what.path, files.path_in(container, what.path)
+    if found is not None and found.link:
+        path = _whole(found.link)
+        found = files.path_in(container, path)
+    if found is None:
+        raise UsageError(f"there is no {what.path} in {what.service}")
+    if not (found.is_folder or found.is_file):
+        raise UsageError(f"{what.service}:{what.path} is neither a file nor a folder")
+    if what.folder and not found.is_folder:
+        raise UsageError(f"{what.service}:{what.path} is no folder")
+    return path, found
+
+
+def _target(source: InService, found: InContainer, target: str) -> Target:
+    """Return where a copy of what was found goes here."""
+    name = "" if source.content else posixpath.basename(source.path)
+    if os.path.isdir(target):
+        return Target(folder=target, name=name)
+    if os.path.lexists(target) and found.is_folder:
+        raise UsageError(f"{target}: a file is there, and {source.service}:{source.path} is a folder")
+    if target.endswith("/") and not found.is_folder:
+        raise UsageError(f"{target}: there is no such folder")
+    above, name = os.path.split(target.rstrip("/"))
+    if not os.path.isdir(above or "."):
+        raise UsageError(f"{above}: there is no such folder", hint=f"mkdir -p {above}")
+    return Target(folder=above or ".", name=name)
+
+
+def _place_there(
+    files: ContainerFiles, container: str, target: InService, source: str, content: bool
+) -> tuple[str, str]:
+    """Return the folder of the container into which a tar goes, and what the copy is called in it."""
+    path, there = target.path, files.path_in(container, target.path)
+    if there is not None and there.link:
+        path = _whole(there.link)
+        there = files.path_in(container, path)
+    where = f"{target.service}:{target.path}"
+    if there is not None and there.is_folder:
+        return path, "" if content else os.path.basename(os.path.abspath(source))
+    folder = os.path.isdir(source)
+    if there is not None and folder:
+        raise UsageError(f"{where} is a file, and {source} is a folder")
+    if target.folder and not (folder and there is None):
+        raise UsageError(f"there is no folder {where}")
+    above = posixpath.dirname(path)
+    found = files.path_in(container, above)
+    if found is None or not (found.is_folder or found.link):
+        raise UsageError(f"there is no folder {target.service}:{above}")
+    return above, posixpath.basename(path)

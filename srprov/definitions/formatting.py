@@ -1,0 +1,95 @@
+"""EDFs and CDFs in one form: comments stay, keys of the file and of its services stand in the order of the schema.
+
+Takes paths or text; gives text, and writes nothing. `yamldoc/canonical.py` sees to it that the values stay.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import msgspec
+
+from srprov.errors import DefinitionError, Diagnostic, Location
+from srprov.yamldoc import loader
+from srprov.yamldoc.canonical import canonical
+from srprov.yamldoc.nodes import Map
+
+SUFFIXES = tuple(f".{kind}{more}" for kind in ("edf", "cdf") for more in ("", ".yml", ".yaml"))
+"""Of files that are found in a folder."""
+
+
+class Formatted(msgspec.Struct, frozen=True, kw_only=True):
+    """A file before and after."""
+
+    path: str
+    before: str
+    after: str
+
+    @property
+    def changed(self) -> bool:
+        """Whether it was not in its form."""
+        return self.before != self.after
+
+
+def formatted(path: str) -> Formatted:
+    """Return a file as it is and in its form.
+
+    Raises:
+        DefinitionError: It is neither EDF nor CDF, or cannot be read or brought into form.
+    """
+    from srprov.definitions import file_kind
+    from srprov.definitions.dockerfile import is_dockerfile
+
+    kind = "" if is_dockerfile(path) else file_kind(path)
+    if kind not in ("edf", "cdf"):
+        raise DefinitionError([Diagnostic(Location(path), "is neither an EDF nor a CDF", hint="name it .edf or .cdf")])
+    text = loader.read_text(path)
+    return Formatted(path=path, before=text, after=_text(text, path, kind))
+
+
+def formatted_text(text: str, name: str) -> str:
+    """Return the text of an EDF or CDF in its form; its keys tell which of them it is.
+
+    Raises:
+        DefinitionError: It is no YAML, or cannot be brought into form.
+    """
+    root = loader.parse(text, name)
+    return _text(text, name, "cdf" if isinstance(root, Map) and "cdf" in root.entries else "edf")
+
+
+def _text(text: str, name: str, kind: str) -> str:
+    from srprov.data import schema
+
+    top = tuple(schema(kind)["properties"])
+    services = schema("edf")["properties"]["services"]["additionalProperties"]["properties"]
+    service = tuple(services) if kind == "edf" else ()
+
+    def orders(path: Sequence[str]) -> Sequence[str]:
+        return top if not path else service if len(path) == 2 and path[0] == "services" else ()
+
+    return canonical(text, name, orders)
+
+
+def definition_files(paths: Sequence[str]) -> Iterator[str]:
+    """Yield files that are named, and those of folders that are named, by their suffix.
+
+    Hidden folders are left out, and so are links in a folder: they may lead out of it.
+
+    Raises:
+        DefinitionError: A path is a link; whoever wants its file named it would find the link gone.
+    """
+    for path in paths:
+        if os.path.islink(path) and not os.path.isdir(path):
+            hint = f"name the file itself: {os.path.realpath(path)}"
+            raise DefinitionError(
+                [Diagnostic(Location(path), "is a link, which would be replaced by a file", hint=hint)]
+            )
+        if not os.path.isdir(path):
+            yield path
+            continue
+        for folder, folders, names in os.walk(path):
+            folders[:] = sorted(one for one in folders if not one.startswith("."))
+            files = [os.path.join(folder, one) for one in sorted(names) if one.endswith(SUFFIXES)]
+            yield from (str(Path(one)) for one in files if not os.path.islink(one))

@@ -1,0 +1,388 @@
+"""Copies between this machine and a container that is a folder here; an engine is played by `tarfile`."""
+
+from __future__ import annotations
+
+import io
+import os
+import shutil
+import socket
+import stat
+import tarfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from srprov.container_files import InContainer
+from srprov.controller.copied_in import Owner, tar_of
+from srprov.controller.copied_out import Copied, Target, stays_inside, unpack
+from srprov.controller.copying import InService, copy_into, copy_out, place, raw_into, raw_out
+from srprov.errors import UsageError
+
+TIME = 1_600_000_000
+
+
+class Engine:
+    """A container whose files lie in a folder; tars are made and unpacked as Docker's engine does."""
+
+    def __init__(self, root: Path) -> None:
+        self.root = root
+        self.got: list[tarfile.TarInfo] = []
+
+    def _at(self, path: str) -> Path:
+        return self.root / path.lstrip("/")
+
+    def path_in(self, _container: str, path: str) -> InContainer | None:
+        try:
+            about = self._at(path).lstat()
+        except (FileNotFoundError, NotADirectoryError):
+            return None
+        link = ""
+        if stat.S_ISLNK(about.st_mode):
+            link = "/" + os.path.relpath(self._at(path).resolve(), self.root)
+        return InContainer(
+            is_folder=stat.S_ISDIR(about.st_mode), is_file=stat.S_ISREG(about.st_mode), size=about.st_size, link=link
+        )
+
+    def copy_out(self, _container: str, path: str) -> Iterator[bytes]:
+        buffer = io.BytesIO()
+        with tarfile.open(fileobj=buffer, mode="w") as tar:
+            tar.add(self._at(path), arcname=os.path.basename(path) or "/")
+        yield buffer.getvalue()
+
+    def copy_into(self, _container: str, folder: str, tar: Iterator[bytes]) -> None:
+        with tarfile.open(fileobj=io.BytesIO(b"".join(tar))) as read:
+            self.got = read.getmembers()
+            read.extractall(self._at(folder), filter="tar")
+
+
+@pytest.fixture
+def engine(tmp_path: Path) -> Engine:
+    root = tmp_path / "container"
+    (root / "out/deep").mkdir(parents=True)
+    (root / "out/a.txt").write_text("a")
+    (root / "out/deep/run.sh").write_text("#!/bin/sh\n")
+    (root / "out/deep/run.sh").chmod(0o755)
+    (root / "out/a.txt").chmod(0o644)
+    (root / "latest").symlink_to("out")
+    os.utime(root / "out/a.txt", (TIME, TIME))
+    return Engine(root)
+
+
+@pytest.fixture
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    folder = tmp_path / "here"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    return folder
+
+
+def out(engine: Engine, word: str, target: str, *, preserve: bool = False) -> Copied:
+    source = place(word)
+    assert isinstance(source, InService)
+    copied = Copied()
+    copy_out(engine, "c", source, target, copied, preserve=preserve)
+    return copied
+
+
+def into(engine: Engine, source: str, word: str, owner: Owner = Owner()) -> Copied:  # noqa: B008 - a value
+    target = place(word)
+    assert isinstance(target, InService)
+    copied = Copied()
+    copy_into(engine, "c", source, target, owner, copied)
+    return copied
+
+
+def tree(folder: Path) -> dict[str, str]:
+    """Give every file below a folder with its content."""
+    return {str(one.relative_to(folder)): one.read_text() for one in sorted(folder.rglob("*")) if one.is_file()}
+
+
+@pytest.mark.parametrize(
+    ("word", "target", "found"),
+    [
+        ("s:/out/a.txt", ".", {"a.txt": "a"}),
+        ("s:/out/a.txt", "b.txt", {"b.txt": "a"}),
+        ("s:/out", "new", {"new/a.txt": "a", "new/deep/run.sh": "#!/bin/sh\n"}),
+        ("s:/out/", ".", {"out/a.txt": "a", "out/deep/run.sh": "#!/bin/sh\n"}),
+        ("s:/out/.", ".", {"a.txt": "a", "deep/run.sh": "#!/bin/sh\n"}),
+        ("s:/out/.", "new", {"new/a.txt": "a", "new/deep/run.sh": "#!/bin/sh\n"}),
+        ("s:/latest", "new", {"new/a.txt": "a", "new/deep/run.sh": "#!/bin/sh\n"}),
+        ("s:/out/../out//deep/run.sh", ".", {"run.sh": "#!/bin/sh\n"}),
+        ("s:/", "all", {"all/out/a.txt": "a", "all/out/deep/run.sh": "#!/bin/sh\n"}),
+    ],
+)
+def test_what_comes_out_lies_where_cp_would_put_it(
+    engine: Engine, here: Path, word: str, target: str, found: dict[str, str]
+) -> None:
+    if word == "s:/":
+        (engine.root / "latest").unlink()
+    copied = out(engine, word, target)
+    assert tree(here) == found
+    assert (copied.files, copied.bytes, copied.left_out) == (len(found), sum(map(len, found.values())), [])
+
+
+def test_files_are_their_owners_alone_unless_they_are_to_be_as_they_were(engine: Engine, here: Path) -> None:
+    out(engine, "s:/out", "plain")
+    assert stat.S_IMODE((here / "plain/a.txt").stat().st_mode) == 0o600
+    assert stat.S_IMODE((here / "plain/deep/run.sh").stat().st_mode) == 0o700
+    (engine.root / "out/deep/run.sh").chmod(0o6755)
+    (engine.root / "out/deep").chmod(0o750)
+    out(engine, "s:/out", "same", preserve=True)
+    assert stat.S_IMODE((here / "same/a.txt").stat().st_mode) == 0o644
+    assert (here / "same/a.txt").stat().st_mtime == TIME
+    assert stat.S_IMODE((here / "same/deep/run.sh").stat().st_mode) == 0o755, "nothing acts as somebody else"
+    assert stat.S_IMODE((here / "same/deep").stat().st_mode) == 0o750
+
+
+def test_what_is_there_is_replaced_and_links_are_not_followed(engine: Engine, here: Path) -> None:
+    (here / "secret").write_text("mine")
+    (here / "a.txt").symlink_to("secret")
+    out(engine, "s:/out/a.txt", ".")
+    assert (here / "secret").read_text() == "mine" and not (here / "a.txt").is_symlink()
+    assert (here / "a.txt").read_text() == "a"
+    (here / "elsewhere").mkdir()
+    (here / "out").symlink_to("elsewhere")
+    with pytest.raises(UsageError, match="a file or link is there, where a folder is to be"):
+        out(engine, "s:/out", ".")
+    assert list((here / "elsewhere").iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("word", "target", "words"),
+    [
+        ("s:/nothing", ".", "there is no /nothing in s"),
+        ("s:/out/a.txt/", ".", "is no folder"),
+        ("s:/out/a.txt/.", ".", "is no folder"),
+        ("s:/out/a.txt", "new/", "new/: there is no such folder"),
+        ("s:/out/a.txt", "no/where", "no: there is no such folder"),
+        ("s:/out", "file", "file: a file is there"),
+        ("s:/out/a.txt", "holds", "a folder is there, where a file is to be"),
+    ],
+)
+def test_what_cannot_come_out_is_refused(engine: Engine, here: Path, word: str, target: str, words: str) -> None:
+    (here / "file").write_text("x")
+    (here / "holds/a.txt").mkdir(parents=True)
+    with pytest.raises(UsageError, match=words):
+        out(engine, word, target)
+    assert sorted(str(one.relative_to(here)) for one in here.rglob("*")) == ["file", "holds", "holds/a.txt"]
+
+
+@pytest.mark.parametrize(
+    ("source", "word", "found"),
+    [
+        ("f.txt", "s:/out", "out/f.txt"),
+        ("f.txt", "s:/out/", "out/f.txt"),
+        ("f.txt", "s:/latest", "out/f.txt"),
+        ("f.txt", "s:/out/a.txt", "out/a.txt"),
+        ("f.txt", "s:/new.txt", "new.txt"),
+        ("folder", "s:/out", "out/folder/g.txt"),
+        ("folder", "s:/new", "new/g.txt"),
+        ("folder/.", "s:/out", "out/g.txt"),
+        ("folder/.", "s:/new/", "new/g.txt"),
+    ],
+)
+def test_what_goes_in_lies_where_cp_would_put_it(
+    engine: Engine, here: Path, source: str, word: str, found: str
+) -> None:
+    (here / "folder").mkdir()
+    (here / "f.txt").write_text("f")
+    (here / "folder/g.txt").write_text("g")
+    before = tree(engine.root)
+    copied = into(engine, source, word)
+    assert tree(engine.root) == before | {found: source[:1].replace("o", "g") if source == "f.txt" else "g"}
+    assert (copied.files, copied.bytes) == (1, 1)
+
+
+@pytest.mark.parametrize(
+    ("source", "word", "words"),
+    [
+        ("nothing", "s:/out", "nothing: there is no such file or folder"),
+        ("folder", "s:/out/a.txt", "is a file, and folder is a folder"),
+        ("f.txt", "s:/new/", "there is no folder s:/new"),
+        ("f.txt", "s:/out/a.txt/", "there is no folder"),
+        ("f.txt", "s:/no/where.txt", "there is no folder s:/no"),
+    ],
+)
+def test_what_cannot_go_in_is_refused(engine: Engine, here: Path, source: str, word: str, words: str) -> None:
+    (here / "folder").mkdir()
+    (here / "f.txt").write_text("f")
+    before = tree(engine.root)
+    with pytest.raises(UsageError, match=words):
+        into(engine, source, word)
+    assert tree(engine.root) == before
+
+
+def test_what_goes_in_keeps_its_mode_and_links_and_belongs_to_whom_is_named(engine: Engine, here: Path) -> None:
+    (here / "folder").mkdir()
+    (here / "folder/run").write_text("x" * 3_000_000)
+    (here / "folder/run").chmod(0o750)
+    (here / "folder/link").symlink_to("/etc/passwd")
+    os.mkfifo(here / "folder/pipe")
+    with socket.socket(socket.AF_UNIX) as bound:
+        bound.bind("folder/socket")
+        copied = into(engine, "folder", "s:/new", Owner(1000, 1001))
+    by_name = {one.name: one for one in engine.got}
+    assert sorted(by_name) == ["new", "new/link", "new/run"]
+    assert {(one.uid, one.gid) for one in engine.got} == {(1000, 1001)}
+    assert by_name["new/run"].mode == 0o750 and by_name["new/link"].linkname == "/etc/passwd"
+    assert [os.path.basename(line) for line in copied.left_out] == [
+        "pipe: a device, pipe or socket",
+        "socket: a device, pipe or socket",
+    ]
+
+
+def test_a_file_that_gets_shorter_while_it_is_sent_is_told(here: Path) -> None:
+    (here / "f").write_bytes(bytes(3 << 20))
+    pieces = tar_of("f", "f", Owner(), Copied())
+    next(pieces)
+    os.truncate(here / "f", 10)
+    with pytest.raises(UsageError, match="it changed while it was read"):
+        list(pieces)
+
+
+def test_a_tar_goes_through_as_it_is(engine: Engine, here: Path) -> None:
+    source, target = place("s:/out"), place("s:/latest")
+    assert isinstance(source, InService) and isinstance(target, InService)
+    raw = b"".join(raw_out(engine, "c", source))
+    with tarfile.open(fileobj=io.BytesIO(raw)) as tar:
+        assert "out/deep/run.sh" in tar.getnames()
+    raw_into(engine, "c", iter([raw]), target)
+    assert (engine.root / "out/out/a.txt").read_text() == "a"
+    file = place("s:/out/a.txt")
+    assert isinstance(file, InService)
+    with pytest.raises(UsageError, match="is no folder"):
+        raw_into(engine, "c", iter([raw]), file)
+
+
+@pytest.mark.parametrize(
+    ("word", "found"),
+    [
+        ("a:/x", InService(service="a", path="/x")),
+        ("a@r1:/x/", InService(service="a@r1", path="/x", folder=True)),
+        ("a:/x/.", InService(service="a", path="/x", content=True, folder=True)),
+        ("a:/../..//x", InService(service="a", path="/x")),
+        ("a:/", InService(service="a", path="/", folder=True)),
+        ("./a:b", "./a:b"),
+        ("dir/a:b", "dir/a:b"),
+        ("/a:b", "/a:b"),
+        ("-", "-"),
+        ("plain", "plain"),
+    ],
+)
+def test_words_are_read_as_docker_cp_reads_them(word: str, found: object) -> None:
+    assert place(word) == found
+
+
+@pytest.mark.parametrize("word", ["a:", "a:x", ":/x"])
+def test_a_service_without_a_whole_path_is_refused(word: str) -> None:
+    with pytest.raises(UsageError, match="is no SERVICE:/path"):
+        place(word)
+
+
+def tar(*entries: tuple[str, bytes, str]) -> bytes:
+    """Return a tar of names, kinds, and content or link."""
+    buffer = io.BytesIO()
+    with tarfile.open(fileobj=buffer, mode="w") as made:
+        for name, kind, word in entries:
+            one = tarfile.TarInfo(name)
+            one.type, one.mode = kind, 0o777
+            if kind == tarfile.REGTYPE:
+                one.size = len(word)
+                made.addfile(one, io.BytesIO(word.encode()))
+            else:
+                one.linkname = word
+                made.addfile(one)
+    return buffer.getvalue()
+
+
+FILE, DIR, SYM, HARD, FIFO, DEVICE = (
+    tarfile.REGTYPE, tarfile.DIRTYPE, tarfile.SYMTYPE, tarfile.LNKTYPE, tarfile.FIFOTYPE, tarfile.CHRTYPE,
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "entries",
+    [
+        [("d", DIR, ""), ("d/../../evil", FILE, "x")],
+        [("d", DIR, ""), ("../evil", FILE, "x")],
+        [("d", DIR, ""), ("/etc/evil", FILE, "x")],
+        [("d", DIR, ""), ("other/evil", FILE, "x")],
+        [("d", DIR, ""), ("d/l", SYM, "sub"), ("d/l/evil", FILE, "x")],
+        [("d", DIR, ""), ("d/f", FILE, "x"), ("d/f/evil", FILE, "x")],
+        [("d", DIR, ""), ("d/h", HARD, "d/../../outside")],
+        [("d", DIR, ""), ("d/h", HARD, "/etc/passwd")],
+        [("d", DIR, ""), ("d/h", HARD, "d/was-here")],
+    ],
+)
+def test_no_tar_of_a_hostile_container_writes_elsewhere(here: Path, entries: list[tuple[str, bytes, str]]) -> None:
+    """Nor takes a second name for a file of the user's."""
+    (here / "outside").write_text("mine")
+    (here / "place").mkdir()
+    (here / "place/copy").mkdir()
+    (here / "place/copy/was-here").write_text("mine too")
+    with pytest.raises((UsageError, OSError)):
+        unpack(iter([tar(*entries)]), Target(folder="place", name="copy"), Copied(), preserve=True)
+    there = {str(one.relative_to(here)) for one in here.rglob("*")}
+    assert there - {"place/copy/l", "place/copy/f"} == {"outside", "place", "place/copy", "place/copy/was-here"}
+    assert (here / "place/copy").is_dir() and not (here / "place/copy").is_symlink()
+    assert ((here / "outside").read_text(), (here / "place/copy/was-here").stat().st_nlink) == ("mine", 1)
+
+
+def test_a_link_in_the_place_of_what_is_copied_leads_nowhere(here: Path) -> None:
+    (here / "elsewhere").mkdir()
+    for entries in ([("d", DIR, "")], []):
+        made = tar(*entries, ("d", SYM, str(here / "elsewhere")), ("d/f", FILE, "x"))
+        copied = Copied()
+        unpack(iter([made]), Target(folder=".", name="copy"), copied, preserve=False)
+        assert "a link that leads out of it" in copied.left_out[0]
+        assert os.listdir("copy") == ["f"] and os.listdir("elsewhere") == []
+
+
+def test_links_out_devices_and_pipes_are_left_out_and_told(here: Path) -> None:
+    made = tar(
+        ("d", DIR, ""), ("d/f", FILE, "x"), ("d/in", SYM, "f"), ("d/abs", SYM, "/etc/passwd"), ("d/up", SYM, "../x"),
+        ("d/pipe", FIFO, ""), ("d/null", DEVICE, ""), ("d/again", HARD, "d/f"),
+    )  # fmt: skip
+    copied = Copied()
+    unpack(iter([made]), Target(folder=".", name="copy"), copied, preserve=False)
+    assert sorted(os.listdir("copy")) == ["again", "f", "in"]
+    assert os.path.samefile("copy/again", "copy/f") and os.readlink("copy/in") == "f"
+    assert copied.left_out == [
+        "copy/abs: a link that leads out of it, to /etc/passwd",
+        "copy/up: a link that leads out of it, to ../x",
+        "copy/pipe: a device, pipe or socket",
+        "copy/null: a device, pipe or socket",
+    ]
+    unpack(iter([made]), Target(folder=".", name="copy"), Copied(), preserve=False)
+    assert sorted(os.listdir("copy")) == ["again", "f", "in"], "nothing is left beside it the second time"
+
+
+@pytest.mark.parametrize(
+    ("depth", "link", "inside"),
+    [
+        (0, "f", True), (0, "a/b/../c", False), (0, "..", False), (1, "..", True), (1, "../f", True),
+        (2, "../../f", True), (1, "../../f", False), (0, "/f", False), (0, "", False), (0, "./f", True),
+        (2, "./.././f", True), (3, "a/..", False), (-1, "f", False),
+    ],
+)  # fmt: skip
+def test_a_link_stays_inside_whatever_other_links_there_are(depth: int, link: str, inside: bool) -> None:
+    assert stays_inside(depth, link) is inside
+
+
+def test_a_copy_that_is_cut_leaves_no_half_file(here: Path) -> None:
+    """Neither in the place of what is there, nor beside it; also after Ctrl-C."""
+    (here / "f").write_text("before")
+    whole = tar(("f", FILE, "x" * 2_000_000))
+
+    def cut(error: BaseException) -> Iterator[bytes]:
+        yield whole[:1_500_000]
+        raise error
+
+    for error in (KeyboardInterrupt(), UsageError("gone")):
+        with pytest.raises(type(error)):
+            unpack(cut(error), Target(folder=".", name="f"), Copied(), preserve=False)
+    with pytest.raises(UsageError, match="it ends too early"):
+        unpack(iter([whole[:1_500_000]]), Target(folder=".", name="f"), Copied(), preserve=False)
+    assert os.listdir(".") == ["f"] and (here / "f").read_text() == "before"
+    shutil.rmtree(here)

@@ -1,0 +1,143 @@
+"""Files of a container over an engine that is played: what is asked of it, and what it may answer."""
+
+from __future__ import annotations
+
+import base64
+import json
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+from srprov.container_files import InContainer
+from srprov.definitions.model import Host
+from srprov.errors import TransportError, UsageError
+from srprov.session import Session
+from srprov.transport import connect
+from tests.unit.transport.test_local_session import Answer, PlayedEngine, pytestmark, reply
+
+__all__ = ["pytestmark"]
+
+HEADER = "X-Docker-Container-Path-Stat"
+
+
+def said(**about: object) -> bytes:
+    """Return an answer to HEAD, which has no body."""
+    text = base64.b64encode(json.dumps({"name": "x", "size": 0, "mtime": "", "linkTarget": "", **about}).encode())
+    return f"HTTP/1.1 200 OK\r\nContent-Length: 0\r\n{HEADER}: {text.decode()}\r\n\r\n".encode()
+
+
+@pytest.fixture
+def play(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[Answer], PlayedEngine]:
+    def begin(answer: Answer) -> PlayedEngine:
+        monkeypatch.setenv("DOCKER_HOST", f"unix://{tmp_path}/engine.sock")
+        return PlayedEngine(tmp_path / "engine.sock", answer)
+
+    return begin
+
+
+@pytest.fixture
+def session() -> Iterator[Session]:
+    made = connect(Host(name="here", address="localhost", connection="local"))
+    yield made
+    made.close()
+
+
+@pytest.mark.parametrize(
+    ("answer", "found"),
+    [
+        (said(mode=0o644, size=7), InContainer(is_file=True, size=7)),
+        (said(mode=(1 << 31) | 0o755), InContainer(is_folder=True)),
+        (said(mode=(1 << 27) | 0o777, linkTarget="/out"), InContainer(link="/out")),
+        (said(mode=(1 << 26) | (1 << 21)), InContainer()),
+        (said(mode=0o644, size=-5), InContainer(is_file=True)),
+        (b"HTTP/1.1 404 Not Found\r\nContent-Length: 0\r\n\r\n", None),
+    ],
+)
+def test_an_engine_is_asked_what_is_at_a_path(
+    session: Session, play: Callable[[Answer], PlayedEngine], answer: bytes, found: object
+) -> None:
+    engine = play(lambda *_: answer)
+    assert session.path_in("srprov.a.b", "/out/a b&c") == found
+    assert engine.requests[-1] == "HEAD /v1.41/containers/srprov.a.b/archive?path=%2Fout%2Fa+b%26c"
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        b"HTTP/1.1 200 OK\r\nContent-Length: 0\r\n\r\n",
+        f"HTTP/1.1 200 OK\r\nContent-Length: 0\r\n{HEADER}: no base64!\r\n\r\n".encode(),
+        f"HTTP/1.1 200 OK\r\nContent-Length: 0\r\n{HEADER}: W10=\r\n\r\n".encode(),
+        b"HTTP/1.1 500 Oh\r\nContent-Length: 0\r\n\r\n",
+        b"SSH-2.0-OpenSSH\r\n",
+    ],
+)
+def test_an_answer_without_form_is_told_in_words(
+    session: Session, play: Callable[[Answer], PlayedEngine], answer: bytes
+) -> None:
+    play(lambda *_: answer)
+    with pytest.raises(TransportError, match="/out cannot be looked at: "):
+        session.path_in("c", "/out")
+
+
+def test_a_tar_comes_and_goes_in_pieces(session: Session, play: Callable[[Answer], PlayedEngine]) -> None:
+    got: list[tuple[str, bytes]] = []
+
+    def answer(request: str, headers: dict[str, str], body: bytes) -> bytes:
+        if request.startswith("GET"):
+            return reply(b"t" * 300_000)
+        assert (headers["transfer-encoding"], headers["content-type"]) == ("chunked", "application/x-tar")
+        got.append((request, body))
+        return reply(b"")
+
+    play(answer)
+    assert b"".join(session.copy_out("c", "/out")) == b"t" * 300_000
+    session.copy_into("c", "/out", iter([b"a" * 100_000, b"b"]))
+    place = "/v1.41/containers/c/archive?path=%2Fout&noOverwriteDirNonDir=true"
+    assert got == [(f"PUT {place}", b"a" * 100_000 + b"b")]
+
+
+def test_what_an_engine_refuses_comes_in_its_words(session: Session, play: Callable[[Answer], PlayedEngine]) -> None:
+    play(lambda *_: reply(b'{"message":"container rootfs is marked read-only"}', "403 Forbidden"))
+    with pytest.raises(TransportError, match="/out cannot be written: container rootfs is marked read-only"):
+        session.copy_into("c", "/out", iter([b"x"]))
+    with pytest.raises(TransportError, match="/out cannot be read: container rootfs"):
+        list(session.copy_out("c", "/out"))
+
+
+def test_a_file_here_that_cannot_be_read_is_told_as_that(
+    session: Session, play: Callable[[Answer], PlayedEngine]
+) -> None:
+    """Not as a fault of the engine's; and the engine is not left with the beginning of a request."""
+    engine = play(lambda *_: reply(b""))
+
+    def pieces() -> Iterator[bytes]:
+        yield b"x"
+        raise UsageError("it changed while it was read")
+
+    with pytest.raises(UsageError, match="it changed"):
+        session.copy_into("c", "/out", pieces())
+    session.copy_into("c", "/out", iter([b"y"]))
+    assert engine.connections == 2
+
+
+def test_an_engine_that_takes_nothing_is_not_waited_for_forever(
+    session: Session, play: Callable[[Answer], PlayedEngine], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Only waits count: neither the time that the user's own disk takes nor a copy that goes on."""
+    monkeypatch.setattr("srprov.transport.engine.archive._WAIT_S", 0.5)
+
+    def slow() -> Iterator[bytes]:
+        for _ in range(3):
+            time.sleep(0.3)
+            yield b"x"
+
+    engine = play(lambda *_: reply(b""))
+    session.copy_into("c", "/out", slow())
+    engine.trickle = (b"HTTP/1.1 200 OK\r\nContent-Length: 1000000\r\n\r\n", 0.05)
+    engine._answer = lambda *_: b""
+    began = time.monotonic()
+    with pytest.raises(TransportError, match="of /out not all came: the Docker Engine did not answer within"):
+        list(session.copy_out("c", "/out"))
+    assert time.monotonic() - began < 30
