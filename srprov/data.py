@@ -1,4 +1,4 @@
-"""Where the files that ship with srprov lie: schemas and playbooks.
+"""Where the files that ship with srprov lie: schemas, playbooks and examples.
 
 Takes a kind's name; gives its content or folder. Touches srprov's own files, for reading. An installed wheel carries
 them in `srprov/_data/`; a checkout has them at its top level.
@@ -25,6 +25,25 @@ def _folder(name: str) -> Path:
 def playbooks_folder() -> Path:
     """Return the folder of the playbooks that ship with srprov."""
     return _folder("playbooks")
+
+
+def example_names() -> tuple[str, ...]:
+    """Name every example that there is, in name order."""
+    return tuple(sorted(path.parent.name for path in _folder("examples").glob("*/experiment.edf")))
+
+
+def example_files(name: str) -> dict[str, bytes]:
+    """Return the files of an example, the experiment first, by their path in its folder.
+
+    Raises:
+        UsageError: There is no such example; the hint names those that exist.
+    """
+    if name not in example_names():
+        raise UsageError(f"there is no example named '{name[:60]}'", hint=f"there are: {', '.join(example_names())}")
+    folder = _folder("examples") / name
+    paths = sorted((one for one in folder.rglob("*") if one.is_file() and "__pycache__" not in one.parts),
+                   key=lambda one: (one.name != "experiment.edf", one))  # fmt: skip
+    return {str(one.relative_to(folder)): one.read_bytes() for one in paths}
 
 
 def schema_kinds() -> tuple[str, ...]:

@@ -51,8 +51,8 @@ ROOMS: Mapping[str, Room] = {
     "controller": room(
         "codes errors layers regular_file wire session container_files resource secret data datasets disk owner private"
         " untrusted time_sync sizes image_reference git_address git linear_regex definitions transport facts assignment"
-        " network images"
-        " rendering modules planning execution record trials probing plain_tar exporting snapshot yamldoc"
+        " network images rendering modules planning execution record trials probing plain_tar exporting snapshot"
+        " yamldoc"
     ),
     "datasets": room("private regular_file untrusted"),
     "disk": room("regular_file images.plan"),
@@ -192,6 +192,7 @@ FILES: Mapping[str, Room] = {
     "cli/importing.py": cli_file("conversion importing.normal"),
     "cli/lab.py": cli_file("lab"),
     "cli/lock.py": cli_file("definitions.lockfile"),
+    "cli/init.py": cli_file("data definitions.starter"),
     "cli/locks.py": cli_file("execution"),
     "cli/logs.py": cli_file("facts"),
     "cli/orders.py": cli_file("execution facts"),

@@ -2,29 +2,22 @@
 
 from __future__ import annotations
 
-import os
 import sys
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import click
 
 from srprov.cli import inputs, options
+from srprov.cli.attached import NOT_RUN, check_terminal, passed_on
 from srprov.cli.main import show_error
-from srprov.cli.output import clean, err
-from srprov.cli.streams import lost
+from srprov.cli.output import err
 from srprov.codes import Code
-from srprov.errors import SrprovError, UsageError
+from srprov.errors import SrprovError
 from srprov.session import Exec
 
 if TYPE_CHECKING:
     from srprov.controller.located import Located
-    from srprov.session import ContainerCommand, Session
-
-NOT_RUN = 255
-_PIECE = 64 * 1024
+    from srprov.session import Session
 
 
 def _settings(_context: click.Context, _option: click.Parameter, given: tuple[str, ...]) -> tuple[str, ...]:
@@ -61,10 +54,7 @@ def exec(
         terminal=tty,
     )  # fmt: skip
     try:
-        if tty and not (sys.stdin.isatty() and sys.stdout.isatty()):
-            raise UsageError(
-                "-t needs a terminal", hint="leave it out where input or output is a file or a pipe", code=Code.OPTIONS
-            )
+        check_terminal(tty)
         return _run(file, service, inventories, forks, timeout, instance, what)
     except SrprovError as error:
         show_error(error)
@@ -88,49 +78,7 @@ def _run(
 def _attached(session: Session, where: Located, what: Exec) -> int:
     """Run it, and pass its streams on."""
     running = session.run_in(where.container, what)
-    try:
-        with _passing(running, what):
-            for stream, data in running.output():
-                _print(stream, data, raw=what.terminal)
-                if lost(sys.stdout):
-                    return 0  # whoever read it has seen enough
-        code = running.exit_code()
-    finally:
-        running.close()
+    code = passed_on(running, stdin=what.stdin, terminal=what.terminal)
     if code is None:
         err(f"error[{Code.COMMAND}]: {where.where}: the command could not be run")
     return NOT_RUN if code is None else code
-
-
-@contextmanager
-def _passing(running: ContainerCommand, what: Exec) -> Iterator[None]:
-    """Pass standard input on, and with a terminal all keys and its size."""
-    if what.stdin:
-        threading.Thread(target=_pass_input, args=(running,), name="standard input", daemon=True).start()
-    if not what.terminal:
-        yield
-        return
-    from srprov.cli.raw_terminal import raw_terminal
-
-    with raw_terminal(running.resize):
-        yield
-
-
-def _pass_input(running: ContainerCommand) -> None:
-    """Pass it on to its end, or to where it cannot be read: it may be a folder, or not want to wait."""
-    try:
-        while data := os.read(sys.stdin.fileno(), _PIECE):
-            running.write(data)
-    except OSError as error:
-        err(f"warning: standard input cannot be read: {error.strerror}")
-    finally:
-        running.close_input()
-
-
-def _print(stream: int, data: bytes, *, raw: bool) -> None:
-    """Write bytes as they are; on a terminal that was not lent to the command, as any other text of robots."""
-    target = sys.stdout if stream == 1 else sys.stderr
-    if not raw and target.isatty():
-        data = clean(data.decode("utf-8", "replace")).encode("utf-8", "replace")
-    target.buffer.write(data)
-    target.buffer.flush()

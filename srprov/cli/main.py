@@ -26,6 +26,7 @@ from srprov.codes import Code
 from srprov.errors import DefinitionError, NoAssignment, SrprovError
 
 _VERBS = {
+    "init": "Write the files of a new experiment.",
     "validate": "Check definition files; no robot is asked.",
     "fmt": "Bring EDFs and CDFs into one form; no robot is asked.",
     "facts": "Show the robots as they are.",
@@ -51,6 +52,7 @@ _VERBS = {
     "wait": "Wait until jobs have completed, services are healthy, or something was printed.",
     "exec": "Run a command in a service's container.",
     "cp": "Copy files from a service's container, or into one.",
+    "ssh": "Log in on a robot, as srprov does.",
     "logs": "Show the output of services.",
     "collect": "Bring home the results, logs and facts of the running experiment.",
     "restart": "Stop services and start them again.",

@@ -14,6 +14,7 @@ field means is in `schemas/` and in docs/definitions.md.
     taken                  what comes from outside of the experiment's folder
     secrets, secretmodel, secretvalues  where secrets come from, and what they are
     formatting  EDFs and CDFs in one form
+    starter     a new experiment
     inventory, inifile, script, hostvars, ranges, patterns  the robots
 """
 

@@ -20,9 +20,9 @@ from srprov.transport.options import ConnectOptions, Peers
 
 if TYPE_CHECKING:
     from srprov.definitions.model import Host
-    from srprov.session import Session
+    from srprov.session import ContainerCommand, Session
 
-__all__ = ["ConnectOptions", "Peers", "connect", "preload_ssh"]
+__all__ = ["ConnectOptions", "Peers", "connect", "log_in", "preload_ssh"]
 
 _loading = threading.Lock()
 
@@ -45,6 +45,18 @@ def connect(host: Host, *, options: ConnectOptions | None = None, peers: Peers |
     from srprov.transport.ssh_session import SshSession
 
     return SshSession.open(host, chosen, peers)
+
+
+def log_in(host: Host, command: str, terminal: str, *, options: ConnectOptions) -> ContainerCommand:
+    """Log in at one robot over SSH, for its user's shell or one command; see `openssh/login.py`.
+
+    Raises:
+        TransportError: As `connect`.
+    """
+    preload_ssh()
+    from srprov.transport.openssh.login import RobotLogin
+
+    return RobotLogin(host, options, command, terminal)
 
 
 def preload_ssh() -> None:

@@ -12,7 +12,7 @@ from typing import cast
 
 import pytest
 
-from srprov.cli.exec import _pass_input
+from srprov.cli.attached import pass_input
 from srprov.cli.raw_terminal import raw_terminal
 from srprov.codes import Code
 from srprov.errors import TransportError
@@ -46,7 +46,7 @@ def test_input_that_cannot_be_read_ends_and_is_told(
         stack.callback(os.close, descriptor)
         monkeypatch.setattr("sys.stdin", SimpleNamespace(fileno=lambda: descriptor))
         taking = Taking()
-        _pass_input(cast(ContainerCommand, taking))
+        pass_input(cast(ContainerCommand, taking))
     assert taking.closed and taking.got == b""
     assert says in capsys.readouterr().err
 

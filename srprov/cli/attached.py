@@ -1,0 +1,80 @@
+"""A command that runs elsewhere, with this process's standard streams: what `exec` and `ssh` pass on."""
+
+from __future__ import annotations
+
+import os
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from srprov.cli.output import clean, err
+from srprov.cli.streams import lost
+from srprov.errors import UsageError
+
+if TYPE_CHECKING:
+    from srprov.session import ContainerCommand
+
+NOT_RUN = 255
+_PIECE = 64 * 1024
+
+
+def check_terminal(wanted: bool) -> None:
+    """Refuse -t where there is no terminal to lend.
+
+    Raises:
+        UsageError: Input or output is none.
+    """
+    if wanted and not (sys.stdin.isatty() and sys.stdout.isatty()):
+        raise UsageError("-t needs a terminal", hint="leave it out where input or output is a file or a pipe")
+
+
+def passed_on(running: ContainerCommand, *, stdin: bool, terminal: bool) -> int | None:
+    """Pass the streams on until the command ends; return its code, or None when it has none.
+
+    It is 0 when nobody reads standard output any more.
+    """
+    try:
+        with _passing(running, stdin=stdin, terminal=terminal):
+            for stream, data in running.output():
+                _print(stream, data, raw=terminal)
+                if lost(sys.stdout):
+                    return 0  # whoever read it has seen enough
+        return running.exit_code()
+    finally:
+        running.close()
+
+
+@contextmanager
+def _passing(running: ContainerCommand, *, stdin: bool, terminal: bool) -> Iterator[None]:
+    """Pass standard input on, and with a terminal all keys and its size."""
+    if stdin:
+        threading.Thread(target=pass_input, args=(running,), name="standard input", daemon=True).start()
+    if not terminal:
+        yield
+        return
+    from srprov.cli.raw_terminal import raw_terminal
+
+    with raw_terminal(running.resize):
+        yield
+
+
+def pass_input(running: ContainerCommand) -> None:
+    """Pass it on to its end, or to where it cannot be read: it may be a folder, or not want to wait."""
+    try:
+        while data := os.read(sys.stdin.fileno(), _PIECE):
+            running.write(data)
+    except OSError as error:
+        err(f"warning: standard input cannot be read: {error.strerror}")
+    finally:
+        running.close_input()
+
+
+def _print(stream: int, data: bytes, *, raw: bool) -> None:
+    """Write bytes as they are; on a terminal that was not lent to the command, as any other text of robots."""
+    target = sys.stdout if stream == 1 else sys.stderr
+    if not raw and target.isatty():
+        data = clean(data.decode("utf-8", "replace")).encode("utf-8", "replace")
+    target.buffer.write(data)
+    target.buffer.flush()

@@ -1,0 +1,129 @@
+"""A login on a robot: its user's own shell, or one command, as `ssh` would give it. No shell of srprov's is started.
+
+Takes a `Host`, gives a `ContainerCommand` on a connection of its own: address, keys, password, jump hosts and host keys
+are those of every other connection.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from collections.abc import Iterator
+
+import paramiko
+
+from srprov.definitions.model import Host
+from srprov.errors import ConnectError, DeadlineError, TransportError
+from srprov.session import Traffic
+from srprov.transport.deadline import Deadline
+from srprov.transport.openssh.channel import MORE_SESSIONS, ChannelStreams
+from srprov.transport.openssh.connection import StrictConnection, open_connection
+from srprov.transport.openssh.resolve import resolve
+from srprov.transport.options import ConnectOptions
+
+_STATUS_S = 10.0
+"""For sshd to say how a command ended whose streams have ended."""
+
+
+class RobotLogin:
+    """A shell or command of the robot's user; one thread may read, another may write."""
+
+    def __init__(self, host: Host, options: ConnectOptions, command: str, terminal: str) -> None:
+        """Connect, log in and start it.
+
+        Args:
+            host: The robot.
+            options: How to connect.
+            command: For the user's shell; empty: the shell itself.
+            terminal: What kind of terminal it gets (TERM); empty: none.
+
+        Raises:
+            TransportError: As `srprov.transport.connect`; or sshd gives no terminal, or opens no session.
+        """
+        settings = resolve(host, ssh_config=options.ssh_config)
+        deadline = Deadline(settings.connect_timeout_s or options.connect_timeout_s)
+        self._host = host.name
+        self._connection = open_connection(settings, deadline, Traffic(), options.attempts)
+        try:
+            self._channel = _begin(self._connection, command, terminal, deadline)
+        except BaseException:
+            self._connection.close()
+            raise
+
+    def output(self) -> Iterator[tuple[int, bytes]]:
+        """Yield what it writes as it comes, each with 1 or 2 for its stream, until it ends.
+
+        Raises:
+            TransportError: The robot is gone.
+        """
+        streams = ChannelStreams(self._channel)
+        while True:
+            out, complaints = streams.read()
+            if out:
+                yield 1, out
+            if complaints:
+                yield 2, complaints
+            if out or complaints:
+                continue
+            if streams.ended:
+                break
+            streams.wait(1.0, writing=False)
+        if not self._connection.transport.is_active() and not self._channel.status_event.is_set():
+            raise TransportError(self._host, "the connection was lost", hint="is the robot up, and its network?")
+
+    def write(self, data: bytes) -> None:
+        """Send to its standard input; what cannot be sent is dropped, since it has ended then."""
+        with contextlib.suppress(OSError, EOFError, paramiko.SSHException):
+            self._channel.sendall(data)
+
+    def close_input(self) -> None:
+        """Let it see the end of its standard input."""
+        with contextlib.suppress(OSError, EOFError, paramiko.SSHException):
+            self._channel.shutdown_write()
+
+    def resize(self, rows: int, columns: int) -> None:
+        """Tell its terminal the size."""
+        with contextlib.suppress(OSError, EOFError, paramiko.SSHException):
+            self._channel.resize_pty(width=columns, height=rows)
+
+    def exit_code(self) -> int | None:
+        """Return its code, once its output has ended; None when a signal ended it.
+
+        Raises:
+            TransportError: sshd does not say.
+        """
+        if not self._channel.status_event.wait(_STATUS_S):
+            raise TransportError(self._host, "how the command ended is not known", hint="its output is whole")
+        code = self._channel.exit_status
+        return code if 0 <= code <= 255 else None
+
+    def close(self) -> None:
+        """End the login."""
+        with contextlib.suppress(OSError, EOFError, paramiko.SSHException):
+            self._channel.close()
+        self._connection.close()
+
+
+def _begin(connection: StrictConnection, command: str, terminal: str, deadline: Deadline) -> paramiko.Channel:
+    name, transport = connection.settings.name, connection.transport
+    # a request to sshd has no timeout: it would wait for its answer forever
+    timer = threading.Timer(deadline.left(), transport.close)
+    timer.daemon = True
+    timer.start()
+    try:
+        channel: paramiko.Channel = transport.open_session(timeout=deadline.left(0.05))
+        if terminal:
+            channel.get_pty(term=terminal)
+        if command:
+            channel.exec_command(command)
+        else:
+            channel.invoke_shell()
+    except (paramiko.SSHException, OSError, EOFError) as error:
+        if deadline.passed and not isinstance(error, paramiko.ChannelException):
+            late = f"sshd opened no session within {deadline.seconds:g} s"
+            raise DeadlineError(name, late, hint="is the robot overloaded?") from None
+        why = getattr(error, "text", error)
+        raise ConnectError(name, f"sshd opens no session: {why}", hint=MORE_SESSIONS) from None
+    finally:
+        timer.cancel()
+    return channel

@@ -1,0 +1,163 @@
+"""`srprov fmt` and `srprov init`: what they write, what they leave alone, and how they end."""
+
+from __future__ import annotations
+
+import io
+import os
+import stat
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+
+from srprov import data
+from srprov.cli.main import run
+from srprov.definitions import check_files, load_experiment
+from srprov.definitions.starter import starter
+
+ODD = "edf: 1\nservices: {a: {command: [x], image: busybox}} # one\nname: odd\n"
+FORMATTED = "edf: 1\nname: odd\nservices: { a: { image: busybox, command: [x] } } # one\n"
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("HOME", str(tmp_path / "home"))
+    folder = tmp_path / "work"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    return folder
+
+
+def test_a_file_is_replaced_with_its_permissions(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (here / "e.edf").write_text(ODD)
+    (here / "e.edf").chmod(0o644)
+    before = (here / "e.edf").stat().st_ino
+    assert run(["fmt", "e.edf"]) == 0
+    assert (here / "e.edf").read_text() == FORMATTED
+    about = (here / "e.edf").stat()
+    assert (stat.S_IMODE(about.st_mode), about.st_ino == before) == (0o644, False)
+    assert capsys.readouterr() == ("e.edf\n", "1 file, 1 changed\n")
+    assert run(["fmt", "e.edf"]) == 0
+    assert (here / "e.edf").stat().st_ino == about.st_ino, "what is right already is left alone"
+    assert os.listdir(here) == ["e.edf"]
+
+
+def test_check_and_diff_change_nothing_and_say_so_by_the_code(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (here / "e.edf").write_text(ODD)
+    assert run(["fmt", "--check", "e.edf"]) == 2
+    assert capsys.readouterr() == ("e.edf\n", "1 file, 1 would change\n")
+    assert run(["fmt", "--diff", "e.edf"]) == 2
+    out = capsys.readouterr().out
+    assert out.startswith("--- e.edf\n+++ e.edf (formatted)\n") and "\n name: odd\n+services: { a: { image:" in out
+    assert (here / "e.edf").read_text() == ODD
+    (here / "e.edf").write_text(FORMATTED)
+    assert run(["fmt", "--check", "--diff", "."]) == 0
+    assert capsys.readouterr() == ("", "1 file, 0 would change\n")
+
+
+def test_of_a_folder_only_definitions_are_taken_and_no_link_is_followed(here: Path, tmp_path: Path) -> None:
+    outside = tmp_path / "outside.edf"
+    outside.write_text(ODD)
+    (here / ".hidden").mkdir()
+    (here / "deep").mkdir()
+    left = ["linked.edf", ".hidden/e.edf", "compose.yml", "inventory.yml", "notes.md"]
+    (here / left[0]).symlink_to(outside)
+    (here / "away").symlink_to(tmp_path)
+    for name in left[1:]:
+        (here / name).write_text(ODD)
+    taken = ["e.edf", "deep/x.edf.yml", "deep/y.edf.yaml"]
+    for name in taken:
+        (here / name).write_text(ODD)
+    assert run(["fmt", "."]) == 0
+    assert [(here / name).read_text() for name in taken] == [FORMATTED] * 3
+    assert [(here / name).read_text() for name in left] == [ODD] * 5 and outside.read_text() == ODD
+    assert (here / left[0]).is_symlink()
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "words"),
+    [
+        ("e.edf", "a: [1\n", "e.edf:2:1: error: is not valid YAML"),
+        ("e.edf", "%YAML 1.1\n---\na: 1\n", "e.edf:1:1: error: cannot be brought into form: it has a directive"),
+        ("inv.yml", "all: {hosts: {r1: }}\n", "inv.yml:1:1: error: is neither an EDF nor a CDF"),
+        ("Dockerfile", "FROM busybox\n", "is neither an EDF nor a CDF"),
+        ("none.edf", None, "there is no such file"),
+    ],
+)
+def test_what_has_no_form_is_told_and_the_others_are_done(
+    here: Path, capsys: pytest.CaptureFixture[str], name: str, text: str | None, words: str
+) -> None:
+    (here / "good.edf").write_text(ODD)
+    if text is not None:
+        (here / name).write_text(text)
+    assert run(["fmt", name, "good.edf"]) == 5
+    assert words in capsys.readouterr().err
+    assert (here / "good.edf").read_text() == FORMATTED
+    assert text is None or (here / name).read_text() == text
+
+
+def test_a_link_that_is_named_is_refused(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (here / "real.edf").write_text(ODD)
+    (here / "link.edf").symlink_to("real.edf")
+    assert run(["fmt", "link.edf"]) == 5
+    assert "is a link, which would be replaced by a file" in capsys.readouterr().err
+    assert (here / "real.edf").read_text() == ODD and (here / "link.edf").is_symlink()
+
+
+def test_standard_input_comes_back_on_standard_output(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for arguments, code, out in ((["-"], 0, FORMATTED), (["--check", "-"], 2, "")):
+        monkeypatch.setattr("sys.stdin", SimpleNamespace(buffer=io.BytesIO(ODD.encode())))
+        assert run(["fmt", *arguments]) == code
+        assert capsys.readouterr().out == out
+
+
+def test_a_new_experiment_is_valid_small_and_in_its_form(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["init", "My Robots_2"]) == 0
+    told = capsys.readouterr()
+    made = here / "My Robots_2"
+    names = ["experiment.edf", "talker.cdf", "talker.sh", "inventory.yml", ".gitignore"]
+    assert told.out.splitlines() == [f"My Robots_2/{name}" for name in names]
+    assert "cd 'My Robots_2'" in told.err
+    assert sorted(one.name for one in made.iterdir()) == sorted(names)
+    assert check_files([str(made / name) for name in ("experiment.edf", "talker.cdf", "inventory.yml")]) == []
+    found = load_experiment(str(made / "experiment.edf"))
+    assert found.experiment.name == "my-robots-2" and len(found.experiment.services) == 2
+    assert run(["fmt", "--check", str(made)]) == 0
+    assert os.access(made / "talker.sh", os.X_OK)
+    assert max(len(text.splitlines()) for text in starter("x").values()) <= 40
+
+
+@pytest.mark.parametrize(
+    ("folder", "name"), [("a" * 40, "a" * 32), ("2026", "2026"), ("---", "experiment"), ("Ä", "experiment")]
+)
+def test_an_experiment_is_called_as_its_folder_as_far_as_that_goes(here: Path, folder: str, name: str) -> None:
+    assert (
+        f"\nname: {name}\n" in starter(folder)["experiment.edf"]
+        or f'\nname: "{name}"\n' in (starter(folder)["experiment.edf"])
+    )
+
+
+def test_nothing_is_overwritten_and_all_that_is_there_is_named(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (here / "talker.cdf").write_text("mine")
+    (here / ".gitignore").symlink_to("nowhere")
+    assert run(["init"]) == 5
+    assert "already there: talker.cdf, .gitignore" in capsys.readouterr().err
+    assert sorted(os.listdir(here)) == [".gitignore", "talker.cdf"]
+    assert (here / "talker.cdf").read_text() == "mine"
+
+
+def test_a_folder_that_cannot_be_made_is_told(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (here / "file").write_text("x")
+    assert run(["init", "file/new"]) == 5
+    assert "Not a directory" in capsys.readouterr().err
+
+
+def test_every_example_that_ships_can_be_begun_with(here: Path) -> None:
+    assert {"hello", "race"} <= set(data.example_names())
+    for name in data.example_names():
+        assert run(["init", name, "--example", name]) == 0
+        assert check_files([str(here / name / "experiment.edf")]) == []
+    assert (here / "hello/www/greeting.txt").is_file()
+    assert run(["init", "x", "--example", "no-such"]) == 5
