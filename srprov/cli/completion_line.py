@@ -165,6 +165,7 @@ class _Names:
             "limit": self._robots_and_groups,
             "exclude": self._robots_and_groups,
             "robots": self._robots,
+            "robot": self._robots,
             "profiles": self._profiles,
             "until": self._conditions,
             "allow": _permissions,

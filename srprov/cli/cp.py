@@ -37,8 +37,8 @@ def _owner(_context: click.Context, _option: click.Parameter, text: str) -> tupl
 
 @click.command()
 @click.argument("file", metavar="FILE")
-@click.argument("source", metavar="SOURCE")
-@click.argument("target", metavar="TARGET")
+@click.argument("source", metavar="SOURCE", type=click.Path())
+@click.argument("target", metavar="TARGET", type=click.Path())
 @options.robots_without_json
 @options.INSTANCE
 @click.option("-p", "--preserve", is_flag=True,

@@ -16,7 +16,7 @@ from srprov.wire import sh
 
 
 @click.command()
-@click.argument("folder", metavar="[DIR]", default=".", type=click.Path(path_type=Path))
+@click.argument("folder", metavar="[DIR]", default=".", type=click.Path(file_okay=False, path_type=Path))
 @click.option("--example", default="", metavar="NAME", help="Instead, one of the examples that come with srprov.")
 def init(folder: Path, example: str) -> int:
     """Write a new experiment into DIR (default: here): an EDF, a CDF with its script, an inventory, a .gitignore.
