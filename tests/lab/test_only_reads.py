@@ -224,6 +224,7 @@ def test_what_plans_only_reads_and_what_applies_does_not(listening: Listening, t
     look(
         ("plan", str(path.with_name("changed.edf")), "-i", inventory, "--adopt"),
         ("logs", str(path), "-i", inventory),
+        ("cp", str(path), "-i", inventory, "one:/etc/passwd", str(tmp_path / "copied")),
         ("wait", str(path), "-i", inventory, "--until", "log:one=^up$", "--wait-timeout", "60"),
     )
 
