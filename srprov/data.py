@@ -39,7 +39,11 @@ def example_files(name: str) -> dict[str, bytes]:
         UsageError: There is no such example; the hint names those that exist.
     """
     if name not in example_names():
-        raise UsageError(f"there is no example named '{name[:60]}'", hint=f"there are: {', '.join(example_names())}")
+        raise UsageError(
+            f"there is no example named '{name[:60]}'",
+            hint=f"there are: {', '.join(example_names())}",
+            code=Code.OPTION_VALUE,
+        )
     folder = _folder("examples") / name
     paths = sorted((one for one in folder.rglob("*") if one.is_file() and "__pycache__" not in one.parts),
                    key=lambda one: (one.name != "experiment.edf", one))  # fmt: skip

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from srprov.cli.output import clean, err
 from srprov.cli.streams import lost
+from srprov.codes import Code
 from srprov.errors import UsageError
 
 if TYPE_CHECKING:
@@ -27,7 +28,9 @@ def check_terminal(wanted: bool) -> None:
         UsageError: Input or output is none.
     """
     if wanted and not (sys.stdin.isatty() and sys.stdout.isatty()):
-        raise UsageError("-t needs a terminal", hint="leave it out where input or output is a file or a pipe")
+        raise UsageError(
+            "-t needs a terminal", hint="leave it out where input or output is a file or a pipe", code=Code.OPTIONS
+        )
 
 
 def passed_on(running: ContainerCommand, *, stdin: bool, terminal: bool) -> int | None:

@@ -15,6 +15,7 @@ from srprov.cli import inputs, options
 from srprov.cli.codes import FAILED
 from srprov.cli.output import Answer, counted, err, expect, is_terminal, wants_color
 from srprov.cli.streams import lost
+from srprov.codes import Code
 from srprov.errors import UsageError
 
 if TYPE_CHECKING:
@@ -67,9 +68,11 @@ def cp(
     service = here if not isinstance(here, str) else there
     if isinstance(service, str) or not (isinstance(here, str) or isinstance(there, str)):
         hint = "e.g. navigator:/out/result.json . ; between two containers: cp A:/x - into cp - B:/y"
-        raise UsageError("one of SOURCE and TARGET is SERVICE:/path, the other is here", hint=hint)
+        raise UsageError("one of SOURCE and TARGET is SERVICE:/path, the other is here", hint=hint, code=Code.OPTIONS)
     if target == "-" and sys.stdout.isatty():
-        raise UsageError("a tar is nothing for a terminal", hint="let it go into a file or a program: | tar t")
+        raise UsageError(
+            "a tar is nothing for a terminal", hint="let it go into a file or a program: | tar t", code=Code.OPTIONS
+        )
     with _located(file, service.service, inventories, forks, timeout, instance) as (session, where):
         container = where.container
         if isinstance(there, str):
@@ -95,7 +98,9 @@ def _located(
     with inputs.connect(inventory, timeout, forks) as fleet:
         where = only(locate(fleet.gather(Detail.BASIC), name, experiment).named([service]))
         if where.found is None:
-            raise UsageError(f"{where.where}: its container is not there", hint="`srprov apply` makes it")
+            raise UsageError(
+                f"{where.where}: its container is not there", hint="`srprov apply` makes it", code=Code.NOTHING_RUNS
+            )
         yield fleet.sessions.get(where.host), where
 
 
@@ -135,7 +140,7 @@ def _standard_input(copied: Copied) -> Iterator[bytes]:
             copied.bytes += len(piece)
             yield piece
     except OSError as error:
-        raise UsageError(f"standard input cannot be read: {error.strerror}") from error
+        raise UsageError(f"standard input cannot be read: {error.strerror}", code=Code.NO_FILE) from error
 
 
 @contextmanager
@@ -146,7 +151,7 @@ def _in_words() -> Iterator[None]:
     except OSError as error:
         hint = "files that were copied before are whole"
         where = f"{error.filename}: " if isinstance(error.filename, str) else ""
-        raise UsageError(f"{where}{error.strerror or error}", hint=hint) from error
+        raise UsageError(f"{where}{error.strerror or error}", hint=hint, code=Code.CANNOT_WRITE) from error
 
 
 @contextmanager

@@ -12,6 +12,7 @@ import click
 from srprov import private
 from srprov.cli.codes import DIFFERENCES, USAGE
 from srprov.cli.output import counted, err, out
+from srprov.codes import Code
 from srprov.errors import DefinitionError, Diagnostic, UsageError, visible
 
 if TYPE_CHECKING:
@@ -49,7 +50,9 @@ def fmt(paths: tuple[str, ...], check: bool, diff: bool) -> int:
         if one.changed:
             _handle(one, write=not (check or diff), diff=diff)
     if not count:
-        raise UsageError(f"there is no EDF or CDF in {', '.join(paths)}", hint="they end in .edf and .cdf")
+        raise UsageError(
+            f"there is no EDF or CDF in {', '.join(paths)}", hint="they end in .edf and .cdf", code=Code.NO_FILE
+        )
     if problems:
         from srprov.cli.problems import render_problems
 
@@ -68,7 +71,9 @@ def _handle(one: Formatted, *, write: bool, diff: bool) -> None:
         try:
             private.rewrite(Path(one.path), one.after.encode())
         except OSError as error:
-            raise UsageError(f"{one.path}: {error.strerror}", hint="it is as it was before") from error
+            raise UsageError(
+                f"{one.path}: {error.strerror}", hint="it is as it was before", code=Code.CANNOT_WRITE
+            ) from error
     out(visible(one.path))
 
 
@@ -82,11 +87,11 @@ def _standard_input(check: bool, diff: bool) -> int:
 
     data = sys.stdin.buffer.read(_MOST_BYTES + 1)
     if len(data) > _MOST_BYTES:
-        raise UsageError(f"standard input is larger than {_MOST_BYTES >> 20} MiB")
+        raise UsageError(f"standard input is larger than {_MOST_BYTES >> 20} MiB", code=Code.UNREADABLE)
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
-        raise UsageError("standard input is not UTF-8 text") from None
+        raise UsageError("standard input is not UTF-8 text", code=Code.UNREADABLE) from None
     made = formatted_text(text, "standard input")
     if diff and made != text:
         out(_difference(text, made, "standard input"))

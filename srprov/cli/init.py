@@ -11,6 +11,7 @@ import click
 
 from srprov import private
 from srprov.cli.output import err, out
+from srprov.codes import Code
 from srprov.errors import UsageError, visible
 from srprov.wire import sh
 
@@ -44,7 +45,11 @@ def _write(folder: Path, made: Mapping[str, bytes]) -> None:
     """Write all files, or none."""
     if there := [name for name in made if os.path.lexists(folder / name)]:
         names = ", ".join(str(folder / name) for name in there)
-        raise UsageError(f"already there: {names}", hint="name another folder: srprov init DIR; nothing was written")
+        raise UsageError(
+            f"already there: {names}",
+            hint="name another folder: srprov init DIR; nothing was written",
+            code=Code.IN_THE_WAY,
+        )
     written: list[Path] = []
     try:
         for name, content in made.items():
@@ -59,7 +64,9 @@ def _write(folder: Path, made: Mapping[str, bytes]) -> None:
         for path in written:
             with contextlib.suppress(OSError):
                 path.unlink()
-        raise UsageError(f"{error.filename or folder}: {error.strerror}", hint="no file of it was left") from error
+        raise UsageError(
+            f"{error.filename or folder}: {error.strerror}", hint="no file of it was left", code=Code.CANNOT_WRITE
+        ) from error
 
 
 def _next(folder: Path, made: Mapping[str, bytes], *, example: bool) -> str:

@@ -11,6 +11,7 @@ from srprov.cli import inputs, options
 from srprov.cli.attached import NOT_RUN, check_terminal, passed_on
 from srprov.cli.main import show_error
 from srprov.cli.output import catch_logs, err
+from srprov.codes import Code
 from srprov.errors import SrprovError
 
 
@@ -46,5 +47,5 @@ def _logged_in(robot: str, command: tuple[str, ...], inventories: tuple[str, ...
     running = log_in(host, command, terminal=kind if terminal else "", timeout_s=timeout)
     code = passed_on(running, stdin=terminal or not sys.stdin.isatty() or not command, terminal=terminal)
     if code is None:
-        err(f"error: {robot}: a signal ended it")
+        err(f"error[{Code.COMMAND}]: {robot}: a signal ended it")
     return NOT_RUN if code is None else code

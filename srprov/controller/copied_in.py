@@ -14,6 +14,7 @@ from collections.abc import Iterator
 import msgspec
 
 from srprov import regular_file
+from srprov.codes import Code
 from srprov.controller.copied_out import Copied
 from srprov.errors import UsageError, visible
 
@@ -44,7 +45,7 @@ def tar_of(path: str, name: str, owner: Owner, copied: Copied) -> Iterator[bytes
     try:
         yield from _any(os.path.realpath(path), name, owner, copied)
     except OSError as error:  # the engine's client would take it for the connection's
-        raise UsageError(f"{error.filename or path}: {error.strerror or error}") from error
+        raise UsageError(f"{error.filename or path}: {error.strerror or error}", code=Code.NO_FILE) from error
     yield bytes(2 * _BLOCK)
 
 
@@ -84,7 +85,9 @@ def _file(path: str, name: str, owner: Owner, copied: Copied) -> Iterator[bytes]
         while left:
             piece = stream.read(min(left, _PIECE))
             if not piece:
-                raise UsageError(f"{path}: {_CHANGED}", hint="copy it again once nobody writes to it")
+                raise UsageError(
+                    f"{path}: {_CHANGED}", hint="copy it again once nobody writes to it", code=Code.NO_FILE
+                )
             left -= len(piece)
             copied.bytes += len(piece)
             yield piece

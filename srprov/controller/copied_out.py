@@ -19,6 +19,7 @@ from dataclasses import dataclass, field
 
 import msgspec
 
+from srprov.codes import Code
 from srprov.errors import UsageError, visible
 from srprov.transport.tar_stream import TarError, TarStream
 
@@ -65,7 +66,7 @@ def unpack(chunks: Iterator[bytes], target: Target, copied: Copied, *, preserve:
             for header in tar:
                 tree.add(header, tar.content())
     except TarError as error:
-        raise UsageError(f"what the container's engine sends is not understood: {error}") from error
+        raise UsageError(f"what the container's engine sends is not understood: {error}", code=Code.ANSWER) from error
 
 
 class _Tree:
@@ -94,7 +95,7 @@ class _Tree:
             self._enter(parts, header)
             return
         if not parts:
-            raise UsageError("what is to be copied is neither a file nor a folder")
+            raise UsageError("what is to be copied is neither a file nor a folder", code=Code.NO_FILE)
         folder = self._enter(parts[:-1])
         shown = visible("/".join(parts))
         if header.isreg():
@@ -141,7 +142,9 @@ class _Tree:
                 if error.errno not in (errno.ENOTDIR, errno.ELOOP):
                     raise
                 where = os.path.join(self._target.folder, *parts[:at])
-                raise UsageError(f"{where}: a file or link is there, where a folder is to be") from None
+                raise UsageError(
+                    f"{where}: a file or link is there, where a folder is to be", code=Code.IN_THE_WAY
+                ) from None
             self._open.append((name, descriptor, header if at == len(parts) else None))
         return self._open[-1][1]
 
@@ -197,7 +200,7 @@ class _Tree:
             yield name
             if _is_folder(folder, parts[-1]):
                 where = os.path.join(self._target.folder, *parts)
-                raise UsageError(f"{where}: a folder is there, where a file is to be")
+                raise UsageError(f"{where}: a folder is there, where a file is to be", code=Code.IN_THE_WAY)
             os.rename(name, parts[-1], src_dir_fd=folder, dst_dir_fd=folder)
         finally:
             with contextlib.suppress(OSError):  # it is there when something failed, or was the same file already

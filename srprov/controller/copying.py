@@ -12,6 +12,7 @@ from collections.abc import Iterator
 
 import msgspec
 
+from srprov.codes import Code
 from srprov.container_files import ContainerFiles, InContainer
 from srprov.controller.copied_in import Owner, tar_of
 from srprov.controller.copied_out import Copied, Target, unpack
@@ -42,7 +43,7 @@ def place(word: str) -> InService | str:
         return word
     if not service or not path.startswith("/"):
         hint = f"a path in a container begins with /; a file here that is called so is ./{word}"
-        raise UsageError(f"'{word}' is no SERVICE:/path", hint=hint)
+        raise UsageError(f"'{word}' is no SERVICE:/path", hint=hint, code=Code.OPTION_VALUE)
     content = path.endswith(("/.", "/./"))
     return InService(
         service=service, path=_whole(path), content=content, folder=content or path.endswith("/")
@@ -88,7 +89,7 @@ def copy_into(
         TransportError: The engine refuses, or it or the robot is gone.
     """
     if not os.path.exists(source):
-        raise UsageError(f"{source}: there is no such file or folder")
+        raise UsageError(f"{source}: there is no such file or folder", code=Code.NO_FILE)
     content = source.endswith("/.") or source == "."
     folder, name = _place_there(files, container, target, source, content)
     files.copy_into(container, folder, tar_of(source, name, owner, copied))
@@ -103,7 +104,7 @@ def raw_into(files: ContainerFiles, container: str, tar: Iterator[bytes], target
     """
     path, found = _found(files, container, target)
     if not found.is_folder:
-        raise UsageError(f"{target.service}:{path} is no folder", hint="a tar is unpacked in one")
+        raise UsageError(f"{target.service}:{path} is no folder", hint="a tar is unpacked in one", code=Code.NO_FILE)
     files.copy_into(container, path, tar)
 
 
@@ -114,11 +115,11 @@ def _found(files: ContainerFiles, container: str, what: InService) -> tuple[str,
         path = _whole(found.link)
         found = files.path_in(container, path)
     if found is None:
-        raise UsageError(f"there is no {what.path} in {what.service}")
+        raise UsageError(f"there is no {what.path} in {what.service}", code=Code.NO_FILE)
     if not (found.is_folder or found.is_file):
-        raise UsageError(f"{what.service}:{what.path} is neither a file nor a folder")
+        raise UsageError(f"{what.service}:{what.path} is neither a file nor a folder", code=Code.NO_FILE)
     if what.folder and not found.is_folder:
-        raise UsageError(f"{what.service}:{what.path} is no folder")
+        raise UsageError(f"{what.service}:{what.path} is no folder", code=Code.NO_FILE)
     return path, found
 
 
@@ -128,12 +129,14 @@ def _target(source: InService, found: InContainer, target: str) -> Target:
     if os.path.isdir(target):
         return Target(folder=target, name=name)
     if os.path.lexists(target) and found.is_folder:
-        raise UsageError(f"{target}: a file is there, and {source.service}:{source.path} is a folder")
+        raise UsageError(
+            f"{target}: a file is there, and {source.service}:{source.path} is a folder", code=Code.IN_THE_WAY
+        )
     if target.endswith("/") and not found.is_folder:
-        raise UsageError(f"{target}: there is no such folder")
+        raise UsageError(f"{target}: there is no such folder", code=Code.NO_FILE)
     above, name = os.path.split(target.rstrip("/"))
     if not os.path.isdir(above or "."):
-        raise UsageError(f"{above}: there is no such folder", hint=f"mkdir -p {above}")
+        raise UsageError(f"{above}: there is no such folder", hint=f"mkdir -p {above}", code=Code.NO_FILE)
     return Target(folder=above or ".", name=name)
 
 
@@ -150,11 +153,11 @@ def _place_there(
         return path, "" if content else os.path.basename(os.path.abspath(source))
     folder = os.path.isdir(source)
     if there is not None and folder:
-        raise UsageError(f"{where} is a file, and {source} is a folder")
+        raise UsageError(f"{where} is a file, and {source} is a folder", code=Code.IN_THE_WAY)
     if target.folder and not (folder and there is None):
-        raise UsageError(f"there is no folder {where}")
+        raise UsageError(f"there is no folder {where}", code=Code.NO_FILE)
     above = posixpath.dirname(path)
     found = files.path_in(container, above)
     if found is None or not (found.is_folder or found.link):
-        raise UsageError(f"there is no folder {target.service}:{above}")
+        raise UsageError(f"there is no folder {target.service}:{above}", code=Code.NO_FILE)
     return above, posixpath.basename(path)

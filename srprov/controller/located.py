@@ -149,5 +149,7 @@ def only(found: tuple[Located, ...]) -> Located:
     """
     if len(found) > 1:
         several = ", ".join(one.where for one in found)
-        raise UsageError(f"that is more than one container: {several}", hint="name one of them, or SERVICE@ROBOT")
+        raise UsageError(
+            f"that is more than one container: {several}", hint="name one of them, or SERVICE@ROBOT", code=Code.WHICH
+        )
     return found[0]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
+from srprov.codes import Code
 from srprov.errors import UsageError, did_you_mean
 from srprov.wire import quote
 
@@ -22,9 +23,13 @@ def robot_of(inventory: Inventory, name: str) -> Host:
     host = inventory.hosts.get(name)
     if host is None:
         hint = did_you_mean(name, inventory.hosts) or f"there are: {', '.join(list(inventory.hosts)[:20])}"
-        raise UsageError(f"the inventory has no robot {name[:80]}", hint=hint)
+        raise UsageError(f"the inventory has no robot {name[:80]}", hint=hint, code=Code.NO_MATCH)
     if host.connection == "local":
-        raise UsageError(f"{name} is this machine (ansible_connection: local)", hint="a terminal of yours is there")
+        raise UsageError(
+            f"{name} is this machine (ansible_connection: local)",
+            hint="a terminal of yours is there",
+            code=Code.NO_MATCH,
+        )
     return host
 
 

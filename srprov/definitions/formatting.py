@@ -11,6 +11,7 @@ from pathlib import Path
 
 import msgspec
 
+from srprov.codes import Code
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.yamldoc import loader
 from srprov.yamldoc.canonical import canonical
@@ -44,7 +45,13 @@ def formatted(path: str) -> Formatted:
 
     kind = "" if is_dockerfile(path) else file_kind(path)
     if kind not in ("edf", "cdf"):
-        raise DefinitionError([Diagnostic(Location(path), "is neither an EDF nor a CDF", hint="name it .edf or .cdf")])
+        raise DefinitionError(
+            [
+                Diagnostic(
+                    Location(path), "is neither an EDF nor a CDF", hint="name it .edf or .cdf", code=Code.WRONG_KIND
+                )
+            ]
+        )
     text = loader.read_text(path)
     return Formatted(path=path, before=text, after=_text(text, path, kind))
 
@@ -84,7 +91,11 @@ def definition_files(paths: Sequence[str]) -> Iterator[str]:
         if os.path.islink(path) and not os.path.isdir(path):
             hint = f"name the file itself: {os.path.realpath(path)}"
             raise DefinitionError(
-                [Diagnostic(Location(path), "is a link, which would be replaced by a file", hint=hint)]
+                [
+                    Diagnostic(
+                        Location(path), "is a link, which would be replaced by a file", hint=hint, code=Code.IN_THE_WAY
+                    )
+                ]
             )
         if not os.path.isdir(path):
             yield path

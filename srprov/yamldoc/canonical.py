@@ -6,6 +6,7 @@ text before, or it is refused.
 
 from __future__ import annotations
 
+from srprov.codes import Code
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.yamldoc import form, layout, loader
 from srprov.yamldoc.nodes import Map, Node, Scalar, Seq
@@ -32,7 +33,7 @@ def canonical(text: str, file: str, orders: form.Orders) -> str:
         after = None
     if after is None or not _same(before, after) or layout.comments(text) != layout.comments(made):
         hint = "it is left as it is; the last line needs an end, and odd spellings a plainer one"
-        raise DefinitionError([Diagnostic(Location(file), "cannot be brought into form", hint=hint)])
+        raise DefinitionError([Diagnostic(Location(file), "cannot be brought into form", hint=hint, code=Code.YAML)])
     return made
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
+from srprov.codes import Code
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.yamldoc.written import BLOCK_HEADER, Document, Entry, Group, Words, Written, found_comments, split
 
@@ -37,7 +38,9 @@ def comments(text: str) -> list[str]:
 
 
 def _refused(file: str, line: int, column: int, why: str) -> DefinitionError:
-    return DefinitionError([Diagnostic(Location(file, line, column), f"cannot be brought into form: {why}")])
+    return DefinitionError(
+        [Diagnostic(Location(file, line, column), f"cannot be brought into form: {why}", code=Code.YAML)]
+    )
 
 
 class _Reader:

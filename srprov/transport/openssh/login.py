@@ -12,6 +12,7 @@ from collections.abc import Iterator
 
 import paramiko
 
+from srprov.codes import Code
 from srprov.definitions.model import Host
 from srprov.errors import ConnectError, DeadlineError, TransportError
 from srprov.session import Traffic
@@ -69,7 +70,9 @@ class RobotLogin:
                 break
             streams.wait(1.0, writing=False)
         if not self._connection.transport.is_active() and not self._channel.status_event.is_set():
-            raise TransportError(self._host, "the connection was lost", hint="is the robot up, and its network?")
+            raise TransportError(
+                self._host, "the connection was lost", hint="is the robot up, and its network?", code=Code.LOST
+            )
 
     def write(self, data: bytes) -> None:
         """Send to its standard input; what cannot be sent is dropped, since it has ended then."""
@@ -93,7 +96,9 @@ class RobotLogin:
             TransportError: sshd does not say.
         """
         if not self._channel.status_event.wait(_STATUS_S):
-            raise TransportError(self._host, "how the command ended is not known", hint="its output is whole")
+            raise TransportError(
+                self._host, "how the command ended is not known", hint="its output is whole", code=Code.LOST
+            )
         code = self._channel.exit_status
         return code if 0 <= code <= 255 else None
 
@@ -123,7 +128,7 @@ def _begin(connection: StrictConnection, command: str, terminal: str, deadline: 
             late = f"sshd opened no session within {deadline.seconds:g} s"
             raise DeadlineError(name, late, hint="is the robot overloaded?") from None
         why = getattr(error, "text", error)
-        raise ConnectError(name, f"sshd opens no session: {why}", hint=MORE_SESSIONS) from None
+        raise ConnectError(name, f"sshd opens no session: {why}", hint=MORE_SESSIONS, code=Code.SHELL) from None
     finally:
         timer.cancel()
     return channel

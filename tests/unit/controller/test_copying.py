@@ -13,6 +13,7 @@ from pathlib import Path
 
 import pytest
 
+from srprov.codes import Code
 from srprov.container_files import InContainer
 from srprov.controller.copied_in import Owner, tar_of
 from srprov.controller.copied_out import Copied, Target, stays_inside, unpack
@@ -379,7 +380,7 @@ def test_a_copy_that_is_cut_leaves_no_half_file(here: Path) -> None:
         yield whole[:1_500_000]
         raise error
 
-    for error in (KeyboardInterrupt(), UsageError("gone")):
+    for error in (KeyboardInterrupt(), UsageError("gone", code=Code.NO_FILE)):
         with pytest.raises(type(error)):
             unpack(cut(error), Target(folder=".", name="f"), Copied(), preserve=False)
     with pytest.raises(UsageError, match="it ends too early"):

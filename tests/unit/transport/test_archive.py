@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from srprov.codes import Code
 from srprov.container_files import InContainer
 from srprov.definitions.model import Host
 from srprov.errors import TransportError, UsageError
@@ -114,7 +115,7 @@ def test_a_file_here_that_cannot_be_read_is_told_as_that(
 
     def pieces() -> Iterator[bytes]:
         yield b"x"
-        raise UsageError("it changed while it was read")
+        raise UsageError("it changed while it was read", code=Code.NO_FILE)
 
     with pytest.raises(UsageError, match="it changed"):
         session.copy_into("c", "/out", pieces())
