@@ -17,7 +17,8 @@ from srprov.yamldoc import loader
 from srprov.yamldoc.canonical import canonical
 from srprov.yamldoc.nodes import Map
 
-SUFFIXES = tuple(f".{kind}{more}" for kind in ("edf", "cdf") for more in ("", ".yml", ".yaml"))
+KINDS = ("edf", "cdf")
+SUFFIXES = tuple(f".{kind}{more}" for kind in KINDS for more in ("", ".yml", ".yaml"))
 """Of files that are found in a folder."""
 
 
@@ -40,20 +41,25 @@ def formatted(path: str) -> Formatted:
     Raises:
         DefinitionError: It is neither EDF nor CDF, or cannot be read or brought into form.
     """
-    from srprov.definitions import file_kind
-    from srprov.definitions.dockerfile import is_dockerfile
-
-    kind = "" if is_dockerfile(path) else file_kind(path)
-    if kind not in ("edf", "cdf"):
-        raise DefinitionError(
-            [
-                Diagnostic(
-                    Location(path), "is neither an EDF nor a CDF", hint="name it .edf or .cdf", code=Code.WRONG_KIND
-                )
-            ]
+    kind = _kind(path)
+    if not kind:
+        problem = Diagnostic(
+            Location(path), "is neither an EDF nor a CDF", hint="name it .edf or .cdf", code=Code.WRONG_KIND
         )
+        raise DefinitionError([problem])
     text = loader.read_text(path)
     return Formatted(path=path, before=text, after=_text(text, path, kind))
+
+
+def _kind(path: str) -> str:
+    """Return `edf` or `cdf`, by the name or by a key of that name, or nothing: a Compose file is no EDF."""
+    from srprov.definitions.dockerfile import is_dockerfile
+
+    named = next((suffix[1:4] for suffix in SUFFIXES if path.endswith(suffix)), "")
+    if named or is_dockerfile(path):
+        return named
+    root = loader.read(path)
+    return next((kind for kind in KINDS if isinstance(root, Map) and kind in root.entries), "")
 
 
 def formatted_text(text: str, name: str) -> str:

@@ -78,8 +78,9 @@ def test_of_a_folder_only_definitions_are_taken_and_no_link_is_followed(here: Pa
     ("name", "text", "words"),
     [
         ("e.edf", "a: [1\n", "e.edf:2:1: error[SRP-102]: is not valid YAML"),
-        ("e.edf", "%YAML 1.1\n---\na: 1\n", "e.edf:1:1: error[SRP-102]: cannot be brought into form: it has a directive"),
+        ("e.edf", "%YAML 1.1\n---\na: 1\n", "e.edf:1:1: error[SRP-102]: cannot be brought into form: it"),
         ("inv.yml", "all: {hosts: {r1: }}\n", "inv.yml:1:1: error[SRP-104]: is neither an EDF nor a CDF"),
+        ("compose.yml", "services: {a: {image: busybox}}\n", "is neither an EDF nor a CDF"),
         ("Dockerfile", "FROM busybox\n", "is neither an EDF nor a CDF"),
         ("none.edf", None, "there is no such file"),
     ],
