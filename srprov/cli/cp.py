@@ -44,11 +44,11 @@ def _owner(_context: click.Context, _option: click.Parameter, text: str) -> tupl
 @options.INSTANCE
 @click.option("-p", "--preserve", is_flag=True,
               help="From a container: keep permissions and times; else files are yours alone.")  # fmt: skip
-@click.option("-u", "--user", callback=_owner, default="0:0", show_default=True, metavar="UID[:GID]",
+@click.option("--owner", callback=_owner, default="0:0", show_default=True, metavar="UID[:GID]",
               help="Into a container: whose the files are there.")  # fmt: skip
 def cp(
     file: str, source: str, target: str, inventories: tuple[str, ...], forks: int, timeout: float, instance: str,
-    preserve: bool, user: tuple[int, int],
+    preserve: bool, owner: tuple[int, int],
 ) -> int:  # fmt: skip
     """Copy a file or folder from a service's container (SERVICE:/path) to here, or from here into one.
 
@@ -81,7 +81,7 @@ def cp(
         assert isinstance(here, str)
         from srprov.controller.copied_in import Owner
 
-        return _into(session, container, here, there, Owner(*user))
+        return _into(session, container, here, there, Owner(*owner))
 
 
 @contextmanager

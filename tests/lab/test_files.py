@@ -89,7 +89,7 @@ def test_files_go_in_and_come_out_as_they_are(begun: Begun, tmp_path: Path) -> N
     (here / "run.sh").write_text("echo it ran")
     (here / "run.sh").chmod(0o755)
     (here / "link").symlink_to("deep/large")
-    put = begun.run("cp", "-u", "1000:1001", str(here), "talker:/opt/got")
+    put = begun.run("cp", "--owner", "1000:1001", str(here), "talker:/opt/got")
     assert put.code == 0 and "2 files, 24.0 MiB copied" in put.err, put
     seen = begun.inside(
         "talker", "cd /opt/got; sha256sum <deep/large; stat -c '%a %u %g' run.sh; readlink link; sh run.sh"

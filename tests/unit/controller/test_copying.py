@@ -233,6 +233,21 @@ def test_what_goes_in_keeps_its_mode_and_links_and_belongs_to_whom_is_named(engi
     ]
 
 
+def test_odd_names_come_back_as_they_were(engine: Engine, here: Path) -> None:
+    """Also those that no text can hold, and those that are longer than a tar's header."""
+    names = ["a b", "ä", "new\nline", "\udcff", "-x", ".hidden", "x" * 240, "back\\slash", "*", "\x1b[31m"]
+    (here / "odd" / ("d" * 200)).mkdir(parents=True)
+    for name in names:
+        (here / "odd" / name).write_text("1")
+        (here / "odd" / ("d" * 200) / name).write_text("2")
+    made = tar_of("odd", "odd", Owner(), Copied())
+    copied = Copied()
+    unpack(made, Target(folder=".", name="back"), copied, preserve=False)
+    assert sorted(os.listdir("back")) == sorted([*names, "d" * 200])
+    assert sorted(os.listdir(f"back/{'d' * 200}")) == sorted(names)
+    assert (copied.files, copied.left_out) == (2 * len(names), [])
+
+
 def test_a_file_that_gets_shorter_while_it_is_sent_is_told(here: Path) -> None:
     (here / "f").write_bytes(bytes(3 << 20))
     pieces = tar_of("f", "f", Owner(), Copied())
