@@ -39,7 +39,7 @@ def _owner(_context: click.Context, _option: click.Parameter, text: str) -> tupl
 @click.command()
 @click.argument("file", metavar="FILE")
 @click.argument("source", metavar="SOURCE", type=click.Path())
-@click.argument("target", metavar="TARGET", type=click.Path())
+@click.argument("destination", metavar="TARGET", type=click.Path())
 @options.robots_without_json
 @options.INSTANCE
 @click.option("-p", "--preserve", is_flag=True,
@@ -47,7 +47,7 @@ def _owner(_context: click.Context, _option: click.Parameter, text: str) -> tupl
 @click.option("--owner", callback=_owner, default="0:0", show_default=True, metavar="UID[:GID]",
               help="Into a container: whose the files are there.")  # fmt: skip
 def cp(
-    file: str, source: str, target: str, inventories: tuple[str, ...], forks: int, timeout: float, instance: str,
+    file: str, source: str, destination: str, inventories: tuple[str, ...], forks: int, timeout: float, instance: str,
     preserve: bool, owner: tuple[int, int],
 ) -> int:  # fmt: skip
     """Copy a file or folder from a service's container (SERVICE:/path) to here, or from here into one.
@@ -64,12 +64,12 @@ def cp(
     """
     from srprov.controller.copying import place
 
-    here, there = place(source), place(target)
+    here, there = place(source), place(destination)
     service = here if not isinstance(here, str) else there
     if isinstance(service, str) or not (isinstance(here, str) or isinstance(there, str)):
         hint = "e.g. navigator:/out/result.json . ; between two containers: cp A:/x - into cp - B:/y"
         raise UsageError("one of SOURCE and TARGET is SERVICE:/path, the other is here", hint=hint, code=Code.OPTIONS)
-    if target == "-" and sys.stdout.isatty():
+    if destination == "-" and sys.stdout.isatty():
         raise UsageError(
             "a tar is nothing for a terminal", hint="let it go into a file or a program: | tar t", code=Code.OPTIONS
         )
