@@ -74,7 +74,7 @@ class _Reader:
             self.line = mark
         first = self._peek()
         above = self._until(first.start_mark.line)
-        root = self._value(-1)
+        root = self._item(-1)
         end = [*self.moved, *self._until(len(self.lines))]
         if start.explicit and isinstance(root, Group) and root.entries:
             root.entries[0].above[:0] = above
@@ -105,7 +105,7 @@ class _Reader:
         between = self.lines[mark.line][mark.column : found[0]]
         return self._inline(mark.line) if mark.column <= found[0] and not between.strip(" \t,") else ""
 
-    def _value(self, outer: int) -> Written:
+    def _item(self, outer: int) -> Written:
         """Read the next value; `outer` is the column of the map or list around it."""
         event = self._peek()
         self.at += 1
@@ -193,7 +193,7 @@ class _Reader:
         above = self._until(start.line)
         entry = Entry(Words())
         if group.is_map:
-            key = self._value(column)
+            key = self._item(column)
             assert isinstance(key, Words)
             entry.key = key
             behind, key.beside = key.beside, ""
@@ -202,13 +202,13 @@ class _Reader:
                 behind = self._inline(start.line)
             if not _is_group(ahead) or ahead.flow_style or _prefix(ahead):
                 self.moved += filter(None, self._until(after.line))
-            entry.value = self._value(column)
+            entry.value = self._item(column)
             if behind and entry.value.beside:
                 self.moved.append(behind)
             elif behind:
                 entry.value.beside = behind
         else:
-            entry.value = self._value(column)
+            entry.value = self._item(column)
         entry.above = [*above, *self.moved]
         self.moved = kept
         group.commented |= any(entry.above) or bool(entry.value.beside) or getattr(entry.value, "commented", False)
