@@ -29,7 +29,7 @@ _SECOND_NS = 1_000_000_000
 _FROM_IMAGE = ("command", "environment", "healthcheck", "labels")
 """Parts that an image brings along."""
 _ALSO_FROM_IMAGE = ("user", "working_dir", "stop_signal", "expose")
-_FILLED_IN = {"shm_size": ("64m",), "ipc": ("private", "shareable"), "runtime": ("runc",),
+_FILLED_IN = {"shm_size": ("64m",), "ipc": ("private", "shareable"), "runtime": ("runc",), "logging": ("json-file",),
               "restart": ("no",), "security_opt": ("label=disable",)}  # fmt: skip
 """Field -> what an engine puts there when nothing was said."""
 
@@ -87,7 +87,7 @@ def _counts(part: str, field: str, value: str, new: Mapping[str, str], base: Map
         return True
     if value in _FILLED_IN.get(field, ()):
         return False
-    if part in _FROM_IMAGE or field in _ALSO_FROM_IMAGE:
+    if part in _FROM_IMAGE or field.partition(".")[0] in _ALSO_FROM_IMAGE:
         return base is not None and base.get(field) != value
     return True
 
@@ -118,7 +118,7 @@ def _parts(config: Mapping[str, Any], host: Mapping[str, Any]) -> Parts:
         "command": {"command": _words(config.get("Cmd")), "entrypoint": _words(config.get("Entrypoint"))},
         "environment": {f"environment.{name}": value or '""' for name, _, value in variables},
         "volumes": {f"volumes.{string(one.get('Target'))}": _mount(one) for one in mappings(host.get("Mounts"))},
-        "ports": {"ports": _ports(host.get("PortBindings")), "expose": _exposed(config, host)},
+        "ports": {"ports": _ports(host.get("PortBindings")), **_exposed(config, host)},
         "healthcheck": _healthcheck(mapping(config.get("Healthcheck"))),
         "devices": _devices(host),
         "privileges": _privileges(host),
@@ -200,9 +200,10 @@ def _ports(bindings: object) -> str:
     return ", ".join(sorted(shown))
 
 
-def _exposed(config: Mapping[str, Any], host: Mapping[str, Any]) -> str:
-    """Return the ports that are exposed and not published."""
-    return ", ".join(sorted(set(mapping(config.get("ExposedPorts"))) - set(mapping(host.get("PortBindings")))))
+def _exposed(config: Mapping[str, Any], host: Mapping[str, Any]) -> dict[str, str]:
+    """Return the ports that are exposed and not published, each a field: an image's are among a container's."""
+    ports = set(mapping(config.get("ExposedPorts"))) - set(mapping(host.get("PortBindings")))
+    return {f"expose.{string(port)}": "exposed" for port in ports}
 
 
 def _labels(labels: Mapping[str, str]) -> dict[str, str]:

@@ -84,6 +84,7 @@ def told(plan: Plan, kind: str = "container") -> dict[str, tuple[str | None, str
         ({"mem_limit": 1 << 26, "cpus": 0.5}, {"mem_limit": (None, "64m"), "cpus": (None, "0.5")}),
         ({"cap_add": ("NET_ADMIN",)}, {"cap_add": (None, "NET_ADMIN")}),
         ({"privileged": True}, {"privileged": (None, "true")}),
+        ({"expose": ((99, "tcp"),)}, {"expose.99/tcp": (None, "exposed")}),
         ({"labels": {"team": "a"}}, {"labels.team": (None, "a")}),
         ({"shm_size": 1 << 27}, {"shm_size": ("64m", "128m")}),
         ({"stop_grace_s": 3.0}, {"stop_grace_period": ("10s", "3s")}),

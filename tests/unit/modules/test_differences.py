@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import io
 import json
+import subprocess
+import tarfile
 import time
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -13,10 +17,11 @@ from hypothesis import strategies as st
 from srprov.definitions.containermodel import Runtime
 from srprov.modules.container_params import ContainerParams, NetworkPlace
 from srprov.modules.container_values import differing_values, wanted_values
-from srprov.modules.differences import MOST_READ, compared, text_difference
-from srprov.modules.tree import content_difference, mounted_tree
+from srprov.modules.differences import MOST_READ, compared, read_start, text_difference
+from srprov.modules.tree import content_difference, content_queries, mounted_tree
 from srprov.resource import Difference
 from srprov.wire import Reply
+from tests.readonly import shell_violations
 
 WANT = ContainerParams(
     instance="i", source="s", service="web", image="busybox", hostname="web", job=False,
@@ -102,3 +107,41 @@ def test_a_tar_that_is_none_is_said_to_be() -> None:
     assert found.note.startswith("the new content is ")
     assert mounted_tree("bind /var/lib/srprov/e/trees/" + "a" * 24 + "/.. (read-only)") == ("", "")
     assert mounted_tree("bind /etc (read-only)") == mounted_tree(None) == ("", "")
+
+
+def test_what_is_asked_only_reads() -> None:
+    """Whatever the path is; and the shell does what is meant, on a file, a folder and nothing."""
+    for path in ("/var/lib/srprov/e/a", "/x/it's $(reboot); rm -rf /"):
+        for query in (read_start(path), *content_queries(path)):
+            assert shell_violations(query.command) == []
+
+
+def test_the_shell_gives_what_is_read_here(tmp_path: Path) -> None:
+    """A mounted file as a diff, a folder by its names: the questions' own answers, from a real shell."""
+
+    def ask(path: Path) -> list[Reply]:
+        runs = [subprocess.run(["sh", "-c", one.command], capture_output=True, text=True, check=True)
+                for one in content_queries(str(path))]  # fmt: skip
+        return [Reply(status=0, out=one.stdout) for one in runs]
+
+    (tmp_path / "it's").mkdir()
+    file, folder = tmp_path / "it's" / "app.yml", tmp_path / "it's"
+    file.write_text("a\n")
+
+    def tar(*files: tuple[str, bytes]) -> bytes:
+        whole = io.BytesIO()
+        with tarfile.open(fileobj=whole, mode="w", format=tarfile.PAX_FORMAT) as archive:
+            for name, content in files:
+                entry = tarfile.TarInfo(name)
+                entry.size, entry.mode = len(content), 0o644
+                archive.addfile(entry, io.BytesIO(content))
+        return whole.getvalue()
+
+    assert content_difference("f", str(file), ask(file), tar(("app.yml", b"b\n"))).diff == ("@@ -1 +1 @@", "-a", "+b")
+    found = content_difference("f", str(folder), ask(folder), tar(("x/app.yml", b"a\n"), ("x/new", b"n")))
+    assert found.note == "1 new: new"
+    assert content_difference("f", "/none", ask(Path("/none")), tar(("x", b"n"))).diff == (
+        "@@ -0,0 +1 @@",
+        "+n",
+        "\\ no newline at the end",
+    )
