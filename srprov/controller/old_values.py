@@ -183,15 +183,51 @@ def _without(side: str | None, *, prose: bool) -> str | None:
 
 
 def as_reviewed(live: Step, filed: Step | None) -> Step:
-    """Return a step that was derived from a plan file with what the file hides of its old values.
+    """Return a step that was derived from a plan file with what the file hides of its old values, and no more.
 
     Whoever applies the file does not know the secrets yet by which they were hidden.
     """
     if filed is None:
         return live
-    hidden = {one.field: one for one in filed.differences if one.note == _IN_FILE or MASK in (one.old or "")}
+    by_field = {one.field: one for one in filed.differences}
     kept = tuple(
-        hidden[one.field] if one.field in hidden and hidden[one.field].new in (one.new, None) else one
+        by_field[one.field] if one.field in by_field and _only_hides(by_field[one.field], one) else one
         for one in live.differences
     )
     return live if kept == live.differences else replace(live, differences=kept)
+
+
+def _only_hides(filed: Difference, live: Difference) -> bool:
+    """Return whether a difference of a file is the one that was found, but for a secret in what is replaced."""
+    if filed == Difference(field=live.field, note=_IN_FILE):
+        return bool(live.diff)
+    return _is_masked(filed.old or "", live.old or "") and filed == replace(live, old=filed.old)
+
+
+def _is_masked(text: str, whole: str) -> bool:
+    """Return whether a text is another one with masks in the place of some stretches of it."""
+    first, *between = text.split(MASK)
+    if not between or not whole.startswith(first):
+        return False
+    *between, last = between
+    at = len(first)
+    for part in between:
+        at = whole.find(part, at)
+        if at < 0:
+            return False
+        at += len(part)
+    return whole.endswith(last) and len(whole) - len(last) >= at
+
+
+def without_old_lines(reviewed: Step, live: Step) -> Step:
+    """Return a step of somebody else's file: what he hides of a file is shown, but for the lines that were there.
+
+    A secret may be among those; among the others he could hide what his plan does.
+    """
+    shown = tuple(
+        replace(now, diff=tuple(line for line in now.diff if line.startswith(("+", "@@"))))
+        if one.note == _IN_FILE and now.diff
+        else one
+        for one, now in zip(reviewed.differences, live.differences, strict=True)
+    )
+    return replace(reviewed, differences=shown)

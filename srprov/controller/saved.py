@@ -17,7 +17,7 @@ from srprov.controller.authority import check_copies, check_underlay, wants_of
 from srprov.controller.data_owner import check_saved, remember_owner
 from srprov.controller.data_sets import refuse_files
 from srprov.controller.fleet import Fleet
-from srprov.controller.old_values import as_reviewed, with_differences
+from srprov.controller.old_values import as_reviewed, with_differences, without_old_lines
 from srprov.controller.ownership import check_source, looking, owned
 from srprov.controller.permissions import require_decided
 from srprov.controller.plan import Planned
@@ -133,7 +133,7 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False, signed: bo
             if not adopt and not signed:
                 check_claim(saved, snapshot)
         _check_networks(wants, saved.plan.instance, snapshot)
-        steps = _derived(saved, wants, snapshot, look)
+        steps = _derived(saved, wants, snapshot, look, ours=bool(owners))
     unreachable = {**saved.plan.unreachable, **snapshot.unreachable}
     return Planned(plan=replace(saved.plan, steps=steps, unreachable=unreachable), saved=saved)
 
@@ -147,9 +147,12 @@ def _check_networks(wants: tuple[Resource, ...], instance: str, snapshot: Snapsh
 
 
 def _derived(
-    saved: PlanFile, wants: tuple[Resource, ...], snapshot: Snapshot, look: Gathering
+    saved: PlanFile, wants: tuple[Resource, ...], snapshot: Snapshot, look: Gathering, *, ours: bool
 ) -> tuple[Step, ...]:  # fmt: skip
-    """Return the steps that follow from what a file wants; those of robots out of reach without commands."""
+    """Return the steps that follow from what a file wants; those of robots out of reach without commands.
+
+    Only a file that was written here (`ours`) may hide the new content of a file, as one with a secret in it.
+    """
     away = saved.fingerprints.keys() - snapshot.facts.keys()
     # whether a secret that is there is right shows only when its value is read, after the question
     there = {(host, one.module, one.name) for host, items in snapshot.observed.items() for one in items}
@@ -165,8 +168,8 @@ def _derived(
         steps = limited(replace(plan, steps=steps), saved.limit).steps
     filed = {step.number: step for step in plan.steps}
     live = with_differences(steps, snapshot.observed, wants, look)
-    steps = tuple(as_reviewed(step, filed.get(step.number)) for step in live)
-    changed = differences(_by_number(plan.steps), _by_number(steps, filed))
+    reviewed = tuple(as_reviewed(step, filed.get(step.number)) for step in live)
+    changed = differences(_by_number(plan.steps), _by_number(reviewed, filed))
     if changed:
         hint = "somebody changed it, or another version of srprov made it: plan again, review it again, apply that"
         raise UsageError(
@@ -174,6 +177,7 @@ def _derived(
             hint=hint,
             code=Code.PLAN_CHANGED,
         )
+    steps = reviewed if ours else tuple(map(without_old_lines, reviewed, live))
     # nobody looked at what they would change
     mute = {step.number: replace(step.change, commands=()) for step in steps if step.host in away}
     return tuple(replace(step, change=mute.get(step.number, step.change)) for step in steps)

@@ -26,6 +26,8 @@ MOST = 64 * regular_file.MIB
 """Bytes of one file of a record."""
 MOST_PLAN = 256 * regular_file.MIB
 """Of a plan: one of a thousand robots has 150 MB, of which a page keeps a tenth."""
+_MOST_VALUES = 16_000_000
+"""Brackets, commas and colons of a file, each of which may be a value in memory."""
 _KEPT_EVENTS = frozenset({"start", "end", "waiting"})
 _MOST_INPUTS = 200
 _HINT = "name a run that `srprov runs` lists, a plan of `srprov plan -o`, or a bundle"
@@ -141,6 +143,8 @@ def decoded(data: bytes, kind: type[_T]) -> _T:
     Raises:
         Unreadable: It is none.
     """
+    if sum(map(data.count, (b"[", b"{", b",", b":"))) > _MOST_VALUES:
+        raise Unreadable(f"it holds more than {_MOST_VALUES} values")
     try:
         try:
             return msgspec.json.decode(data, type=kind)

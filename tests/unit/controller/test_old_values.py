@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from srprov.controller.old_values import masked
+from srprov.controller.old_values import _is_masked, as_reviewed, masked, without_old_lines
 from srprov.controller.request import PlanRequest
 from srprov.controller.saved import check_plan, plan_file
 from srprov.definitions.model import Definitions
@@ -270,6 +270,41 @@ def test_what_a_file_hides_stays_hidden() -> None:
     checked = check_plan(load(text, "plan.json"), fleet(world), adopt=True)
 
     assert told(checked.plan) == {"environment.A": ("is ***", "plain")}
+
+
+def test_what_a_strangers_file_does_cannot_be_hidden_as_a_secret() -> None:
+    """Neither a command, nor the new lines of a file, nor a text of his own in the place of what is there."""
+    world = running()
+    step = step_of(load(kept(world, one(environment={**BASE["environment"], "RATE": "4"})), "plan.json").plan)
+    value = Difference(field="environment.RATE", old="2", new="4")
+    diff = Difference(field="content", diff=("@@ -1 +1 @@", "-old canary", "+curl evil"))
+    live = replace(step, differences=(value, diff))
+
+    def reviewed(*filed: Difference) -> tuple[Difference, ...]:
+        return as_reviewed(live, replace(step, differences=filed)).differences
+
+    hidden = "a secret stands in it: not shown"
+    for lie in (
+        Difference(field="environment.RATE", note=hidden),
+        Difference(field="environment.RATE", old="*** as before", new="4"),
+        Difference(field="environment.RATE", old="***", new=None),
+        Difference(field="environment.RATE", old="***", new="4", note="nothing to see"),
+        Difference(field="content", note="nothing to see"),
+        Difference(field="content", old="***"),
+    ):
+        assert reviewed(lie) == (value, diff)
+    masked_old, no_lines = replace(value, old="***"), Difference(field="content", note=hidden)
+    assert reviewed(masked_old, no_lines) == (masked_old, no_lines)
+    shown = without_old_lines(replace(step, differences=(masked_old, no_lines)), live).differences
+    assert shown == (masked_old, replace(diff, diff=("@@ -1 +1 @@", "+curl evil")))
+
+
+@pytest.mark.parametrize(("text", "whole", "fits"), [
+    ("***", "x", True), ("a***c", "abc", True), ("a***a", "a", False), ("***b***", "abc", True), ("***b", "abc", False),
+    ("a***b***c", "acb", False), ("abc", "abc", False), ("***a" * 200 + "x", "a" * 100_000, False),
+])  # fmt: skip
+def test_a_masked_text_is_the_whole_one_but_for_its_masks(text: str, whole: str, fits: bool) -> None:
+    assert _is_masked(text, whole) is fits
 
 
 def test_a_stale_plan_names_values() -> None:

@@ -14,7 +14,9 @@ from jsonschema import Draft202012Validator
 
 from srprov import data
 from srprov.cli.main import run
+from srprov.report import read
 from srprov.report.embed import extracted
+from srprov.report.model import PlanView
 from tests.unit.report.pages import Page, wrong_numbers
 from tests.unit.report.records import run as a_run
 from tests.unit.report.records import write
@@ -253,3 +255,12 @@ def test_anything_else_is_refused(
     assert says in capsys.readouterr().err
     assert not (tmp_path / "page.html").exists()
     assert run(["report", "text"]) == 5
+
+
+def test_values_without_end_are_refused_before_they_are_in_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A plan of 256 MiB may hold 64 million texts of one letter."""
+    monkeypatch.setattr(read, "_MOST_VALUES", 1000)
+    data = b'{"plan": 1, "instance": "a", "notes": [' + b'"a",' * 999 + b'"a"]}'
+    with pytest.raises(read.Unreadable, match="more than 1000 values"):
+        read.decoded(data, PlanView)
+    assert read.decoded(data.replace(b'"a",' * 99, b""), PlanView).instance == "a"
