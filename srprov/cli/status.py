@@ -13,6 +13,7 @@ import click
 from srprov.cli import inputs, options
 from srprov.cli.codes import DIFFERENCES
 from srprov.cli.output import err, out, out_anew, out_json, tell_unreachable
+from srprov.cli.status_wide import WIDE_COLUMNS, wide_columns
 from srprov.codes import Code
 from srprov.errors import DefinitionError, UsageError, visible
 
@@ -44,6 +45,9 @@ _LINKS = {
 @options.robots
 @options.INSTANCE
 @options.RUNS
+@click.option(
+    "--wide", is_flag=True, help="Show more of each container: name, ports, volumes, exit code, restarts, since."
+)
 @click.option("--volumes", is_flag=True, help="Show data volumes too, also those that are kept: robot, size, age.")
 @click.option(
     "--network", is_flag=True, help="Show what the last apply that tried the overlay found; `probe` tries it now."
@@ -52,13 +56,15 @@ _LINKS = {
 @click.option("--exit-code", is_flag=True, help="Exit with 2 when something of it is missing or wrong.")
 def status(
     file: str | None, inventories: tuple[str, ...], as_json: bool, forks: int, timeout: float, instance: str,
-    runs: Path | None, volumes: bool, network: bool, watch: bool, exit_code: bool,
+    runs: Path | None, wide: bool, volumes: bool, network: bool, watch: bool, exit_code: bool,
 ) -> int:  # fmt: skip
     """Show the running experiment; without FILE and --instance, every instance on the robots.
 
     PROBLEM names what is missing or wrong, with FILE also services that were never placed. `srprov apply` mends it,
     except for jobs that failed or were stopped and unhealthy services: `srprov restart` is for those. Services that
     only trials have are not missing while none of them has a container.
+
+    With --wide, SINCE is when a container started or, of one that has ended, ended, by its robot's clock.
 
     With --watch, CPU is of one processor, and memory without the files that are cached.
 
@@ -69,8 +75,8 @@ def status(
     from srprov.controller.status import status_of
     from srprov.facts.gather import Detail
 
-    if watch and (as_json or volumes or exit_code or network):
-        hint = "leave out --json, --volumes, --network and --exit-code"
+    if watch and (as_json or wide or volumes or exit_code or network):
+        hint = "leave out --json, --wide, --volumes, --network and --exit-code"
         raise UsageError("--watch goes with no other way to show it", hint=hint, code=Code.OPTIONS)
     inventory = inputs.load_inventory(inventories)
     name = inputs.named_instance(file, instance)[0] if file or instance else ""
@@ -80,20 +86,28 @@ def status(
             _watch(fleet, name, experiment)
         snapshot = fleet.gather(Detail.BASIC)
         kept = with_sizes(volume_rows(snapshot, name), fleet, snapshot) if volumes else volume_rows(snapshot, name)
+        seen = status_of(snapshot, name, experiment)
+        rows = _wide(seen, fleet) if wide else seen.services
     tried = _tried(name, runs) if network else None
-    seen = status_of(snapshot, name, experiment)
     for line in (*seen.disputes, *seen.notes, *filter(None, [seen.trials])):
         err(f"note: {visible(line)}")
     if as_json:
         listed: dict[str, Any] = {"volumes": kept} if volumes else {}
         listed |= {"network": tried} if network else {}
-        out_json({"services": seen.services, "links": seen.links, **listed, "unreachable": dict(snapshot.unreachable)})
+        out_json({"services": rows, "links": seen.links, **listed, "unreachable": dict(snapshot.unreachable)})
     else:
-        out(_text(seen) or f"nothing of {visible(name) or 'srprov'} runs on these robots")
+        out(_text(seen, rows) or f"nothing of {visible(name) or 'srprov'} runs on these robots")
         _show_more(kept, tried, volumes=volumes, network=network)
     nothing = bool(name) and not seen.services and not seen.trials
     wrong = DIFFERENCES if exit_code and (nothing or not seen.as_it_should_be) else 0
     return tell_unreachable(snapshot.unreachable) or wrong
+
+
+def _wide(seen: Status, fleet: Fleet) -> list[dict[str, Any]]:
+    from srprov.controller.wide import wide_rows
+
+    addresses = {robot: host.address for robot, host in fleet.inventory.hosts.items()}
+    return wide_rows(seen.services, addresses, fleet.connected())
 
 
 def _tried(name: str, runs: Path | None) -> dict[str, Any] | None:
@@ -158,15 +172,15 @@ def _experiment(file: str, *, needed: bool) -> Experiment | None:
 
 
 def _text(seen: Status, services: Sequence[Mapping[str, Any]] | None = None) -> str:
-    rows = [
-        {**row, "problem": _problem(row), **_used(row)} for row in (seen.services if services is None else services)
-    ]
+    shown = seen.services if services is None else services
+    wide = bool(shown) and "wide" in shown[0]
+    rows = [{**row, "problem": _problem(row), **(wide_columns(row) if wide else _used(row))} for row in shown]
     links = [
         f"{visible(link['robot'])}: {_KINDS[link['kind']]} {link['name']} of {visible(link['instance'])} "
         f"{_LINKS[link['problem']]}: {_CUT if link['kind'] != 'vxlan_filter' else _OPEN}"
         for link in seen.links
     ]
-    return "\n".join([table(rows, _COLUMNS)] * bool(rows) + links)
+    return "\n".join([table(rows, WIDE_COLUMNS if wide else _COLUMNS)] * bool(rows) + links)
 
 
 def _show_more(

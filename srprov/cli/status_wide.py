@@ -1,0 +1,34 @@
+"""The columns of `status --wide`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+WIDE_COLUMNS = (
+    *("instance", "service", "robot", "robot address", "state", "exit", "restarts", "since", "health", "address"),
+    *("container name", "ports", "volumes", "image", "problem"),
+)
+
+
+def wide_columns(row: Mapping[str, Any]) -> dict[str, str]:
+    """Return the cells of a row that only `--wide` has. Since: when it started or, of one that has ended, ended."""
+    wide = row["wide"]
+    return {
+        "robot address": wide["robot_address"],
+        "container name": wide["container"],
+        "exit": "" if wide["exit_code"] is None else str(wide["exit_code"]),
+        "restarts": str(wide["restarts"] or ""),
+        "since": wide["ended"] or wide["started"] or "",
+        "ports": " ".join(_port(port) for port in wide["ports"]),
+        "volumes": " ".join(_volume(volume) for volume in wide["volumes"]),
+    }
+
+
+def _port(port: Mapping[str, Any]) -> str:
+    address = f"[{port['robot_address']}]" if ":" in port["robot_address"] else port["robot_address"]
+    return f"{address}:{port['robot_port']}->{port['port']}/{port['protocol']}"
+
+
+def _volume(volume: Mapping[str, Any]) -> str:
+    return f"{volume['source'] or volume['kind']}:{volume['target']}{':ro' if volume['read_only'] else ''}"
