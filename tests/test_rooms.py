@@ -180,6 +180,7 @@ FILES: Mapping[str, Room] = {
     "cli/exec.py": cli_file("facts"),
     "cli/explain.py": cli_file("explaining"),
     "cli/execute.py": cli_file("planning execution"),
+    "cli/destroy_all.py": cli_file("facts"),
     "cli/cp.py": cli_file("facts"),
     "cli/destroy.py": cli_file("execution facts.model"),
     "cli/export.py": cli_file("exporting facts"),

@@ -44,11 +44,12 @@ OWN_KEYS = PROJECT_KEYS | {
     *("discard", "rerun", "reason", "accept-changes", "rotate-keys", "no-probe", "network", "profile"),
     *("margin", "strict", "with", "map", "twin", "set", "name", "env-file", "robot-map", "home", "lab"),
     *("preserve", "check", "diff", "example", "owner"),
-    *("with-images", "no-bundled-images", "editor", "changed", "target", "expect", "extract", "wide"),
+    *("with-images", "no-bundled-images", "editor", "changed", "target", "expect", "extract", "wide", "all-instances"),
 }
 PARAMETERS = {"inventory": "inventories", "json": "as_json", "format": "form", "out": "target", "facts": "stored",
               "profile": "profiles", "margin": "margins", "with": "others", "map": "pairs",
-              "set": "settings", "env-file": "env_files", "with-images": "way", "target": "targets"}  # fmt: skip
+              "set": "settings", "env-file": "env_files", "with-images": "way",
+              "target": "targets", "all-instances": "every"}  # fmt: skip
 """Options that have another name in the code."""
 _LISTS = ("inventory", "allow", "until", "env", "profile", "margin", "with", "map", "set", "env-file", "target")
 _GROUPS = {"export": ("compose",), "import": ("compose", "swarmrob")}

@@ -75,9 +75,7 @@ def status(
     from srprov.controller.status import status_of
     from srprov.facts.gather import Detail
 
-    if watch and (as_json or wide or volumes or exit_code or network):
-        hint = "leave out --json, --wide, --volumes, --network and --exit-code"
-        raise UsageError("--watch goes with no other way to show it", hint=hint, code=Code.OPTIONS)
+    _check_watch(watch, beside=as_json or wide or volumes or exit_code or network)
     inventory = inputs.load_inventory(inventories)
     name = inputs.named_instance(file, instance)[0] if file or instance else ""
     experiment = _experiment(file, needed=exit_code) if file else None
@@ -101,6 +99,13 @@ def status(
     nothing = bool(name) and not seen.services and not seen.trials
     wrong = DIFFERENCES if exit_code and (nothing or not seen.as_it_should_be) else 0
     return tell_unreachable(snapshot.unreachable) or wrong
+
+
+def _check_watch(watch: bool, *, beside: bool) -> None:
+    """Refuse --watch with what shows the experiment in another way."""
+    if watch and beside:
+        hint = "leave out --json, --wide, --volumes, --network and --exit-code"
+        raise UsageError("--watch goes with no other way to show it", hint=hint, code=Code.OPTIONS)
 
 
 def _wide(seen: Status, fleet: Fleet) -> list[dict[str, Any]]:
