@@ -90,7 +90,7 @@ def test_a_whole_apply_on_a_terminal(experiment: tuple[str, ...], quiet: bool) -
     assert terminal.close() == 0
     rows = terminal.rows().rows
     at = rows.index("Do this? [y/N]: y")
-    total = sum(row.startswith("  + #") for row in rows[:at])
+    (total,) = (int(row.split()[1]) for row in rows[:at] if row.startswith("Plan: "))  # all of them to add
     finished = [] if quiet else [f"[{n}/{total}]" for n in range(1, total + 1)]
     assert total >= 5 and [row.partition(" ")[0] for row in rows[at + 1 : at + 1 + len(finished)]] == finished
     last = rows[at + 1 + len(finished) :]
