@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 import yaml
 
+from srprov.definitions.formatting import formatted_text
 from tests.integration.forges import FakeForge
 from tests.integration.test_ci import EDF, WRONG, Repository, forge, repository
 
@@ -51,28 +52,30 @@ def published(folder: Path) -> Path:
     return workflow
 
 
-@pytest.mark.parametrize("hook", ["srprov-validate"])
-def test_pre_commit_refuses_a_wrong_edf(tmp_path: Path, hook: str) -> None:
-    """From this repository as it is now; a file of data that is called .cdf too is let alone."""
+def test_pre_commit_refuses_a_wrong_edf(tmp_path: Path) -> None:
+    """With the hooks of this repository as it is now; a file of data that is called .cdf too is let alone."""
     packages, mine = installed(tmp_path / "packages", PRE_COMMIT), tmp_path / "mine"
     environ = {**os.environ, "PYTHONPATH": str(packages), "PRE_COMMIT_HOME": str(tmp_path / "home")}
     mine.mkdir()
-    (mine / "e.edf").write_text(EDF, encoding="utf-8")
-    (mine / "good.edf.yml").write_text(EDF, encoding="utf-8")
+    good = formatted_text(EDF, "e.edf")
+    for name in ("e.edf", "good.edf.yml"):
+        (mine / name).write_text(good, encoding="utf-8")
     (mine / "data.cdf").write_bytes(b"CDF\x01\x00\x00\x00\x00")
     (mine / "notes.txt").write_text("edf: 2\n", encoding="utf-8")
 
     def tried() -> subprocess.CompletedProcess[str]:
         subprocess.run(("git", "add", "--all"), cwd=mine, check=True)
-        words = (sys.executable, "-m", "pre_commit", "try-repo", str(ROOT), hook, "--verbose")
+        words = (sys.executable, "-m", "pre_commit", "try-repo", str(ROOT), "--verbose")
         return subprocess.run(words, cwd=mine, env=environ, capture_output=True, text=True, timeout=900)
 
     subprocess.run(("git", "init", "--quiet"), cwd=mine, check=True)
-    good = tried()
-    assert good.returncode == 0 and "2 files valid" in good.stdout, good
+    done = tried()
+    assert done.returncode == 0 and "2 files valid" in done.stdout and "2 files, 0 changed" in done.stdout, done
     (mine / "e.edf").write_text(WRONG, encoding="utf-8")
-    bad = tried()
-    assert bad.returncode == 1 and "e.edf:3:26: error[" in bad.stdout and "unknown key 'cots'" in bad.stdout, bad
+    done = tried()
+    assert done.returncode == 1 and "unknown key 'cots'" in done.stdout, done
+    assert "error[SRP-105]" in done.stdout and "files were modified by this hook" in done.stdout
+    assert (mine / "e.edf").read_text(encoding="utf-8") == formatted_text(WRONG, "e.edf")
 
 
 def test_the_action_and_the_template_install_srprov_and_check_with_it(repository: Repository, forge: FakeForge) -> None:
