@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from srprov.definitions.formatting import Formatted
 
 _MOST_BYTES = 8 << 20
+_MOST_LINES = 4000
+"""Of a file that is compared line by line, which may take a time that grows with the square of them."""
 
 
 @click.command()
@@ -78,8 +80,10 @@ def _handle(one: Formatted, *, write: bool, diff: bool) -> None:
 
 
 def _difference(before: str, after: str, name: str) -> str:
-    lines = difflib.unified_diff(before.splitlines(), after.splitlines(), name, f"{name} (formatted)", lineterm="")
-    return "\n".join(lines)
+    old, new = before.splitlines(), after.splitlines()
+    if max(len(old), len(new)) > _MOST_LINES:
+        return f"{visible(name)}: it would change; a file of more than {_MOST_LINES} lines is not shown"
+    return "\n".join(difflib.unified_diff(old, new, name, f"{name} (formatted)", lineterm=""))
 
 
 def _standard_input(check: bool, diff: bool) -> int:

@@ -24,6 +24,8 @@ from srprov.errors import UsageError, visible
 from srprov.transport.tar_stream import TarError, TarStream
 
 MOST_MEMBERS = 200_000
+_LEFT_FREE, _LOOK = 512 << 20, 32 << 20
+"""Bytes of the disk that no copy takes, and between two looks at it."""
 _FOLDER = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
 _NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
 
@@ -79,6 +81,8 @@ class _Tree:
         self._top: list[str] | None = None
         """What all names in the tar begin with."""
         self._written: set[str] = set()
+        self._unlooked = 0
+        """Bytes since the disk was looked at."""
 
     def __enter__(self) -> _Tree:
         folder = os.open(self._target.folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
@@ -166,6 +170,7 @@ class _Tree:
             for piece in content:
                 stream.write(piece)
                 self._copied.bytes += len(piece)
+                self._leave_room(stream.fileno(), len(piece))
             stream.flush()
             if self._preserve:
                 _like(stream.fileno(), header)
@@ -173,6 +178,15 @@ class _Tree:
                 os.fchmod(stream.fileno(), 0o600 | header.mode & 0o100)
         self._copied.files += 1
         self._written.add("/".join(parts))
+
+    def _leave_room(self, descriptor: int, size: int) -> None:
+        """Refuse (OSError) to fill the disk: a container may send files without end."""
+        self._unlooked += size
+        if self._unlooked >= _LOOK:
+            self._unlooked = 0
+            about = os.fstatvfs(descriptor)
+            if about.f_bavail * about.f_frsize < _LEFT_FREE:
+                raise OSError(errno.ENOSPC, f"less than {_LEFT_FREE >> 20} MiB would be free", self._target.folder)
 
     def _hard_link(self, folder: int, parts: list[str], header: tarfile.TarInfo) -> None:
         """Let a file have a second name; the first one must have come in this copy."""

@@ -14,6 +14,7 @@ from srprov import data
 from srprov.cli.main import run
 from srprov.definitions import check_files, load_experiment
 from srprov.definitions.starter import starter
+from tests.bounded import bounded
 
 ODD = "edf: 1\nservices: {a: {command: [x], image: busybox}} # one\nname: odd\n"
 FORMATTED = "edf: 1\nname: odd\nservices: { a: { image: busybox, command: [x] } } # one\n"
@@ -162,3 +163,10 @@ def test_every_example_that_ships_can_be_begun_with(here: Path) -> None:
         assert check_files([str(here / name / "experiment.edf")]) == []
     assert (here / "hello/www/greeting.txt").is_file()
     assert run(["init", "x", "--example", "no-such"]) == 5
+
+
+def test_a_stranger_s_file_is_compared_in_time(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Lines that come again and again between others that differ may each be matched with each."""
+    lines = "".join(f"# s{n % 100}\nx-{n}:   {n}\n" for n in range(9_000))
+    (here / "e.edf").write_text(f"edf: 1\nname: x\nservices: {{a: {{image: b}}}}\n{lines}")
+    assert bounded(lambda: run(["fmt", "--diff", "e.edf"]), cpu_s=4.0) == 2

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 import os
 import shutil
 import socket
@@ -10,11 +11,13 @@ import stat
 import tarfile
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from srprov.codes import Code
 from srprov.container_files import InContainer
+from srprov.controller import copied_out
 from srprov.controller.copied_in import Owner, tar_of
 from srprov.controller.copied_out import Copied, Target, stays_inside, unpack
 from srprov.controller.copying import InService, copy_into, copy_out, place, raw_into, raw_out
@@ -402,3 +405,16 @@ def test_a_copy_that_is_cut_leaves_no_half_file(here: Path) -> None:
         unpack(iter([whole[:1_500_000]]), Target(folder=".", name="f"), Copied(), preserve=False)
     assert os.listdir(".") == ["f"] and (here / "f").read_text() == "before"
     shutil.rmtree(here)
+
+
+def test_a_container_without_end_does_not_fill_the_disk(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What came before stays, and the file that is cut is gone."""
+    monkeypatch.setattr(copied_out, "_LOOK", 1 << 20)
+    monkeypatch.setattr(copied_out.os, "fstatvfs", lambda _file: SimpleNamespace(f_bavail=100, f_frsize=1 << 20))
+    info = tarfile.TarInfo("a")
+    info.size = 60 << 30
+    sent = itertools.chain([info.tobuf()], itertools.repeat(bytes(1 << 20)))
+    copied = Copied()
+    with pytest.raises(OSError, match="512 MiB would be free"):
+        unpack(sent, Target(folder=str(here), name="a"), copied, preserve=False)
+    assert copied.bytes < 4 << 20 and not (here / "a").exists() and not list(here.glob(".srprov-*"))
