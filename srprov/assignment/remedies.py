@@ -102,7 +102,7 @@ def _robots(problem: Problem) -> Iterator[str]:
 def _abilities(problem: Problem) -> Iterator[str]:
     """Name the robot that lacks least of what would make one more robot do."""
     pairs = sorted(
-        (len(lacks), robot, node)
+        (sum(miss.count for miss in lacks), robot, node)
         for node in problem.nodes[:_LOOKED_AT]
         for robot in problem.robots
         if problem.slots.get(robot, 1) and (lacks := _lacks(problem, node, robot))

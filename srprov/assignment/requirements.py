@@ -26,6 +26,8 @@ class UnmetRequirement(msgspec.Struct, frozen=True, order=True):
 
     text: str
     remedy: str
+    count: int = 1
+    """How many things those are, e.g. tags."""
 
 
 GPU_TAG = "gpu"
@@ -183,11 +185,13 @@ def _presence(wanted: Requirements, paths: Sequence[str], gpu: bool, facts: Host
     tags = [tag for tag in wanted.tags if tag not in facts.tags]
     if tags:
         remedy = f"give {facts.name} the {_quoted('tag', tags)} (srprov_tags in the inventory)"
-        yield UnmetRequirement(f"needs {_quoted('tag', tags)} (has: {', '.join(facts.tags) or 'none'})", remedy)
+        yield UnmetRequirement(
+            f"needs {_quoted('tag', tags)} (has: {', '.join(facts.tags) or 'none'})", remedy, len(tags)
+        )
     absent = [path for path in paths if not is_there(path, facts.devices)]
     if absent:
         remedy = f"attach {', '.join(absent)} to {facts.name} (or name it in srprov_devices in the inventory)"
-        yield UnmetRequirement(f"needs {_quoted('device', absent)} (not there)", remedy)
+        yield UnmetRequirement(f"needs {_quoted('device', absent)} (not there)", remedy, len(absent))
     if gpu and GPU_TAG not in facts.tags:
         yield UnmetRequirement(
             "needs a GPU (none found)", f"give {facts.name} the tag '{GPU_TAG}' if it has one all the same"

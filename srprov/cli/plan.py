@@ -15,7 +15,7 @@ from srprov.cli.codes import DIFFERENCES, UNREACHABLE
 from srprov.cli.output import err, out, out_json, out_painted
 from srprov.cli.output_options import writable
 from srprov.cli.stdout_guard import answers_only
-from srprov.cli.target_options import targeting
+from srprov.cli.target_options import shown_part, targeting
 from srprov.codes import Code
 from srprov.controller.request import PlanRequest
 from srprov.errors import RefusedError, UsageError
@@ -29,8 +29,7 @@ if TYPE_CHECKING:
 @click.command()
 @click.argument("file", metavar="FILE")
 @options.robots
-@options.LIMIT
-@options.EXCLUDE
+@shown_part
 @options.RUNS
 @options.planning
 @key_options.rotating

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from srprov.execution import Event, Listener
     from srprov.planning.plan import Plan
 
-_SYMBOL_COLORS = {"changed": "green", "unchanged": "blue", "failed": "red", "skipped": "yellow"}
+_SYMBOL_COLORS = {"changed": "green", "removed": "green", "unchanged": "blue", "failed": "red", "skipped": "yellow"}
 _PROGRESS_EVERY_S = 5.0
 
 
@@ -96,6 +96,10 @@ class _Shown:
             return
         self.done += 1
         word = event.outcome.value
+        if word == "not reached":
+            return  # the report at the end lists each with its reason
+        if word == "changed" and event.step.change.action.name == "DELETE":
+            word = "removed"
         took = f" ({event.duration_s:.1f} s)" if event.duration_s >= 1 else ""
         why = f": {event.text.splitlines()[0]}" if event.text and word != "unchanged" else ""
         what = f"{event.host}: {event.step.change.action.value} {event.step.module} {event.step.name}"

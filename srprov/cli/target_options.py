@@ -1,4 +1,4 @@
-"""The option of `plan` and `apply` that chooses services."""
+"""Options that choose a part of a plan: services for `plan` and `apply`, robots for `plan`."""
 
 from __future__ import annotations
 
@@ -26,3 +26,11 @@ def targeting(function: _F) -> _F:
         return function(request=replace(request, targets=targets), **more)
 
     return cast("_F", _TARGET(with_targets))
+
+
+def shown_part(function: _F) -> _F:
+    """Add --limit and --exclude to a verb that shows what would be changed."""
+    only = "Show what would change on these robots alone (Ansible pattern; @failed: those that the last run did not "
+    limit = click.option("--limit", default="", metavar="PATTERN", help=f"{only}finish; @FILE: a list).")
+    exclude = click.option("--exclude", default="", metavar="PATTERN", help="Leave out what would change on these.")
+    return limit(exclude(function))

@@ -23,11 +23,14 @@ from srprov.cli.output import err, out
 def validate(files: tuple[str, ...], profiles: tuple[str, ...], form: str) -> int:
     """Check EDFs, CDFs, Dockerfiles and inventories, and every file that they name; show everything that is wrong.
 
+    Of a folder, all EDFs and CDFs in it and below; one that has none is read as an inventory.
+
     A warning is about what is allowed and may not be meant; the exit code is 0.
     """
     from srprov.cli.problems import as_codequality, as_json, as_sarif, render_problems
-    from srprov.definitions import check_files, remarks
+    from srprov.definitions import check_files, remarks, with_files_below
 
+    files = tuple(with_files_below(files))
     problems = check_files(files, profiles)
     warnings = [] if problems else remarks(files)
     if form == "text":

@@ -10,6 +10,7 @@ from srprov.controller.phases import Phases
 from srprov.errors import with_code
 from srprov.execution import Outcome, RunResult
 from srprov.planning.plan import Plan
+from srprov.resource import Action
 from srprov.session import Session
 
 if TYPE_CHECKING:
@@ -112,7 +113,11 @@ def jobs_under_way(result: RunResult) -> list[str]:
 
 def summary(document: Mapping[str, Any], result: RunResult) -> str:
     """Return the last line of a run."""
-    counts = ", ".join(f"{document[key]} {key}" for key in ("changed", "unchanged", "failed", "skipped"))
+    removed = sum(one.outcome is Outcome.CHANGED and one.step.change.action is Action.DELETE for one in result.results)
+    numbers = {**document, "changed": document["changed"] - removed, "removed": removed}
+    named = ("changed", *(["removed"] if removed else []), "unchanged", "failed", "skipped")
+    late = document["not_reached"]  # robots out of reach are among these
+    counts = ", ".join(f"{numbers[key]} {key}" for key in named) + (f", {late} not reached" if late else "")
     gone = f", {len(result.unreachable)} unreachable" if result.unreachable else ""
     state = "interrupted" if result.interrupted else "done"
     name = document["instance"].removeprefix(".")  # the dot of `.images` only keeps it apart from users' names

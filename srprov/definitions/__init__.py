@@ -108,6 +108,17 @@ def offered(path: str, what: str) -> tuple[str, ...]:
     return offers.offered(path, what)
 
 
+def with_files_below(paths: Sequence[str]) -> list[str]:
+    """Return the paths, with the EDFs and CDFs of each folder that has some in the folder's place.
+
+    Raises:
+        UsageError: A folder holds more than anybody means.
+    """
+    from srprov.definitions import files_below
+
+    return files_below.with_files_below(paths)
+
+
 def check_files(paths: Sequence[str | Path], profiles: Collection[str] = ()) -> list[Diagnostic]:
     """Return every problem of EDFs, CDFs, Dockerfiles and inventories, sorted; suffix or content tells the kind.
 

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 from srprov import names
 from srprov.codes import Code
-from srprov.definitions import discovery, hostnames, relations, sharing
+from srprov.definitions import discovery, endless, hostnames, relations, sharing
 from srprov.definitions.container import Container
 from srprov.definitions.containermodel import HealthCheck
 from srprov.definitions.model import Service
@@ -52,6 +52,7 @@ def check(
     _cycles(known, findings)
     for name, one in services.items():
         _networks(known[name], one, findings)
+        endless.check(known[name], one, findings)
         _conditions(known[name], one, services, containers, findings)
     _pins(root, known, findings)
     sharing.check(known, services, findings)

@@ -121,6 +121,13 @@ CASES = {
         "no robot can run 'a' and 'b' together",
         ("give r1 the tag 'eye'", "take 'a' and 'b' out of relations.same_robot"),
     ),
+    "one tag on another robot is enough": Case(
+        experiment(service("a", tags=("arm", "eye")), service("b")),
+        (robot("r1"), robot("r2", tags=("arm",))),
+        {"a"},
+        "no robot can run 'a'",
+        ("give r2 the tag 'eye'",),
+    ),
     "a device that nobody has": Case(
         experiment(
             service("cam", runtime=Runtime(devices=(("/dev/video0", "/dev/video0", "rwm"),))), service("other")

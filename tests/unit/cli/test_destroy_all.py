@@ -51,6 +51,7 @@ def test_all_are_listed_with_who_made_them_and_removed(three: World, capsys: pyt
     assert "/other.edf" in rows[2] and "r2" in rows[2].split()
     assert there(three) == [] and len(volumes(three)) == 3
     assert "data stays: " in said.err
+    assert ": 0 changed, " in said.err and " removed, " in said.err, "what was taken away is not called changed"
     assert run([*ALL, "--yes"]) == 0
     assert "VOLUMES" in capsys.readouterr().out, "what keeps data is still an instance's"
 

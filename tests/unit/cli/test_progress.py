@@ -12,9 +12,15 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
+from srprov.cli.output import printed_by
 from srprov.cli.progress import progress
-from srprov.execution import Event
+from srprov.controller.report import summary
+from srprov.execution import Event, Outcome, RunResult
+from srprov.execution.outcome import StepResult
+from srprov.planning.plan import Step
+from srprov.resource import Action, Change, Observed
 from tests.unit.cli import player
 from tests.unit.cli.terminal import Terminal
 
@@ -136,3 +142,27 @@ def test_everything_that_a_whole_run_waits_for_is_said(capsys: pytest.CaptureFix
         for host, text in (("", "trying"), ("", "checking"), ("r1", "layer 1"), ("r1", "layer 2")):
             listener(Event(kind="progress" if host else "waiting", host=host, text=text))
     assert capsys.readouterr().err.splitlines() == ["  … trying", "  … checking", "  … r1: layer 1"]
+
+
+def test_what_is_taken_away_is_called_removed_and_what_was_not_reached_is_told_once() -> None:
+    """The report at the end lists what was not reached, with the reason; the last line counts it."""
+    found = Observed(module="volume", name="v", instance="x", state={})
+    change = Change(action=Action.DELETE, cause="destroy")
+    step = Step(number=1, host="r1", module="volume", name="v", change=change, found=found)
+    later = replace(step, number=2, name="w")
+    said: list[str] = []
+    plan: Any = SimpleNamespace(steps=(step, later))
+    with printed_by(lambda text, _: said.append(text)):
+        with progress(plan, events=None, color=False, lines_only=True) as listener:
+            listener(Event(kind="end", host="r1", step=step, outcome=Outcome.CHANGED))
+            listener(Event(kind="end", host="r1", step=later, outcome=Outcome.NOT_REACHED, text="interrupted"))
+    assert said == ["[1/2] r1: - volume v: removed"]
+    results = (
+        StepResult(step=step, outcome=Outcome.CHANGED),
+        StepResult(step=later, outcome=Outcome.NOT_REACHED, message="interrupted"),
+    )
+    result = RunResult(results=results, unchanged=3, interrupted=True)
+    document = {"instance": "x", "changed": 1, "unchanged": 3, "failed": 0, "skipped": 0, "not_reached": 1,
+                "duration_s": 1.0}  # fmt: skip
+    counts = "0 changed, 1 removed, 3 unchanged, 0 failed, 0 skipped, 1 not reached"
+    assert summary(document, result) == f"x: interrupted in 1.0 s: {counts}"

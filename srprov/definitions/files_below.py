@@ -1,0 +1,40 @@
+"""A folder that a user names for its definitions -> the EDFs and CDFs in it. Reads folders; follows no link."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+
+from srprov.codes import Code
+from srprov.errors import UsageError
+
+ENDINGS = (".edf", ".cdf", *(f"{kind}.{yaml}" for kind in (".edf", ".cdf") for yaml in ("yml", "yaml")))
+_MOST_FILES = 1000
+_MOST_LOOKED_AT = 50_000
+_DEEPEST = 8
+
+
+def with_files_below(paths: Sequence[str]) -> list[str]:
+    """Return the paths, each folder with EDFs or CDFs replaced by these, sorted; other folders are inventories.
+
+    Raises:
+        UsageError: A folder holds more than anybody means.
+    """
+    found: list[str] = []
+    for path in paths:
+        found += (_below(path) if os.path.isdir(path) else []) or [path]
+    return list(dict.fromkeys(found))
+
+
+def _below(top: str) -> list[str]:
+    found: list[str] = []
+    seen = 0
+    for folder, folders, files in os.walk(top):
+        deep = os.path.relpath(folder, top).count(os.sep) + 1 >= _DEEPEST
+        folders[:] = [] if deep else sorted(name for name in folders if not name.startswith("."))
+        found += [os.path.join(folder, name) for name in files if name.lower().endswith(ENDINGS)]
+        seen += len(files) + len(folders)
+        if len(found) > _MOST_FILES or seen > _MOST_LOOKED_AT:
+            hint = "name the files, or a folder of one experiment"
+            raise UsageError(f"there is too much in {top} to look through", hint=hint, code=Code.TOO_LARGE)
+    return sorted(found)
