@@ -152,10 +152,10 @@ def test_what_is_taken_away_is_called_removed_and_what_was_not_reached_is_told_o
     later = replace(step, number=2, name="w")
     said: list[str] = []
     plan: Any = SimpleNamespace(steps=(step, later))
-    with printed_by(lambda text, _: said.append(text)):
-        with progress(plan, events=None, color=False, lines_only=True) as listener:
-            listener(Event(kind="end", host="r1", step=step, outcome=Outcome.CHANGED))
-            listener(Event(kind="end", host="r1", step=later, outcome=Outcome.NOT_REACHED, text="interrupted"))
+    printed = printed_by(lambda text, _: said.append(text))
+    with printed, progress(plan, events=None, color=False, lines_only=True) as listener:
+        listener(Event(kind="end", host="r1", step=step, outcome=Outcome.CHANGED))
+        listener(Event(kind="end", host="r1", step=later, outcome=Outcome.NOT_REACHED, text="interrupted"))
     assert said == ["[1/2] r1: - volume v: removed"]
     results = (
         StepResult(step=step, outcome=Outcome.CHANGED),
