@@ -72,7 +72,7 @@ def test_schema_verb_prints_it(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_schema_verb_refuses_an_unknown_kind(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["schema", "nothing"]) == 5
-    assert "known: assign, bundle, cdf, collect, compare, doctor, edf" in capsys.readouterr().err
+    assert "known: assign, bundle, cdf, collect, compare, config, doctor" in capsys.readouterr().err
 
 
 def test_the_manual_names_every_field_and_its_examples_are_valid(tmp_path: Path) -> None:

@@ -146,5 +146,5 @@ def test_a_user_s_configuration_that_the_sdk_cannot_read_is_an_error_that_names_
 ) -> None:
     (tmp_path / "config.json").write_text(text)
     monkeypatch.setenv("DOCKER_CONFIG", str(tmp_path))
-    with pytest.raises(EngineGone, match=r"config\.json on this machine"):
+    with pytest.raises(EngineGone, match=r"config\.json of Docker on this machine"):
         _Client(cast(Any, None), "1.41", 1)
