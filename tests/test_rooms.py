@@ -174,7 +174,7 @@ FILES: Mapping[str, Room] = {
     "cli/bundle.py": cli_file("evidence"),
     "cli/build.py": cli_file("planning execution"),
     "cli/compare.py": cli_file("evidence definitions.trialsmodel"),
-    "cli/completion_line.py": cli_file("data"),
+    "cli/completion_words.py": cli_file("data"),
     "cli/diff.py": cli_file("planning"),
     "cli/doctor.py": cli_file("facts"),
     "cli/exec.py": cli_file("facts"),

@@ -13,6 +13,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 import click
 import msgspec
 
+from srprov.cli.completion_words import codes, permissions, schemas
+
 Word = tuple[str, str]
 """A word, and what it means in one line, or nothing."""
 
@@ -153,6 +155,10 @@ def _options(line: _Line) -> Iterator[Word]:
             yield flag, " ".join((option.help or "").split())
 
 
+_FILES = ("EDF|PLAN", "RUN", "RUN|PLAN|BUNDLE", "OLD", "NEW", "-- COMMAND...")
+"""What arguments that take files are called, besides FILE."""
+
+
 class _Names:
     """What a parameter may be given, from click's types and from the files that the command line names."""
 
@@ -166,10 +172,11 @@ class _Names:
             "exclude": self._robots_and_groups,
             "robots": self._robots,
             "robot": self._robots,
+            "code": codes,
             "profiles": self._profiles,
             "until": self._conditions,
-            "allow": _permissions,
-            "kind": _schemas,
+            "allow": permissions,
+            "kind": schemas,
             "verb": self._verbs,
         }
 
@@ -184,7 +191,7 @@ class _Names:
         if isinstance(param.type, click.Path | click.File):
             folder = isinstance(param.type, click.Path) and not param.type.file_okay
             return Answer("folders" if folder else "files")
-        if "FILE" in shown or shown in ("EDF|PLAN", "RUN", "-- COMMAND..."):
+        if "FILE" in shown or shown.strip("[]") in _FILES:
             return Answer("files")
         if shown == "DIR":
             return Answer("folders")
@@ -229,15 +236,3 @@ class _Names:
 
     def _verbs(self, _incomplete: str) -> Iterator[str]:
         yield from self._line.root.list_commands(self._line.context)
-
-
-def _permissions(_incomplete: str) -> Iterator[str]:
-    from srprov.controller.permissions import kinds
-
-    yield from kinds()
-
-
-def _schemas(_incomplete: str) -> Iterator[str]:
-    from srprov import data
-
-    yield from data.schema_kinds()

@@ -97,11 +97,26 @@ def ask(line: str, inventories: tuple[str, ...] = ()) -> Answer:
         ("srprov init ", ["(folders)"]),
         ("srprov restart missing.edf ", []),
         ("srprov config pl", ["plan"]),
+        ("srprov ssh -i inv.yml b", ["base"]),
+        ("srprov explain SRP-51", ["SRP-510", "SRP-511", "SRP-512", "SRP-513", "SRP-514", "SRP-515"]),
+        ("srprov diff a.edf ", ["(files)"]),
+        ("srprov report ", ["(files)"]),
         ("srprov completion ", ["bash", "fish", "zsh"]),
     ],
 )
 def test_what_may_come_next_is_offered(folder: Path, line: str, words: list[str]) -> None:
     assert sorted(offered(line)) == sorted(words)
+
+
+def test_no_argument_of_a_verb_is_forgotten(folder: Path) -> None:
+    """Each is offered something: names, words or files."""
+    context = click.Context(cli)
+    for verb in cli.list_commands(context):
+        command = cli.get_command(context, verb)
+        assert command is not None
+        first = next((one for one in command.params if isinstance(one, click.Argument)), None)
+        if first is not None:
+            assert offered(f"srprov {verb} ", ("inv.yml",)), f"{verb}: {first.name}"
 
 
 def test_robots_come_from_configuration_too(folder: Path) -> None:
