@@ -42,7 +42,7 @@ class SrprovError(Exception):
 
     def __init__(self, message: str, *, code: Code, hint: str = "") -> None:
         """Take one sentence on what happened and one on what to do next."""
-        message = _FURTHER.sub("\n  ", message)
+        message = indented(message)
         super().__init__(message)
         self.message = message
         self.hint = hint
@@ -60,6 +60,11 @@ class SrprovError(Exception):
 
 def _remade(kind: type[SrprovError], arguments: tuple[object, ...]) -> SrprovError:
     return kind.__new__(kind, *arguments)
+
+
+def indented(text: str) -> str:
+    """Return a text whose further lines do not begin as one of srprov's own."""
+    return _FURTHER.sub("\n  ", text)
 
 
 def with_code(message: str, code: Code) -> str:

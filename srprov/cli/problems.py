@@ -13,7 +13,7 @@ from typing import Any
 
 from srprov import __version__
 from srprov.codes import Code
-from srprov.errors import Diagnostic
+from srprov.errors import Diagnostic, indented, visible
 
 _WIDEST = 120
 """Columns of a source line that are shown; of a longer one, the part around the caret."""
@@ -25,12 +25,12 @@ def render_problems(problems: Sequence[Diagnostic], word: str = "error") -> str:
 
 
 def _render(problem: Diagnostic, word: str) -> str:
-    where = f"  [{problem.path}]" if problem.path else ""
-    lines = [f"{problem.location}: {word}[{problem.code}]: {problem.message}{where}"]
+    where = f"  [{visible(problem.path)}]" if problem.path else ""
+    lines = [f"{visible(str(problem.location))}: {word}[{problem.code}]: {indented(problem.message)}{where}"]
     if problem.excerpt.strip():
         lines += _caret(problem.excerpt, problem.location.column)
     if problem.hint:
-        lines.append(f"    hint: {problem.hint}")
+        lines.append(f"    hint: {indented(problem.hint)}")
     return "\n".join(lines)
 
 

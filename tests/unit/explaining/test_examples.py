@@ -99,3 +99,33 @@ def test_the_document_is_what_its_schema_says(words: list[str], capsys: pytest.C
     document = json.loads(capsys.readouterr().out)
     assert list(Draft202012Validator(data.schema("explain")).iter_errors(document)) == []
     assert len(document["codes"]) == (1 if len(words) == 3 else len(Code))
+
+
+def test_rules_of_sarif_are_the_codes_with_their_pages(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """One rule for each code that occurs, however often."""
+    monkeypatch.chdir(tmp_path)
+    Path("e.edf").write_text("edf: 1\nname: a\nservices: {a: {image: x, cots: 1, cst: 2, cost: 101}}\n")
+    assert run(["validate", "e.edf", "--format", "sarif"]) == 5
+    (log,) = json.loads(capsys.readouterr().out)["runs"]
+    assert [result["ruleId"] for result in log["results"]] == ["SRP-105", "SRP-105", "SRP-108"]
+    rules = log["tool"]["driver"]["rules"]
+    assert [(rule["id"], rule["name"]) for rule in rules] == [("SRP-105", "UnknownKey"), ("SRP-108", "WrongValue")]
+    assert rules[0]["shortDescription"]["text"] == "Unknown key."
+    assert "**What to do.** Correct the spelling" in rules[0]["help"]["markdown"]
+    assert "What to do:" in rules[0]["help"]["text"]
+
+
+@pytest.mark.parametrize("key", ["a\\nerror[SRP-001]: x", "x]: error[SRP-001]: y", "\\u2028error[SRP-001]: x"])
+def test_words_of_a_file_choose_no_code(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], key: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("e.edf").write_text(f'edf: 1\nname: a\n"{key}": 1\nservices: {{a: {{image: x}}}}\n')
+    assert run(["validate", "e.edf"]) == 5
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0].startswith("e.edf:3:1: error[SRP-105]: unknown key")
+    assert not [line for line in lines if line.startswith("error[")]
+    assert run(["validate", "e.edf", "--format", "json"]) == 5
+    assert [one["code"] for one in json.loads(capsys.readouterr().out)["problems"]] == ["SRP-105"]
