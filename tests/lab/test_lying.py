@@ -122,39 +122,3 @@ def test_an_image_is_copied_only_from_where_it_was_built_and_without_what_lies_b
     ((robot, cause),) = how()
     assert robot == "robot2" and cause.startswith("not on the robot; built here"), cause
     assert lab.srprov("destroy", str(path), "-i", inventory, "--yes", env=home).code == 0
-
-
-TALKER = r"""
-mkdir -p /usr/local/sbin /run/netns && touch /run/netns/srpw00000000 && cat >/usr/local/sbin/ip <<'END'
-#!/bin/sh
-many() {
-  awk -v text="$1" 'BEGIN { printf "["; for (i = 0; i < 60000; i++) printf "%s" text, i ? "," : "", i; print "]" }'
-}
-case "$0 $*" in
-  *bridge*" fdb show") many '{"ifname":"srpv%d","mac":"0","dst":"1"}' ;;
-  *" netns exec "*) head -c 4000000 /dev/zero | tr '\0' '\t'; echo ;;
-  *" -n srpw"*) echo '[]' ;;
-  *"addr show") many '{"ifname":"srpv%d","linkinfo":{"info_kind":"vxlan"}}' ;;
-  *) exec /sbin/ip "$@" ;;
-esac
-END
-chmod +x /usr/local/sbin/ip && cp /usr/local/sbin/ip /usr/local/sbin/bridge
-"""
-"""A robot that has 60,000 links with as many entries, and says four million words of a tunnel that it has not."""
-QUIET = "rm -f /usr/local/sbin/ip /usr/local/sbin/bridge /run/netns/srpw00000000"
-
-
-def test_what_one_robot_says_keeps_no_other_waiting(lab_of_module: Lab, tmp_path: Path) -> None:
-    """It is read in time that grows with its length, and then not believed."""
-    lab = lab_of_module
-    inventory = part_of_lab(lab, ["robot1", "robot3"], tmp_path / "lab.yml")
-    lab.shell("robot3", "sh", "-c", TALKER)
-    try:
-        began = time.monotonic()
-        asked = lab.srprov("facts", "-i", inventory, "--json")
-        took = time.monotonic() - began
-    finally:
-        lab.shell("robot3", "sh", "-c", QUIET)
-    assert asked.code == 4 and set(asked.json["robots"]) == {"robot1"}, asked
-    assert "more than 1000 things of the kind vxlan" in asked.json["unreachable"]["robot3"], asked.json["unreachable"]
-    assert took < 40, took
