@@ -104,7 +104,7 @@ def _setting(
     if source is ParameterSource.ENVIRONMENT:
         found |= {"source": "environment", "variable": _variable(option, context)}
     elif source is ParameterSource.DEFAULT_MAP:
-        file = next(one for one in reversed(lines) if (verb, option.name) in lines[one])
+        file = next(one for one in reversed(list(lines)) if (verb, option.name) in lines[one])
         place = {"file": str(file.path), "line": lines[file][verb, option.name or ""]}
         found |= {"source": "user" if file.own else "project", **place}
     return found

@@ -6,7 +6,7 @@ the user waits for each Tab. Nothing is checked but names, nothing is run, and w
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from srprov import names
 from srprov.definitions.groups import HostTree
@@ -48,7 +48,8 @@ def _entry(node: Node, key: str) -> Node | None:
 
 
 def _texts(node: Node | None) -> Iterator[str]:
-    for one in node.items if isinstance(node, Seq) else [node]:
+    some: Sequence[Node | None] = node.items if isinstance(node, Seq) else [node]
+    for one in some:
         if isinstance(one, Scalar):
             yield one.text
 
@@ -66,4 +67,4 @@ def _of_inventory(path: str, what: str) -> list[str]:
     tree = HostTree()
     for part in inventory.files_of(path, tree):
         inventory.read_one(part, tree, may_run=False)
-    return list(tree.hosts if what == "robots" else tree.groups)
+    return list(tree.hosts) if what == "robots" else list(tree.groups)
