@@ -128,7 +128,7 @@ def _values(rows: list[Row]) -> Html:
     for row in (one for one in rows if one.differences):
         parts.append(el("h3", f"#{row.number} ", el("code", row.what)))
         plain = [one for one in row.differences[:_MOST_VALUES] if not one.diff]
-        body = [[el("code", one.field), *_sides(one)] for one in plain]
+        body: list[list[Child]] = [[el("code", one.field), *_sides(one)] for one in plain]
         if body:
             parts.append(table(f"Values that step {row.number} changes", ["value", "now", "then"], body, kind="long"))
         for one in (one for one in row.differences[:_MOST_VALUES] if one.diff):
@@ -158,15 +158,16 @@ def _steps(robot: str, rows: list[Row], tasks: Mapping[int, Task]) -> Html:
             one.after,
         ]
         if done:
-            task = tasks.get(one.number)
-            times = (
-                ["", ""]
-                if task is None
-                else [seconds(round(task.begun, 3)), seconds(round(task.acted - task.begun, 3))]
-            )
-            cells += [outcome(one.outcome), *times]
+            cells += [outcome(one.outcome), *_times(tasks.get(one.number))]
         body.append(cells)
     return table(f"Steps on {robot}", head, body, numbers=(6, 7), kind="long")
+
+
+def _times(task: Task | None) -> list[Child]:
+    """Return when a step was begun, and how long it acted."""
+    if task is None:
+        return ["", ""]
+    return [seconds(round(task.begun, 3)), seconds(round(task.acted - task.begun, 3))]
 
 
 _COUNTS = ("changed", "failed", "connections", "round_trips")

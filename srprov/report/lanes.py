@@ -77,7 +77,7 @@ def _lanes(time: Timeline) -> Iterator[Html]:
 
 
 def _lane(one: Lane, critical: Spans, whole: float) -> list[Child]:
-    layers = [
+    layers: list[tuple[str, Spans, int]] = [
         ("rest", [(0.0, one.end)], 10),
         ("check", one.checking, 10),
         ("await", one.awaiting, 10),

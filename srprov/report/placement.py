@@ -82,7 +82,7 @@ def _list(placed: Mapping[str, str], costs: Mapping[str, float], made: DecisionV
     """Return a row for each service: its robot, its cost, what that is made of."""
     terms = made.terms if made is not None else {}
     named = sorted(placed, key=natural)
-    rows = [
+    rows: list[list[Child]] = [
         [
             service,
             placed[service],

@@ -28,7 +28,9 @@ def robots(material: Material) -> Section | None:
 
 
 def _facts(one: RobotFacts) -> list[Child]:
-    clock = "" if one.clock_offset_s is None else number(one.clock_offset_s, f"{one.clock_offset_s * 1000:+.0f} ms")
+    clock: Child = (
+        "" if one.clock_offset_s is None else number(one.clock_offset_s, f"{one.clock_offset_s * 1000:+.0f} ms")
+    )
     return [
         one.os, one.kernel, one.arch, number(one.cpus), number(one.load1), size(one.memory_total),
         size(one.memory_available), one.docker.version if one.docker is not None else "none", clock,
