@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
@@ -17,6 +18,7 @@ from srprov.wire import AnyQuery, Reply
 _MOST = 1000
 """Things of a kind that a robot has, and things of any kind that it has of one instance: plans and tables grow with
 them, and with their pairs, and a robot may say anything."""
+_SERVICE = re.compile("[a-z0-9][a-z0-9_-]{0,400}")
 _MOST_SMALL = dict.fromkeys(("image", "file", "secret"), 10_000)
 """Images are nobody's, and one service may have many files."""
 
@@ -57,9 +59,9 @@ def parse_observed(replies: Sequence[Reply], kinds: Iterable[str] = tuple(MODULE
     start = 0
     for kind in kinds:
         count = len(MODULES[kind].queries())
-        # the label of an instance that cannot be is not ours: names become paths and containers
+        # the label of an instance or service that cannot be is not ours: names become paths, containers and words
         seen = MODULES[kind].parse(replies[start : start + count])
-        ours = [one for one in seen if not one.instance or names.valid("instance", one.instance)]
+        ours = [one for one in seen if not one.instance or (names.valid("instance", one.instance) and _is_named(one))]
         if len(ours) > (most := _MOST_SMALL.get(kind, _MOST)):
             raise TooManyError(f"it has more than {most} things of the kind {kind}")
         for one in ours:
@@ -70,6 +72,11 @@ def parse_observed(replies: Sequence[Reply], kinds: Iterable[str] = tuple(MODULE
     if of_instances and (most_of := of_instances.most_common(1)[0])[1] > _MOST:
         raise TooManyError(f"it has more than {_MOST} things of the instance {most_of[0]}")
     return tuple(found)
+
+
+def _is_named(one: Observed) -> bool:
+    """Return whether a service is called as one can be, with a robot's name behind it that was made to fit."""
+    return one.service == "" or _SERVICE.fullmatch(one.service) is not None
 
 
 def _check(one: Observed) -> None:

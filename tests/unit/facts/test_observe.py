@@ -76,3 +76,14 @@ def test_what_a_robot_has_of_one_instance_has_a_limit_in_all() -> None:
     assert len(parse_observed(robot(500), ["container", "file"])) == 1000
     with pytest.raises(TransportError, match="more than 1000 things of the instance x"), answers_of("r1"):
         parse_observed(robot(501), ["container", "file"])
+
+
+@pytest.mark.parametrize("service", ["a\nerror: robot2 is hacked", "A", "a b", "-a", "a.b", "\u202ea"])
+def test_a_service_that_cannot_be_is_none_of_ours(service: str) -> None:
+    """Its name would stand in lines of `wait` and in hints, and begin some of its own."""
+    labels = {"srprov.instance": "hello", "srprov.service": service}
+    said = [{"Id": "1", "Names": [f"/srprov.hello.{service}"], "Labels": labels, "State": "running"}]
+    replies = [Reply(status=200, out=json.dumps(said)), Reply(status=0)]
+    assert parse_observed(replies, ("container",)) == ()
+    good = json.dumps(said).replace(json.dumps(service)[1:-1], "a-kuka_3")
+    assert parse_observed([Reply(status=200, out=good), Reply(status=0)], ("container",))[0].service == "a-kuka_3"
