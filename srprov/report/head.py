@@ -135,7 +135,7 @@ def _figures(material: Material) -> Iterator[tuple[str, Html]]:
                 ("not_reached", "not done"),
             )
         )  # fmt: skip
-        yield "unreachable robots", number(len(result.unreachable))
+        yield "unreachable", number(len(result.unreachable))
         yield "took", seconds(result.duration_s, of="/duration_s")
         if result.assignment:
             yield "cost", number(result.cost, f"{result.cost:.3f}", of="/cost")

@@ -39,8 +39,8 @@ nav ul{list-style:none;display:flex;flex-wrap:wrap;gap:.25rem 1.1rem;margin:0 0 
 .verdict.bad,.box.bad{background:var(--badbg);border-color:var(--bad)}
 .box{border:1px solid;border-radius:8px;padding:.6rem .9rem;margin:0 0 1rem}
 .box ul{margin:.2rem 0;padding-left:1.2rem;color:var(--text)}
-.tiles{display:grid;grid-template-columns:repeat(auto-fit,minmax(7.2rem,1fr));gap:.6rem;margin:0 0 1rem}
-.tiles div{background:var(--panel);border:1px solid var(--line);border-radius:10px;padding:.55rem .8rem;
+.tiles{display:flex;flex-wrap:wrap;gap:.6rem;margin:0 0 1rem}
+.tiles div{flex:1 1 6.4rem;background:var(--panel);border:1px solid var(--line);border-radius:10px;padding:.55rem .8rem;
 display:flex;flex-direction:column-reverse}
 .tiles dt{color:var(--soft);font-size:.83rem}
 .tiles dd{margin:0;font-size:1.35rem;font-weight:620;font-variant-numeric:tabular-nums;line-height:1.3}
@@ -53,7 +53,7 @@ th,td{text-align:left;vertical-align:top;padding:.3rem .6rem;border-bottom:1px s
 thead th{color:var(--soft);font-weight:550;border-bottom:1px solid var(--soft);white-space:nowrap}
 tbody th{font-weight:550}tbody tr:last-child>*{border-bottom:0}
 .num{text-align:right;white-space:nowrap}.tight{white-space:nowrap}
-.long td,.long th{overflow-wrap:anywhere}.long td:last-child{min-width:12rem}
+.long td{max-width:34rem}.long td:last-child:not(.num){min-width:12rem}
 .grid{min-width:0}.grid th,.grid td{text-align:center;white-space:nowrap}
 .grid tbody th,.grid thead th:first-child{text-align:left;position:sticky;left:0;background:var(--panel)}
 .grid .here{background:var(--okbg);color:var(--ok);font-weight:650}
@@ -82,7 +82,7 @@ padding:.12rem 0;border-bottom:1px solid var(--line)}
 .lanes li:last-child{border:0}
 .lanes svg{display:block;width:100%;height:20px}
 .lanes .who{white-space:nowrap;overflow:hidden;text-overflow:ellipsis}
-.axis{display:flex;justify-content:space-between;color:var(--soft);font-size:.8rem}
+.axis{display:flex;justify-content:space-between;color:var(--soft);font-size:.8rem;margin:0 5.3rem 0 9.7rem}
 .act{stroke:var(--act);stroke-width:11}.check{stroke:var(--check);stroke-width:11}
 .await{stroke:var(--wait);stroke-width:5}.rest{stroke:var(--line);stroke-width:1.5}
 .path{stroke:var(--path);stroke-width:3}
@@ -93,9 +93,10 @@ svg text{font:12px system-ui,sans-serif;fill:var(--soft)}
 .plot line{stroke:var(--line)}.plot circle{fill:var(--act);fill-opacity:.65}
 .plot polyline{stroke:var(--wait);fill:none;stroke-width:1.5}
 @media(max-width:600px){body{font-size:14.5px}header,main,footer{padding-left:.8rem;padding-right:.8rem}
-section{padding:.9rem .85rem}h1{font-size:1.35rem}.tiles{grid-template-columns:repeat(auto-fit,minmax(6.2rem,1fr))}
+section{padding:.9rem .85rem}h1{font-size:1.35rem}.tiles div{flex-basis:5.4rem}
 .facts{grid-template-columns:1fr}.facts dd{margin-bottom:.35rem}
-.lanes li{grid-template-columns:4.6rem 1fr 4rem;gap:.45rem}th,td{padding:.3rem .45rem}}
+.lanes li{grid-template-columns:4.6rem 1fr 4rem;gap:.45rem}.axis{margin:0 4.45rem 0 5.05rem}.axis span:nth-child(even){display:none}
+th,td{padding:.3rem .45rem}}
 @media print{:root{--bg:#fff;--panel:#fff;--text:#000;--soft:#444;--line:#bbb}body{font-size:10.5pt}nav{display:none}
 header,main,footer{max-width:none;padding:0}section,.verdict{break-inside:auto;border-radius:0}
 h2,h3,summary{break-after:avoid}tr,.lanes li,.verdict,.tiles{break-inside:avoid}
