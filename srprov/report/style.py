@@ -95,7 +95,8 @@ svg text{font:12px system-ui,sans-serif;fill:var(--soft)}
 @media(max-width:600px){body{font-size:14.5px}header,main,footer{padding-left:.8rem;padding-right:.8rem}
 section{padding:.9rem .85rem}h1{font-size:1.35rem}.tiles div{flex-basis:5.4rem}
 .facts{grid-template-columns:1fr}.facts dd{margin-bottom:.35rem}
-.lanes li{grid-template-columns:4.6rem 1fr 4rem;gap:.45rem}.axis{margin:0 4.45rem 0 5.05rem}.axis span:nth-child(even){display:none}
+.lanes li{grid-template-columns:4.6rem 1fr 4rem;gap:.45rem}
+.axis{margin:0 4.45rem 0 5.05rem}.axis span:nth-child(even){display:none}
 th,td{padding:.3rem .45rem}}
 @media print{:root{--bg:#fff;--panel:#fff;--text:#000;--soft:#444;--line:#bbb}body{font-size:10.5pt}nav{display:none}
 header,main,footer{max-width:none;padding:0}section,.verdict{break-inside:auto;border-radius:0}
