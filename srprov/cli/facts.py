@@ -5,7 +5,6 @@ from __future__ import annotations
 import click
 
 from srprov.cli import inputs, options
-from srprov.cli.codes import UNREACHABLE
 from srprov.cli.output import out, out_json, tell_unreachable
 
 
@@ -24,6 +23,5 @@ def facts(inventories: tuple[str, ...], as_json: bool, forks: int, timeout: floa
     if as_json:
         out_json(facts_document(snapshot.facts, snapshot.unreachable))
     else:
-        out(facts_table(snapshot.facts, snapshot.unreachable))  # says who is out of reach, and why
-        return UNREACHABLE if snapshot.unreachable else 0
+        out(facts_table(snapshot.facts, snapshot.unreachable))
     return tell_unreachable(snapshot.unreachable)

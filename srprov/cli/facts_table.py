@@ -51,8 +51,8 @@ _COLUMNS: tuple[tuple[str, Callable[[HostFacts], str], bool], ...] = (
 def facts_table(facts: Mapping[str, HostFacts], unreachable: Mapping[str, str]) -> str:
     """Return the table in name order, heading first; lines end with a line feed, and an empty cell is `-`.
 
-    MEMORY and SWAP are used/total, MBIT/S is free/link speed of the underlay. Why a robot cannot be reached, or has no
-    engine, stands below the table.
+    MEMORY and SWAP are used/total, MBIT/S is free/link speed of the underlay. Why a robot has no engine stands below
+    the table; why one cannot be reached is told beside it, as by every verb.
     """
     names = sorted(facts.keys() | unreachable.keys())
     rows = [["ROBOT", *(heading for heading, _, _ in _COLUMNS)]]
@@ -60,7 +60,7 @@ def facts_table(facts: Mapping[str, HostFacts], unreachable: Mapping[str, str]) 
         found = facts.get(name)
         cells = [cell(found) for _, cell, _ in _COLUMNS] if found else ["unreachable", *[""] * (len(_COLUMNS) - 1)]
         rows.append([name, *(cell or "-" for cell in cells)])
-    notes = [_note(name, reason) for name, reason in sorted(_reasons(facts, unreachable).items())]
+    notes = [_note(name, reason) for name, reason in sorted(_reasons(facts).items())]
     return "\n".join([*_aligned(rows), *([""] if notes else []), *notes]) + "\n"
 
 
@@ -76,9 +76,8 @@ def _aligned(rows: Sequence[Sequence[str]]) -> list[str]:
     ]
 
 
-def _reasons(facts: Mapping[str, HostFacts], unreachable: Mapping[str, str]) -> dict[str, str]:
-    no_engine = {name: f"no Docker Engine: {f.docker_problem}" for name, f in facts.items() if f.docker_problem}
-    return {**no_engine, **{name: f"unreachable: {reason}" for name, reason in unreachable.items()}}
+def _reasons(facts: Mapping[str, HostFacts]) -> dict[str, str]:
+    return {name: f"no Docker Engine: {f.docker_problem}" for name, f in facts.items() if f.docker_problem}
 
 
 def _note(name: str, reason: str) -> str:

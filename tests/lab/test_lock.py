@@ -54,7 +54,7 @@ def test_a_locked_experiment_stays_what_it_was_when_tags_and_branches_move(lab: 
     path = tmp_path / "locked.edf"
     path.write_text(edf("locked", services, placement={"slots_per_robot": 2}), encoding="utf-8")
     own = {"XDG_CACHE_HOME": str(tmp_path / "cache")}
-    words = (str(path), "-i", inventory, "--allow", "git")
+    words = (str(path), "-i", inventory, "--allow", "git", "--allow", "outside")
 
     def plan(*more: str) -> dict[str, str]:
         made = lab.srprov("plan", *words, "--json", *more, env=own)
