@@ -150,7 +150,7 @@ def _ours(listed: Sequence[Mapping[str, Any]]) -> list[StoredImage]:
     """Return what may be srprov's; what has no name is looked at again."""
     by_id = {string(item.get("Id")): item for item in listed}
     heads = _heads(listed)
-    found = []
+    found: list[StoredImage] = []
     for key, item in by_id.items():
         every = [string(name) for name in names_of(item)]
         tags = tuple(sorted(name for name in every if CONTENT_TAG.fullmatch(name)))
