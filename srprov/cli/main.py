@@ -67,6 +67,7 @@ _VERBS = {
     "explain": "Say what the code of an error means, with examples and what to do.",
     "config": "Show every setting with its value, and where that comes from.",
     "completion": "Print a script that completes command lines in bash, zsh or fish.",
+    "man": "Print the manual page: every verb and option.",
 }
 
 _MODULES = {"import": "importing", "config": "configured"}
