@@ -57,7 +57,7 @@ def _below(parent: click.Context, command: click.Command, name: str) -> Iterator
     context = click.Context(command, info_name=name, parent=parent)
     yield Verb(
         name=context.command_path.partition(" ")[2],
-        usage=" ".join((context.command_path, *command.collect_usage_pieces(context))),
+        usage=" ".join(filter(None, (context.command_path, *command.collect_usage_pieces(context)))),
         paragraphs=tuple(_paragraphs(command.help or "")),
         options=tuple(_options(context, command)),
     )

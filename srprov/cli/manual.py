@@ -126,7 +126,7 @@ def _filled(text: str) -> Iterator[str]:
 
 def _as_is(lines: list[str] | tuple[str, ...]) -> Iterator[str]:
     """Yield lines that must not be wrapped, set in."""
-    yield from (".PP", ".RS 4", ".nf", *(_text(line) for line in lines), ".fi", ".RE")
+    yield from (".PP", ".RS 4", ".nf", *(_text(line.rstrip()) for line in lines), ".fi", ".RE")
 
 
 def _bold(text: str) -> str:
