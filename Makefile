@@ -10,7 +10,7 @@ WORKERS ?= 2
 FUZZ_SECONDS ?= 3600
 PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --dist loadfile --no-loadscope-reorder
 
-.PHONY: help setup demo evidence test unit soak lint fmt errors type clean bench-assignment bench-transfer bench-images bench-provisioning bench-trials bench-network bench-containers
+.PHONY: help setup demo evidence docs recording test unit soak lint fmt errors type clean bench-assignment bench-transfer bench-images bench-provisioning bench-trials bench-network bench-containers
 
 help: ## show this list
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/  make \1|\2/p' $(MAKEFILE_LIST) | column -t -s '|' 2>/dev/null \
@@ -25,6 +25,13 @@ demo: setup ## three robots on this machine, ROS 1 talker and listener on them
 evidence: setup ## trials on this machine as a signed bundle, verified and run again on other robots (needs root; two minutes)
 	@tools/evidence.sh
 
+docs: setup ## the manual as a site, build/site/index.html: every page, verb, option and field (half a minute)
+	@$(BIN)/pip install -q -e '.[docs]'
+	@$(BIN)/python -m tools.site
+
+recording: setup ## docs/media/demo.svg: the steps of `make demo`, recorded on a terminal (needs root; two minutes)
+	@$(BIN)/python -m tools.recording
+
 test: setup lint type ## everything: lint, types, all tests (needs root, for the lab)
 	@echo "test: pytest, $(WORKERS) processes with a lab each"
 	@$(PYTEST)
@@ -35,6 +42,7 @@ unit: setup ## only the tests that need no lab
 soak: setup ## many examples, a disturbance at every moment of an apply, all faults, 50 races (needs root; three hours)
 	@echo "soak: property tests, HYPOTHESIS_PROFILE=long, and mutated files for an hour"
 	@HYPOTHESIS_PROFILE=long FUZZ_SECONDS=$(FUZZ_SECONDS) $(PYTEST) -q -m "not lab"
+	@$(BIN)/pip install -q -e '.[docs]'
 	@echo "soak: long tests of the lab"
 	@SRPROV_SOAK=1 $(PYTEST) -q -m soak
 	@echo "soak: python -m tools.soak, results in tools/soak/results.md"

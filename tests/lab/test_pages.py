@@ -25,7 +25,8 @@ LONG = [
 def done(lab: Lab, folder: Path, page: str) -> None:
     """Do a page in a folder that has an inventory of three robots."""
     (folder / "inventory").mkdir()
-    part_of_lab(lab, ROBOTS, folder / "inventory" / "lab.yml")
+    for inventory in ("inventory/lab.yml", "my-robots.yml"):
+        part_of_lab(lab, ROBOTS, folder / inventory)
     play(ROOT / page, folder, {"SRPROV_LAB": lab.name})
 
 

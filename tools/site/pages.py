@@ -5,8 +5,8 @@ from __future__ import annotations
 GROUPS = {
     "Begin": ("docs/tutorial", "docs/robot", "docs/glossary", "docs/comparison"),
     "Write experiments": (
-        "docs/definitions", "docs/images", "docs/assignment", "docs/network", "docs/data", "docs/volumes",
-        "docs/secrets", "docs/playbooks", "inventory/README",
+        "docs/definitions", "docs/editors", "docs/images", "docs/assignment", "docs/network", "docs/data",
+        "docs/volumes", "docs/secrets", "docs/playbooks", "inventory/README",
     ),
     "Run them": (
         "docs/daily-use", "docs/debugging", "docs/configuration", "docs/permissions", "docs/policy", "docs/sharing",

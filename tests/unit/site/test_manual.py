@@ -6,14 +6,16 @@ import json
 import os
 import re
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
 import yaml
 
+from srprov.cli.main import _VERBS
 from srprov.definitions import load_experiment
 from srprov.planning.policy import KINDS, permissions
 from tests.pages import ROOT
-from tools.site import fields, verbs
+from tools.site import drawing, fields, verbs
 from tools.site.markup import code, text
 from tools.site.pages import GROUPS, REST, arranged
 from tools.site.stage import links, sources, stage
@@ -106,3 +108,36 @@ def test_a_page_that_links_to_nothing_is_refused(tmp_path: Path) -> None:
 def test_text_is_shown_as_it_is() -> None:
     assert text("a|b *c* `d*e` <f> [g]") == r"a\|b \*c\* `d*e` \<f\> \[g\]"
     assert code("a`b|c") == "``a`b\\|c``"
+
+
+COMPARISON = (ROOT / "docs" / "comparison.md").read_text(encoding="utf-8")
+
+
+def test_the_table_of_what_is_looked_for_names_tests_that_there_are() -> None:
+    has, _, has_not = COMPARISON.partition("## Has not")
+    rows = [re.split(r"(?<!\\)\|", line)[1:-1] for line in has.splitlines() if line.startswith("| ")][1:]
+    assert len(rows) >= 25 and {len(row) for row in rows} == {7}
+    lost = []
+    for row in rows:
+        file, _, name = row[-1].strip().strip("`").partition("::")
+        source = (ROOT / file).read_text(encoding="utf-8") if (ROOT / file).is_file() else ""
+        if not re.search(rf"^def {name or 'test_'}", source, re.MULTILINE):
+            lost.append(row[-1])
+    assert lost == []
+    reasons = [line.split("|")[3].strip() for line in has_not.splitlines() if line.startswith("| ")][1:]
+    assert reasons and all(len(reason.split()) > 4 for reason in reasons)
+
+
+def test_every_verb_that_the_table_names_is_one() -> None:
+    named = re.findall(r"^\|(?:[^|]*\|){5} ([^|]*)\|", COMPARISON, re.MULTILINE)
+    words = {word for cell in named for word in re.findall(r"`([a-z]+)[` ]", cell)}
+    assert {"plan", "apply", "logs"} <= words & set(_VERBS)
+
+
+def test_the_picture_of_the_flow_has_the_words_of_the_page() -> None:
+    shown = ElementTree.parse(drawing.PICTURE).getroot()
+    texts = {text.text for text in shown.iter("{http://www.w3.org/2000/svg}text")}
+    labels = {text.replace("[", "").replace("]", "") for text in drawing.words(drawing.source())}
+    assert len(labels) > 15 and sorted(labels - texts) == []
+    arrows = sum(line.count(" -> ") for line in drawing.dot(drawing.source()))
+    assert len([group for group in shown.iter() if group.get("class") == "edge"]) == arrows
