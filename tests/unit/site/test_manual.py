@@ -141,3 +141,16 @@ def test_the_picture_of_the_flow_has_the_words_of_the_page() -> None:
     assert len(labels) > 15 and sorted(labels - texts) == []
     arrows = sum(line.count(" -> ") for line in drawing.dot(drawing.source()))
     assert len([group for group in shown.iter() if group.get("class") == "edge"]) == arrows
+
+
+@pytest.mark.parametrize("page", ["from-ansible.md", "from-kubernetes.md"])
+def test_what_stands_on_the_right_side_of_another_tools_file_is_an_experiment(tmp_path: Path, page: str) -> None:
+    lines = (ROOT / "docs" / page).read_text(encoding="utf-8").splitlines()
+    head = next(at for at, line in enumerate(lines) if "# experiment.edf" in line)
+    column = lines[head].index("# experiment.edf")
+    end = next(at for at, line in enumerate(lines) if at > head and line == "```")
+    path = tmp_path / "x.edf"
+    path.write_text("\n".join(line[column:] for line in lines[head:end]) + "\n")
+    assert len(load_experiment(str(path)).experiment.services) >= 1
+    left = yaml.safe_load("\n".join(line[:column] for line in lines[head:end]))
+    assert left, "the other tool's file is YAML, too"
