@@ -5,12 +5,12 @@ from __future__ import annotations
 GROUPS = {
     "Begin": ("docs/tutorial", "docs/robot", "docs/glossary", "docs/comparison"),
     "Write experiments": (
-        "docs/definitions", "docs/editors", "docs/images", "docs/assignment", "docs/network", "docs/data",
-        "docs/volumes", "docs/secrets", "docs/playbooks", "inventory/README",
+        "docs/definitions", "docs/images", "docs/assignment", "docs/network", "docs/data",
+        "docs/volumes", "docs/secrets", "docs/playbooks", "docs/editors", "inventory/README",
     ),
     "Run them": (
         "docs/daily-use", "docs/debugging", "docs/configuration", "docs/permissions", "docs/policy", "docs/sharing",
-        "docs/registries", "docs/wifi", "docs/facts", "docs/records", "docs/reliability",
+        "docs/registries", "docs/wifi", "docs/facts", "docs/records", "docs/reliability", "docs/json", "docs/ci",
     ),
     "Trials and evidence": ("docs/trials", "docs/evidence"),
     "Come from elsewhere": (

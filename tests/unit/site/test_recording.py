@@ -25,7 +25,7 @@ def shown(picture: str) -> list[str]:
 
 
 def hostile(recording: Recording, folder: Path) -> int:
-    script = r"printf '\033[31mred\033[0m <script>alert(1)</script> & \302\233x\n'; sleep 3; echo late; exit 3"
+    script = r"printf '\033[31mred\033[0m <script>alert(1)</script> & \302\233x\n'; sleep 1.8; echo late; exit 3"
     return recording.run(script, folder, dict(os.environ))
 
 
