@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from pathlib import Path
 
 import pytest
@@ -13,33 +12,21 @@ from tests.pages import ROOT, blocks, play
 pytestmark = pytest.mark.lab
 
 ROBOTS = ["robot1", "robot2", "robot3"]
-EVERY_DAY = ["README.md"]
-"""The others take longer, and are done by `make soak`."""
 LONG = [
     path.relative_to(ROOT).as_posix()
     for path in sorted((ROOT / "docs").glob("*.md"))
-    if path.name not in EVERY_DAY and any(block.kind == "run" for block in blocks(path))
+    if any(block.kind == "run" for block in blocks(path))
 ]
 
 
 def done(lab: Lab, folder: Path, page: str) -> None:
     """Do a page in a folder that has an inventory of three robots."""
     (folder / "inventory").mkdir()
-    for inventory in ("inventory/lab.yml", "my-robots.yml"):
-        part_of_lab(lab, ROBOTS, folder / inventory)
+    part_of_lab(lab, ROBOTS, folder / "inventory" / "lab.yml")
     play(ROOT / page, folder, {"SRPROV_LAB": lab.name})
-
-
-@pytest.mark.parametrize("page", EVERY_DAY)
-def test_the_page_is_so(lab: Lab, tmp_path: Path, page: str) -> None:
-    done(lab, tmp_path, page)
 
 
 @pytest.mark.soak
 @pytest.mark.parametrize("page", LONG)
 def test_the_page_of_the_manual_is_so(lab: Lab, tmp_path: Path, page: str) -> None:
     done(lab, tmp_path, page)
-
-
-def test_there_are_pages() -> None:
-    assert "docs/tutorial.md" in LONG and os.environ["SRPROV_LAB"]

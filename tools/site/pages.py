@@ -9,6 +9,7 @@ GROUPS = {
         "docs/volumes", "docs/secrets", "docs/playbooks", "docs/editors", "inventory/README",
     ),
     "Run them": (
+        "docs/errors", "docs/plans", "docs/report",
         "docs/daily-use", "docs/debugging", "docs/configuration", "docs/permissions", "docs/policy", "docs/sharing",
         "docs/registries", "docs/wifi", "docs/facts", "docs/records", "docs/reliability", "docs/json", "docs/ci",
     ),

@@ -12,11 +12,10 @@ from tools.site import fields, verbs
 from tools.site.pages import HOME, arranged
 
 PATTERNS = ("*.md", "docs/*.md", "inventory/*.md", "examples/*/*.md", "benchmarks/**/*.md")
-DRAWINGS = {"docs/architecture.md": "media/flow.svg"}
-"""A page with a drawing in the language of Mermaid, which GitHub draws by a script -> the same as a picture."""
 _LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^()\s]+)\)")
 _FENCE = re.compile(r"^(`{3,}|~{3,})")
-_MERMAID = re.compile(r"^```mermaid\n.*?^```$", re.MULTILINE | re.DOTALL)
+_MERMAID = re.compile(r"^```mermaid$", re.MULTILINE)
+"""A drawing that forges draw by a script; the site has no such script, and shows its text."""
 _OUTSIDE = ("http:", "https:", "mailto:", "#")
 _COMMENT = re.compile(r"^<!--.*?-->\n", re.MULTILINE | re.DOTALL)
 
@@ -37,8 +36,7 @@ def stage(root: Path, folder: Path) -> list[str]:
     made = {**verbs.pages(), **fields.pages(root / "schemas")}
     groups = arranged({name.removesuffix(".md") for name in (*own, *made)})
     for name, markdown in own.items():
-        drawn = _MERMAID.sub(f"![The flow]({DRAWINGS[name]})", markdown) if name in DRAWINGS else markdown
-        text = "".join(_linked(root, folder, name, _COMMENT.sub("", drawn)))
+        text = "".join(_linked(root, folder, name, _MERMAID.sub("```text", _COMMENT.sub("", markdown))))
         _write(folder / name, text + (_navigation(groups) if name == f"{HOME}.md" else ""))
     for name, markdown in made.items():
         _write(folder / name, markdown)

@@ -10,8 +10,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from tests.pages import ROOT
-from tools.recording.__main__ import PICTURE, commands
+from tools.recording.__main__ import commands
 from tools.recording.svg import LAST_S, drawn
 from tools.recording.terminal import LONGEST_S, PAUSE_S, Recording
 
@@ -55,13 +54,3 @@ def test_the_recorded_commands_are_those_of_the_demo() -> None:
     listed = commands()
     assert [line.split()[1] for line in listed] == ["apply", "status", "wait", "logs", "apply"]
     assert all("examples/chatter-ros/experiment.edf -i inventory/lab.yml" in line for line in listed)
-
-
-def test_the_picture_of_the_manual_is_such_a_recording() -> None:
-    picture = PICTURE.read_text(encoding="utf-8")
-    rows = shown(picture)
-    assert [line for line in commands() if not any(line[:90] in row for row in rows)] == []
-    assert any("heard: hello from talker" in row for row in rows)
-    assert any(" 0 changed, " in row for row in rows), "done again, it changes nothing"
-    assert not re.search(r"<script|href=\"(?!#)|url\((?!#)|@import", picture) and len(picture) < 400_000
-    assert f"]({PICTURE.relative_to(ROOT)})" in (ROOT / "README.md").read_text(encoding="utf-8")
