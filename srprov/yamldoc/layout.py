@@ -50,11 +50,11 @@ class _Reader:
         loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
         self.lines, self.file = lines, file
         text = "\n".join([*lines, ""])
-        scalars = [one for one in yaml.scan(text, Loader=loader) if type(one).__name__ == "ScalarToken"]
+        scalars: list[Any] = [one for one in yaml.scan(text, Loader=loader) if type(one).__name__ == "ScalarToken"]
         self.comments = dict(found_comments(lines, scalars))
         """Line -> column and words of what is not placed yet."""
         self.scalars = iter(scalars)
-        self.events = list(yaml.parse(text, Loader=loader))
+        self.events: list[Any] = list(yaml.parse(text, Loader=loader))
         self.at = 0
         self.line = -1
         """The last line whose comments are placed, but for one behind what stands there."""
