@@ -28,13 +28,13 @@ services:
       - |
         trap 'exit 0' TERM INT
         while :; do
-          echo "heard: $(wget -q -T 2 -O - http://talker:8080/word)"
+          echo "heard: $(wget -q -T 2 -O - http://talker:8080/word.txt)"
           sleep 1 & wait $!
         done
 
 # What `srprov collect` brings home.
 results:
-  talker: [/www/word]
+  talker: [/out/word.txt]
 """
 TALKER = """\
 # What the talker's container is made of. srprov builds it on one robot and copies it to those that need it.
@@ -48,7 +48,7 @@ environment:
   WORD: nothing # the experiment says otherwise
 command: [sh, /talker.sh]
 healthcheck:
-  test: [CMD, busybox, wget, -q, -O, /dev/null, "http://127.0.0.1:8080/word"]
+  test: [CMD, busybox, wget, -q, -O, /dev/null, "http://127.0.0.1:8080/word.txt"]
   interval: 1s
   timeout: 2s
   retries: 10
@@ -56,12 +56,12 @@ healthcheck:
 SCRIPT = """\
 #!/bin/sh
 trap 'exit 0' TERM INT
-mkdir -p /www
-busybox httpd -p 8080 -h /www
+mkdir -p /out
+busybox httpd -f -p 8080 -h /out &
 n=0
 while :; do
     n=$((n + 1))
-    echo "$WORD #$n" >/www/word
+    echo "$WORD #$n" >/out/word.txt
     echo "said: $WORD #$n"
     sleep 1 & wait $!
 done

@@ -74,7 +74,7 @@ def test_a_new_experiment_runs_as_it_was_written(begun: Begun) -> None:
     assert heard.code == 0, heard
     home = begun.run("collect", "-o", str(begun.folder / "collected"))
     assert home.code == 0, home
-    words = [one.read_text() for one in (begun.folder / "collected").rglob("word")]
+    words = [one.read_text() for one in (begun.folder / "collected").rglob("word.txt")]
     assert len(words) == 1 and words[0].startswith("hello #")
     again = begun.run("plan", "--detailed-exitcode")
     assert again.code == 0, again
@@ -89,14 +89,12 @@ def test_files_go_in_and_come_out_as_they_are(begun: Begun, tmp_path: Path) -> N
     (here / "run.sh").write_text("echo it ran")
     (here / "run.sh").chmod(0o755)
     (here / "link").symlink_to("deep/large")
-    put = begun.run("cp", "--owner", "1000:1001", str(here), "talker:/opt/got")
+    put = begun.run("cp", "--owner", "1000:1001", str(here), "talker:/got")
     assert put.code == 0 and "2 files, 24.0 MiB copied" in put.err, put
-    seen = begun.inside(
-        "talker", "cd /opt/got; sha256sum <deep/large; stat -c '%a %u %g' run.sh; readlink link; sh run.sh"
-    )
+    seen = begun.inside("talker", "cd /got; sha256sum <deep/large; stat -c '%a %u %g' run.sh; readlink link; sh run.sh")
     assert seen.split("\n") == [f"{hashlib.sha256(data).hexdigest()}  -", "755 1000 1001", "deep/large", "it ran", ""]
 
-    back = begun.run("cp", f"talker@{begun.robot('talker')}:/opt/got", str(tmp_path / "out"))
+    back = begun.run("cp", f"talker@{begun.robot('talker')}:/got", str(tmp_path / "out"))
     assert back.code == 0, back
     assert (tmp_path / "out/deep/large").read_bytes() == data
     assert os.readlink(tmp_path / "out/link") == "deep/large" and os.access(tmp_path / "out/run.sh", os.X_OK)
@@ -104,8 +102,8 @@ def test_files_go_in_and_come_out_as_they_are(begun: Begun, tmp_path: Path) -> N
     # what is there is replaced, the other way too; a stopped container has files as well
     (tmp_path / "word").write_text("another word\n")
     assert begun.run("stop", "talker", "--yes").code == 0
-    assert begun.run("cp", str(tmp_path / "word"), "talker:/opt/got/run.sh").code == 0
-    assert begun.run("cp", "talker:/opt/got/run.sh", str(tmp_path / "word2")).code == 0
+    assert begun.run("cp", str(tmp_path / "word"), "talker:/got/run.sh").code == 0
+    assert begun.run("cp", "talker:/got/run.sh", str(tmp_path / "word2")).code == 0
     assert (tmp_path / "word2").read_text() == "another word\n"
     assert begun.run("start", "talker", "--yes").code == 0
     planned = begun.run("plan", "--detailed-exitcode")
@@ -126,10 +124,10 @@ def test_tars_go_through_pipes(begun: Begun, tmp_path: Path) -> None:
         assert {"a/b/c", "a/out"} <= set(read.getnames())
     with (tmp_path / "a.tar").open("rb") as tar:
         put = subprocess.run(
-            [*srprov, "-", "listener:/tmp"], stdin=tar, cwd=begun.lab.folder, env=environment, timeout=120
+            [*srprov, "-", "listener:/"], stdin=tar, cwd=begun.lab.folder, env=environment, timeout=120
         )
     assert put.returncode == 0
-    assert begun.inside("listener", "cat /tmp/a/b/c; readlink /tmp/a/out") == "deep\n/nowhere\n"
+    assert begun.inside("listener", "cat /a/b/c; readlink /a/out") == "deep\n/nowhere\n"
 
 
 def test_what_a_container_has_cannot_lead_out_of_the_copy(begun: Begun, tmp_path: Path) -> None:
@@ -167,10 +165,10 @@ def test_what_cannot_be_copied_is_told(begun: Begun, tmp_path: Path) -> None:
     cases = {
         ("talker:/nothing", str(tmp_path)): (5, "there is no /nothing in talker"),
         ("nobody:/x", str(tmp_path)): (5, "my-first has no nobody on these robots"),
-        (str(tmp_path / "none"), "talker:/tmp"): (5, "there is no such file or folder"),
-        ("talker:/www", "talker:/tmp"): (5, "the other is here"),
-        ("talker:/www", str(tmp_path / "no/where")): (5, "there is no such folder"),
-        (str(tmp_path), "talker:/www/word"): (5, "is a file, and"),
+        (str(tmp_path / "none"), "talker:/out"): (5, "there is no such file or folder"),
+        ("talker:/out", "talker:/x"): (5, "the other is here"),
+        ("talker:/out", str(tmp_path / "no/where")): (5, "there is no such folder"),
+        (str(tmp_path), "talker:/out/word.txt"): (5, "is a file, and"),
     }
     for words, (code, said) in cases.items():
         done = begun.run("cp", *words)
