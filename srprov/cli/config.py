@@ -52,7 +52,7 @@ PARAMETERS = {"inventory": "inventories", "json": "as_json", "format": "form", "
               "target": "targets", "all-instances": "every"}  # fmt: skip
 """Options that have another name in the code."""
 _LISTS = ("inventory", "allow", "until", "env", "profile", "margin", "with", "map", "set", "env-file", "target")
-_GROUPS = {"export": ("compose",), "import": ("compose", "swarmrob")}
+_GROUPS = {"export": ("compose", "kubernetes", "swarm"), "import": ("compose", "swarmrob")}
 """Verbs that stand for several: what is set for one holds for those."""
 _MOST_BYTES = 1 << 20
 _MOST_FAULTS = 20

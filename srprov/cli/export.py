@@ -1,4 +1,4 @@
-"""`srprov export compose`: an experiment as Docker Compose files, one per robot, or one for a single PC."""
+"""`srprov export`: an experiment for Docker Compose, Docker Swarm, or Kubernetes."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+from msgspec.structs import replace
 
 from srprov.cli import inputs, options
 from srprov.cli.output import counted, err, out, out_json
@@ -20,6 +21,12 @@ if TYPE_CHECKING:
     from srprov.exporting.model import Export
 
 
+_ROBOTS = click.option("-i", "--inventory", "inventories", multiple=True, metavar="FILE",
+                       help="Inventory, may be repeated; a PLAN needs none.")  # fmt: skip
+_FOLDER = click.option("-o", "--out", "target", type=click.Path(path_type=Path), required=True, metavar="DIR",
+                       help="A folder that is new or empty.")  # fmt: skip
+
+
 @click.group()
 def export() -> None:
     """Write an experiment for other tools."""
@@ -31,8 +38,7 @@ def export() -> None:
               help="Inventory, may be repeated: one file per robot. Without it, there is one for a PC.")  # fmt: skip
 @FACTS
 @click.option("--twin", is_flag=True, help="One file for a single PC, whatever inventory is configured.")
-@click.option("-o", "--out", "target", type=click.Path(path_type=Path), required=True, metavar="DIR",
-              help="A folder that is new or empty.")  # fmt: skip
+@_FOLDER
 @options.JSON
 @options.FORKS
 @options.TIMEOUT
@@ -51,10 +57,8 @@ def compose(
     """
     from srprov.cli.permitted import permitted
     from srprov.controller import compose as controller
-    from srprov.exporting import folder
 
-    if target.exists() and (not target.is_dir() or os.listdir(target)):
-        raise UsageError(f"{target} is there and not empty", hint="name a new folder with -o", code=Code.IN_THE_WAY)
+    _check_free(target)
     if stored and (twin or not inventories):
         raise UsageError("--facts is for the robots of an inventory", hint="name it with -i", code=Code.OPTIONS)
     source = controller.read(file, permitted(allow)[1], request.profiles, placed=bool(inventories) and not twin)
@@ -64,6 +68,67 @@ def compose(
         made = _on_robots(source, inventories, stored, request, timeout, forks)
     else:
         made = controller.twin(source)
+    return _write(made, target, as_json=as_json)
+
+
+@export.command()
+@click.argument("file", metavar="EDF|PLAN")
+@_ROBOTS
+@FACTS
+@_FOLDER
+@click.option("--lossy", is_flag=True, help="Leave out what Swarm cannot do, instead of refusing it.")
+@options.JSON
+@options.FORKS
+@options.TIMEOUT
+@options.ASK_BECOME
+@options.deciding
+@options.ALLOW
+def swarm(
+    file: str, inventories: tuple[str, ...], stored: Path | None, target: Path, lossy: bool, as_json: bool,
+    forks: int, timeout: float, request: PlanRequest, allow: tuple[str, ...],
+) -> int:  # fmt: skip
+    """Write a stack for Docker Swarm, with scripts that build its images and deploy it in the order of its start.
+
+    Services are pinned to the robots that `assign` or the PLAN chooses; the swarm's nodes must have the robots' names.
+    Each field of the experiment is the same, adapted, dropped or refused; the report says which, and where it is
+    written. A refused one writes nothing, unless --lossy. Values of secrets are never read.
+    """
+    made = _placed(_source("swarm", file, target, request, allow, lossy), inventories, stored, request, timeout, forks)
+    return _write(made, target, as_json=as_json)
+
+
+def _source(tool: str, file: str, target: Path, request: PlanRequest, allow: tuple[str, ...], lossy: bool) -> Source:
+    """Read an experiment that is exported for a tool that needs robots."""
+    from srprov.cli.permitted import permitted
+    from srprov.controller import compose as controller
+
+    _check_free(target)
+    source = controller.read(file, permitted(allow)[1], request.profiles, placed=True)
+    return replace(source, tool=tool, lossy=lossy)
+
+
+def _placed(
+    source: Source, inventories: tuple[str, ...], stored: Path | None, request: PlanRequest, timeout: float, forks: int
+) -> Export:
+    from srprov.controller import compose as controller
+
+    if source.plan:
+        return controller.on_planned_robots(source)
+    if not inventories:
+        raise UsageError(
+            "no robots", hint="name an inventory with -i, or give a plan that `srprov plan -o` wrote", code=Code.OPTIONS
+        )
+    return _on_robots(source, inventories, stored, request, timeout, forks)
+
+
+def _check_free(target: Path) -> None:
+    if target.exists() and (not target.is_dir() or os.listdir(target)):
+        raise UsageError(f"{target} is there and not empty", hint="name a new folder with -o", code=Code.IN_THE_WAY)
+
+
+def _write(made: Export, target: Path, *, as_json: bool) -> int:
+    from srprov.exporting import folder
+
     folder.write(str(target), made.files)
     _tell(made, target, as_json=as_json)
     return 0
@@ -97,5 +162,5 @@ def _tell(made: Export, target: Path, *, as_json: bool) -> None:
     out("\n".join(report_lines(made)))
     for need in made.needs:
         out(f"you must give the {need.kind} {need.name}: {need.what}")
-    files = ", ".join(f"{one.folder}compose.yml" for one in made.machines)
-    out(f"{target}: {files}, and {counted(len(made.files) - len(made.machines), 'file')} beside")
+    files = dict.fromkeys(f"{one.folder}{one.file}" for one in made.machines)
+    out(f"{target}: {', '.join(files)}, and {counted(len(made.files) - len(files), 'file')} beside")

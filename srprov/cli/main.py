@@ -61,7 +61,7 @@ _VERBS = {
     "locks": "Show who is changing which robot.",
     "destroy": "Remove everything that an instance owns.",
     "import": "Make an experiment of Docker Compose or SwarmRob files; no robot is asked.",
-    "export": "Write an experiment as Docker Compose files.",
+    "export": "Write an experiment for Docker Compose, Docker Swarm or Kubernetes.",
     "lab": "The embedded lab: robots on this machine.",
     "schema": "Print a JSON Schema.",
     "explain": "Say what the code of an error means, with examples and what to do.",

@@ -1,4 +1,4 @@
-"""An experiment, or a plan of one, as Docker Compose files: read the files, place the services, convert.
+"""An experiment, or a plan of one, for other tools: read the files, place the services, convert.
 
 No robot is asked here. The values of variables of the controller's environment are not read, and those of secrets
 neither.
@@ -7,9 +7,10 @@ neither.
 from __future__ import annotations
 
 import functools
+import importlib
 import os
 import posixpath
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import msgspec
@@ -28,7 +29,7 @@ from srprov.definitions.expand import expand
 from srprov.definitions.model import Definitions, Experiment
 from srprov.definitions.paths import inside
 from srprov.errors import DefinitionError, UsageError
-from srprov.exporting import Wanted, export
+from srprov.exporting import Wanted
 from srprov.exporting.model import Export
 from srprov.exporting.variables import Open
 from srprov.images.tag import Checkouts, no_repositories
@@ -61,6 +62,10 @@ class Source(msgspec.Struct, frozen=True, kw_only=True):
     """The plan whose placement holds."""
     every_profile: bool = False
     """No profile was named: services keep theirs, where Compose can still choose."""
+    tool: str = "compose"
+    """What it is exported for."""
+    lossy: bool = False
+    """What would be refused is left out."""
 
 
 def read(file: str, allowed: frozenset[str], profiles: tuple[str, ...] = (), *, placed: bool = False) -> Source:
@@ -164,23 +169,29 @@ def _exported(
     used = {one.cdf for one in experiment.services.values()}
     containers = {key: one for key, one in source.definitions.containers.items() if key in used}
     with disk.together():
-        return export(
+        return _tool(source.tool)(
             Wanted(
                 definitions=replace(source.definitions, experiment=experiment, containers=containers),
                 placed=placed, robots=addresses, profiles=source.every_profile, open=source.open,
                 env_files=_env_files(source), texts=_texts(source), edf=source.file,
                 notes=(*source.definitions.notes, *_granted(source)),
                 listing=disk.listing, read=disk.read, shipped=functools.cache(_shipped),
-                checkout=_checkout(containers, source.allowed),
+                checkout=_checkout(containers, source.allowed), lossy=source.lossy,
             )
         )  # fmt: skip
 
 
 def _granted(source: Source) -> Iterator[str]:
-    """Yield a note for each permission that `apply` would ask for: Compose asks for none."""
+    """Yield a note for each permission that `apply` would ask for: other tools ask for none."""
     asked = permissions(source.definitions.experiment, source.definitions.containers)
     for one in (one for one in asked if one.kind not in _NOT_THERE):
-        yield f"{one.service} gets more than its container, and Compose asks nobody: {one.kind} ({one.what})"
+        yield f"{one.service} gets more than its container, and {source.tool.capitalize()} asks nobody: {one.kind} ({one.what})"
+
+
+def _tool(name: str) -> Callable[[Wanted], Export]:
+    module = {"compose": "convert"}.get(name, name)
+    found: Callable[[Wanted], Export] = importlib.import_module(f"srprov.exporting.{module}").export
+    return found
 
 
 def _shipped(path: str) -> tuple[plain_tar.Member, ...]:

@@ -11,6 +11,7 @@ and of the controller's environment are never read.
     text, folder        how it is written
 """
 
-from srprov.exporting.convert import Wanted, export
+from srprov.exporting.convert import export
+from srprov.exporting.wanted import Wanted
 
 __all__ = ["Wanted", "export"]

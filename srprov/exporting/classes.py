@@ -11,13 +11,16 @@ from types import MappingProxyType
 
 from srprov.exporting.model import ADAPTED, DROPPED, EXACT, Path
 
+Table = Mapping[str, tuple[str, str]]
+"""Field -> its class, and why or how."""
+
 _README = "in the README"
 _NO_TRIALS = "Compose runs no trials"
 _CHOSEN = "Compose chooses no robot: the file is for one machine"
 _BUILT = "in the Dockerfile of its folder in build/"
 _DOCKERFILE = "the same Dockerfile with its build context, in its folder in build/"
 
-_RUNTIME: Mapping[str, tuple[str, str]] = {
+_RUNTIME: Table = {
     **dict.fromkeys(
         (
             *("command", "entrypoint", "working_dir", "user", "stop_signal", "stop_grace_period", "healthcheck"),
@@ -37,7 +40,7 @@ _RUNTIME: Mapping[str, tuple[str, str]] = {
 _REQUIRES = (DROPPED, _CHOSEN)
 _ABOUT = dict.fromkeys(("description", "authors", "license"), (ADAPTED, _README))
 
-EDF: Mapping[str, tuple[str, str]] = MappingProxyType(
+EDF: Table = MappingProxyType(
     {
         "edf": (DROPPED, "a Compose file has no version"),
         "name": (EXACT, "the project's name"),
@@ -81,7 +84,7 @@ EDF: Mapping[str, tuple[str, str]] = MappingProxyType(
 )
 """Field -> its class, and why or how."""
 
-CDF: Mapping[str, tuple[str, str]] = MappingProxyType(
+CDF: Table = MappingProxyType(
     {
         "cdf": (DROPPED, "a Compose file has no version"),
         "name": (ADAPTED, "the name of its folder in build/"),
@@ -101,7 +104,7 @@ CDF: Mapping[str, tuple[str, str]] = MappingProxyType(
 )
 
 
-def rule_of(table: Mapping[str, tuple[str, str]], path: Path) -> tuple[str, tuple[str, str]] | None:
+def rule_of(table: Table, path: Path) -> tuple[str, tuple[str, str]] | None:
     """Return the line of a table for a field, with its key; None for one above all lines, such as `services`."""
     for length in range(len(path), 0, -1):
         for key in _keys(path[:length]):
@@ -110,13 +113,13 @@ def rule_of(table: Mapping[str, tuple[str, str]], path: Path) -> tuple[str, tupl
     return None
 
 
-def has_finer(table: Mapping[str, tuple[str, str]], path: Path) -> bool:
+def has_finer(table: Table, path: Path) -> bool:
     """Return whether lines of the table stand below a field."""
     starts = tuple(f"{key}." for key in _keys(path))
     return any(key.startswith(starts) for key in table)
 
 
-def has_names(table: Mapping[str, tuple[str, str]], path: Path) -> bool:
+def has_names(table: Table, path: Path) -> bool:
     """Return whether the keys of a field are names that its author chose."""
     return bool(path) and any(key.startswith(f"{'.'.join(path)}.*.") for key in table)
 

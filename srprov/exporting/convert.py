@@ -9,53 +9,24 @@ from __future__ import annotations
 import shlex
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import chain
-from types import MappingProxyType
 
-import msgspec
 from msgspec.structs import replace
 
-from srprov.definitions.model import Definitions, Experiment, Service
+from srprov.definitions.model import Experiment, Service
 from srprov.errors import DefinitionError
 from srprov.exporting.images import Built, built
 from srprov.exporting.model import Export, File, Machine, Need, Part
-from srprov.exporting.mounts import Shipped, Shipping
+from srprov.exporting.mounts import Shipping
 from srprov.exporting.reach import Reach, reaches
 from srprov.exporting.readme import readme
 from srprov.exporting.report import fields_of, refused
 from srprov.exporting.services import Surroundings
 from srprov.exporting.text import dump
-from srprov.exporting.variables import Open
-from srprov.images.context import Listing, Read
-from srprov.images.tag import Checkouts
+from srprov.exporting.wanted import Wanted
 from srprov.network.discovery import discovery_of
 
 COMPOSE, README = "compose.yml", "README.md"
 _KEEP_OUT = "*\n!.gitignore\n"
-
-
-class Wanted(msgspec.Struct, frozen=True, kw_only=True):
-    """What is exported, and how files are read."""
-
-    definitions: Definitions
-    """As they were read with `open`; the experiment with every instance as a service of its own."""
-    placed: Mapping[str, str]
-    """Service -> robot; empty: all on one PC."""
-    robots: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
-    """Robot -> the address that others reach, as far as known."""
-    profiles: bool = False
-    """Profiles are still to be chosen: services keep theirs."""
-    open: Open
-    env_files: Mapping[str, Mapping[str, str]] = msgspec.field(default_factory=lambda: MappingProxyType({}))
-    """Service in the EDF -> what its env_files say."""
-    texts: Mapping[str, str]
-    """Path as it is shown -> text, of the EDF and the CDFs that are YAML."""
-    edf: str
-    """The EDF's path, as it is shown."""
-    notes: tuple[str, ...] = ()
-    listing: Listing
-    read: Read
-    shipped: Shipped
-    checkout: Checkouts
 
 
 def export(wanted: Wanted) -> Export:

@@ -11,7 +11,7 @@ from srprov.errors import Location
 
 EXACT, ADAPTED, DROPPED, REFUSED = "exact", "adapted", "dropped", "refused"
 KINDS = (EXACT, ADAPTED, DROPPED, REFUSED)
-"""The same in Compose; kept by other means; without a counterpart; would mean something else, so nothing is written."""
+"""The same in the other tool; kept by other means; without a counterpart; would mean something else: not written."""
 
 Path = tuple[str, ...]
 """Keys that lead to a field of the EDF."""
@@ -41,7 +41,7 @@ class Need(msgspec.Struct, frozen=True, kw_only=True, order=True):
     """What whoever uses the export must give: it is not in it."""
 
     kind: str
-    """`file` or `variable`"""
+    """`file`, `variable` or `secret`"""
     name: str
     """Path in the export's folder, or name of the variable."""
     what: str
@@ -55,11 +55,15 @@ class Machine(msgspec.Struct, frozen=True, kw_only=True):
     """Its name in the inventory; empty: a PC that stands for all robots."""
     services: tuple[str, ...]
     """In name order."""
+    file: str = "compose.yml"
+    """What starts them, in its folder."""
+    shares_folder: bool = False
+    """It has no folder of its own: one tool starts what runs on all machines."""
 
     @property
     def folder(self) -> str:
         """Return where its files lie in the export, with a slash at the end; empty: at its top."""
-        return f"{self.robot}/" if self.robot else ""
+        return f"{self.robot}/" if self.robot and not self.shares_folder else ""
 
 
 class Field(msgspec.Struct, frozen=True, kw_only=True):
@@ -84,6 +88,7 @@ class Export(msgspec.Struct, frozen=True, kw_only=True):
     """In the order of the files, the EDF first."""
     needs: tuple[Need, ...] = ()
     notes: tuple[str, ...] = ()
+    made_by: str = "Docker Compose files, made by `srprov export compose`"
 
 
 class Part(msgspec.Struct, frozen=True, kw_only=True):

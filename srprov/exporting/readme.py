@@ -1,18 +1,19 @@
-"""The README that is written beside Compose files: what to give, how to start, and what is not as in the EDF. Pure."""
+"""The README that is written beside an export: what to give, how to start, and what is not as in the EDF. Pure."""
 
 from __future__ import annotations
 
 import posixpath
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from srprov.definitions.model import Experiment
 from srprov.errors import visible
 from srprov.exporting.model import EXACT, Export
 
 
-def readme(experiment: Experiment, export: Export) -> str:
-    """Return the text, in Markdown."""
-    parts = [_about(experiment, export), _needs(export), _start(export), _notes(export), _table(export)]
+def readme(experiment: Experiment, export: Export, start: Iterable[str] | None = None) -> str:
+    """Return the text, in Markdown; `start` are the lines that say how it is started, without them Compose's."""
+    begin = start if start is not None else _start(export)
+    parts = [_about(experiment, export), _needs(export), begin, _notes(export), _table(export)]
     return "\n".join(line for part in parts for line in part).rstrip("\n") + "\n"
 
 
@@ -20,12 +21,12 @@ def _about(experiment: Experiment, export: Export) -> Iterator[str]:
     yield f"# {export.experiment}"
     yield ""
     if experiment.description:
-        yield _plain(experiment.description)
+        yield plain(experiment.description)
         yield ""
-    yield f"Docker Compose files, made by `srprov export compose` from `{_code(_beside(export.edf, export))}`."
+    yield f"{export.made_by} from `{_code(_beside(export.edf, export))}`."
     yield ""
     said = {"authors": ", ".join(experiment.authors), **experiment.metadata}
-    lines = [f"- {key}: {_plain(str(value))}" for key, value in said.items() if value]
+    lines = [f"- {key}: {plain(str(value))}" for key, value in said.items() if value]
     yield from [*lines, ""] if lines else []
 
 
@@ -34,7 +35,7 @@ def _needs(export: Export) -> Iterator[str]:
         return
     yield "## What you must give"
     yield ""
-    yield from (f"- the {one.kind} `{_code(one.name)}`: {_plain(one.what)}" for one in export.needs)
+    yield from (f"- the {one.kind} `{_code(one.name)}`: {plain(one.what)}" for one in export.needs)
     yield ""
 
 
@@ -46,7 +47,7 @@ def _start(export: Export) -> Iterator[str]:
             yield "All services run on this machine:"
             yield from ("", "    docker compose up -d", "")
             return
-        yield f"On {_plain(one.robot)}, for {', '.join(one.services)}: copy the folder there, and in it"
+        yield f"On {plain(one.robot)}, for {', '.join(one.services)}: copy the folder there, and in it"
         yield from ("", "    docker compose up -d", "")
     if len(export.machines) > 1:
         yield "Compose knows one machine: start them in the order in which services need each other."
@@ -55,7 +56,7 @@ def _start(export: Export) -> Iterator[str]:
 
 def _notes(export: Export) -> Iterator[str]:
     if export.notes:
-        yield from ("## Notes", "", *(f"- {_plain(note)}" for note in export.notes), "")
+        yield from ("## Notes", "", *(f"- {plain(note)}" for note in export.notes), "")
 
 
 def _table(export: Export) -> Iterator[str]:
@@ -69,7 +70,7 @@ def _table(export: Export) -> Iterator[str]:
     yield "|---|---|---|---|"
     for one in changed:
         place = f"{_beside(one.location.file, export)}:{one.location.line}"
-        yield f"| `{_code(one.name)}` | `{_code(place)}` | {one.kind} | {_plain(one.words)} |"
+        yield f"| `{_code(one.name)}` | `{_code(place)}` | {one.kind} | {plain(one.words)} |"
 
 
 def _beside(path: str, export: Export) -> str:
@@ -77,7 +78,7 @@ def _beside(path: str, export: Export) -> str:
     return posixpath.relpath(path, posixpath.dirname(export.edf) or ".")
 
 
-def _plain(text: str) -> str:
+def plain(text: str) -> str:
     """Return a text in which nothing is Markdown, or the end of a line or a cell."""
     return "".join(f"\\{one}" if one in "\\`*_{}[]<>()#!|" else one for one in visible(text))
 

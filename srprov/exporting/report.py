@@ -10,23 +10,30 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
+from msgspec.structs import replace
+
 from srprov.codes import Code
 from srprov.errors import Diagnostic, visible
-from srprov.exporting.classes import CDF, EDF, has_finer, has_names, rule_of
+from srprov.exporting.classes import CDF, EDF, Table, has_finer, has_names, rule_of
 from srprov.exporting.model import DROPPED, EXACT, KINDS, REFUSED, Export, Field, Path, Remark
 from srprov.yamldoc import loader, nodes
 from srprov.yamldoc.nodes import Map, Node
 
 _EXTENSION = (DROPPED, "an extension of the file's own")
+_COMPOSE = (EDF, CDF)
+_NOTHING = ("", "false", "null", "~", "0")
 
 
-def fields_of(files: Mapping[str, str], edf: str, remarks: Iterable[Remark]) -> tuple[Field, ...]:
+def fields_of(
+    files: Mapping[str, str], edf: str, remarks: Iterable[Remark], tables: tuple[Table, Table] = _COMPOSE
+) -> tuple[Field, ...]:
     """Return what became of each field.
 
     Args:
         files: Path -> text of the EDF and of the CDFs that are YAML.
         edf: Path of the EDF.
         remarks: What was found out in the conversion; each is about the EDF.
+        tables: What becomes of fields of an EDF, and of a CDF.
     """
     said: dict[Path, list[Remark]] = {}
     for one in dict.fromkeys(remarks):
@@ -35,15 +42,13 @@ def fields_of(files: Mapping[str, str], edf: str, remarks: Iterable[Remark]) -> 
     for path in sorted(files, key=lambda file: (file != edf, file)):
         root = loader.parse(files[path], path)
         if isinstance(root, Map):
-            of_file = list(_below(root, (), EDF if path == edf else CDF, said if path == edf else {}))
+            of_file = list(_below(root, (), tables[path != edf], said if path == edf else {}))
             of_file += _unwritten(root, said) if path == edf else ()
             found += sorted(of_file, key=lambda one: (one.location, one.name))
     return tuple(found)
 
 
-def _below(
-    node: Map, path: Path, table: Mapping[str, tuple[str, str]], said: Mapping[Path, list[Remark]]
-) -> Iterator[Field]:
+def _below(node: Map, path: Path, table: Table, said: Mapping[Path, list[Remark]]) -> Iterator[Field]:
     for key, value in node.entries.items():
         here, place = (*path, key), node.keys.get(key, value)
         if key.startswith("x-") and not has_names(table, path):
@@ -51,8 +56,20 @@ def _below(
         elif isinstance(value, Map) and has_finer(table, here):
             yield from _below(value, here, table, said)
         elif rule := rule_of(table, here):
-            kind, words = _judged(said.get(here, []), *rule[1])
-            yield _field(here, place, kind, words)
+            line = (EXACT, "") if rule[1][0] == REFUSED and _says_nothing(value) else rule[1]
+            yield _field(here, place, *_judged(said.get(here, []), *line))
+
+
+def _says_nothing(node: Node) -> bool:
+    """Return whether a value asks for nothing, such as `privileged: false`: what has no counterpart is not missed."""
+    if isinstance(node, nodes.Scalar):
+        return node.text in _NOTHING
+    return not (node.entries if isinstance(node, Map) else node.items)
+
+
+def lossy(fields: Iterable[Field]) -> tuple[Field, ...]:
+    """Return fields for a user who takes the loss: what would be refused is dropped."""
+    return tuple(replace(one, kind=DROPPED) if one.kind == REFUSED else one for one in fields)
 
 
 def _unwritten(root: Map, said: Mapping[Path, list[Remark]]) -> Iterator[Field]:
@@ -115,7 +132,7 @@ def report_json(export: Export) -> dict[str, Any]:
         "experiment": export.experiment,
         "edf": export.edf,
         "machines": [
-            {"robot": one.robot, "file": f"{one.folder}compose.yml", "services": list(one.services)}
+            {"robot": one.robot, "file": f"{one.folder}{one.file}", "services": list(one.services)}
             for one in export.machines
         ],
         "counts": counts(export.fields),

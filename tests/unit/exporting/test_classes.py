@@ -1,4 +1,4 @@
-"""The table of classes: no field of the schemas is without a line, and no line is without a field."""
+"""The tables of classes: no field of the schemas is without a line, and no line is without a field."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ from typing import Any
 import pytest
 
 from srprov import data
-from srprov.exporting.classes import CDF, EDF, rule_of
+from srprov.exporting import classes, kubernetes_classes, swarm_classes
+from srprov.exporting.classes import Table, rule_of
 from srprov.exporting.model import KINDS
 
-TABLES = {"edf": EDF, "cdf": CDF}
+TOOLS = {"compose": classes, "kubernetes": kubernetes_classes, "swarm": swarm_classes}
+KINDS_OF_FILE = [(tool, kind) for tool in TOOLS for kind in ("edf", "cdf")]
 
 
 def fields(schema: Mapping[str, Any], part: Mapping[str, Any], path: tuple[str, ...] = ()) -> Iterator[tuple[str, ...]]:
@@ -32,34 +34,40 @@ def fields(schema: Mapping[str, Any], part: Mapping[str, Any], path: tuple[str, 
             yield from fields(schema, below, path)
 
 
-@pytest.mark.parametrize("kind", TABLES)
-def test_no_field_is_unclassified(kind: str) -> None:
+def table_of(tool: str, kind: str) -> Table:
+    return TOOLS[tool].EDF if kind == "edf" else TOOLS[tool].CDF
+
+
+@pytest.mark.parametrize(("tool", "kind"), KINDS_OF_FILE)
+def test_no_field_is_unclassified(tool: str, kind: str) -> None:
     schema = data.schema(kind)
     found = set(fields(schema, schema))
     assert len(found) > 50
-    table = TABLES[kind]
+    table = table_of(tool, kind)
     # a map of names has no line itself: each of its fields has one
     above = {path for path in found if any(key.startswith(f"{'.'.join(path)}.") for key in table)}
     missing = [".".join(path) for path in sorted(found - above) if rule_of(table, path) is None]
     assert missing == []
 
 
-@pytest.mark.parametrize("kind", TABLES)
-def test_every_line_is_a_field(kind: str) -> None:
+@pytest.mark.parametrize(("tool", "kind"), KINDS_OF_FILE)
+def test_every_line_is_a_field(tool: str, kind: str) -> None:
     schema = data.schema(kind)
     found = {".".join(path) for path in fields(schema, schema)}
-    assert sorted(set(TABLES[kind]) - found) == []
+    assert sorted(set(table_of(tool, kind)) - found) == []
 
 
-@pytest.mark.parametrize("kind", TABLES)
-def test_what_is_not_exact_says_why(kind: str) -> None:
-    for key, (what, words) in TABLES[kind].items():
+@pytest.mark.parametrize(("tool", "kind"), KINDS_OF_FILE)
+def test_what_is_not_exact_says_why(tool: str, kind: str) -> None:
+    for key, (what, words) in table_of(tool, kind).items():
         assert what in KINDS, key
         assert words or what == "exact", key
 
 
-def test_a_service_has_the_same_run_time_fields_as_a_cdf() -> None:
+@pytest.mark.parametrize("tool", TOOLS)
+def test_a_service_has_the_same_run_time_fields_as_a_cdf(tool: str) -> None:
     """What a CDF says of how its container runs is said of the service too, so it ends alike."""
-    for key, rule in CDF.items():
-        if f"services.*.{key}" in EDF and key not in ("cdf", "image"):
-            assert EDF[f"services.*.{key}"] == rule, key
+    services = table_of(tool, "edf")
+    for key, rule in table_of(tool, "cdf").items():
+        if f"services.*.{key}" in services and key not in ("cdf", "image"):
+            assert services[f"services.*.{key}"] == rule, key

@@ -1,0 +1,55 @@
+"""Names and borders of pods: headless Services, and NetworkPolicies that keep the experiment apart. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from srprov.definitions.model import Service
+
+_API = "networking.k8s.io/v1"
+
+
+def services_of(services: Mapping[str, Service]) -> Iterator[dict[str, Any]]:
+    """Yield a Service without an address of its own for each name by which others know a service.
+
+    It is resolved before the pod is ready, as with srprov, whose names are there from the start.
+    """
+    names: dict[str, dict[str, str]] = {}
+    for name, one in services.items():
+        if one.network == "none":
+            continue
+        names[name] = {"srprov.service": name}
+        if one.runtime.hostname:
+            names.setdefault(one.runtime.hostname, {"srprov.service": name})
+    for one in services.values():
+        if one.instance_of and one.network != "none":
+            names.setdefault(one.instance_of, {"srprov.of": one.instance_of})
+    for name in sorted(names):
+        yield {
+            "apiVersion": "v1",
+            "kind": "Service",
+            "metadata": {"name": name},
+            "spec": {"clusterIP": "None", "publishNotReadyAddresses": True, "selector": names[name]},
+        }
+
+
+def policies(services: Mapping[str, Service]) -> Iterator[dict[str, Any]]:
+    """Yield what keeps others out, what lets them in by published ports, and what cuts off services without network."""
+    inside = [{"from": [{"podSelector": {}}]}]
+    # policies add up: what one lets in, another cannot forbid
+    networked = {"matchExpressions": [{"key": "srprov.network", "operator": "NotIn", "values": ["none"]}]}
+    yield _policy("inside-only", networked, {"policyTypes": ["Ingress"], "ingress": inside})
+    for name, one in services.items():
+        if one.runtime.ports and one.network not in ("none", "host"):
+            ports = [{"protocol": protocol.upper(), "port": port} for _, _, port, protocol in one.runtime.ports]
+            chosen = {"matchLabels": {"srprov.service": name}}
+            yield _policy(f"ports-{name}"[:63], chosen, {"policyTypes": ["Ingress"], "ingress": [{"ports": ports}]})
+    if any(one.network == "none" for one in services.values()):
+        chosen = {"matchLabels": {"srprov.network": "none"}}
+        yield _policy("no-network", chosen, {"policyTypes": ["Ingress", "Egress"]})
+
+
+def _policy(name: str, chosen: Mapping[str, Any], rules: Mapping[str, Any]) -> dict[str, Any]:
+    spec = {"podSelector": dict(chosen), **rules}
+    return {"apiVersion": _API, "kind": "NetworkPolicy", "metadata": {"name": name}, "spec": spec}

@@ -1,0 +1,206 @@
+"""A stack for Docker Swarm: each field in its words, and what it would ignore refused at its line."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from srprov.errors import DefinitionError, UsageError
+from tests.unit.exporting.clusters import documents, on_cluster
+from tests.unit.exporting.exports import classes, contents, experiment, notes
+
+FULL = """\
+services:
+  all:
+    image: busybox:1.36
+    command: [sh, -c, 'echo "$HOME"']
+    working_dir: /work
+    user: "1000:1000"
+    stop_signal: SIGINT
+    stop_grace_period: 1m30s
+    healthcheck: {test: 'test -e /ok', interval: 1500ms, timeout: 2s, retries: 5, start_period: 1s}
+    ports: ["8080:80", "9000:9000/udp"]
+    ulimits: {nofile: {soft: 1024, hard: 2048}}
+    cap_add: [SYS_NICE]
+    sysctls: {net.core.somaxconn: 1024}
+    read_only: true
+    tmpfs: ["/tmp:size=64m"]
+    extra_hosts: {cloud: 192.0.2.7}
+    mem_limit: 256m
+    mem_reservation: 128m
+    cpus: 1.5
+    pids_limit: 100
+    shm_size: 64m
+    restart: on-failure:3
+    environment: {A: "010", B: "$x"}
+    volumes: ["data:/data", "/etc/machine-id:/etc/machine-id:ro"]
+    privileged: false
+    devices: []
+"""
+
+
+def stack(edf: Path, **placed: str) -> dict[str, Any]:
+    return documents(on_cluster("swarm", edf, placed or None), "01-stack.yml")[0]
+
+
+def test_every_field_that_swarm_can_do_has_its_form(tmp_path: Path) -> None:
+    made = stack(experiment(tmp_path, FULL))
+    one = made["services"]["all"]
+    assert one["command"] == ["sh", "-c", 'echo "$$HOME"']
+    assert (one["working_dir"], one["user"], one["stop_signal"]) == ("/work", "1000:1000", "SIGINT")
+    assert one["stop_grace_period"] == "90s"
+    assert one["healthcheck"]["test"] == ["CMD-SHELL", "test -e /ok"]
+    assert one["ports"] == [
+        {"target": 80, "published": 8080, "protocol": "tcp", "mode": "host"},
+        {"target": 9000, "published": 9000, "protocol": "udp", "mode": "host"},
+    ]
+    assert one["extra_hosts"] == ["cloud:192.0.2.7"]
+    assert one["deploy"] == {
+        "endpoint_mode": "dnsrr",
+        "placement": {"constraints": ["node.hostname==r1"]},
+        "restart_policy": {"condition": "on-failure", "max_attempts": 3},
+        "resources": {
+            "limits": {"cpus": "1.5", "memory": str(256 << 20), "pids": 100},
+            "reservations": {"memory": str(128 << 20)},
+        },
+    }
+    assert {"type": "tmpfs", "target": "/dev/shm", "tmpfs": {"size": 64 << 20}} in one["volumes"]
+    assert {"type": "volume", "source": "data", "target": "/data"} in one["volumes"]
+    assert made["volumes"] == {"data": {}}
+    assert one["environment"]["B"] == "$$x"
+    assert not {"mem_limit", "cpus", "shm_size", "restart", "privileged", "devices", "pull_policy"} & one.keys()
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("devices", "[/dev/ttyUSB0]"),
+        ("privileged", "true"),
+        ("security_opt", '["no-new-privileges:true"]'),
+        ("ipc", "host"),
+        ("pid", "host"),
+        ("oom_score_adj", "-5"),
+        ("cpuset", '"0"'),
+        ("group_add", "[video]"),
+        ("runtime", "nvidia"),
+        ("gpus", "all"),
+        ("network", "none"),
+        ("network", "both"),
+        ("command", "[]"),
+        ("extra_hosts", "{base: host-gateway}"),
+        ("ports", '["127.0.0.1:80:80"]'),
+        ("volumes", '["~pi/x:/x"]'),
+    ],
+)
+def test_what_swarm_would_ignore_is_refused_at_its_line_or_left_out(tmp_path: Path, field: str, value: str) -> None:
+    edf = experiment(tmp_path, f"services:\n  a:\n    image: x\n    {field}: {value}\n")
+    with pytest.raises(DefinitionError) as refused:
+        on_cluster("swarm", edf)
+    assert [(one.location.line, one.path) for one in refused.value.problems] == [(6, f"services.a.{field}")]
+    made = on_cluster("swarm", edf, lossy=True)
+    assert classes(made)[f"services.a.{field}"] == "dropped"
+    assert field not in documents(made, "01-stack.yml")[0]["services"]["a"] or field in (
+        "ports",
+        "extra_hosts",
+        "volumes",
+    )
+
+
+def test_a_cdf_s_field_is_refused_too(tmp_path: Path) -> None:
+    edf = experiment(tmp_path, "services: {a: {cdf: a.cdf}}", a_dot_cdf="cdf: 1\nimage: x\nprivileged: true\n")
+    with pytest.raises(DefinitionError) as refused:
+        on_cluster("swarm", edf)
+    assert any(one.location.file.endswith("a.cdf") and one.location.line == 3 for one in refused.value.problems)
+
+
+def test_files_of_the_experiment_become_configs_and_large_ones_are_refused(tmp_path: Path) -> None:
+    text = "services: {a: {image: x, volumes: [./www:/www]}}"
+    made = on_cluster("swarm", experiment(tmp_path, text, www__a="1", www__deep__b="2"))
+    document = documents(made, "01-stack.yml")[0]
+    shipped = {
+        one["target"]: document["configs"][one["source"]]["file"] for one in document["services"]["a"]["configs"]
+    }
+    files = contents(made)
+    assert files[shipped["/www/a"].removeprefix("./")] == b"1"
+    assert files[shipped["/www/deep/b"].removeprefix("./")] == b"2"
+    with pytest.raises(DefinitionError, match="1 problem") as refused:
+        on_cluster("swarm", experiment(tmp_path, text, www__large="x" * 500_001))
+    assert "larger than the 500 kB" in refused.value.problems[0].message
+
+
+def test_levels_are_files_and_the_script_waits_between(tmp_path: Path) -> None:
+    text = (
+        "services:\n  job: {image: x, job: true}\n  a: {image: x, depends_on: {job: {condition: completed}}}\n"
+        "  b: {image: x, depends_on: {a: {condition: started}}}\n"
+    )
+    made = on_cluster("swarm", experiment(tmp_path, text))
+    names = [sorted(documents(made, f"0{number}-stack.yml")[0]["services"]) for number in (1, 2, 3)]
+    assert names == [["job"], ["a"], ["b"]]
+    script = contents(made)["deploy.sh"].decode()
+    steps = [line for line in script.splitlines() if line.startswith(("await ", "docker stack"))]
+    assert [line.split(" -c ")[-1].replace(' "$stack"', "") for line in steps] == [
+        "01-stack.yml", "await job complete", "02-stack.yml", "await a running", "03-stack.yml",
+    ]  # fmt: skip
+    path = tmp_path / "deploy.sh"
+    path.write_text(script)
+    assert subprocess.run(["sh", "-n", str(path)], check=False).returncode == 0
+
+
+@pytest.mark.parametrize("kind", ["static-peers", "ros1", "discovery-server", "zenoh", "multicast"])
+def test_discovery_is_told_by_names(tmp_path: Path, kind: str) -> None:
+    servers = ", discovery_servers: a" if kind in ("ros1", "discovery-server", "zenoh") else ""
+    text = f"network: {{discovery: {kind}{servers}}}\nservices: {{a: {{image: x}}, b: {{image: x}}}}"
+    made = on_cluster("swarm", experiment(tmp_path, text))
+    one = documents(made, "01-stack.yml")[0]["services"]["b"]
+    expected = {
+        "ros1": {"ROS_MASTER_URI": "http://a:11311", "ROS_HOSTNAME": "b"},
+        "discovery-server": {"ROS_DISCOVERY_SERVER": "a:11811"},
+        "zenoh": {"ZENOH_CONFIG": "/etc/srprov/zenoh.json5"},
+    }.get(kind, {"ROS_STATIC_PEERS": "a;b"})
+    assert expected.items() <= one["environment"].items()
+    assert ("as static-peers" in notes(made)["network.discovery"]) == (kind == "multicast")
+
+
+def test_a_service_of_the_robot_s_own_network_is_known_by_the_robot_s_address(tmp_path: Path) -> None:
+    edf = experiment(tmp_path, "services: {a: {image: x}, b: {image: x, network: host}}")
+    made = documents(on_cluster("swarm", edf, {"a": "r1", "b": "r2"}), "01-stack.yml")[0]
+    assert made["services"]["a"]["extra_hosts"] == ["b:192.0.2.2"]
+    assert made["services"]["b"]["networks"] == {"host": {}}
+    assert made["networks"]["host"] == {"external": True, "name": "host"}
+
+
+def test_values_of_secrets_and_of_the_environment_are_in_no_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TOKEN", "canary-1")
+    text = "secrets: {key: {file: key}}\nservices: {a: {image: x, secrets: [key], environment: [TOKEN]}}"
+    for tool in ("swarm", "kubernetes"):
+        made = on_cluster(tool, experiment(tmp_path, text, key="canary-2"), None, "env")
+        assert not [path for path, content in contents(made).items() if b"canary" in content]
+        assert {(one.kind, one.name) for one in made.needs} >= {("variable", "TOKEN")}
+        assert [one.kind for one in made.needs].count("secret") == 1
+
+
+def test_images_are_built_under_a_name_that_changes_with_them(tmp_path: Path) -> None:
+    text = "services: {a: {cdf: a.cdf}}"
+    names = []
+    for base in ("debian", "alpine"):
+        made = on_cluster("swarm", experiment(tmp_path, text, a_dot_cdf=f"cdf: 1\nbase: {base}\n"))
+        name = documents(made, "01-stack.yml")[0]["services"]["a"]["image"]
+        assert f"docker build -t {name} build/a" in contents(made)["build.sh"].decode()
+        names.append(name)
+    assert names[0] != names[1]
+
+
+def test_an_address_that_is_needed_and_not_known_is_said(tmp_path: Path) -> None:
+    from msgspec.structs import replace
+
+    from srprov.controller import compose
+
+    edf = experiment(tmp_path, "services: {a: {image: x}, b: {image: x, network: host}}")
+    source = replace(compose.read(str(edf), frozenset(), (), placed=True), tool="swarm")
+    with pytest.raises(UsageError, match="the address of r2 is not known"):
+        compose.on_robots(source, source.definitions.experiment, {"a": "r1", "b": "r2"}, {})
