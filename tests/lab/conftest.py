@@ -98,13 +98,13 @@ class Lab:
         more["env"] = {"SRPROV_LAB": self.name, **(more.get("env") or {})}
         return run_srprov(*arguments, cwd=self.folder, **more)
 
-    def shell(self, robot: str, *words: str, check: bool = True) -> Done:
+    def shell(self, robot: str, *words: str, check: bool = True, limit_s: float = COMMAND_LIMIT_S) -> Done:
         """Run a command on a robot through its namespaces, not through SSH.
 
         As `srprov lab shell` does it, without a Python of its own for each: there are thousands of these.
         """
         program = enter(self.site, robot, words)
-        ran = subprocess.run(program, input="", capture_output=True, text=True, timeout=COMMAND_LIMIT_S, check=False)
+        ran = subprocess.run(program, input="", capture_output=True, text=True, timeout=limit_s, check=False)
         done = Done(ran.returncode, ran.stdout, ran.stderr)
         assert not check or done.code == 0, f"{robot}: {' '.join(words)}: {done}"
         return done
