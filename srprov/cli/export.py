@@ -97,6 +97,32 @@ def swarm(
     return _write(made, target, as_json=as_json)
 
 
+@export.command()
+@click.argument("file", metavar="EDF|PLAN")
+@_ROBOTS
+@FACTS
+@_FOLDER
+@click.option("--lossy", is_flag=True, help="Leave out what Kubernetes cannot do, instead of refusing it.")
+@options.JSON
+@options.FORKS
+@options.TIMEOUT
+@options.ASK_BECOME
+@options.deciding
+@options.ALLOW
+def kubernetes(
+    file: str, inventories: tuple[str, ...], stored: Path | None, target: Path, lossy: bool, as_json: bool,
+    forks: int, timeout: float, request: PlanRequest, allow: tuple[str, ...],
+) -> int:  # fmt: skip
+    """Write manifests for Kubernetes, with a script that applies them in the order of the experiment's start.
+
+    Pods have the selector of the node that `assign` or the PLAN chooses; nodes must have the robots' names as their
+    label kubernetes.io/hostname. Each field of the experiment is the same, adapted, dropped or refused; the report says
+    which, and where it is written. A refused one writes nothing, unless --lossy. Values of secrets are never read.
+    """
+    source = _source("kubernetes", file, target, request, allow, lossy)
+    return _write(_placed(source, inventories, stored, request, timeout, forks), target, as_json=as_json)
+
+
 def _source(tool: str, file: str, target: Path, request: PlanRequest, allow: tuple[str, ...], lossy: bool) -> Source:
     """Read an experiment that is exported for a tool that needs robots."""
     from srprov.cli.permitted import permitted

@@ -7,7 +7,6 @@ neither.
 from __future__ import annotations
 
 import functools
-import importlib
 import os
 import posixpath
 from collections.abc import Callable, Collection, Iterator, Mapping
@@ -29,7 +28,7 @@ from srprov.definitions.expand import expand
 from srprov.definitions.model import Definitions, Experiment
 from srprov.definitions.paths import inside
 from srprov.errors import DefinitionError, UsageError
-from srprov.exporting import Wanted
+from srprov.exporting import Wanted, export
 from srprov.exporting.model import Export
 from srprov.exporting.variables import Open
 from srprov.images.tag import Checkouts, no_repositories
@@ -185,13 +184,20 @@ def _granted(source: Source) -> Iterator[str]:
     """Yield a note for each permission that `apply` would ask for: other tools ask for none."""
     asked = permissions(source.definitions.experiment, source.definitions.containers)
     for one in (one for one in asked if one.kind not in _NOT_THERE):
-        yield f"{one.service} gets more than its container, and {source.tool.capitalize()} asks nobody: {one.kind} ({one.what})"
+        tool = source.tool.capitalize()
+        yield f"{one.service} gets more than its container, and {tool} asks nobody: {one.kind} ({one.what})"
 
 
 def _tool(name: str) -> Callable[[Wanted], Export]:
-    module = {"compose": "convert"}.get(name, name)
-    found: Callable[[Wanted], Export] = importlib.import_module(f"srprov.exporting.{module}").export
-    return found
+    if name == "swarm":
+        from srprov.exporting.swarm import export as for_swarm
+
+        return for_swarm
+    if name == "kubernetes":
+        from srprov.exporting.kubernetes import export as for_kubernetes
+
+        return for_kubernetes
+    return export
 
 
 def _shipped(path: str) -> tuple[plain_tar.Member, ...]:

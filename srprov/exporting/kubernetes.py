@@ -79,8 +79,11 @@ def export(wanted: Wanted) -> Export:
         notes=(*wanted.notes, *(note for one in images.values() for note in one.moving)),
         made_by="Manifests for Kubernetes, made by `srprov export kubernetes`",
     )
-    text = readme(experiment, done, _start(done, used))
-    return replace(done, files=(*done.files, File(path=_README, content=text.encode())))
+    return replace(done, files=(*done.files, _readme(experiment, done, used)))
+
+
+def _readme(experiment: Experiment, done: Export, used: Collection[str]) -> File:
+    return File(path=_README, content=readme(experiment, done, _start(done, used)).encode())
 
 
 def _check_names(experiment: Experiment, services: Iterable[Service]) -> None:

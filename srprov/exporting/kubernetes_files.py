@@ -50,7 +50,7 @@ class Mounting(msgspec.Struct, frozen=True, kw_only=True):
         )
         parts += [self._map(FOLDER, told)] if told else []
         parts += [_memory("/dev/shm", str(size))] if (size := service.runtime.shm_size) else []  # noqa: S108 - inside
-        parts += [self._secret(use.source, use.target, use.mode) for use in service.secrets]
+        parts += [self._secret(use.source, use.target, int(use.mode, 8)) for use in service.secrets]
         volumes = {one["name"]: one for part in parts for one in part.volumes}
         return Mounted(
             volumes=tuple(volumes.values()),

@@ -36,7 +36,7 @@ def services_of(services: Mapping[str, Service]) -> Iterator[dict[str, Any]]:
 
 def policies(services: Mapping[str, Service]) -> Iterator[dict[str, Any]]:
     """Yield what keeps others out, what lets them in by published ports, and what cuts off services without network."""
-    inside = [{"from": [{"podSelector": {}}]}]
+    inside: list[dict[str, Any]] = [{"from": [{"podSelector": {}}]}]
     # policies add up: what one lets in, another cannot forbid
     networked = {"matchExpressions": [{"key": "srprov.network", "operator": "NotIn", "values": ["none"]}]}
     yield _policy("inside-only", networked, {"policyTypes": ["Ingress"], "ingress": inside})

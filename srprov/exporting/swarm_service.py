@@ -64,7 +64,9 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True):
             "environment": self._environment({**found.environment, **run.environment}),
             "volumes": [*_each(parts, "volume"), *_shared_memory(run)],
             "configs": _each(parts, "config"),
-            "secrets": [{"source": use.source, "target": use.target, "mode": use.mode} for use in service.secrets],
+            "secrets": [
+                {"source": use.source, "target": use.target, "mode": int(use.mode, 8)} for use in service.secrets
+            ],
             "deploy": self._deploy(service),
         }
         if service.network == "host":

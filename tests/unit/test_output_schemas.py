@@ -36,6 +36,8 @@ PRINTED: Mapping[str, tuple[str, ...]] = {
     "doctor": ("doctor",),
     "explain": ("explain",),
     "export compose": ("export",),
+    "export kubernetes": ("export",),
+    "export swarm": ("export",),
     "facts": ("facts",),
     "images": ("images",),
     "import compose": ("import",),

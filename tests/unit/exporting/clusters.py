@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +11,7 @@ from msgspec.structs import replace
 
 from srprov.controller import compose
 from srprov.definitions.expand import expand
+from srprov.definitions.model import Experiment
 from srprov.exporting.model import Export
 
 
@@ -25,9 +26,20 @@ def on_cluster(
     """Export for a cluster; without `placed` all services on one robot."""
     source = compose.read(str(edf), frozenset(allowed), (profile,), placed=True)
     source = replace(source, tool=tool, lossy=lossy)
-    where = placed or dict.fromkeys(source.definitions.experiment.services, "r1")
+    where = placed or dict.fromkeys(_instances(source.definitions.experiment), "r1")
     robots = {robot: f"192.0.2.{number}" for number, robot in enumerate(sorted(set(where.values())), 1)}
     return compose.on_robots(source, expand(source.definitions.experiment, {}, where), where, robots)
+
+
+def _instances(experiment: Experiment) -> Iterator[str]:
+    """Yield the names of what runs when there is one robot."""
+    for name, one in experiment.services.items():
+        if one.per_robot is not None:
+            yield f"{name}-r1"
+        elif one.replicas > 1:
+            yield from (f"{name}-{number}" for number in range(1, one.replicas + 1))
+        else:
+            yield name
 
 
 def documents(export: Export, path: str) -> list[dict[str, Any]]:

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from srprov.errors import DefinitionError, UsageError
-from tests.unit.exporting.clusters import documents, on_cluster
+from tests.unit.exporting.clusters import documents, on_cluster, pod
 from tests.unit.exporting.exports import classes, contents, experiment, notes
 
 FULL = """\
@@ -182,6 +182,11 @@ def test_values_of_secrets_and_of_the_environment_are_in_no_file(
         assert not [path for path, content in contents(made).items() if b"canary" in content]
         assert {(one.kind, one.name) for one in made.needs} >= {("variable", "TOKEN")}
         assert [one.kind for one in made.needs].count("secret") == 1
+        if tool == "swarm":
+            uses = documents(made, "01-stack.yml")[0]["services"]["a"]["secrets"]
+        else:
+            uses = [one["secret"]["items"][0] for one in pod(made, "a")["volumes"] if "secret" in one]
+        assert [use["mode"] for use in uses] == [0o400]
 
 
 def test_images_are_built_under_a_name_that_changes_with_them(tmp_path: Path) -> None:
