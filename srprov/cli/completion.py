@@ -22,10 +22,10 @@ from srprov.errors import SrprovError
 
 @click.command(context_settings={"auto_envvar_prefix": None})
 @click.argument("shell", type=click.Choice(sorted(SCRIPTS)), metavar="bash|zsh|fish")
-@click.argument("words", nargs=-1, type=click.UNPROCESSED, metavar="")
+@click.argument("words", nargs=-1, type=click.UNPROCESSED, metavar="[WORDS]...")
 @click.pass_context
 def completion(context: click.Context, shell: str, words: tuple[str, ...]) -> int:
-    r"""Print a script that completes srprov's command lines in your shell.
+    """Print a script that completes srprov's command lines in your shell.
 
     \b
     bash  in ~/.bashrc:                    eval "$(srprov completion bash)"
@@ -34,7 +34,7 @@ def completion(context: click.Context, shell: str, words: tuple[str, ...]) -> in
 
     It offers verbs, options, what they take, files; services and profiles of the EDF on the command line, and robots
     and groups of the inventory there or in srprov.toml. It asks no robot and runs no inventory that is a program.
-    """
+    """  # noqa: D301 - click's own mark, a backspace
     if not words:
         out(SCRIPTS[shell].rstrip())
         return 0

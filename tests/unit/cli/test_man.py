@@ -41,7 +41,8 @@ def test_every_verb_and_option_stands_there(capsys: pytest.CaptureFixture[str]) 
     for verb in listed:
         section = shown.partition(f".SS srprov {verb.name}")[2].partition(".SS ")[0]
         missing = [name for option in verb.options for name in option.names if f"\\fB{name}\\fR" not in section]
-        assert section and missing == ["--help"], verb.name
+        # click keeps the names that a verb was first asked for its help by
+        assert section and "--help" in missing and set(missing) <= {"-h", "--help"}, verb.name
 
 
 def test_no_text_of_the_page_is_a_command_of_roff() -> None:

@@ -46,6 +46,7 @@ def sources(
         copy_way="",
         copied={},
         bundled=bundled or {},
+        images_for=(),
         builders=builders,
     )
     found = robot_images(inputs, {})
