@@ -47,8 +47,9 @@ def main() -> None:
     before = json.loads(file.read_text(encoding="utf-8")) if wish.more and file.exists() else {}
     found: dict[str, dict[str, Any]] = {}
     for name, one in measured(wish):
-        found[name] = one
-        print(f"\n{name}: {links.LINKS[name].words}\n\n{text(name, one)}", flush=True)
+        kept = before.get(name, {}).get("values", {}) if len(wish.measures) < len(measures.MEASURES) else {}
+        found[name] = {**one, "values": {**kept, **one["values"]}}
+        print(f"\n{name}: {links.LINKS[name].words}\n\n{text(name, found[name])}", flush=True)
         if not wish.scratch:
             write(RESULTS, {**before, **found})
     lists = [values for one in found.values() for ways in one["values"].values() for values in ways.values()]
@@ -81,7 +82,7 @@ def measured(wish: argparse.Namespace) -> Iterator[tuple[str, dict[str, Any]]]:
         for name in wish.links:
             first, second = (robot for robot, _ in lab.robots)
             with links.shaped(lab.site, first, second, links.LINKS[name]):
-                one = {**about, **blocks(ways, links.LINKS[name], wish.repeat, wish.seed)}
+                one = {**about, **blocks(ways, links.LINKS[name], wish.repeat, wish.seed, wish.measures)}
             yield name, one
             if one["repeat"] < wish.repeat:
                 return
@@ -101,16 +102,18 @@ def everything(site: Site, wanted: Sequence[str]) -> tuple[dict[str, Ends], dict
     return ways, missing
 
 
-def blocks(ways: Mapping[str, Ends], link: links.Link, repeat: int, seed: int) -> dict[str, Any]:
+def blocks(
+    ways: Mapping[str, Ends], link: links.Link, repeat: int, seed: int, chosen: Sequence[str] = measures.MEASURES
+) -> dict[str, Any]:
     """Measure over a link: so many blocks, each in an order of its own. Ctrl-C gives what whole blocks have shown."""
     source, begun = random.Random(seed), time.monotonic()
     idle = measure.calm(_CALM_S)
-    values: dict[str, dict[str, list[float | None]]] = {name: {way: [] for way in ways} for name in measures.MEASURES}
+    values: dict[str, dict[str, list[float | None]]] = {name: {way: [] for way in ways} for name in chosen}
     problems: list[str] = []
     done = 0
     try:
         while done < repeat:
-            order = list(itertools.product(measures.MEASURES, ways))
+            order = list(itertools.product(chosen, ways))
             source.shuffle(order)
             block = {(name, way): _one(ways[way], name, link, problems) for name, way in order}
             for (name, way), value in block.items():
@@ -172,6 +175,8 @@ def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--links", type=among(links.LINKS), default=list(links.LINKS), help=",".join(links.LINKS))
     parser.add_argument("--ways", type=among(MAKERS), default=list(MAKERS), help=",".join(MAKERS))
+    parser.add_argument("--measures", type=among(measures.MEASURES), default=list(measures.MEASURES),
+                        help="with --more, earlier results of the others are kept")  # fmt: skip
     parser.add_argument("--repeat", type=int, default=table.PAPER_RUNS, help="blocks")
     parser.add_argument("--seed", type=int, default=1, help="of the orders")
     parser.add_argument("--more", action="store_true", help="keep the results of links that are not measured now")

@@ -19,5 +19,6 @@ def draw(values: Mapping[str, Mapping[str, Sequence[float | None]]], path: Path)
             if way in values[measure]
         }
         for measure in MEASURES
+        if measure in values
     }
     boxes(panels, path)

@@ -63,7 +63,7 @@ def paper(measure: str) -> tuple[Spread, Spread, tuple[float, float]]:
 def rows(values: Values, mtus: Mapping[str, int], link: Link) -> list[dict[str, Any]]:
     """Return a row for each measure and way that was measured."""
     found = []
-    for measure in MEASURES:
+    for measure in (one for one in MEASURES if one in values):
         base = values[measure][NATIVE]
         native = spread(base)
         for way in (name for name in NAMES if name in values[measure]):
