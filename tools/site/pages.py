@@ -14,8 +14,8 @@ GROUPS = {
         "docs/registries", "docs/wifi", "docs/facts", "docs/records", "docs/reliability", "docs/json", "docs/ci",
     ),
     "Trials and evidence": ("docs/trials", "docs/evidence"),
-    "Come from elsewhere": (
-        "docs/from-ansible", "docs/from-compose", "docs/from-kubernetes", "docs/snapshot",
+    "From and to other tools": (
+        "docs/from-ansible", "docs/from-compose", "docs/from-kubernetes", "docs/snapshot", "docs/clusters",
     ),
     "Examples": (
         "docs/lab", "examples/hello/README", "examples/chatter-ros/README", "examples/chatter-dds/README",
