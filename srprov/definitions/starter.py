@@ -28,7 +28,7 @@ services:
       - |
         trap 'exit 0' TERM INT
         while :; do
-          echo "heard: $(wget -q -T 2 -O - http://talker:8080/word.txt)"
+          echo "heard: $(timeout 2 wget -q -O - http://talker:8080/word.txt)"
           sleep 1 & wait $!
         done
 

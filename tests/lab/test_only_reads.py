@@ -191,7 +191,11 @@ def test_what_plans_only_reads_and_what_applies_does_not(listening: Listening, t
                 assert pinged or verb[0] in ("images", "snapshot"), (verb, requests)
                 assert any("/containers/json" in path for path in requests) or verb[0] == "logs", (verb, requests)
         until = lab.shell(ROBOT, "date", "+%s.%N").out.strip()
-        assert lab.shell(ROBOT, "docker", "events", "--since", since, "--until", until).out == ""
+        events = lab.shell(ROBOT, "docker", "events", "--since", since, "--until", until).out.splitlines()
+        # for `cp` the engine mounts the container's volumes while it reads
+        reading = (" volume mount ", " volume unmount ", " container archive-path ")
+        copies = any(verb[0] == "cp" for verb in more)
+        assert [line for line in events if not (copies and any(word in line for word in reading))] == []
 
     lab.shell(ROBOT, "sh", "-c", CODE)  # for `snapshot`, which asks repositories
     try:

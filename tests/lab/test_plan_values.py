@@ -47,7 +47,7 @@ class Site:
             "plain": {"robot": "robot2", "secrets": ["token"], "healthcheck": {"test": ["CMD", "true"]}},
         }
         services = {name: busybox(**{**one, **changed.get(name, {})}) for name, one in begin.items()}
-        text = edf("values", services, secrets={"token": {"env": "VALUES_TOKEN"}})
+        text = edf("values", services, secrets={"token": {"env": "VALUES_TOKEN"}}, placement={"slots_per_robot": 3})
         Path(self.path).write_text(text, encoding="utf-8")
 
     def run(self, verb: str, *words: str, token: str = TOKENS[0], file: str = "", code: int = 0) -> Done:
