@@ -46,7 +46,8 @@ class Verb(msgspec.Struct, frozen=True, kw_only=True):
 
 def verbs(group: click.Group) -> Iterator[Verb]:
     """Yield all commands below `srprov`, in its order; a group among them is followed by its own."""
-    context = click.Context(group, info_name="srprov")
+    # click keeps the names of its help by whoever asks first
+    context = click.Context(group, info_name="srprov", help_option_names=["-h", "--help"])
     for name in group.list_commands(context):
         command = group.get_command(context, name)
         assert command is not None

@@ -37,7 +37,7 @@ class _Line:
     def enter(self, command: click.Command) -> None:
         """Begin to read the words of a command."""
         self.command = command
-        self.context = click.Context(command, resilient_parsing=True)
+        self.context = click.Context(command, resilient_parsing=True, help_option_names=["-h", "--help"])
         params = command.get_params(self.context)
         self.options = {flag: one for one in params if isinstance(one, click.Option) for flag in _flags(one)}
         self.arguments = [one for one in params if isinstance(one, click.Argument)]

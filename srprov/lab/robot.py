@@ -47,7 +47,8 @@ def power_on(site: Site, robots: Sequence[Robot]) -> list[Waiting]:
             cgroups.limit_cpus(groups, robot.cpus)
         with open(site.disk(robot.name) / "boot.log", "wb") as log:
             launcher = subprocess.Popen(
-                ["/bin/sh", str(BOOT), "enter"],
+                # a shell that runs `lab up &` ignores Ctrl-C for it; a robot's logins must not inherit that
+                ["/usr/bin/env", "--default-signal=INT,QUIT", "/bin/sh", str(BOOT), "enter"],
                 stdin=subprocess.PIPE,
                 stdout=log,
                 stderr=log,

@@ -71,7 +71,7 @@ def verbs(command: click.Command, name: str = "") -> Iterator[tuple[str, click.C
     if not isinstance(command, click.Group):
         yield name, command
         return
-    context = click.Context(command)
+    context = click.Context(command, help_option_names=["-h", "--help"])
     for word in command.list_commands(context):
         inner = command.get_command(context, word)
         assert inner is not None

@@ -193,7 +193,7 @@ def test_a_verb_that_stands_for_several_hands_its_defaults_on(tmp_path: Path) ->
         assert not isinstance(command, click.Group) or tuple(sorted(command.commands)) == _GROUPS[verb]
     write(tmp_path / "srprov.toml", "forks = 3\n[export]\ntimeout = 2.0\n")
     found = default_map(_VERBS, tmp_path, own(tmp_path))["export"]
-    assert found == {"compose": {"forks": 3, "timeout": 2.0}}
+    assert found == {key: {"forks": 3, "timeout": 2.0} for key in ("compose", "kubernetes", "swarm")}
 
 
 PROGRAM = '#!/bin/sh\ntouch ran\necho \'{"all": {"hosts": ["r1"]}}\'\n'

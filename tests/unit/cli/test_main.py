@@ -54,7 +54,7 @@ def test_help_shows_no_markup(name: str, capsys: pytest.CaptureFixture[str]) -> 
 @pytest.mark.parametrize("name", EVERY)
 def test_arguments_that_may_be_left_out_are_in_brackets(name: str) -> None:
     command = EVERY[name]
-    context = click.Context(command, info_name=name)
+    context = click.Context(command, info_name=name, help_option_names=["-h", "--help"])
     for one in command.params:
         if isinstance(one, click.Argument):
             shown = one.make_metavar(context)
