@@ -9,6 +9,7 @@ from __future__ import annotations
 import errno
 import hashlib
 import posixpath
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import msgspec
@@ -35,8 +36,17 @@ class Shipped(msgspec.Struct, frozen=True, kw_only=True):
     mode: int
 
 
+_TMPFS_SIZE = re.compile(r"(?:.*,)?size=([0-9]+)([kmgKMG]?)(?:,.*)?")
+
+
 class CannotShip(Exception):
     """A mount that the engine has no place for; says why."""
+
+
+def tmpfs_size(mount: Mount) -> tuple[int, str] | None:
+    """Return the size of a tmpfs as a number and one of `k`, `m`, `g` or nothing; None where it has none in bytes."""
+    found = _TMPFS_SIZE.fullmatch(mount.options)
+    return (int(found[1]), found[2].lower()) if found else None
 
 
 def machines(placed: Mapping[str, str], file: str) -> tuple[Machine, ...]:

@@ -21,7 +21,6 @@ from srprov.network.discovery import FOLDER
 _LIMIT = 1_000_000
 """Bytes that a ConfigMap holds, a little less than the 1 MiB of its store."""
 _NODE_FOLDER = "/var/lib/srprov-kubernetes"
-_SIZE = re.compile(r"(?:.*,)?size=([0-9]+)([kmgKMG]?)(?:,.*)?")
 _UNITS = {"": "", "k": "Ki", "m": "Mi", "g": "Gi"}
 
 
@@ -62,8 +61,8 @@ class Mounting(msgspec.Struct, frozen=True, kw_only=True):
 
     def _one(self, service: Service, mount: Mount) -> Mounted:
         if mount.kind == "tmpfs":
-            size = _SIZE.fullmatch(mount.options)
-            return _memory(mount.target, f"{size[1]}{_UNITS[size[2].lower()]}" if size else "")
+            size = cluster.tmpfs_size(mount)
+            return _memory(mount.target, f"{size[0]}{_UNITS[size[1]]}" if size else "")
         if mount.kind == "volume":
             path = f"{_NODE_FOLDER}/{self.experiment.name}/{mount.source}"
             return _folder(path, "DirectoryOrCreate", mount)

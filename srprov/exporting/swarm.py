@@ -50,11 +50,12 @@ def export(wanted: Wanted) -> Export:
     experiment, overlay = cluster.by_name(wanted.definitions.experiment)
     services = [experiment.services[name] for name in sorted(wanted.placed)]
     images = built(wanted.definitions.containers, wanted.listing, wanted.read, wanted.checkout, wanted.open)
+    tags = cluster.image_names(experiment, images)
     stack = Stack(
         wanted=wanted, experiment=experiment, overlay=overlay,
         images={
             **{key: one.image for key, one in wanted.definitions.containers.items() if one.image},
-            **cluster.image_names(experiment, images),
+            **tags,
         },
         addresses=_addresses(wanted, experiment),
     )  # fmt: skip
@@ -65,7 +66,6 @@ def export(wanted: Wanted) -> Export:
         raise DefinitionError(problems)
     levels = cluster.levels({one.name: one for one in services})
     files = [_level(experiment, number, {name: parts[name] for name in names}) for number, names in enumerate(levels)]
-    tags = cluster.image_names(experiment, images)
     used = {tags[one.cdf]: images[one.cdf].name for one in services if one.cdf in tags}
     scripts = [File(path=DEPLOY, content=deploy_script(experiment, levels).encode(), mode=0o755)]
     if used:

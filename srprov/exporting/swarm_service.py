@@ -34,7 +34,6 @@ _OWN = (
     "deploy",
 )
 """Keys of Compose that a stack says in other words, or not at all."""
-_SIZE = re.compile(r"(?:.*,)?size=([0-9]+)([kmgKMG]?)(?:,.*)?")
 _UNITS = {"": 1, "k": 1 << 10, "m": 1 << 20, "g": 1 << 30}
 
 
@@ -123,7 +122,8 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True):
     def _mount(self, service: Service, mount: Mount) -> Part:
         field = cluster.field_of(mount)
         if mount.kind == "tmpfs":
-            return Part(document={"volume": _tmpfs(mount.target, mount.options)})
+            size = cluster.tmpfs_size(mount)
+            return Part(document={"volume": _tmpfs(mount.target, size[0] * _UNITS[size[1]] if size else None)})
         if mount.kind == "volume":
             return Part(document={"volume": _long("volume", mount.source, mount)})
         if mount.kind == "bind":
@@ -187,14 +187,12 @@ def _restart(policy: str) -> dict[str, Any]:
     return {"condition": condition, **({"max_attempts": int(times)} if times else {})}
 
 
-def _tmpfs(target: str, options: str) -> dict[str, Any]:
-    size = _SIZE.fullmatch(options)
-    in_bytes = {"size": int(size[1]) * _UNITS[size[2].lower()]} if size else {}
-    return {"type": "tmpfs", "target": target, **({"tmpfs": in_bytes} if in_bytes else {})}
+def _tmpfs(target: str, size: int | None) -> dict[str, Any]:
+    return {"type": "tmpfs", "target": target, **({"tmpfs": {"size": size}} if size is not None else {})}
 
 
 def _shared_memory(run: Runtime) -> list[dict[str, Any]]:
-    return [_tmpfs("/dev/shm", f"size={run.shm_size}")] if run.shm_size else []  # noqa: S108 - a path in the container
+    return [_tmpfs("/dev/shm", run.shm_size)] if run.shm_size else []  # noqa: S108 - a path in the container
 
 
 def _long(kind: str, source: str, mount: Mount) -> dict[str, Any]:

@@ -24,21 +24,26 @@ _LONGEST_WORDS = 256 * 1024
 MORE_SESSIONS = "raise MaxSessions to 6 or more"
 
 
-def start(connection: StrictConnection, command: str, deadline: Deadline) -> paramiko.Channel:
-    """Run a command on a new channel.
+def start(connection: StrictConnection, command: str, deadline: Deadline, terminal: str = "") -> paramiko.Channel:
+    """Run a command on a new channel, or the user's shell when it is empty; `terminal` names the kind it gets.
 
     Raises:
         ConnectError: sshd opens no more channels (MaxSessions), or the connection died.
         DeadlineError: It did not answer in time.
     """
     name, transport = connection.settings.name, connection.transport
-    # `exec_command` has no timeout: it would wait for its answer forever
+    # a request to sshd has no timeout: it would wait for its answer forever
     timer = threading.Timer(deadline.left(), transport.close)
     timer.daemon = True
     timer.start()
     try:
         channel: paramiko.Channel = transport.open_session(timeout=deadline.left(0.05))
-        channel.exec_command(command)
+        if terminal:
+            channel.get_pty(term=terminal)
+        if command:
+            channel.exec_command(command)
+        else:
+            channel.invoke_shell()
     except (paramiko.SSHException, OSError, EOFError) as error:
         if deadline.passed and not isinstance(error, paramiko.ChannelException):
             late = f"sshd opened no session within {deadline.seconds:g} s"

@@ -7,18 +7,17 @@ are those of every other connection.
 from __future__ import annotations
 
 import contextlib
-import threading
 from collections.abc import Iterator
 
 import paramiko
 
 from srprov.codes import Code
 from srprov.definitions.model import Host
-from srprov.errors import ConnectError, DeadlineError, TransportError
+from srprov.errors import TransportError
 from srprov.session import Traffic
 from srprov.transport.deadline import Deadline
-from srprov.transport.openssh.channel import MORE_SESSIONS, ChannelStreams
-from srprov.transport.openssh.connection import StrictConnection, open_connection
+from srprov.transport.openssh.channel import ChannelStreams, start
+from srprov.transport.openssh.connection import open_connection
 from srprov.transport.openssh.resolve import resolve
 from srprov.transport.options import ConnectOptions
 
@@ -46,7 +45,7 @@ class RobotLogin:
         self._host = host.name
         self._connection = open_connection(settings, deadline, Traffic(), options.attempts)
         try:
-            self._channel = _begin(self._connection, command, terminal, deadline)
+            self._channel = start(self._connection, command, deadline, terminal)
         except BaseException:
             self._connection.close()
             raise
@@ -107,28 +106,3 @@ class RobotLogin:
         with contextlib.suppress(OSError, EOFError, paramiko.SSHException):
             self._channel.close()
         self._connection.close()
-
-
-def _begin(connection: StrictConnection, command: str, terminal: str, deadline: Deadline) -> paramiko.Channel:
-    name, transport = connection.settings.name, connection.transport
-    # a request to sshd has no timeout: it would wait for its answer forever
-    timer = threading.Timer(deadline.left(), transport.close)
-    timer.daemon = True
-    timer.start()
-    try:
-        channel: paramiko.Channel = transport.open_session(timeout=deadline.left(0.05))
-        if terminal:
-            channel.get_pty(term=terminal)
-        if command:
-            channel.exec_command(command)
-        else:
-            channel.invoke_shell()
-    except (paramiko.SSHException, OSError, EOFError) as error:
-        if deadline.passed and not isinstance(error, paramiko.ChannelException):
-            late = f"sshd opened no session within {deadline.seconds:g} s"
-            raise DeadlineError(name, late, hint="is the robot overloaded?") from None
-        why = getattr(error, "text", error)
-        raise ConnectError(name, f"sshd opens no session: {why}", hint=MORE_SESSIONS, code=Code.SHELL) from None
-    finally:
-        timer.cancel()
-    return channel
