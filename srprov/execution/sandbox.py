@@ -26,7 +26,7 @@ exec chroot /tmp sh -c "cd /folder; $2"
 """
 _WATCHED = (
     "exec 3<&0; timeout -k 9 {most} sh -c {script} 3<&- & job=$!; trap 'kill $job' HUP TERM; "
-    "{{ cat <&3 >/dev/null; kill $job; }} 2>/dev/null & watch=$!; exec 3<&-; "
+    "{{ cat <&3; kill $job; }} >/dev/null 2>&1 & watch=$!; exec 3<&-; "
     "wait $job; status=$?; kill $watch; exit $status"
 )
 
@@ -49,4 +49,5 @@ def ended_with_channel(script: str, most_s: float) -> str:
 
     Or after so many seconds. The other one reads nothing from the channel.
     """
+    # a shell that is killed at once after its fork may ignore that and live on: what watches holds no output open
     return _WATCHED.format(script=quote(script), most=f"{most_s:.0f}")

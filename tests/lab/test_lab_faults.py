@@ -298,7 +298,8 @@ def dockerd(lab: Lab, robot: str) -> str:
 def test_a_crashed_engine_comes_back_and_a_stopped_one_does_not(whole: Lab) -> None:
     before = dockerd(whole, PLAIN)
     do(whole, "kill", PLAIN, "--docker")
-    assert dockerd(whole, PLAIN) != before  # gone, or on a slow machine here again already
+    # gone, or on a slow machine here again already; until its parent has heard of it, /proc shows it
+    wait_until(lambda: dockerd(whole, PLAIN) != before, 5, "the crashed engine is gone")
     wait_until(lambda: ssh(PLAIN, "docker ps").returncode == 0, 20, "the engine is back")
     assert dockerd(whole, PLAIN) not in ("", before)
 

@@ -40,7 +40,7 @@ Lookup = Callable[[str, Position], str | None]
 """Returns what is known of a variable by now."""
 
 
-def raw(text: str, file: str) -> Iterator[Entry]:
+def raw(text: str, file: str, lookup: Lookup) -> Iterator[Entry]:
     """Yield the lines of a file whose values are taken as they are written (`format: raw`).
 
     Raises:
@@ -54,7 +54,7 @@ def raw(text: str, file: str) -> Iterator[Entry]:
         name, sign, value = bare.partition("=")
         if not name or any(space in name for space in " \t"):
             raise Refused([Diagnostic(at, f"'{name[:80]}' is no name of a variable", code=Code.COMPOSE_VARIABLE)])
-        yield Entry(name, value if sign else None, at)
+        yield Entry(name, value if sign else lookup(name, at), at)
 
 
 def read(text: str, file: str, put_in: PutIn, lookup: Lookup) -> Iterator[Entry]:

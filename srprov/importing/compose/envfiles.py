@@ -48,7 +48,7 @@ def values(
         return origin.value if origin else None
 
     result = {}
-    for entry in dotenv.raw(text, shown) if raw else dotenv.read(text, shown, scope.put_in, lookup):
+    for entry in dotenv.raw(text, shown, lookup) if raw else dotenv.read(text, shown, scope.put_in, lookup):
         if entry.value is not None:
             own[entry.name] = Origin(entry.value, shown)
             result[entry.name] = (entry.value, entry.at)

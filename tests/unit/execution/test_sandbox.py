@@ -94,3 +94,17 @@ def test_a_script_that_ends_by_itself_has_its_status() -> None:
     assert time.monotonic() - started < 20
     shell.stdin.close()
     shell.wait(20)
+
+
+def test_outputs_end_with_the_script_though_what_watches_the_channel_lives_on() -> None:
+    """A shell that is killed right after its fork may ignore it; here no kill does anything."""
+    script = f"kill() {{ :; }}; ( {ended_with_channel('echo here; exit 5', 60)} ); echo $?"
+    streams, out = PipeStreams(script, Traffic()), bytearray()
+
+    def at_end() -> bool:
+        out.extend(streams.read()[0])
+        return streams.ended
+
+    wait_until(at_end)
+    assert out == b"here\n5\n"
+    streams.close()
