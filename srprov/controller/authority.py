@@ -109,9 +109,9 @@ def check_underlay(saved: PlanFile, live: Collection[str]) -> None:
 
 
 def _services(saved: PlanFile) -> Iterator[tuple[Resource, Service]]:
-    """Return every resource that runs something, with what it runs."""
+    """Return every resource that an EDF states as a service or a part of one, with that."""
     for want in wants_of(saved):
-        if service := MODULES[want.module].service_of(want.params):
+        if service := MODULES[want.module].service_of(want.name, want.params):
             yield want, service
 
 

@@ -17,9 +17,9 @@ from srprov.controller.fleet import Fleet
 from srprov.controller.ownership import looking
 from srprov.controller.plan import Planned
 from srprov.errors import UsageError
-from srprov.execution.probe_beside import OFF_THE_OVERLAY
 from srprov.execution.probing import Probing, probe
 from srprov.facts.model import Snapshot
+from srprov.modules import MODULES
 from srprov.network.identity import tunnel_name
 from srprov.planning.plan import Plan
 from srprov.probing.model import Request
@@ -87,7 +87,7 @@ def probing_of(planned: Planned) -> Probing | None:
 def _left_out(whole: Plan, limited: Plan) -> set[str]:
     done = {step.number for step in limited.steps}
     left = [step for step in whole.steps if step.number not in done]
-    return {step.host for step in left if step.module not in OFF_THE_OVERLAY}
+    return {step.host for step in left if MODULES[step.module].on_overlay}
 
 
 def _tunnel_port(instance: str, snapshot: Snapshot | None, wanted: Iterable[Resource] = ()) -> int:

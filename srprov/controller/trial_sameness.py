@@ -11,6 +11,7 @@ from msgspec.structs import replace
 
 from srprov.controller.trial_plan import TrialPlan
 from srprov.errors import visible
+from srprov.modules import MODULES
 from srprov.modules.container_body import parts_of
 from srprov.modules.container_params import ContainerParams
 from srprov.resource import Observed, Resource
@@ -21,9 +22,6 @@ _LONGEST = 200
 """Characters of a value that are shown; of a longer one it is a hash."""
 _FREE = ("repetitions", "retries", "max_failures", "pause_s", "prompt", "exclude", "include")
 """Settings that may change: which trials there are, and what is between them."""
-_OURS = "/var/lib/srprov/"
-"""Where the robots keep what follows from the rest: addresses, and files by their hashes."""
-_ON_ROBOTS = ("command", "data", "file", "tree")
 _NOTHING = "nothing"
 
 _IMAGE_ID = ": image id"
@@ -86,9 +84,10 @@ def _of_service(one: Resource, swept: set[str]) -> dict[str, object]:
 
 
 def _of_robots(desired: Sequence[Resource]) -> Iterator[tuple[str, object]]:
-    """Return what playbooks do on robots."""
+    """Return what users' playbooks do on robots; what srprov makes for itself follows from the rest."""
     for one in desired:
-        if one.module in _ON_ROBOTS and not one.name.startswith(_OURS):
+        module = MODULES[one.module]
+        if module.same_in_trials and not module.is_plumbing(one.name):
             yield f"{one.host}: {one.module} {one.name}", dict(one.written)
 
 

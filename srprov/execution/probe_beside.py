@@ -9,14 +9,12 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from srprov.execution.outcome import Event, Listener, Outcome, StepResult
+from srprov.modules import MODULES
 from srprov.session import Session
 
 if TYPE_CHECKING:
     from srprov.execution.probing import Probing
     from srprov.probing.verdict import Probed
-
-OFF_THE_OVERLAY = frozenset({"image", "file", "tree", "data", "volume", "secret", "command", "unit"})
-"""Kinds of resources that no packet meets."""
 
 
 @contextmanager
@@ -46,6 +44,6 @@ def _changed(probing: Probing, results: Iterable[StepResult]) -> bool:
     for one in results:
         step = one.step
         on_overlay = step.module != "container" or step.want is None or step.service in services
-        if one.outcome is Outcome.CHANGED and step.module not in OFF_THE_OVERLAY and on_overlay:
+        if one.outcome is Outcome.CHANGED and MODULES[step.module].on_overlay and on_overlay:
             return True
     return False

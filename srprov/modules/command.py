@@ -53,6 +53,7 @@ class CommandModule(Module[CommandParams]):
 
     kind = "command"
     params = CommandParams
+    same_in_trials = True
 
     def queries(self) -> tuple[AnyQuery, ...]:
         """Ask nothing: see `probes`."""

@@ -61,6 +61,7 @@ class ContainerModule(Module[ContainerParams]):
 
     kind = "container"
     params = ContainerParams
+    on_overlay = True
 
     def queries(self) -> tuple[AnyQuery, ...]:
         """List all labelled containers, running or not, and what the engine keeps of the limits of any."""
@@ -130,7 +131,7 @@ class ContainerModule(Module[ContainerParams]):
         """Compare name, owner, network and mounts."""
         return name == container_name(want.instance, want.service) and container_form.is_own(want, names)
 
-    def service_of(self, want: ContainerParams) -> Service:
+    def service_of(self, name: str, want: ContainerParams) -> Service:
         """Read it back from the engine's form."""
         return container_form.service_of(want)
 

@@ -40,6 +40,7 @@ class FileModule(Module[FileParams]):
     params = FileParams
     common = True
     shares_round_trip = True
+    same_in_trials = True
     root = STATE_ROOT
 
     def queries(self) -> tuple[AnyQuery, ...]:

@@ -5,7 +5,7 @@ right (`check`), and which take it away (`removal`). It never sees a connection.
 "already right": it is asked when planning, again before the first act on a robot, and again after.
 
 What else planning, rendering and execution must know of a kind is a trait: an attribute or method of Module with a
-default, so that a module names only what is special about it. No other room names a kind.
+default, so that a module names only what is special about it, and a new kind is in no table of another room.
 
 Touches nothing.
 """
@@ -75,6 +75,10 @@ class Module(ABC, Generic[P]):
     """It cannot be replaced while it is in use: what needs it is removed before and made again after."""
     common = False
     """Robots have it for the experiment as a whole: their ends of the overlay, hosts files, the placement record."""
+    on_overlay = False
+    """It is a part of the overlay, or joined to it: the overlay is tried after one was changed."""
+    same_in_trials = False
+    """What a user's playbook states of one must be the same in all trials of a run."""
     root = ""
     """The names are paths below root/<instance>/; empty: they are no paths."""
 
@@ -112,7 +116,10 @@ class Module(ABC, Generic[P]):
 
     @abstractmethod
     def parse(self, replies: Sequence[Reply]) -> tuple[Observed, ...]:
-        """Return what the replies to `queries` say, in the same order; garbage gives nothing, never an error."""
+        """Return what the replies to `queries` say, in the same order; garbage gives nothing, never an error.
+
+        A name belongs to one thing on a robot, over all instances.
+        """
 
     @abstractmethod
     def check(self, name: str, want: P, found: State | None) -> Change | None:
@@ -120,7 +127,7 @@ class Module(ABC, Generic[P]):
 
     @abstractmethod
     def removal(self, found: Observed) -> tuple[Command, ...]:
-        """Return the commands that take it away."""
+        """Return the commands that take it away; ValueError refuses the answers of a robot with such a name."""
 
     def is_plumbing(self, name: str) -> bool:
         """Return whether one is what srprov makes for itself, so that a plan names it only when it is asked to."""
@@ -172,8 +179,8 @@ class Module(ABC, Generic[P]):
         """
         return False
 
-    def service_of(self, want: P) -> Service | None:
-        """Return what one runs as an EDF would state it, so that the same function says which permissions it needs."""
+    def service_of(self, name: str, want: P) -> Service | None:
+        """Return what an EDF states that leads to one: in a plan file it needs the permissions of that."""
         return None
 
     def misplaced(self, name: str, want: P, context: Mapping[str, Any]) -> tuple[str, str] | None:

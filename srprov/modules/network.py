@@ -48,6 +48,7 @@ class NetworkModule(Module[NetworkParams]):
     kind = "network"
     params = NetworkParams
     common = True
+    on_overlay = True
     rebuilds_users = True
 
     def queries(self) -> tuple[AnyQuery, ...]:

@@ -64,6 +64,7 @@ class VxlanModule(Module[VxlanParams]):
     kind = "vxlan"
     params = VxlanParams
     common = True
+    on_overlay = True
     shares_round_trip = True
 
     def queries(self) -> tuple[AnyQuery, ...]:

@@ -89,6 +89,7 @@ class VxlanFilterModule(Module[VxlanFilterParams]):
     kind = "vxlan_filter"
     params = VxlanFilterParams
     common = True
+    on_overlay = True
     shares_round_trip = True
 
     def queries(self) -> tuple[AnyQuery, ...]:

@@ -47,6 +47,7 @@ class WireguardModule(Module[WireguardParams]):
     kind = "wireguard"
     params = WireguardParams
     common = True
+    on_overlay = True
     shares_round_trip = True
 
     def queries(self) -> tuple[AnyQuery, ...]:

@@ -56,6 +56,7 @@ class WireguardPeersModule(Module[WireguardPeersParams]):
     kind = "wireguard_peers"
     params = WireguardPeersParams
     common = True
+    on_overlay = True
     shares_round_trip = True
 
     def queries(self) -> tuple[AnyQuery, ...]:

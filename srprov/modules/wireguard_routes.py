@@ -45,6 +45,7 @@ class WireguardRoutesModule(Module[WireguardRoutesParams]):
     kind = "wireguard_routes"
     params = WireguardRoutesParams
     common = True
+    on_overlay = True
     shares_round_trip = True
 
     def queries(self) -> tuple[AnyQuery, ...]:

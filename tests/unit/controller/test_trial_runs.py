@@ -16,7 +16,9 @@ from srprov.controller.trial_plan import in_words, trial_plan
 from srprov.controller.trial_run import TrialsRequest, chosen, run_trials
 from srprov.controller.trial_sameness import Sameness, as_far_as_known, differences, sameness
 from srprov.controller.trials import TrialRun, Trials
+from srprov.definitions import playbook
 from srprov.definitions.model import Definitions
+from srprov.definitions.playbookmodel import BEFORE
 from srprov.definitions.trialsmodel import Parameter, TrialDefinitions, TrialSettings
 from srprov.errors import TransportError, UsageError
 from srprov.execution import RunOptions
@@ -49,6 +51,31 @@ def test_the_shown_plan_names_what_each_trial_creates() -> None:
         "",
         "r2",
         "  + container srprov.hello.racer: image race:1, asks for privileged",
+    ]
+
+
+def test_what_a_playbook_states_is_the_same_in_all_trials(tmp_path: Path) -> None:
+    """Commands, and files of its own; what srprov writes for itself is said by services, robots and addresses."""
+
+    def same(level: int) -> Sameness:
+        text = (
+            f"- file: {{{{ folder ~ '/level' }}}}\n  content: '{level}'\n"
+            f"- command: level {level} is set\n  argv: [touch, /l{level}]\n  creates: /l{level}\n"
+        )
+        (tmp_path / "p.yml").write_text(text)
+        mine = playbook.read(str(tmp_path / "p.yml"), "p.yml", "p.yml", BEFORE)
+        what = experiment(service("cam", robot="r1"), trials=GIVEN, playbooks=(mine,))
+        world = World().add("r1")
+        request = replace(AS_IT_IS, allowed=frozenset({"playbook"}))
+        planned = made(world, Definitions(experiment=what, containers={}), request)
+        return sameness(trial_plan(planned, inventory(world), ()), {}, {})
+
+    assert differences(same(1), same(1)) == []
+    told = differences(same(1), same(2))
+    assert [line.partition(": ")[2].partition(": ")[0] for line in told] == [
+        "command level 1 is set",
+        "command level 2 is set",
+        "file /var/lib/srprov/hello/level",
     ]
 
 
