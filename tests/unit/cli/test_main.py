@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 import click
 import pytest
@@ -40,8 +42,27 @@ def test_a_broken_pipe_of_a_connection_is_told(
 EVERY = dict(commands(cli, "srprov"))
 
 
+ROOT = Path(__file__).parents[3]
+
+
 def test_there_are_all_verbs() -> None:
     assert len(EVERY) > 20 and {"srprov apply", "srprov lab up"} <= EVERY.keys()
+
+
+def test_the_readme_has_a_row_for_every_verb_and_for_nothing_else() -> None:
+    table = (ROOT / "README.md").read_text(encoding="utf-8").split("| verb | does |")[1].split("\n\n")[0]
+    rows = [re.split(r"(?<!\\)\|", line)[1] for line in table.splitlines()[2:]]
+    stated = [verb for row in rows for words in re.findall("`([^`]+)`", row) for verb in words.split()[0].split("\\|")]
+    assert isinstance(cli, click.Group)
+    assert {verb for verb in stated if verb.islower()} == set(cli.list_commands(click.Context(cli)))
+
+
+def test_the_manual_says_of_every_verb_that_asks_robots_whether_it_locks_them() -> None:
+    """`diff` reads from an inventory what facts do not have, and asks nobody."""
+    section = (ROOT / "docs" / "reliability.md").read_text(encoding="utf-8").split("\n## ")[1]
+    said = {words.split()[0] for words in re.findall("`([a-z ]+)`", section)}
+    asking = {name.split()[1] for name, verb in EVERY.items() if any("--inventory" in one.opts for one in verb.params)}
+    assert section.startswith("Locks\n") and asking - {"diff"} <= said
 
 
 @pytest.mark.parametrize("name", EVERY)

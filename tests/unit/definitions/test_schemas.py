@@ -80,6 +80,9 @@ def test_the_manual_names_every_field_and_its_examples_are_valid(tmp_path: Path)
     for kind in KINDS:
         for name in schema(kind)["properties"]:
             assert f"`{name}`" in manual, name
+    table = manual.split("### `requires`\n")[1].split("\n## ")[0]
+    for name in schema("cdf")["$defs"]["requires"]["properties"]:
+        assert f"\n| `{name}` | " in table, name
     blocks = [block.split("```")[0] for block in manual.split("```yaml\n")[1:]]
     (tmp_path / "talker.py").write_text("")
     (tmp_path / "talker.cdf").write_text(next(block for block in blocks if block.startswith("cdf: 1\nbase")))
