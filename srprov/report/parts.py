@@ -56,8 +56,13 @@ def table(
     body = [el("tr", [cell(at, child) for at, child in enumerate(row)]) for row in rows]
     return scrolled(
         caption,
-        el("table", el("caption", caption), el("thead", el("tr", names)), el("tbody", body), class_=kind or None),
+        el("table", captioned(caption), el("thead", el("tr", names)), el("tbody", body), class_=kind or None),
     )
+
+
+def captioned(words: str) -> Html:
+    """Return the caption of a table; it stays in sight and breaks its lines where the table is wider than the page."""
+    return el("caption", el("span", words))
 
 
 def scrolled(name: str, inside: Html) -> Html:

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 from srprov.report.html import NOTHING, Child, Html, el, join
 from srprov.report.material import Material
 from srprov.report.model import DecisionView, PlanView, Terms
-from srprov.report.parts import Section, fold, listed, scrolled, table
+from srprov.report.parts import Section, captioned, fold, listed, scrolled, table
 from srprov.report.words import counted, natural, number, ranges
 
 _MOST_CELLS = 1000
@@ -67,7 +67,7 @@ def _matrix(placed: Mapping[str, str], made: DecisionView | None) -> Html:
         cells = [_cell(row.get(robot), placed.get(service) == robot, why.get(robot, "")) for robot in robots]
         rows.append(el("tr", el("th", service, scope="row"), cells))
     caption = "Cost of each service on each robot, alone; ● is where it runs"
-    grid = el("table", el("caption", caption), el("thead", head), el("tbody", rows), class_="grid")
+    grid = el("table", captioned(caption), el("thead", head), el("tbody", rows), class_="grid")
     return scrolled("Cost of each service on each robot", grid)
 
 

@@ -8,7 +8,7 @@ from statistics import median
 from srprov.report.html import NOTHING, Child, Html, el, join
 from srprov.report.material import Material
 from srprov.report.model import PairView, ProbeView
-from srprov.report.parts import Section, facts, listed, scrolled, table
+from srprov.report.parts import Section, captioned, facts, listed, scrolled, table
 from srprov.report.words import counted, natural, number, pointer, seconds
 
 _MOST_ENDS = 40
@@ -105,7 +105,7 @@ def _table(names: Sequence[str], cells: Mapping[tuple[str, str], _Cell]) -> Html
         for source in names
     ]
     caption = "Mean round trip in ms; ✕ is what does not work"
-    grid = el("table", el("caption", caption), el("thead", head), el("tbody", rows), class_="grid heat")
+    grid = el("table", captioned(caption), el("thead", head), el("tbody", rows), class_="grid heat")
     return join([_key(times), scrolled("Round trips between all places", grid)])
 
 

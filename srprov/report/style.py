@@ -44,11 +44,12 @@ nav ul{list-style:none;display:flex;flex-wrap:wrap;gap:.25rem 1.1rem;margin:0 0 
 display:flex;flex-direction:column-reverse}
 .tiles dt{color:var(--soft);font-size:.83rem}
 .tiles dd{margin:0;font-size:1.35rem;font-weight:620;font-variant-numeric:tabular-nums;line-height:1.3}
-.facts{display:grid;grid-template-columns:max-content 1fr;gap:.15rem 1rem;margin:0}
+.facts{display:grid;grid-template-columns:max-content minmax(0,1fr);gap:.15rem 1rem;margin:0}
 .facts dt{color:var(--soft)}.facts dd{margin:0}
-.scroll{overflow-x:auto;margin:.2rem 0 .6rem}
+.scroll{overflow-x:auto;margin:.2rem 0 .6rem;container-type:inline-size}
 table{border-collapse:collapse;font-size:.88rem;font-variant-numeric:tabular-nums;min-width:100%}
 caption{text-align:left;color:var(--soft);padding:0 0 .4rem;font-size:.88rem}
+caption span{position:sticky;left:0;display:inline-block;max-width:100cqw}
 th,td{text-align:left;vertical-align:top;padding:.3rem .6rem;border-bottom:1px solid var(--line);unicode-bidi:isolate}
 thead th{color:var(--soft);font-weight:550;border-bottom:1px solid var(--soft);white-space:nowrap}
 tbody th{font-weight:550}tbody tr:last-child>*{border-bottom:0}
@@ -90,11 +91,12 @@ padding:.12rem 0;border-bottom:1px solid var(--line)}
 .plots{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,19rem),1fr));gap:1rem;margin:.4rem 0}
 .plots svg{width:100%;height:auto;display:block}
 svg text{font:12px system-ui,sans-serif;fill:var(--soft)}
+.plots svg text{font-size:14px}
 .plot line{stroke:var(--line)}.plot circle{fill:var(--act);fill-opacity:.65}
 .plot polyline{stroke:var(--wait);fill:none;stroke-width:1.5}
 @media(max-width:600px){body{font-size:14.5px}header,main,footer{padding-left:.8rem;padding-right:.8rem}
 section{padding:.9rem .85rem}h1{font-size:1.35rem}.tiles div{flex-basis:5.4rem}
-.facts{grid-template-columns:1fr}.facts dd{margin-bottom:.35rem}
+.facts{grid-template-columns:minmax(0,1fr)}.facts dd{margin-bottom:.35rem}
 .lanes li{grid-template-columns:4.6rem 1fr 4rem;gap:.45rem}
 .axis{margin:0 4.45rem 0 5.05rem}.axis span:nth-child(even){display:none}
 th,td{padding:.3rem .45rem}}

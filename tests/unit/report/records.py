@@ -128,7 +128,8 @@ def _decided(placed: Mapping[str, str], names: list[str], word: str) -> dict[str
     why: dict[str, dict[str, str]] = {}
     for at, service in enumerate(placed):
         matrix[service] = {
-            name: None if (at + there) % 5 == 4 else 0.7 + there / 100 for there, name in enumerate(names)
+            name: None if (at + there) % 5 == 4 and name != placed[service] else 0.7 + there / 100
+            for there, name in enumerate(names)
         }
         why[service] = {
             name: f"it lacks the tag 'lidar'{word}" for name, cost in matrix[service].items() if cost is None
