@@ -25,7 +25,8 @@ GROUPS = {
     "Reference": ("reference/verbs", "reference/fields", "CHANGELOG"),
     "Behind it": (
         "docs/architecture", "docs/decisions", "docs/trust", "docs/paper", "CONTRIBUTING", "SECURITY",
-        "benchmarks/provisioning/README", "benchmarks/images/README",
+        "benchmarks/provisioning/README", "benchmarks/images/README", "benchmarks/transfer/README",
+        "benchmarks/network/README", "benchmarks/containers/README", "benchmarks/trials/README",
     ),
 }  # fmt: skip
 """Title in the navigation -> its pages, without `.md`."""
@@ -43,5 +44,10 @@ def arranged(found: set[str]) -> dict[str, list[str]]:
     groups = {title: [page for page in pages if page in found] for title, pages in GROUPS.items()}
     named = {page for pages in groups.values() for page in pages} | {HOME}
     inner = {page for page in found if page.startswith("reference/") and page.count("/") > 1}
-    rest = sorted(found - named - inner)
+    rest = sorted(page for page in found - named - inner if not is_result(page))
     return {**groups, **({REST: rest} if rest else {})}
+
+
+def is_result(page: str) -> bool:
+    """Return whether a page is a table that a measurement left: it has no title, and no place in the navigation."""
+    return page.startswith("benchmarks/") and "/results/" in page

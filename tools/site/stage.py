@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from tools.site import fields, verbs
-from tools.site.pages import HOME, arranged
+from tools.site.pages import HOME, arranged, is_result
 
 PATTERNS = ("*.md", "docs/*.md", "inventory/*.md", "examples/*/*.md", "benchmarks/**/*.md")
 _LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\(([^()\s]+)\)")
@@ -36,7 +36,8 @@ def stage(root: Path, folder: Path) -> list[str]:
     made = {**verbs.pages(), **fields.pages(root / "schemas")}
     groups = arranged({name.removesuffix(".md") for name in (*own, *made)})
     for name, markdown in own.items():
-        text = "".join(_linked(root, folder, name, _MERMAID.sub("```text", _COMMENT.sub("", markdown))))
+        titled = _titled(name, _MERMAID.sub("```text", _COMMENT.sub("", markdown)))
+        text = "".join(_linked(root, folder, name, titled))
         _write(folder / name, text + (_navigation(groups) if name == f"{HOME}.md" else ""))
     for name, markdown in made.items():
         _write(folder / name, markdown)
@@ -72,6 +73,16 @@ def _linked(root: Path, folder: Path, name: str, markdown: str) -> Iterator[str]
 
     for line, is_code in _lines(markdown):
         yield line if is_code else _LINK.sub(follow, line)
+
+
+def _titled(name: str, markdown: str) -> str:
+    """Return a page with a heading, and without a place in the navigation when it has none of its own: a result.
+
+    Programs write those tables; pages that quote them lead there.
+    """
+    if not is_result(name.removesuffix(".md")):
+        return markdown
+    return f"---\norphan: true\n---\n\n# Results: {Path(name).stem}\n\n{markdown}"
 
 
 def _lines(markdown: str) -> Iterator[tuple[str, bool]]:

@@ -55,6 +55,7 @@ def test_every_page_has_its_place_in_the_navigation() -> None:
     made = {name.removesuffix(".md") for name in (*verbs.pages(), *fields.pages(ROOT / "schemas"))}
     assert sorted(set(named) - found - made) == [], "named and not there"
     assert arranged({"docs/robot", "docs/new"})[REST] == ["docs/new"], "a page without a place is shown, too"
+    assert REST not in arranged({"docs/robot", "benchmarks/images/results/images"}), "but for tables of results"
 
 
 def anchors(page: Path) -> set[str]:
@@ -90,6 +91,8 @@ def test_the_stage_has_every_page_and_what_pages_link_to(tmp_path: Path) -> None
     assert "```mermaid" not in (tmp_path / "docs/architecture.md").read_text()
     assert "<!-- run" not in (tmp_path / "docs/debugging.md").read_text()
     apply = (tmp_path / "reference/verbs/apply.md").read_text()
+    result = (tmp_path / "benchmarks/images/results/images.md").read_text()
+    assert result.startswith("---\norphan: true\n---\n\n# Results: images\n\n"), "a table has no title of its own"
     assert "`--allow` KIND" in apply and "`SRPROV_APPLY_ALLOW`" in apply
     edf = (tmp_path / "reference/fields/edf.md").read_text()
     names = json.loads((ROOT / "schemas/edf.schema.json").read_text())["properties"]
