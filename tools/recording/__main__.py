@@ -8,6 +8,7 @@ from __future__ import annotations
 import datetime as dt
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -20,7 +21,10 @@ from tools.recording.terminal import Recording
 ROOT = Path(__file__).resolve().parents[2]
 PICTURE = ROOT / "docs" / "media" / "demo.svg"
 LAB = "recording"
-COLUMNS, ROWS = 108, 30
+COLUMNS, ROWS = 120, 30
+USER, HOST, PLACE = "user", "controller", "/srv"
+"""Who does it, and where: no picture names the machine that made it."""
+_THERE = 'hostname "$0" && mount --bind "$1" "$2" && cd "$2" && exec bash -c "$3"'
 
 
 def commands() -> list[str]:
@@ -34,18 +38,23 @@ def commands() -> list[str]:
     return [line + more.get(line.split()[1], "") for line in listed]
 
 
+def there(folder: Path) -> tuple[str, ...]:
+    """Return what runs a command in a folder under another name, on a machine of another name."""
+    return ("unshare", "--uts", "--mount", "sh", "-c", _THERE, HOST, str(folder), PLACE)
+
+
 def record(folder: Path) -> Recording:
     """Do all of it in a folder that has examples/ and the lab's inventory under its usual name."""
-    env = {**os.environ, "PYTHONPATH": str(ROOT), "SRPROV_LAB": LAB, "TERM": "xterm-256color"}
+    env = {**os.environ, "PYTHONPATH": str(ROOT), "SRPROV_LAB": LAB, "LOGNAME": USER, "TERM": "xterm-256color"}
     env = {key: value for key, value in env.items() if key not in ("NO_COLOR", "COLUMNS", "LINES")}
     env |= {"PATH": f"{Path(sys.executable).parent}:{env['PATH']}", "XDG_STATE_HOME": str(folder / "state")}
-    (folder / "examples").symlink_to(ROOT / "examples")
+    shutil.copytree(ROOT / "examples", folder / "examples")
     recording = Recording(COLUMNS, ROWS)
     try:
         subprocess.run(["srprov", "lab", "up", "-n", "3"], cwd=folder, env=env, check=True)
         (folder / "inventory" / "lab.yml").symlink_to(f"lab-{LAB}.yml")
         for command in commands():
-            code = recording.run(command, folder, env)
+            code = recording.run(command, folder, env, there(folder))
             if code:
                 raise SystemExit(f"{command}: exit {code}")
     finally:
@@ -57,11 +66,12 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         recording = record(Path(folder))
     today = dt.datetime.now(dt.timezone.utc).date()
-    about = f"A terminal, recorded on {today} with srprov {__version__}; times without output are shortened."
+    about = f"A terminal, recorded on {today} with srprov {__version__}; waiting is shortened."
+    frames = recording.shown()
     title = "srprov apply, status and logs of ROS 1 on three robots"
     PICTURE.parent.mkdir(exist_ok=True)
-    PICTURE.write_text(drawn(recording.frames, COLUMNS, title, about), encoding="utf-8")
-    print(f"{PICTURE}: {len(recording.frames)} screens, {recording.now:.0f} s, {PICTURE.stat().st_size} bytes")
+    PICTURE.write_text(drawn(frames, COLUMNS, title, about), encoding="utf-8")
+    print(f"{PICTURE}: {len(frames)} screens, {frames[-1][0]:.0f} s, {PICTURE.stat().st_size} bytes")
 
 
 if __name__ == "__main__":

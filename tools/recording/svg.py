@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator, Sequence
 from xml.sax.saxutils import escape
 
-from tools.recording.terminal import Row, Span
+from tools.recording.terminal import Frame, Row, Span
 
 LETTER = (8.4, 18.0)
 """Width and height of a letter, in pixels, at a size of 14."""
@@ -25,7 +25,7 @@ FONT = "ui-monospace,SFMono-Regular,Menlo,Consolas,monospace"
 BACKGROUND = "#0d1117"
 
 
-def drawn(frames: Sequence[tuple[float, tuple[Row, ...]]], columns: int, title: str, about: str) -> str:
+def drawn(frames: Sequence[Frame], columns: int, title: str, about: str) -> str:
     """Return the file.
 
     Args:
@@ -57,7 +57,7 @@ def drawn(frames: Sequence[tuple[float, tuple[Row, ...]]], columns: int, title: 
     return "\n".join(lines) + "\n"
 
 
-def _style(frames: Sequence[tuple[float, tuple[Row, ...]]], height: float) -> str:
+def _style(frames: Sequence[Frame], height: float) -> str:
     begin = frames[0][0]
     whole = frames[-1][0] - begin + LAST_S
     steps = " ".join(
@@ -95,7 +95,7 @@ def _plain(text: str) -> str:
     return "".join(letter if letter.isprintable() else " " for letter in text)
 
 
-def _strip(frames: Sequence[tuple[float, tuple[Row, ...]]], names: dict[Row, str], height: float) -> Iterator[str]:
+def _strip(frames: Sequence[Frame], names: dict[Row, str], height: float) -> Iterator[str]:
     for number, (_, screen) in enumerate(frames):
         for line, row in enumerate(screen):
             if row:

@@ -10,7 +10,7 @@ import struct
 import subprocess
 import termios
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -24,6 +24,8 @@ LONGEST_S = 1.5
 """So much of a time in which nothing is printed is shown."""
 SHORTEST_S = 0.2
 """Screens that stand for less are left out."""
+PROGRESS_S = 5.0
+"""So much of a time in which only one row changes is shown, such as a line that tells how far a build has come."""
 
 
 @dataclass(frozen=True)
@@ -36,6 +38,8 @@ class Span:
 
 
 Row = tuple[Span, ...]
+Frame = tuple[float, tuple[Row, ...]]
+"""A second, and the rows that stand on the screen from then on."""
 
 
 @dataclass
@@ -44,7 +48,7 @@ class Recording:
 
     columns: int
     rows: int
-    frames: list[tuple[float, tuple[Row, ...]]] = field(default_factory=list)
+    frames: list[Frame] = field(default_factory=list)
     now: float = 0.0
 
     def __post_init__(self) -> None:
@@ -52,23 +56,39 @@ class Recording:
         self.screen = pyte.Screen(self.columns, self.rows)
         self.stream = pyte.ByteStream(self.screen)
 
-    def run(self, command: str, folder: Path, environment: Mapping[str, str]) -> int:
+    def run(
+        self, command: str, folder: Path, environment: Mapping[str, str], shell: Sequence[str] = ("bash", "-c")
+    ) -> int:
         """Type a command, run it in a shell, show what it prints, and return its exit code."""
         self._show(b"\x1b[32m$\x1b[0m ")
         for letter in command:
             self.now += TYPING_S
             self._show(letter.encode())
         self._show(b"\r\n")
-        code = self._play(command, folder, environment)
+        code = self._play([*shell, command], folder, environment)
         self.now += PAUSE_S
         return code
 
-    def _play(self, command: str, folder: Path, environment: Mapping[str, str]) -> int:
+    def shown(self) -> list[Frame]:
+        """Return the frames; each time in which only one row changes is run through in PROGRESS_S at most."""
+        found: list[Frame] = []
+        cut, begin = 0.0, 0
+        for end in range(1, len(self.frames) + 1):
+            if end < len(self.frames) and _is_progress(self.frames[end - 1][1], self.frames[end][1]):
+                continue
+            first, last = self.frames[begin][0], self.frames[end - 1][0]
+            pace = min(1.0, PROGRESS_S / (last - first)) if last > first else 1.0
+            for at, rows in self.frames[begin:end]:
+                now = first - cut + (at - first) * pace
+                if not found or now - found[-1][0] >= SHORTEST_S or at == last:
+                    found.append((now, rows))
+            cut, begin = cut + (last - first) * (1 - pace), end
+        return found
+
+    def _play(self, words: Sequence[str], folder: Path, environment: Mapping[str, str]) -> int:
         master, slave = pty.openpty()
         fcntl.ioctl(master, termios.TIOCSWINSZ, struct.pack("HHHH", self.rows, self.columns, 0, 0))
-        program = subprocess.Popen(
-            ["bash", "-c", command], stdin=slave, stdout=slave, stderr=slave, cwd=folder, env=environment
-        )
+        program = subprocess.Popen(words, stdin=slave, stdout=slave, stderr=slave, cwd=folder, env=environment)
         os.close(slave)
         last = time.monotonic()
         while data := _read(master):
@@ -87,6 +107,10 @@ class Recording:
             self.frames.append((rows_at, rows))
         elif not self.frames or self.frames[-1][1] != rows:
             self.frames.append((self.now, rows))
+
+
+def _is_progress(before: tuple[Row, ...], after: tuple[Row, ...]) -> bool:
+    return sum(old != new for old, new in zip(before, after, strict=True)) == 1
 
 
 def _read(master: int) -> bytes:
