@@ -128,11 +128,21 @@ def _frame(scale: _Axis, ticks: Sequence[tuple[float, str]], name: str) -> Html:
     """Return both axes, with their ticks and the name of the one below."""
     foot, right = _TOP + _HEIGHT, _LEFT + _WIDTH
     parts = [el("line", x1=_LEFT, y1=foot, x2=right, y2=foot), el("line", x1=_LEFT, y1=_TOP, x2=_LEFT, y2=foot)]
-    for share in range(5):
-        value = scale.low + (scale.high - scale.low) * share / 4
-        parts.append(_text((_LEFT - 6, scale.at(value) + 4), f"{value:.4g}", "end"))
+    parts += [_text((_LEFT - 6, scale.at(value) + 4), words, "end") for value, words in _marks(scale)]
     parts += [_text((place, foot + 18), word, "middle") for place, word in ticks]
     return join([*parts, _text((_LEFT + _WIDTH / 2, foot + 42), name, "middle")])
+
+
+def _marks(scale: _Axis) -> list[tuple[float, str]]:
+    """Return two to seven round numbers of an axis with their words; both ends where floats are too coarse for them."""
+    rough = (scale.high - scale.low) / 6
+    step = 10.0 ** math.floor(math.log10(rough))
+    step *= next(factor for factor in (1, 2, 2.5, 5, 10) if step * factor >= rough * _NEARLY)
+    first, last = math.ceil(scale.low / step), math.floor(scale.high / step)
+    found = [(at * step, f"{at * step:.6g}") for at in range(first, last + 1)]
+    if len({words for _, words in found}) < max(2, len(found)):
+        found = [(value, f"{value:.6g}") for value in (scale.low, scale.high)]
+    return found
 
 
 def _scale(values: Sequence[float], begin: float, end: float, margin: float = 0.05) -> _Axis:
@@ -165,5 +175,7 @@ def _float(value: Any) -> float | None:  # noqa: ANN401 - a text or a number
     return found if abs(found) < _LARGEST else None
 
 
+_NEARLY = 1 - 1e-9
+"""Against rounding: a step that is as large as it should be is large enough."""
 _LARGEST = 1e100
 """Beyond it, the width of an axis may be none that a float can be."""
