@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
@@ -82,3 +83,14 @@ def test_lines_are_looked_for_in_their_order() -> None:
 def test_every_mark_of_the_manual_is_one() -> None:
     pages = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
     assert sum(len(blocks(page)) for page in pages) > 0
+
+
+def test_readers_see_the_name_of_every_file_that_they_are_to_write() -> None:
+    """It stands in the text before the block, since the mark is a comment."""
+    unseen = []
+    for page in sorted((ROOT / "docs").glob("*.md")):
+        text = page.read_text(encoding="utf-8")
+        for mark in re.finditer(r"^<!-- file: (\S+) -->\n", text, re.MULTILINE):
+            if f"`{mark[1]}`" not in "\n".join(text[: mark.start()].splitlines()[-4:]):
+                unseen.append(f"{page.name}: {mark[1]}")
+    assert unseen == []
