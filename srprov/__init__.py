@@ -30,7 +30,7 @@ rooms stand in that order; `tests/test_rooms.py` holds them to it:
     lab/          the embedded lab: robots on this machine
 
 Beside them stand values that rooms share: wire.py, session.py, resource.py, errors.py, codes.py, names.py, private.py,
-secret.py, untrusted.py, plain_tar.py, sizes.py, git_address.py, pace.py.
+secret.py, untrusted.py, robot_answers.py, plain_tar.py, sizes.py, git_address.py, pace.py.
 docs/architecture.md has the flow as a picture, and a glossary.
 """
 

@@ -49,10 +49,10 @@ ROOMS: Mapping[str, Room] = {
         "click rich tomli",
     ),
     "controller": room(
-        "codes errors layers regular_file wire session container_files resource secret data datasets disk owner private"
-        " untrusted time_sync sizes image_reference git_address git linear_regex definitions transport facts assignment"
-        " network images rendering modules planning execution record trials probing plain_tar exporting snapshot"
-        " yamldoc"
+        "codes errors layers regular_file robot_answers wire session container_files resource secret data datasets disk"
+        " owner private untrusted time_sync sizes image_reference git_address git linear_regex definitions transport facts"
+        " assignment network images rendering modules planning execution record trials probing plain_tar exporting"
+        " snapshot yamldoc"
     ),
     "datasets": room("private regular_file untrusted"),
     "disk": room("regular_file images.plan"),
@@ -64,6 +64,7 @@ ROOMS: Mapping[str, Room] = {
     # Runs git on the controller: what it fetches are files of strangers.
     "git": room("git_address private definitions.program"),
     "untrusted": room(),
+    "robot_answers": room("codes errors untrusted"),
     "yamldoc": room("codes errors regular_file", "yaml"),
     "definitions": room(
         "codes errors names private regular_file untrusted secret data owner image_reference git_address linear_regex"
@@ -76,7 +77,9 @@ ROOMS: Mapping[str, Room] = {
         " definitions.model",
         "paramiko fabric invoke docker requests urllib3 psutil",
     ),
-    "facts": room("codes errors names wire session untrusted resource time_sync modules definitions.model"),
+    "facts": room(
+        "codes errors names wire session untrusted robot_answers resource time_sync modules definitions.model"
+    ),
     "assignment": room("codes errors sizes definitions.containermodel definitions.model facts.model"),
     "network": room("codes errors names untrusted definitions.model facts.model"),
     "probing": room("errors untrusted wire network"),
@@ -89,8 +92,8 @@ ROOMS: Mapping[str, Room] = {
     ),
     "rendering": room("codes errors untrusted resource data definitions modules yamldoc", "jinja2 yaml"),
     "modules": room(
-        "errors plain_tar wire untrusted resource secret image_reference definitions.model definitions.containermodel"
-        " definitions.secretmodel"
+        "errors names plain_tar wire untrusted robot_answers resource secret image_reference definitions.model"
+        " definitions.containermodel definitions.secretmodel"
     ),
     "planning": room(
         "codes errors names untrusted resource wire secret image_reference modules facts.model"
@@ -98,8 +101,8 @@ ROOMS: Mapping[str, Room] = {
         " definitions.model definitions.secretmodel network.identity"
     ),
     "execution": room(
-        "codes errors layers pace spool plain_tar untrusted resource wire session image_reference linear_regex modules"
-        " planning probing facts owner trials definitions.dockerfile definitions.trialsmodel"
+        "codes errors layers pace spool plain_tar untrusted robot_answers resource wire session image_reference"
+        " linear_regex modules planning probing facts.host owner trials definitions.dockerfile definitions.trialsmodel"
     ),
     "record": room(
         "codes errors data private regular_file untrusted resource secret definitions.model facts planning execution"
@@ -176,7 +179,7 @@ FILES: Mapping[str, Room] = {
     "cli/compare.py": cli_file("evidence definitions.trialsmodel"),
     "cli/completion_words.py": cli_file("data"),
     "cli/diff.py": cli_file("planning"),
-    "cli/doctor.py": cli_file("facts"),
+    "cli/doctor.py": cli_file("facts robot_answers"),
     "cli/exec.py": cli_file("facts"),
     "cli/explain.py": cli_file("explaining"),
     "cli/execute.py": cli_file("planning execution"),

@@ -29,8 +29,8 @@ def doctor(inventories: tuple[str, ...], as_json: bool, forks: int, timeout: flo
     from srprov.controller.clocks import measure_clock
     from srprov.controller.kept import line, volume_rows, with_sizes
     from srprov.facts.gather import Detail
-    from srprov.facts.observe import answers_of
     from srprov.facts.preconditions import Verdict, judge, precondition_queries
+    from srprov.robot_answers import answers_of
 
     inventory = inputs.load_chosen(inventories, limit, exclude)
     with inputs.connect(inventory, timeout, forks) as fleet:

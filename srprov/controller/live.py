@@ -11,7 +11,7 @@ from typing import Any
 
 from srprov.errors import TransportError
 from srprov.execution.trial_totals import Totals
-from srprov.facts.observe import answers_of
+from srprov.robot_answers import answers_of
 from srprov.session import Session
 from srprov.wire import EngineQuery
 

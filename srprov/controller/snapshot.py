@@ -23,7 +23,7 @@ from srprov.controller.fleet import Fleet
 from srprov.controller.snapshot_check import Checker
 from srprov.controller.snapshot_look import Seen, look
 from srprov.errors import TransportError, UsageError
-from srprov.facts.observe import answers_of
+from srprov.robot_answers import answers_of
 from srprov.secret import Secret
 from srprov.snapshot import report
 from srprov.snapshot.containers import service_of, without

@@ -18,11 +18,11 @@ from msgspec.structs import replace
 from srprov.codes import Code
 from srprov.controller.fleet import Fleet
 from srprov.errors import TransportError
-from srprov.facts.observe import answers_of
 from srprov.layers import chain_ids, chain_sizes, read_image
 from srprov.modules.container_leftover import BUILD
 from srprov.modules.image import DEFINITION, IMAGE_ID, has_label, names_of
 from srprov.modules.module import INSTANCE
+from srprov.robot_answers import answers_of
 from srprov.session import Reader
 from srprov.untrusted import integer, mapping, mappings, string, string_map, text
 from srprov.wire import EngineQuery, Reply

@@ -18,13 +18,13 @@ import msgspec
 from srprov.codes import Code
 from srprov.errors import TransportError
 from srprov.facts.host import docker_arch
-from srprov.facts.observe import answers_of
 from srprov.probing.answers import parse_said
 from srprov.probing.look import Look, parse_look, queries
 from srprov.probing.model import Request, Round, Said
 from srprov.probing.request import among
 from srprov.probing.script import ARCHITECTURES, inspect, run, upload
 from srprov.probing.verdict import Probed, fails
+from srprov.robot_answers import answers_of
 from srprov.session import Session
 from srprov.untrusted import integer, mapping, text
 from srprov.wire import Query, Reply

@@ -25,10 +25,11 @@ from srprov.execution.options import STOP_TIMEOUT_S
 from srprov.execution.outcome import Event, Listener, Outcome, StepResult
 from srprov.execution.stopping import stop_together
 from srprov.execution.triggers import refuse_triggers
-from srprov.facts.observe import answers_of, observe_queries, parse_observed, parse_probed, probe_queries
 from srprov.modules import MODULES, PROBING, RUNNING
+from srprov.modules.observe import observe_queries, parse_observed, parse_probed, probe_queries
 from srprov.planning.plan import Step
 from srprov.resource import Action, Change, Observed
+from srprov.robot_answers import answers_of
 from srprov.session import Progress, Session
 from srprov.wire import Command, CopyImage, EngineCall, Put, Reply, Run
 
@@ -72,8 +73,7 @@ class RobotExecutor:
                 raise TransportError(self.session.host, message, hint="is its Docker Engine up?", code=Code.ENGINE)
         with answers_of(self.session.host):
             fresh = {(e.module, e.name): e for e in parse_observed(replies, wanted)}
-        again = set(kinds) - set(PROBING)
-        kept = {key: e for key, e in (self.seen or {}).items() if key[0] not in again}
+        kept = {key: e for key, e in (self.seen or {}).items() if key[0] not in kinds or key[0] in PROBING}
         self.seen = kept | fresh
 
     def act(self, steps: Sequence[Step]) -> list[StepResult | None]:

@@ -15,8 +15,8 @@ import msgspec
 
 from srprov.errors import TransportError
 from srprov.execution.trial_patience import EngineAway, EquipmentFailed, Patience, Say
-from srprov.facts.observe import answers_of
 from srprov.linear_regex import compiled
+from srprov.robot_answers import answers_of
 from srprov.session import Session
 from srprov.trials.metrics import LONGEST_LINE
 from srprov.trials.reading import Reading, read

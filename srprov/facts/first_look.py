@@ -15,11 +15,12 @@ from msgspec.structs import replace
 from srprov.definitions.model import Host
 from srprov.facts.host import host_queries, later_query, parse_host
 from srprov.facts.model import HostFacts, TakenPort
-from srprov.facts.observe import answers_of, observe_queries, parse_observed
 from srprov.facts.placements import PLACEMENTS, parse_placements
 from srprov.facts.probes import INFO
 from srprov.facts.taken import QUERIES, taken_ports
+from srprov.modules.observe import observe_queries, parse_observed
 from srprov.resource import Observed
+from srprov.robot_answers import answers_of
 from srprov.session import Measures, Reader
 from srprov.untrusted import text
 from srprov.wire import EngineQuery, Reply

@@ -19,9 +19,10 @@ from srprov.definitions.model import Inventory
 from srprov.errors import TransportError
 from srprov.facts.first_look import Answers, Readers, ask
 from srprov.facts.model import HostFacts, Snapshot, TakenPort
-from srprov.facts.observe import answers_of, parse_probed, probe_queries
 from srprov.modules import PROBING
+from srprov.modules.observe import parse_probed, probe_queries
 from srprov.resource import Observed, Resource
+from srprov.robot_answers import answers_of
 from srprov.wire import AnyQuery, Reply
 
 

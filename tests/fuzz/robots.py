@@ -9,11 +9,11 @@ from pathlib import Path
 from srprov.controller.digests import _digest
 from srprov.definitions.model import Host
 from srprov.facts.host import parse_host
-from srprov.facts.observe import _check
 from srprov.facts.placements import parse_placements
 from srprov.facts.probes import PROBES
 from srprov.facts.taken import taken_ports
 from srprov.modules import MODULES
+from srprov.modules.observe import _check
 from srprov.modules.vxlan import VxlanParams
 from srprov.probing.firewall import may_match, parse_rules
 from srprov.transport.image_there import read_target, second_look

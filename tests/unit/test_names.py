@@ -16,8 +16,8 @@ from srprov.definitions import load_experiment, load_inventory
 from srprov.definitions.expand import expand
 from srprov.definitions.model import Service
 from srprov.errors import DefinitionError, UsageError
-from srprov.facts.observe import observe_queries, parse_observed
 from srprov.facts.placements import parse_placements
+from srprov.modules.observe import observe_queries, parse_observed
 from srprov.network.record import read_record
 from srprov.planning import planfile, planread
 from srprov.planning.plan import Plan

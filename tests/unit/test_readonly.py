@@ -7,10 +7,10 @@ import pytest
 from srprov import time_sync
 from srprov.execution.locks import who_holds
 from srprov.facts.host import host_queries
-from srprov.facts.observe import observe_queries
 from srprov.facts.placements import PLACEMENTS
 from srprov.facts.preconditions import precondition_queries
 from srprov.facts.probes import counters
+from srprov.modules.observe import observe_queries
 from srprov.probing import look
 from srprov.probing.script import run, upload
 from srprov.snapshot import debian, gitscript, questions, sources

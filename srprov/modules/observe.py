@@ -1,18 +1,15 @@
-"""What of ours exists on one robot, through a Reader: every module says what to ask and reads the answers."""
+"""What of ours exists on one robot, of all kinds together: each module says what to ask and reads the answers."""
 
 from __future__ import annotations
 
-import contextlib
 import re
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 from srprov import names
-from srprov.codes import Code
-from srprov.errors import SrprovError, TransportError
 from srprov.modules import MODULES, PROBING
 from srprov.resource import Observed, Resource
-from srprov.untrusted import text
+from srprov.robot_answers import TooManyError
 from srprov.wire import AnyQuery, Reply
 
 _MOST = 1000
@@ -21,26 +18,6 @@ them, and with their pairs, and a robot may say anything."""
 _SERVICE = re.compile("[a-z0-9][a-z0-9_-]{0,400}")
 _MOST_SMALL = dict.fromkeys(("image", "file", "secret"), 10_000)
 """Images are nobody's, and one service may have many files."""
-
-
-class TooManyError(Exception):
-    """A robot names more things of a kind than it is believed; the text says how many those are."""
-
-
-@contextlib.contextmanager
-def answers_of(robot: str) -> Iterator[None]:
-    """Read a robot's answers: what goes wrong with them is that robot's failure (TransportError), and nobody else's."""
-    try:
-        yield
-    except SrprovError:
-        raise
-    except TooManyError as error:
-        raise TransportError(
-            robot, str(error), hint="remove there what is not used any more", code=Code.ANSWER
-        ) from error
-    except Exception as error:  # parsers do not raise; the one that does must not end the run of all others
-        message = f"its answers cannot be read: {type(error).__name__}: {text(str(error))}"
-        raise TransportError(robot, message, hint="report it, with what the robot answers", code=Code.ANSWER) from error
 
 
 def observe_queries(kinds: Iterable[str] = tuple(MODULES)) -> tuple[AnyQuery, ...]:

@@ -7,7 +7,8 @@ import json
 import pytest
 
 from srprov.errors import TransportError
-from srprov.facts.observe import answers_of, observe_queries, parse_observed
+from srprov.modules.observe import observe_queries, parse_observed
+from srprov.robot_answers import answers_of
 from srprov.wire import Reply
 
 
