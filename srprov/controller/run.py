@@ -31,6 +31,7 @@ from srprov.execution import Event, Listener, RunOptions, RunResult, run_plan
 from srprov.execution.lock_set import LockSet
 from srprov.owner import owner
 from srprov.record import RunFolder, RunInputs, default_root, event_json, run_id, write_inputs
+from srprov.record.folder import Sink
 
 
 class RunReport(msgspec.Struct, frozen=True, kw_only=True):
@@ -94,18 +95,17 @@ def run(
 def _recording(planned: Planned, fleet: Fleet, verb: str, runs: Path | None) -> RunFolder:
     """Begin the run's folder, with everything that is known before the first act; it is written meanwhile."""
     folder = RunFolder(runs or default_root(), run_id(planned.plan, dt.datetime.now(dt.timezone.utc)))
-    write_inputs(folder, run_inputs(planned, fleet.inventory, verb))
+    record_inputs(folder, planned, fleet.inventory, verb)
     return folder
 
 
-def run_inputs(planned: Planned, inventory: Inventory, verb: str) -> RunInputs:
-    """Return what is recorded of a run before its first act.
+def record_inputs(folder: Sink, planned: Planned, inventory: Inventory, verb: str, *, with_files: bool = True) -> None:
+    """Record what is known of a run before its first act, without its definition files if the caller keeps them.
 
     Its source's commit only where something is to be done: git takes longer than all else that then remains.
     """
     files = definition_files(planned)
-    changing = bool(planned.plan.steps) or verb == "run"
-    return RunInputs(
+    inputs = RunInputs(
         verb=verb,
         owner=owner(),
         version=__version__,
@@ -115,7 +115,8 @@ def run_inputs(planned: Planned, inventory: Inventory, verb: str) -> RunInputs:
         snapshot=planned.snapshot,
         assignment=planned.assignment,
         desired=planned.desired,
-        files=texts(files) or None,
+        files=(texts(files) or None) if with_files else {},
         decided=planned.decided,
-        commit=functools.partial(source_commit, planned, files) if changing else lambda: None,
     )
+    changing = bool(planned.plan.steps) or verb == "run"
+    write_inputs(folder, inputs, functools.partial(source_commit, planned, files) if changing else lambda: None)

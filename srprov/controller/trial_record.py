@@ -16,10 +16,10 @@ from srprov import private
 from srprov.controller.hardware_tokens import tokens
 from srprov.controller.input_files import InputFile, definition_files, listing, reader_files, shipped_files
 from srprov.controller.plan import Planned
-from srprov.controller.run import run_inputs
+from srprov.controller.run import record_inputs
 from srprov.controller.trial_plan import TrialPlan
 from srprov.definitions.model import Inventory
-from srprov.record.documents import inputs, write_inputs
+from srprov.record.documents import inputs
 from srprov.record.folder import PlainFolder
 from srprov.secret import redact
 
@@ -44,7 +44,7 @@ def keep_session(folder: Path, number: int, plan: TrialPlan, inventory: Inventor
     home = folder / SESSIONS / str(number)
     shutil.rmtree(home, ignore_errors=True)
     sink = PlainFolder(home)
-    write_inputs(sink, replace(run_inputs(whole, inventory, "run"), files={}))
+    record_inputs(sink, whole, inventory, "run", with_files=False)
     if whole.snapshot is not None:
         found = tokens(whole.snapshot.facts)
         sink.put_json("hardware.json", lambda: {"tokens": found})

@@ -56,8 +56,6 @@ class RunInputs(msgspec.Struct, frozen=True, kw_only=True):
     """Path -> text of the definition files with all that they name; None: those of the plan's file."""
     decided: Mapping[str, Any] | None = None
     """What else than files and facts led to the placement, when this run decided it."""
-    commit: Callable[[], object] = lambda: None
-    """What a repository has of the definition files; asked while the record is written."""
 
 
 def run_id(plan: Plan, now: dt.datetime) -> str:
@@ -66,10 +64,13 @@ def run_id(plan: Plan, now: dt.datetime) -> str:
     return f"{now.astimezone(dt.timezone.utc):%Y%m%dT%H%M%SZ}-{plan.instance}-{digest[:8]}"
 
 
-def write_inputs(folder: Sink, run: RunInputs) -> None:
-    """Hand everything that is known before the first act to the folder's writer."""
+def write_inputs(folder: Sink, run: RunInputs, commit: Callable[[], object] = lambda: None) -> None:
+    """Hand everything that is known before the first act to the folder's writer.
+
+    `commit` gives what a repository has of the definition files; it is asked when the writer comes to it.
+    """
     begun = dt.datetime.now(dt.timezone.utc)
-    folder.put_json("environment.json", lambda: environment(run, begun))
+    folder.put_json("environment.json", lambda: environment(run, begun, commit()))
     folder.put("plan.txt", lambda: plan_text(run.plan, commands=True))
     folder.put_json("plan.json", lambda: document(run.file))
     folder.put_json("assignment.json", lambda: decision(run.plan, run.assignment))
@@ -138,8 +139,8 @@ def _known(assignment: object) -> dict[str, object]:
     return {name: dict(value) if isinstance(value, Mapping) else value for name, value in kept.items()}
 
 
-def environment(run: RunInputs, begun: dt.datetime) -> dict[str, Any]:
-    """Return who ran what with which versions."""
+def environment(run: RunInputs, begun: dt.datetime, source: object) -> dict[str, Any]:
+    """Return who ran what with which versions; `source` is what a repository has of it, None if nobody knows."""
     return {
         "verb": run.verb,
         "instance": run.plan.instance,
@@ -147,7 +148,7 @@ def environment(run: RunInputs, begun: dt.datetime) -> dict[str, Any]:
         "owner": run.owner,
         "srprov": run.version,
         **this_machine(),
-        **({"source": source} if (source := run.commit()) is not None else {}),
+        **({"source": source} if source is not None else {}),
     }
 
 
