@@ -22,7 +22,7 @@ from srprov.errors import UsageError
 if TYPE_CHECKING:
     from srprov.controller.fleet import Fleet
     from srprov.controller.plan import Planned
-    from srprov.execution.probing import Probing
+    from srprov.execution.probing import OverlayProbe
     from srprov.planning.planfile import PlanFile
     from srprov.secret import Vault
     from srprov.session import Pulse
@@ -121,7 +121,7 @@ def _check_expected(planned: Planned, expected: str) -> None:
         check_hash(planned.plan, expected)
 
 
-def _probing(planned: Planned) -> Probing | None:
+def _probing(planned: Planned) -> OverlayProbe | None:
     """Return what to try after the run, when it will change anything."""
     if planned.plan.empty:
         return None

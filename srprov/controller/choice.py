@@ -17,8 +17,8 @@ from srprov.assignment.model import Assignment, Problem
 from srprov.controller.data import DataNow, data_now, held_fast
 from srprov.controller.ownership import absent, previous_robots
 from srprov.controller.platforms import with_platforms
+from srprov.controller.readiness import of_others
 from srprov.controller.request import PlanRequest
-from srprov.controller.robot_room import of_others
 from srprov.definitions.expand import expand, nowhere
 from srprov.definitions.model import Definitions, Experiment, Inventory
 from srprov.definitions.pins import unknown_pins

@@ -33,10 +33,10 @@ from srprov.controller.phases import Phases
 from srprov.controller.plan_value import plan_value
 from srprov.controller.platforms import check_platforms
 from srprov.controller.playbooks import playbooks
+from srprov.controller.readiness import check_ready, with_log_drivers
 from srprov.controller.render_inputs import RenderInputs
 from srprov.controller.request import PlanRequest
 from srprov.controller.robot_images import BUILDERS, check_never
-from srprov.controller.robot_room import check_room, with_log_drivers
 from srprov.controller.robots_words import at_home
 from srprov.controller.trial_values import at_first_point
 from srprov.definitions.model import Definitions, Experiment, Inventory
@@ -52,7 +52,7 @@ from srprov.modules.secret import with_value
 from srprov.network.layout import layout
 from srprov.network.model import Overlay
 from srprov.network.record import record
-from srprov.planning.amiss import told
+from srprov.planning.amiss import all_notes
 from srprov.planning.diff import diff
 from srprov.planning.limit import limited
 from srprov.planning.plan import Plan, Step
@@ -138,9 +138,9 @@ def make_plan(
     with together():
         inputs = with_layers(_inputs(definitions, choice, placed, overlay, snapshot, source, request, look), look)
         snapshot, desired, steps, unchanged = _compared(inputs, theirs, vault, look)
-    amiss, alone = ((), ()) if request.images_only else told(desired, snapshot.observed)
-    room = check_room(steps, choice, instance, snapshot, look, playbooks=bool(theirs))
-    notes = (*notes, *amiss, *alone, *room, *mtu_notes(overlay, snapshot))
+    amiss, alone = ((), ()) if request.images_only else all_notes(desired, snapshot.observed)
+    unready = check_ready(steps, choice, instance, snapshot, look, playbooks=bool(theirs))
+    notes = (*notes, *amiss, *alone, *unready, *mtu_notes(overlay, snapshot))
     now = replace(inputs, snapshot=snapshot)
     made = plan_value(definitions, now, placed, theirs, steps, unchanged, notes)
     made = replace(made, chosen=any(choice.free or one in choice.new for one in placed.runner_up))
@@ -215,9 +215,9 @@ def _compared(
         return inputs.snapshot, desired, steps, unchanged
     snapshot = look.probe(inputs.snapshot, desired)
     steps, unchanged = diff(desired, owned(snapshot, inputs.instance), inputs.instance)
-    told = with_log_drivers(steps, snapshot, look)
-    if told is not snapshot:
+    with_drivers = with_log_drivers(steps, snapshot, look)
+    if with_drivers is not snapshot:
         # what an engine is asked for now changes how containers are made, and not which
-        desired = _desired(replace(inputs, snapshot=told), theirs, vault)
-        steps, unchanged = diff(desired, owned(told, inputs.instance), inputs.instance)
-    return told, desired, with_differences(steps, told.observed, desired, look), unchanged
+        desired = _desired(replace(inputs, snapshot=with_drivers), theirs, vault)
+        steps, unchanged = diff(desired, owned(with_drivers, inputs.instance), inputs.instance)
+    return with_drivers, desired, with_differences(steps, with_drivers.observed, desired, look), unchanged

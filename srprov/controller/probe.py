@@ -17,7 +17,7 @@ from srprov.controller.fleet import Fleet
 from srprov.controller.ownership import looking
 from srprov.controller.plan import Planned
 from srprov.errors import UsageError
-from srprov.execution.probing import Probing, probe
+from srprov.execution.probing import OverlayProbe, probe
 from srprov.facts.model import Snapshot
 from srprov.modules import MODULES
 from srprov.network.identity import tunnel_name
@@ -58,10 +58,10 @@ def request_for(snapshot: Snapshot, instance: str) -> tuple[Request, tuple[str, 
 
 def probe_fleet(fleet: Fleet, snapshot: Snapshot, request: Request) -> Probed:
     """Probe with the robots as they were found, and look at their entries also when everything works."""
-    return probe(Probing(request=request, architectures=_architectures(snapshot)), fleet.connected(), closer=True)
+    return probe(OverlayProbe(request=request, architectures=_architectures(snapshot)), fleet.connected(), closer=True)
 
 
-def probing_of(planned: Planned) -> Probing | None:
+def probing_of(planned: Planned) -> OverlayProbe | None:
     """Return what to probe after a run; None where nothing is on an overlay, or the plan does not say who is.
 
     Robots that --limit leaves something to do on take no part: nobody says that they work by then.
@@ -81,7 +81,7 @@ def probing_of(planned: Planned) -> Probing | None:
         services = {one.service for one in request.endpoints}
         request = among(request, set(request.robots) - _left_out(planned.whole, planned.plan), services)
     architectures = _architectures(planned.snapshot) if planned.snapshot else {}
-    return Probing(request=request, architectures=architectures) if request and request.robots else None
+    return OverlayProbe(request=request, architectures=architectures) if request and request.robots else None
 
 
 def _left_out(whole: Plan, limited: Plan) -> set[str]:

@@ -19,10 +19,10 @@ from srprov.definitions import (
     dockerfile,
     images,
     merging,
-    mistaken,
     paths,
     remote,
     requirements,
+    right_kind,
     runtime,
     schema,
     unresolved,
@@ -116,7 +116,7 @@ class _ExtendsReader:
         try:
             if dockerfile.is_dockerfile(path):
                 return _as_layer(path, shown)
-            root = mistaken.read(path, "cdf", shown)
+            root = right_kind.read(path, "cdf", shown)
         except DefinitionError as error:
             self.findings.extend(error.problems)
             return None

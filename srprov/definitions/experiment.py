@@ -19,10 +19,10 @@ from srprov.definitions import (
     cdfs,
     checks,
     merging,
-    mistaken,
     paths,
     playbook,
     relations,
+    right_kind,
     schema,
     secrets,
     service,
@@ -60,7 +60,7 @@ def load(path: str, environ: Mapping[str, str], fetch: Fetch | None = None) -> D
 
 
 def _load(path: str, environ: Mapping[str, str], fetch: Fetch | None) -> Definitions:
-    root = mistaken.read(path, "edf")
+    root = right_kind.read(path, "edf")
     if not isinstance(root, Map):
         message = "the file is empty" if root is None else f"an EDF is a map, not {nodes.kind(root)}"
         raise DefinitionError([Diagnostic(Location(path), message, hint="begin with edf: 1", code=Code.WRONG_TYPE)])

@@ -12,7 +12,7 @@ from collections.abc import Collection, Sequence
 from types import MappingProxyType
 
 from srprov.codes import Code
-from srprov.definitions import hostvars, inifile, mistaken, script
+from srprov.definitions import hostvars, inifile, right_kind, script
 from srprov.definitions.groups import Group, HostEntry, HostTree, Variables, variables_of
 from srprov.definitions.model import Inventory
 from srprov.definitions.paths import hide_outside, inside
@@ -129,7 +129,7 @@ def read_one(path: str, tree: HostTree, *, may_run: bool) -> None:
 def _read_yaml(root: Node | None, path: str, tree: HostTree) -> None:
     if root is None:
         return
-    mistaken.check(root, "inventory", path)
+    right_kind.check(root, "inventory", path)
     if not isinstance(root, Map):
         message = f"an inventory is a map of groups, not {nodes.kind(root)}"
         raise DefinitionError([nodes.problem(root, message, "", "begin with all:", code=Code.INVENTORY)])

@@ -10,7 +10,7 @@ from srprov.session import Pulse
 from srprov.wire import EngineCall
 
 if TYPE_CHECKING:
-    from srprov.execution.probing import Probing
+    from srprov.execution.probing import OverlayProbe
     from srprov.planning.plan import Plan
 
 STOP_TIMEOUT_S = 60.0
@@ -41,7 +41,7 @@ class RunOptions(msgspec.Struct, frozen=True, kw_only=True):
     lock_wait_s: float = 0.0
     """How long to wait for a robot that somebody else holds."""
     pulse: Pulse = msgspec.field(default_factory=Pulse)
-    probing: Probing | None = None
+    probing: OverlayProbe | None = None
     """What to try when something on the overlay changed; None: nothing."""
 
 

@@ -13,13 +13,13 @@ from srprov.modules import MODULES
 from srprov.session import Session
 
 if TYPE_CHECKING:
-    from srprov.execution.probing import Probing
+    from srprov.execution.probing import OverlayProbe
     from srprov.probing.verdict import Probed
 
 
 @contextmanager
 def probing_beside(
-    probing: Probing | None, results: Iterable[StepResult], sessions: Mapping[str, Session], stop: threading.Event,
+    probing: OverlayProbe | None, results: Iterable[StepResult], sessions: Mapping[str, Session], stop: threading.Event,
     listener: Listener,
 ) -> Iterator[Callable[[], Probed | None]]:  # fmt: skip
     """Try the overlay while the block runs; what it gives returns what came of that, after the block.
@@ -38,7 +38,7 @@ def probing_beside(
         yield future.result
 
 
-def _changed(probing: Probing, results: Iterable[StepResult]) -> bool:
+def _changed(probing: OverlayProbe, results: Iterable[StepResult]) -> bool:
     """Return whether a run changed a link, or a container that is on the overlay."""
     services = {one.service for one in probing.request.endpoints}
     for one in results:

@@ -32,7 +32,7 @@ from srprov.wire import Query, Reply
 _T = TypeVar("_T")
 
 
-class Probing(msgspec.Struct, frozen=True, kw_only=True):
+class OverlayProbe(msgspec.Struct, frozen=True, kw_only=True):
     """What to probe."""
 
     request: Request
@@ -49,7 +49,7 @@ class _Ready(msgspec.Struct, frozen=True, kw_only=True):
     """Service whose container does not run -> its state."""
 
 
-def probe(probing: Probing, sessions: Mapping[str, Session], *, closer: bool = False) -> Probed:
+def probe(probing: OverlayProbe, sessions: Mapping[str, Session], *, closer: bool = False) -> Probed:
     """Ask everybody, and say what came of it; with `closer`, look at robots also when everything works.
 
     When something fails, robots are looked at, all are asked again, and looked at again: what fails twice counts, and a
@@ -65,7 +65,7 @@ def probe(probing: Probing, sessions: Mapping[str, Session], *, closer: bool = F
     return Probed(found=found, before=before, after=after, seconds=time.monotonic() - begun)
 
 
-def probe_once(probing: Probing, sessions: Mapping[str, Session], *, again: bool = False) -> Round:
+def probe_once(probing: OverlayProbe, sessions: Mapping[str, Session], *, again: bool = False) -> Round:
     """Ask everybody once, all at the same time: two round trips of the shell and one of the engine on each robot.
 
     The second time they wait longer for each other.
@@ -97,7 +97,7 @@ def probe_once(probing: Probing, sessions: Mapping[str, Session], *, again: bool
     return Round(request=asked, said=said, left_out=left_out, lost=lost, namespaces=processes)
 
 
-def _prepare(probing: Probing, robot: str, magic: str, session: Session) -> _Ready:
+def _prepare(probing: OverlayProbe, robot: str, magic: str, session: Session) -> _Ready:
     """Bring the program, and ask which processes its containers are.
 
     Raises:

@@ -23,7 +23,7 @@ def amiss(resource: Resource, item: Observed | None) -> str:
     return why if due is None or due.change.action is Action.UPDATE else ""
 
 
-def told(
+def all_notes(
     wanted: Iterable[Resource], observed: Mapping[str, Iterable[Observed]]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return the notes on what is not as it should be, and on what differs from what is wanted and is right so."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from typing import Any
 
-from srprov.execution.probing import Probing, probe_once
+from srprov.execution.probing import OverlayProbe, probe_once
 from srprov.probing.verdict import Probed
 from srprov.wire import Put, Reply, Run
 from tests.unit.probing.worlds import ROBOTS, name_of, request
@@ -37,7 +37,7 @@ def lines(robot: str) -> list[str]:
 
 def tried(said: dict[str, str]) -> Probed:
     sessions: Any = {robot: Robot(said[robot]) for robot in ROBOTS}
-    return Probed(found=probe_once(Probing(request=WHOLE, architectures=dict.fromkeys(ROBOTS, "amd64")), sessions))
+    return Probed(found=probe_once(OverlayProbe(request=WHOLE, architectures=dict.fromkeys(ROBOTS, "amd64")), sessions))
 
 
 def test_a_robot_that_is_silent_of_some_of_its_endpoints_is_named() -> None:

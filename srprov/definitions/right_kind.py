@@ -1,7 +1,7 @@
-"""A file of another kind that was named where a definition is read: which kind it is, and what to do with it.
+"""Documents of the kind that is wanted: an EDF, a CDF or an inventory. A file of another kind is refused by its name.
 
-Takes a document, or the text of one that cannot be read as YAML; gives one problem in the place of all those that it
-would have as a definition. Pure.
+Takes a path, or a document; gives the document, or one problem in the place of all those that a file of another kind
+would have: which kind it is, and what to do with it. Touches the file for reading.
 """
 
 from __future__ import annotations

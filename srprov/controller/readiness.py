@@ -60,7 +60,7 @@ class Placed(Protocol):
         """Return service -> robot."""
 
 
-def check_room(
+def check_ready(
     steps: Sequence[Step], placed: Placed, instance: str, snapshot: Snapshot, look: Gathering, *, playbooks: bool
 ) -> tuple[str, ...]:  # fmt: skip
     """Ask the robots of new containers for what those need of them.
