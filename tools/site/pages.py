@@ -24,7 +24,7 @@ GROUPS = {
     ),
     "Reference": ("reference/verbs", "reference/fields", "CHANGELOG"),
     "Behind it": (
-        "docs/architecture", "docs/decisions", "docs/trust", "docs/paper", "CONTRIBUTING", "SECURITY",
+        "docs/architecture", "docs/walk", "docs/decisions", "docs/trust", "docs/paper", "CONTRIBUTING", "SECURITY",
         "benchmarks/provisioning/README", "benchmarks/images/README", "benchmarks/transfer/README",
         "benchmarks/network/README", "benchmarks/containers/README", "benchmarks/trials/README",
     ),
