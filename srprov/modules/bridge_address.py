@@ -2,7 +2,7 @@
 
 A service with `network: both` is on the robot's own network, so that its address on the overlay is one of the robot's:
 it stands on the instance's bridge, with a label that tells it from Docker's own. The bridge gets a fixed MAC, for which
-the other robots have a forwarding entry.
+the other robots have a forwarding entry: what a robot itself says on the overlay would go to all of them otherwise.
 
 Source: Linux `ip-sysctl`, arp_notify: when the MAC of a link is set, all of its addresses are announced. So whoever
 remembers where an address was before learns at once where it is now. ip-address(8) on labels.
@@ -61,9 +61,9 @@ def differences(mac: str, addresses: Collection[str], state: State) -> list[str]
     return causes
 
 
-def announcing(bridge: str, addresses: Collection[str]) -> list[str]:
-    """Return the shell line that has the kernel announce addresses when the bridge's MAC is set."""
-    return [f"echo 1 >{quote(f'/proc/sys/net/ipv4/conf/{bridge}/arp_notify')} || exit"] if addresses else []
+def announcing(bridge: str, mac: str) -> list[str]:
+    """Return the shell line that has the kernel announce the bridge's addresses when its MAC is set."""
+    return [f"echo 1 >{quote(f'/proc/sys/net/ipv4/conf/{bridge}/arp_notify')} || exit"] if mac else []
 
 
 def calls(bridge: str, mac: str, wanted: Sequence[str], there: Sequence[str] | None) -> list[list[str]]:

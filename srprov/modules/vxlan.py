@@ -164,7 +164,7 @@ def _script(
     links = [*first, *_ip_calls(name, want, new=new, had=had)]
     entries = fdb_calls(name, known, want.fdb)
     guard = [closed_first(name)] if new and not want.netns and name.startswith(_PREFIX) else []
-    notify = bridge_address.announcing(want.bridge, want.addresses)
+    notify = bridge_address.announcing(want.bridge, want.bridge_mac)
     return (Run(script="\n".join([*guard, *notify, *batch(["ip"], links), *batch(["bridge"], entries)])),)
 
 

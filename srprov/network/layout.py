@@ -59,7 +59,7 @@ def layout(
     _check_vteps(members, vteps, snapshot, persist=experiment.network.persist)
     identity = identify(instance, experiment.network, snapshot, record)
     given = allocate(instance, identity.subnet, on_overlay, members, record)
-    macs, bridges = _macs(instance, experiment, placed, given.macs, vteps)
+    macs, bridges = _macs(instance, experiment, given.macs, vteps)
     plain = replace(
         _named(instance, experiment, placed, underlays, given.services),
         vni=identity.vni,
@@ -157,14 +157,12 @@ def _mtu(
 def _macs(
     instance: str,
     experiment: Experiment,
-    placed: Mapping[str, str],
     given: Mapping[str, str],
     vteps: Mapping[str, str],
 ) -> tuple[dict[str, str], dict[str, str]]:
-    """Return the MACs of services with an interface of their own, and of the bridges that have those of `both`."""
+    """Return the MACs of services with an interface of their own, and of all members' bridges."""
     macs = {name: mac for name, mac in given.items() if experiment.services[name].network == "overlay"}
-    bridged = {placed[name] for name in given if name not in macs}
-    return macs, bridge_macs(instance, bridged & vteps.keys(), macs.values())
+    return macs, bridge_macs(instance, vteps.keys(), macs.values())
 
 
 def _entries(

@@ -45,7 +45,7 @@ class Overlay(msgspec.Struct, frozen=True, kw_only=True):
     macs: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Service with an interface of its own -> its MAC; `both` has none, its address is on the robot's bridge."""
     bridge_macs: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
-    """Member robot with a service of `both` -> the MAC that its bridge is given, which others have entries for."""
+    """Member robot -> the MAC that its bridge is given, which others have entries for."""
     gateways: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Member robot -> its bridge's address."""
     vteps: Mapping[str, str] = msgspec.field(default_factory=lambda: MappingProxyType({}))
@@ -53,7 +53,7 @@ class Overlay(msgspec.Struct, frozen=True, kw_only=True):
     flood: Mapping[str, tuple[str, ...]] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Member robot -> the VTEPs of all other members, inside of a tunnel: its all-zero forwarding entries."""
     fdb: Mapping[str, tuple[tuple[str, str], ...]] = msgspec.field(default_factory=lambda: MappingProxyType({}))
-    """Member robot -> (MAC, VTEP, inside of a tunnel) of every service on another member; for those of `both`, of their
+    """Member robot -> (MAC, VTEP, inside of a tunnel) of every service on another member, and of every other
     robot's bridge."""
     tunnel: Tunnel | None = None
     """What encrypts it, if anything does. Then packets come from and go to the robots' `gateways`, inside of it."""

@@ -306,6 +306,7 @@ def test_plan_json_is_canonical_and_holds_only_json() -> None:
         {"engine": "POST", "path": "/images/create", "params": {"fromImage": "busybox", "tag": "latest"}}
     ]
     assert set(by_module["file"]["commands"][0]) == {"put", "bytes", "sha256", "mode", "in_place"}
-    guard, _, calls = by_module["vxlan"]["commands"][0]["run"].partition("\n")
-    assert guard.endswith("exit 1 ;; esac") and calls.startswith("ip -batch - <<'_END_OF_CALLS_' || exit\nlink add")
+    guard, notify, calls = by_module["vxlan"]["commands"][0]["run"].split("\n", 2)
+    assert guard.endswith("exit 1 ;; esac") and notify.endswith("/arp_notify || exit")
+    assert calls.startswith("ip -batch - <<'_END_OF_CALLS_' || exit\nlink add")
     assert first["counts"] == {"create": 14, "update": 0, "replace": 0, "delete": 0, "run": 0}
