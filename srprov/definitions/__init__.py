@@ -173,12 +173,12 @@ def file_kind(path: str) -> str:
     Raises:
         DefinitionError: Its content has to tell, and it cannot be read.
     """
-    from srprov.definitions import dockerfile
+    from srprov.definitions import dockerfile, files_below
     from srprov.yamldoc import loader
     from srprov.yamldoc.nodes import Map
 
-    if path.endswith((".edf", ".cdf")):
-        return path[-3:]
+    if named := files_below.kind_by_name(path):
+        return named
     if dockerfile.is_dockerfile(path):
         return "cdf"
     if os.path.isdir(path) or not path.endswith((".yml", ".yaml", ".json")) or os.access(path, os.X_OK):

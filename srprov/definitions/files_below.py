@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from srprov.codes import Code
 from srprov.errors import UsageError
 
-ENDINGS = (".edf", ".cdf", *(f"{kind}.{yaml}" for kind in (".edf", ".cdf") for yaml in ("yml", "yaml")))
+ENDINGS = {f".{kind}{yaml}": kind for kind in ("edf", "cdf") for yaml in ("", ".yml", ".yaml")}
 _MOST_FILES = 1000
 _MOST_LOOKED_AT = 50_000
 _DEEPEST = 8
@@ -26,13 +26,22 @@ def with_files_below(paths: Sequence[str]) -> list[str]:
     return list(dict.fromkeys(found))
 
 
+def kind_by_name(path: str) -> str:
+    """Return `edf` or `cdf` where a file's name says so; else nothing.
+
+    Such a file is never an inventory, whatever is in it and whoever may run it: an inventory may be a program.
+    """
+    name = path.lower()
+    return next((kind for ending, kind in ENDINGS.items() if name.endswith(ending)), "")
+
+
 def _below(top: str) -> list[str]:
     found: list[str] = []
     seen = 0
     for folder, folders, files in os.walk(top):
         deep = os.path.relpath(folder, top).count(os.sep) + 1 >= _DEEPEST
         folders[:] = [] if deep else sorted(name for name in folders if not name.startswith("."))
-        found += [os.path.join(folder, name) for name in files if name.lower().endswith(ENDINGS)]
+        found += [os.path.join(folder, name) for name in files if kind_by_name(name)]
         seen += len(files) + len(folders)
         if len(found) > _MOST_FILES or seen > _MOST_LOOKED_AT:
             hint = "name the files, or a folder of one experiment"

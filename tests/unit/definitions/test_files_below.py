@@ -61,3 +61,24 @@ def test_a_job_that_is_always_started_again_is_refused_at_its_line(
 def test_a_job_may_be_tried_again_when_it_fails(tmp_path: Path) -> None:
     (tmp_path / "e.edf").write_text(EDF.replace("busybox", "busybox, job: true, restart: 'on-failure:3'"))
     assert run(["validate", str(tmp_path / "e.edf")]) == 0
+
+
+@pytest.mark.parametrize("name", ["a.edf.yml", "a.cdf.yaml", "a.EDF", "a.edf", "sub/a.Cdf.Yml"])
+def test_a_definition_that_could_be_run_is_not(tmp_path: Path, name: str) -> None:
+    """An inventory may be a program; what is called a definition is none, whoever names it, as a CI does."""
+    ran, program = tmp_path / "ran", tmp_path / "project" / name
+    program.parent.mkdir(parents=True)
+    program.write_text(f"#!/bin/sh\ntouch {ran}\necho '{{}}'\n")
+    program.chmod(0o755)
+    assert run(["validate", str(tmp_path / "project")]) == 5
+    assert run(["validate", "--format", "json", "--", str(program)]) == 5
+    assert not ran.exists()
+
+
+def test_a_definition_is_none_of_ansible_s_inventories(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Of one, variables beside it would be read, wherever links lead, and keys that it names."""
+    (tmp_path / "a.edf.yml").write_text("all: {hosts: {robot1: {ansible_ssh_private_key_file: /none}}}\n")
+    (tmp_path / "host_vars").mkdir()
+    (tmp_path / "host_vars" / "robot1").symlink_to("/")
+    assert run(["validate", str(tmp_path)]) == 5
+    assert "inventory" in capsys.readouterr().out
