@@ -7,6 +7,7 @@ Each pod has the selector of its robot's node: the assignment stays srprov's.
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from typing import Any
@@ -94,6 +95,11 @@ def _check_names(experiment: Experiment, services: Iterable[Service]) -> None:
     ]
     if not LABEL.fullmatch(experiment.name):
         words = "cannot be exported: a namespace's name starts and ends with a letter or digit"
+        problems.append(
+            Diagnostic(next(iter(experiment.services.values())).location, words, "name", code=Code.NOT_TRANSLATED)
+        )
+    elif experiment.name == "default" or experiment.name.startswith("kube-"):
+        words = "cannot be exported: a namespace of this name is Kubernetes' own"
         problems.append(
             Diagnostic(next(iter(experiment.services.values())).location, words, "name", code=Code.NOT_TRANSLATED)
         )
@@ -190,7 +196,8 @@ def _variables(wanted: Wanted, services: Sequence[Service]) -> Iterator[Need]:
     for name in cluster.open_names(wanted, services):
         what = (
             f"Its value, in the Secret '{ENVIRONMENT}': `kubectl create secret generic {ENVIRONMENT} "
-            f"-n {wanted.definitions.experiment.name} --from-literal={name}=…`, with all such variables at once."
+            f"-n {wanted.definitions.experiment.name} --from-literal={shlex.quote(name)}=…`, with all such "
+            "variables at once."
         )
         yield Need(kind="variable", name=name, what=what)
 

@@ -1,6 +1,7 @@
 """One service of an experiment as a pod of Kubernetes: container, probes, security, resources. Pure.
 
-`$(NAME)` means a variable in commands and values of Kubernetes, and never in an EDF: each such dollar is doubled.
+`$(NAME)` means a variable in commands and values of Kubernetes, `$$` one dollar, and neither does in an EDF: each such
+dollar is doubled. Source: k8s.io/kubernetes/third_party/forked/golang/expansion.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ ENVIRONMENT = "environment"
 _PULL = {"missing": "IfNotPresent", "always": "Always", "never": "Never", "build": "IfNotPresent"}
 _NO_NEW = ("no-new-privileges", "no-new-privileges:true", "no-new-privileges=true")
 _GPU = "nvidia.com/gpu"
+_MEANS = re.compile(r"\$(?=[$(])")
 _NO_FIELD = "a pod has no such field, but for"
 LABEL = re.compile(r"[a-z0-9]([a-z0-9-]{0,61}[a-z0-9])?")
 """What names of pods, Services, hosts and namespaces may be: a DNS label, RFC 1123."""
@@ -109,7 +111,7 @@ def pod_remarks(service: Service) -> Iterator[Remark]:
 
 def literal(text: str) -> str:
     """Return a text in which Kubernetes replaces nothing."""
-    return text.replace("$(", "$$(")
+    return _MEANS.sub("$$", text)
 
 
 def filled(given: Mapping[str, Any]) -> dict[str, Any]:
@@ -167,7 +169,7 @@ def _probes(check: HealthCheck | None) -> dict[str, Any]:
     command = ["/bin/sh", "-c", *words] if kind == "CMD-SHELL" else words
     every = max(1, math.ceil(check.interval_s))
     probe = {
-        "exec": {"command": command},
+        "exec": {"command": [literal(word) for word in command]},
         "periodSeconds": every,
         "timeoutSeconds": max(1, math.ceil(check.timeout_s)),
     }

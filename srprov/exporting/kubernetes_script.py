@@ -8,6 +8,15 @@ from srprov.definitions.model import Experiment
 from srprov.exporting.swarm_script import BUILD, build_script
 
 APPLY = "apply.sh"
+_WHOSE = r"""
+# an experiment of a stranger's may have any name: what it brings closes its namespace to others
+if whose=$(kubectl get namespace "$namespace" -o 'jsonpath={.metadata.labels.srprov\.instance}' 2>/dev/null) &&
+    [ "$whose" != "$namespace" ]; then
+    echo "the namespace $namespace is there, and no experiment of that name made it: give the experiment" >&2
+    echo "another name, or if it is meant: kubectl label namespace $namespace srprov.instance=$namespace" >&2
+    exit 1
+fi
+"""
 
 _AWAIT = r"""
 # await SERVICE started|healthy|completed: until its pod says so
@@ -41,7 +50,7 @@ def apply_script(experiment: Experiment, levels: Sequence[Sequence[str]]) -> str
     lines += ['set -eu; cd "$(dirname "$0")"', f"namespace={experiment.name}", 'limit="${LIMIT:-300}"']
     if len(levels) > 1:
         lines.append(_AWAIT.rstrip("\n") + "\n")
-    lines.append("kubectl apply -f 00-namespace.yaml")
+    lines += [_WHOSE.strip("\n"), "kubectl apply -f 00-namespace.yaml"]
     for number, names in enumerate(levels):
         lines += [f"await {name} {condition}" for name, condition in _needed(experiment, names)]
         lines.append(f"kubectl apply -f {(number + 1) * 10}-level.yaml")

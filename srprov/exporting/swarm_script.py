@@ -9,6 +9,16 @@ from srprov.definitions.model import Experiment
 
 BUILD, DEPLOY = "build.sh", "deploy.sh"
 
+_WHOSE = r"""
+# an experiment of a stranger's may have any name: its services would take the place of another stack's
+for service in $(docker stack services -q "$stack" 2>/dev/null || true); do
+    if [ "$(docker service inspect -f '{{index .Spec.Labels "srprov.instance"}}' "$service")" != "$stack" ]; then
+        echo "the stack $stack is there, and no experiment of that name made it: give the experiment another name," >&2
+        echo "or if it may go: docker stack rm $stack" >&2
+        exit 1
+    fi
+done
+"""
 _AWAIT = r"""
 # await SERVICE STATE: until its newest task says so
 await() {
@@ -41,6 +51,7 @@ def deploy_script(experiment: Experiment, levels: Sequence[Sequence[str]]) -> st
     """Return a script that deploys each level's file when what it needs is there."""
     lines = ["#!/bin/sh", f"# Starts {experiment.name} on a Docker Swarm; to be called on a manager."]
     lines += ['set -eu; cd "$(dirname "$0")"', f"stack={shlex.quote(experiment.name)}", 'limit="${LIMIT:-300}"']
+    lines.append(_WHOSE.strip("\n"))
     if len(levels) > 1:
         lines.append(_AWAIT.rstrip("\n") + "\n")
     for number, names in enumerate(levels):

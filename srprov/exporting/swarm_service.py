@@ -114,6 +114,7 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True):
         return {
             # an address of its own for each task: middleware tells its peers the address that it has
             "endpoint_mode": "dnsrr",
+            "labels": {"srprov.instance": self.experiment.name},
             "placement": {"constraints": [f"node.hostname=={self.wanted.placed[service.name]}"]},
             "restart_policy": _restart(run.restart),
             **({"resources": resources} if resources else {}),

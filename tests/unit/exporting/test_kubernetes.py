@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
 import subprocess
+from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
@@ -175,8 +178,74 @@ echo "$*" >>"$LOG"
 case "$*" in
     "get pods"*srprov.service=job*) echo "Failed False"; echo "Succeeded False" ;;
     "get pods"*) echo "Running False" ;;
+    "get namespace"*) printf %s "$WHOSE"; [ -n "$THERE" ] ;;
 esac
 """
+
+
+def apply(folder: Path, script: bytes, whose: str | None = None) -> tuple[subprocess.CompletedProcess[str], list[str]]:
+    """Run a script with a cluster that has the namespace of `whose`, or has none; return it and what it applied."""
+    (folder / "kubectl").write_text(KUBECTL)
+    (folder / "apply.sh").write_bytes(script)
+    (folder / "kubectl").chmod(0o755)
+    (folder / "log").write_text("")
+    env = {"PATH": f"{folder}:{os.environ['PATH']}", "LOG": str(folder / "log"), "LIMIT": "0"}
+    env |= {"WHOSE": whose or "", "THERE": "" if whose is None else "1"}
+    run = subprocess.run(["sh", str(folder / "apply.sh")], env=env, capture_output=True, text=True, check=False)
+    return run, [line for line in (folder / "log").read_text().splitlines() if line.startswith("apply")]
+
+
+def test_a_namespace_of_somebody_else_is_left_alone(tmp_path: Path) -> None:
+    """An experiment that is called as it would close it to others, and its end would be `kubectl delete namespace`."""
+    script = contents(on_cluster("kubernetes", experiment(tmp_path, "services: {a: {image: x}}")))["apply.sh"]
+    for whose in ("", "another"):
+        run, applied = apply(tmp_path, script, whose)
+        assert (run.returncode, applied) == (1, []) and "the namespace demo is there" in run.stderr
+    for mine in (None, "demo"):
+        run, applied = apply(tmp_path, script, mine)
+        assert (run.returncode, applied) == (0, ["apply -f 00-namespace.yaml", "apply -f 10-level.yaml"])
+
+
+@pytest.mark.parametrize("name", ["default", "kube-system", "kube-x"])
+def test_a_namespace_of_kubernetes_own_is_refused(tmp_path: Path, name: str) -> None:
+    edf = experiment(tmp_path, "services: {a: {image: x}}")
+    edf.write_text(edf.read_text().replace("name: demo", f"name: {name}"))
+    with pytest.raises(DefinitionError) as refused:
+        on_cluster("kubernetes", edf, lossy=True)
+    assert [(one.path, "Kubernetes' own" in one.message) for one in refused.value.problems] == [("name", True)]
+
+
+def expanded(text: str, known: Mapping[str, str]) -> str:
+    """Return what Kubernetes makes of a text, by its own rules.
+
+    Source: k8s.io/kubernetes/third_party/forked/golang/expansion/expand.go.
+    """
+
+    def one(match: re.Match[str]) -> str:
+        return "$" if match[0] == "$$" else known.get(match[1], match[0])
+
+    return re.sub(r"\$\$|\$\(([^)]*)\)", one, text)
+
+
+@pytest.mark.parametrize("text", ["$(A)", "$$(A)", "$$$(A)", "$$", "$", "a$$b", "$A $$(A)$$$", "$(A", "$)$($"])
+def test_a_text_is_the_same_in_a_pod(tmp_path: Path, text: str) -> None:
+    """In commands, in values, and in probes, in which the kubelet replaces variables too."""
+    edf = experiment(tmp_path, "services: {a: {image: x, command: [COMMAND], environment: {V: COMMAND}}}")
+    words = json.dumps(text)
+    check = f"healthcheck: {{test: [CMD, {words}]}}"
+    edf.write_text(edf.read_text().replace("COMMAND", words).replace("image: x", f"image: x, {check}"))
+    one = pod(on_cluster("kubernetes", edf), "a")["containers"][0]
+    value = next(each["value"] for each in one["env"] if each["name"] == "V")
+    for shown in (*one["args"], value, *one["readinessProbe"]["exec"]["command"]):
+        assert expanded(shown, {"A": "other"}) == text
+
+
+def test_a_variable_s_name_is_one_word_of_the_command_that_is_told(tmp_path: Path) -> None:
+    """A stranger chose it, and the command is there to be copied into a shell."""
+    edf = experiment(tmp_path, "services: {a: {image: x, environment: ['A;touch${IFS}x;']}}")
+    made = on_cluster("kubernetes", edf, None, "env")
+    said = next(one.what for one in made.needs if one.kind == "variable")
+    assert "--from-literal='A;touch${IFS}x;'=…" in said
 
 
 def test_the_script_applies_level_by_level_and_says_what_it_misses(tmp_path: Path) -> None:
@@ -185,11 +254,6 @@ def test_the_script_applies_level_by_level_and_says_what_it_misses(tmp_path: Pat
         " healthcheck: {test: 'true'}}\n  b: {image: x, depends_on: {a: {condition: healthy}}}\n"
     )
     made = contents(on_cluster("kubernetes", experiment(tmp_path, text)))
-    (tmp_path / "kubectl").write_text(KUBECTL)
-    (tmp_path / "apply.sh").write_bytes(made["apply.sh"])
-    (tmp_path / "kubectl").chmod(0o755)
-    env = {"PATH": f"{tmp_path}:{os.environ['PATH']}", "LOG": str(tmp_path / "log"), "LIMIT": "0"}
-    run = subprocess.run(["sh", str(tmp_path / "apply.sh")], env=env, capture_output=True, text=True, check=False)
-    applied = [line for line in (tmp_path / "log").read_text().splitlines() if line.startswith("apply")]
+    run, applied = apply(tmp_path, made["apply.sh"])
     assert applied == ["apply -f 00-namespace.yaml", "apply -f 10-level.yaml", "apply -f 20-level.yaml"]
     assert (run.returncode, "a: not healthy after 0 s" in run.stderr) == (1, True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 from pathlib import Path
 from typing import Any
@@ -60,6 +61,7 @@ def test_every_field_that_swarm_can_do_has_its_form(tmp_path: Path) -> None:
     assert one["extra_hosts"] == ["cloud:192.0.2.7"]
     assert one["deploy"] == {
         "endpoint_mode": "dnsrr",
+        "labels": {"srprov.instance": "demo"},
         "placement": {"constraints": ["node.hostname==r1"]},
         "restart_policy": {"condition": "on-failure", "max_attempts": 3},
         "resources": {
@@ -147,6 +149,29 @@ def test_levels_are_files_and_the_script_waits_between(tmp_path: Path) -> None:
     path = tmp_path / "deploy.sh"
     path.write_text(script)
     assert subprocess.run(["sh", "-n", str(path)], check=False).returncode == 0
+
+
+DOCKER = """\
+#!/bin/sh
+case "$*" in
+    "stack services -q demo") printf %s "$THERE" ;;
+    "service inspect "*) echo "$WHOSE" ;;
+    *) echo "$*" >>"$LOG" ;;
+esac
+"""
+
+
+@pytest.mark.parametrize(("there", "whose", "code"), [("", "", 0), ("x", "demo", 0), ("x", "", 1), ("x y", "other", 1)])
+def test_a_stack_of_somebody_else_is_left_alone(tmp_path: Path, there: str, whose: str, code: int) -> None:
+    """A stranger's experiment may have the name of one that is there: its services would be replaced."""
+    script = contents(on_cluster("swarm", experiment(tmp_path, "services: {a: {image: x}}")))["deploy.sh"]
+    for name, content in (("docker", DOCKER.encode()), ("deploy.sh", script), ("log", b"")):
+        (tmp_path / name).write_bytes(content)
+        (tmp_path / name).chmod(0o755)
+    env = {"PATH": f"{tmp_path}:{os.environ['PATH']}", "LOG": str(tmp_path / "log"), "THERE": there, "WHOSE": whose}
+    run = subprocess.run(["sh", str(tmp_path / "deploy.sh")], env=env, capture_output=True, text=True, check=False)
+    assert (run.returncode, "the stack demo is there" in run.stderr) == (code, bool(code))
+    assert ("stack deploy" in (tmp_path / "log").read_text()) is not bool(code)
 
 
 @pytest.mark.parametrize("kind", ["static-peers", "ros1", "discovery-server", "zenoh", "multicast"])
