@@ -19,8 +19,8 @@ from srprov.codes import Code
 from srprov.errors import UsageError
 
 if TYPE_CHECKING:
+    from srprov.controller.copied import Copied
     from srprov.controller.copied_in import Owner
-    from srprov.controller.copied_out import Copied
     from srprov.controller.copying import InService
     from srprov.controller.located import Located
     from srprov.session import Session
@@ -105,7 +105,7 @@ def _located(
 
 
 def _out(session: Session, container: str, source: InService, target: str, *, preserve: bool) -> int:
-    from srprov.controller.copied_out import Copied
+    from srprov.controller.copied import Copied
     from srprov.controller.copying import copy_out, raw_out
 
     if target == "-":
@@ -122,7 +122,7 @@ def _out(session: Session, container: str, source: InService, target: str, *, pr
 
 
 def _into(session: Session, container: str, source: str, target: InService, owner: Owner) -> int:
-    from srprov.controller.copied_out import Copied
+    from srprov.controller.copied import Copied
     from srprov.controller.copying import copy_into, raw_into
 
     copied = Copied()
@@ -170,6 +170,8 @@ def _shown(copied: Copied) -> Iterator[None]:
 def _told(copied: Copied) -> int:
     for line in copied.left_out:
         err(f"left out: {line}")
+    if copied.more_left_out:
+        err(f"left out: {copied.more_left_out} more")
     err(f"{_amount(copied)} copied")
     return FAILED if copied.left_out else 0
 

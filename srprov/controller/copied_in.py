@@ -9,14 +9,14 @@ from __future__ import annotations
 import os
 import stat
 import tarfile
-from collections.abc import Iterator
+from collections.abc import Generator, Iterator
 
 import msgspec
 
 from srprov import regular_file
 from srprov.codes import Code
-from srprov.controller.copied_out import Copied
-from srprov.errors import UsageError, visible
+from srprov.controller.copied import Copied
+from srprov.errors import UsageError
 
 _BLOCK = 512
 _PIECE = 1 << 20
@@ -50,16 +50,21 @@ def tar_of(path: str, name: str, owner: Owner, copied: Copied) -> Iterator[bytes
 
 
 def _any(path: str, name: str, owner: Owner, copied: Copied) -> Iterator[bytes]:
-    mode = os.stat(path, follow_symlinks=False).st_mode
-    if stat.S_ISDIR(mode):
-        yield from _folder(path, name, owner, copied)
-    elif stat.S_ISREG(mode):
-        yield from _file(path, name, owner, copied)
-    else:
-        copied.left_out.append(f"{visible(path)}: a device, pipe or socket")
+    left = [(path, name)]
+    while left:  # folders lie as deep as a path is long, which is deeper than functions may call each other
+        path, name = left.pop()
+        mode = os.stat(path, follow_symlinks=False).st_mode
+        if stat.S_ISDIR(mode):
+            below = yield from _folder(path, name, owner)
+            left += [(os.path.join(path, one), os.path.join(name, one)) for one in reversed(below)]
+        elif stat.S_ISREG(mode):
+            yield from _file(path, name, owner, copied)
+        else:
+            copied.leave_out(path, "a device, pipe or socket")
 
 
-def _folder(path: str, name: str, owner: Owner, copied: Copied) -> Iterator[bytes]:
+def _folder(path: str, name: str, owner: Owner) -> Generator[bytes, None, list[str]]:
+    """Yield a folder and the links in it; return what else is in it."""
     with regular_file.real_folder(path) as descriptor:
         if name:
             yield _header(name, os.fstat(descriptor), owner, tarfile.DIRTYPE)
@@ -68,9 +73,7 @@ def _folder(path: str, name: str, owner: Owner, copied: Copied) -> Iterator[byte
         for one, leads_to in links.items():
             about = os.stat(one, dir_fd=descriptor, follow_symlinks=False)
             yield _header(os.path.join(name, one), about, owner, tarfile.SYMTYPE, leads_to)
-    for one in below:
-        if one not in links:
-            yield from _any(os.path.join(path, one), os.path.join(name, one), owner, copied)
+    return [one for one in below if one not in links]
 
 
 def _is_link(name: str, folder: int) -> bool:

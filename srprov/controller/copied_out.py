@@ -15,12 +15,12 @@ import secrets
 import stat
 import tarfile
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 
 import msgspec
 
 from srprov.codes import Code
-from srprov.errors import UsageError, visible
+from srprov.controller.copied import Copied
+from srprov.errors import UsageError
 from srprov.transport.tar_stream import TarError, TarStream
 
 MOST_MEMBERS = 200_000
@@ -28,16 +28,6 @@ _LEFT_FREE, _LOOK = 512 << 20, 32 << 20
 """Bytes of the disk that no copy takes, and between two looks at it."""
 _FOLDER = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
 _NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
-
-
-@dataclass
-class Copied:
-    """What was copied so far; it is told while more comes."""
-
-    files: int = 0
-    bytes: int = 0
-    left_out: list[str] = field(default_factory=list)
-    """What was not, and why."""
 
 
 class Target(msgspec.Struct, frozen=True, kw_only=True):
@@ -101,18 +91,17 @@ class _Tree:
         if not parts:
             raise UsageError("what is to be copied is neither a file nor a folder", code=Code.NO_FILE)
         folder = self._enter(parts[:-1])
-        shown = visible("/".join(parts))
         if header.isreg():
             self._file(folder, parts, header, content)
         elif header.issym() and stays_inside(len(parts) - self._above - 1, header.linkname):
             with self._beside(folder, parts) as name:
                 os.symlink(header.linkname, name, dir_fd=folder)
         elif header.issym():
-            self._copied.left_out.append(f"{shown}: a link that leads out of it, to {visible(header.linkname)}")
+            self._copied.leave_out("/".join(parts), f"a link that leads out of it, to {header.linkname}")
         elif header.islnk():
             self._hard_link(folder, parts, header)
         else:
-            self._copied.left_out.append(f"{shown}: a device, pipe or socket")
+            self._copied.leave_out("/".join(parts), "a device, pipe or socket")
 
     @property
     def _above(self) -> int:

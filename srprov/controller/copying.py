@@ -14,8 +14,9 @@ import msgspec
 
 from srprov.codes import Code
 from srprov.container_files import ContainerFiles, InContainer
+from srprov.controller.copied import Copied
 from srprov.controller.copied_in import Owner, tar_of
-from srprov.controller.copied_out import Copied, Target, unpack
+from srprov.controller.copied_out import Target, unpack
 from srprov.errors import UsageError
 
 

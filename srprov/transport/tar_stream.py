@@ -19,6 +19,8 @@ _BLOCK = 512
 _RECORD = 10_240
 _LONGEST_EXTENDED = 64 << 10
 _LONGEST_PATH = 4096
+_MOST_NAMES = 32 << 20
+"""Characters of all names and links together: whoever reads them may keep them."""
 _MOST_MEMBERS = 4096
 """An image has at most 127 layers, each a folder and up to three files."""
 _MOST_BYTES = 64 << 30
@@ -45,9 +47,12 @@ class TarStream:
         Raises:
             TarError: A header is none that an engine writes, or there are too many, or they hold too much.
         """
-        count = total = 0
+        count = total = names = 0
         while header := self._header():
             count, total = count + 1, total + header.size
+            names += len(header.name) + len(header.linkname)
+            if names > _MOST_NAMES:
+                raise TarError(f"its names have more than {_MOST_NAMES >> 20} Mi characters")
             if count > self._most or total > _MOST_BYTES:
                 raise TarError(f"it has more than {self._most} members, or {_MOST_BYTES >> 30} GiB")
             self._left, self._padding = header.size, -header.size % _BLOCK

@@ -18,10 +18,12 @@ import pytest
 from srprov.codes import Code
 from srprov.container_files import InContainer
 from srprov.controller import copied_out
+from srprov.controller.copied import Copied
 from srprov.controller.copied_in import Owner, tar_of
-from srprov.controller.copied_out import Copied, Target, stays_inside, unpack
+from srprov.controller.copied_out import Target, stays_inside, unpack
 from srprov.controller.copying import InService, copy_into, copy_out, place, raw_into, raw_out
 from srprov.errors import UsageError
+from srprov.transport import tar_stream
 
 TIME = 1_600_000_000
 
@@ -418,3 +420,29 @@ def test_a_container_without_end_does_not_fill_the_disk(here: Path, monkeypatch:
     with pytest.raises(OSError, match="512 MiB would be free"):
         unpack(sent, Target(folder=str(here), name="a"), copied, preserve=False)
     assert copied.bytes < 4 << 20 and not (here / "a").exists() and not list(here.glob(".srprov-*"))
+
+
+def test_names_and_what_is_left_out_take_a_bounded_memory(here: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A container has as many pipes as it likes, and names of 4096 characters that each are shown as six."""
+    many = tar(("d", DIR, ""), *((f"d/{at}" + "\u202e" * 1000, FIFO, "") for at in range(1100)))
+    copied = Copied()
+    unpack(iter([many]), Target(folder=".", name="copy"), copied, preserve=False)
+    assert (len(copied.left_out), copied.more_left_out) == (1000, 100)
+    assert max(map(len, copied.left_out)) < 3000
+    monkeypatch.setattr(tar_stream, "_MOST_NAMES", 1 << 20)
+    with pytest.raises(UsageError, match="its names have more than 1 Mi characters"):
+        unpack(iter([many]), Target(folder=".", name="copy"), Copied(), preserve=False)
+
+
+def test_a_folder_of_any_depth_goes_in(here: Path) -> None:
+    """A project that was cloned has as many folders in each other as its author likes."""
+    place = os.open(here, os.O_RDONLY)
+    for _ in range(600):
+        os.mkdir("a", dir_fd=place)
+        below = os.open("a", os.O_RDONLY, dir_fd=place)
+        os.close(place)
+        place = below
+    os.close(place)
+    made = b"".join(tar_of("a", "b", Owner(), Copied()))
+    with tarfile.open(fileobj=io.BytesIO(made)) as found:
+        assert len(found.getnames()) == 600

@@ -1,0 +1,28 @@
+"""What a copy between this machine and a container has done so far, while more of it comes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from srprov.errors import visible
+
+_MOST_TOLD, _LONGEST = 1000, 400
+"""Things that are left out and named, and characters of each of their names."""
+
+
+@dataclass
+class Copied:
+    """What was copied so far; it is told while more comes."""
+
+    files: int = 0
+    bytes: int = 0
+    left_out: list[str] = field(default_factory=list)
+    """What was not, and why: the first ones."""
+    more_left_out: int = 0
+
+    def leave_out(self, path: str, why: str) -> None:
+        """Note that something does not come; a container may have any number of such things."""
+        if len(self.left_out) < _MOST_TOLD:
+            self.left_out.append(f"{visible(path[:_LONGEST])}: {visible(why[:_LONGEST])}")
+        else:
+            self.more_left_out += 1
