@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,7 +10,7 @@ import click
 
 from srprov import private, regular_file
 from srprov.cli import options, output_options
-from srprov.cli.output import err, out, out_json
+from srprov.cli.output import clean, err, out, out_json
 from srprov.cli.runs import homes, run_folder
 from srprov.codes import Code
 from srprov.errors import UsageError, visible
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from srprov.report.material import Material
 
 _MOST_PAGE = 512 * regular_file.MIB
+_PIECE = 1 << 20
 
 
 @click.command()
@@ -97,5 +99,13 @@ def _extract(page: Path, target: str | None) -> int:
     if target is not None:
         _write(target, data)
     else:
-        out(data.decode("utf-8", "replace").rstrip("\n"))
+        _print(data.rstrip(b"\n"))
     return 0
+
+
+def _print(data: bytes) -> None:
+    """Print data in pieces: a text of many MiB that is cleaned at once takes many times its size."""
+    decoder = codecs.getincrementaldecoder("utf-8")("replace")
+    for at in range(0, len(data), _PIECE):
+        click.echo(clean(decoder.decode(data[at : at + _PIECE])), nl=False)
+    out(decoder.decode(b"", final=True))

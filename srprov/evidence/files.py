@@ -176,20 +176,21 @@ def of_run(path: Path) -> Folder:
         if (home / name).exists():
             found[name] = _size(home / name)
     for top in (one for one in _FOLDERS if (home / one).is_dir()):
+        _check_no_link(home / top)
         for folder, names, files in os.walk(home / top, onerror=_raise):
             for one in (*names, *files):
-                if os.path.islink(os.path.join(folder, one)):
-                    raise UsageError(
-                        f"{folder}/{one} is a link",
-                        hint="it is not what srprov wrote: remove it",
-                        code=Code.STRANGE_FILE,
-                    )
+                _check_no_link(Path(folder, one))
             for one in files:
                 place = Path(folder, one)
                 name = place.relative_to(home).as_posix()
                 if not _UNFINISHED.match(name):
                     found[name] = _size(place)
     return Folder(home, dict(sorted(found.items())))
+
+
+def _check_no_link(path: Path) -> None:
+    if path.is_symlink():
+        raise UsageError(f"{path} is a link", hint="it is not what srprov wrote: remove it", code=Code.STRANGE_FILE)
 
 
 def _raise(error: OSError) -> None:

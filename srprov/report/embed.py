@@ -19,7 +19,7 @@ from srprov.report.html import Html, el
 _PLAIN, _PACKED = "data:application/json;base64,", "data:application/gzip;base64,"
 _LARGE = 64 * 1024
 """Bytes; what is larger is packed."""
-MOST = 512 << 20
+MOST = 128 << 20
 """Bytes of unpacked data that are taken out of a page."""
 _LINK = re.compile(
     r'<a id="data" download="[^"<>]{1,300}" href="data:application/(json|gzip);base64,([A-Za-z0-9+/=]*)"',

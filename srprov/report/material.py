@@ -7,7 +7,7 @@ from typing import Any
 
 import msgspec
 
-from srprov.report.model import AssignmentView, EventView, PlanView, ProbeView, ResultView
+from srprov.report.model import AssignmentView, EventView, PlanView, ProbeView, ResultView, Whole
 
 
 class Engine(msgspec.Struct, frozen=True, kw_only=True):
@@ -20,9 +20,9 @@ class RobotFacts(msgspec.Struct, frozen=True, kw_only=True):
     """A robot as it was before the run."""
 
     arch: str = ""
-    cpus: int = 0
-    memory_total: int = 0
-    memory_available: int = 0
+    cpus: Whole = 0
+    memory_total: Whole = 0
+    memory_available: Whole = 0
     os: str = ""
     kernel: str = ""
     board: str = ""
@@ -67,7 +67,7 @@ class InputFile(msgspec.Struct, frozen=True, kw_only=True):
     """A file that a run was made of."""
 
     name: str
-    size: int
+    size: Whole
     sha256: str
 
 

@@ -6,9 +6,12 @@ more memory than its steps; a file of another shape is an error that says where.
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any, TypeAlias
 
 import msgspec
+
+Whole: TypeAlias = Annotated[int, msgspec.Meta(ge=-(2**63), le=2**63 - 1)]
+"""A number that a page can show; JSON has whole numbers that are beyond all others."""
 
 
 class Need(msgspec.Struct, frozen=True):
@@ -33,14 +36,14 @@ class Different(msgspec.Struct, frozen=True, kw_only=True):
 class PlannedStep(msgspec.Struct, frozen=True, kw_only=True):
     """A step of a plan."""
 
-    number: int
+    number: Whole
     robot: str
     module: str
     name: str
     action: str
     cause: str = ""
     destructive: bool = False
-    needs: tuple[int, ...] = ()
+    needs: tuple[Whole, ...] = ()
     waits: tuple[Need, ...] = ()
     differences: tuple[Different, ...] = ()
 
@@ -87,7 +90,7 @@ class Moved(msgspec.Struct, frozen=True, kw_only=True):
 class PlanView(msgspec.Struct, frozen=True, kw_only=True):
     """A plan, as `plan -o`, `plan --json` and a record have it."""
 
-    plan: int
+    plan: Whole
     instance: str
     source: str = ""
     assignment: dict[str, str] = {}
@@ -99,8 +102,8 @@ class PlanView(msgspec.Struct, frozen=True, kw_only=True):
     data: tuple[Moved, ...] = ()
     notes: tuple[str, ...] = ()
     unreachable: dict[str, str] = {}
-    unchanged: int = 0
-    counts: dict[str, int] = {}
+    unchanged: Whole = 0
+    counts: dict[str, Whole] = {}
     steps: tuple[PlannedStep, ...] = ()
     also_wanted: tuple[AlsoWanted, ...] = ()
     limit: tuple[str, ...] = ()
@@ -112,7 +115,7 @@ class PlanView(msgspec.Struct, frozen=True, kw_only=True):
 class StepEnd(msgspec.Struct, frozen=True, kw_only=True):
     """What came of a step."""
 
-    number: int
+    number: Whole
     id: str
     outcome: str
     message: str = ""
@@ -121,12 +124,12 @@ class StepEnd(msgspec.Struct, frozen=True, kw_only=True):
 class RobotEnd(msgspec.Struct, frozen=True, kw_only=True):
     """What a run did on one robot."""
 
-    changed: int = 0
-    failed: int = 0
-    connections: int = 0
-    round_trips: int = 0
-    bytes_sent: int = 0
-    bytes_received: int = 0
+    changed: Whole = 0
+    failed: Whole = 0
+    connections: Whole = 0
+    round_trips: Whole = 0
+    bytes_sent: Whole = 0
+    bytes_received: Whole = 0
     connect_s: float = 0.0
     asked_s: float = 0.0
     acted_s: float = 0.0
@@ -137,8 +140,8 @@ class ProbeEnd(msgspec.Struct, frozen=True, kw_only=True):
     """What came of trying the overlay."""
 
     ok: bool
-    pairs: int = 0
-    failed: int = 0
+    pairs: Whole = 0
+    failed: Whole = 0
     left_out: dict[str, str] = {}
     unreachable: dict[str, str] = {}
 
@@ -147,11 +150,11 @@ class ResultView(msgspec.Struct, frozen=True, kw_only=True):
     """How a run ended: `result.json`."""
 
     instance: str = ""
-    changed: int = 0
-    unchanged: int = 0
-    failed: int = 0
-    skipped: int = 0
-    not_reached: int = 0
+    changed: Whole = 0
+    unchanged: Whole = 0
+    failed: Whole = 0
+    skipped: Whole = 0
+    not_reached: Whole = 0
     unreachable: tuple[str, ...] = ()
     assignment: dict[str, str] = {}
     cost: float = 0.0
@@ -168,7 +171,7 @@ class EventView(msgspec.Struct, frozen=True, kw_only=True):
     time: float
     event: str
     robot: str | None = None
-    step: int | None = None
+    step: Whole | None = None
     outcome: str | None = None
     text: str = ""
     duration_s: float = 0.0
@@ -220,8 +223,8 @@ class PairView(msgspec.Struct, frozen=True, kw_only=True):
     source: str = msgspec.field(name="from")
     target: str = msgspec.field(name="to")
     failed: tuple[str, ...] = ()
-    sent: int = 0
-    received: int = 0
+    sent: Whole = 0
+    received: Whole = 0
     rtt_ms: tuple[float, float, float] | None = None
 
 
@@ -236,7 +239,7 @@ class ProbeView(msgspec.Struct, frozen=True, kw_only=True):
     """`probe.json`."""
 
     ok: bool
-    mtu: int = 0
+    mtu: Whole = 0
     duration_s: float = 0.0
     endpoints: tuple[Endpoint, ...] = ()
     pairs: tuple[PairView, ...] = ()

@@ -7,6 +7,7 @@ writes is named in `missing`, and the page is made of the rest.
 from __future__ import annotations
 
 import hashlib
+import itertools
 import os
 import re
 from collections.abc import Iterator
@@ -23,7 +24,7 @@ from srprov.report.model import AssignmentView, EventView, PlanView, ProbeView, 
 
 _T = TypeVar("_T")
 MOST = 64 * regular_file.MIB
-"""Bytes of one file of a record."""
+"""Bytes of one file of a record, and of all its inputs."""
 MOST_PLAN = 256 * regular_file.MIB
 """Of a plan: one of a thousand robots has 150 MB, of which a page keeps a tenth."""
 _MOST_VALUES = 16_000_000
@@ -51,7 +52,7 @@ class Source(Protocol):
         """Return a file's content; None where there is none; Unreadable where it cannot be had."""
 
     def names(self, folder: str) -> Iterator[str]:
-        """Return the names of the files below a folder, whose name ends with `/`, in order."""
+        """Return the names of the files below a folder, whose name ends with `/`, in order; or Unreadable."""
 
 
 class Folder(msgspec.Struct, frozen=True):
@@ -71,6 +72,8 @@ class Folder(msgspec.Struct, frozen=True):
 
     def names(self, folder: str) -> Iterator[str]:
         """Return the names of files, as Source has it."""
+        if (self.path / folder).is_symlink():  # whose target would be walked through, and told by its names
+            raise Unreadable("it is a link")
         for place, folders, files in os.walk(self.path / folder):
             folders.sort()
             for one in sorted(files):
@@ -127,12 +130,18 @@ class Reading:
     def inputs(self) -> tuple[InputFile, ...]:
         """Return the files that the run was made of."""
         found: list[InputFile] = []
-        for name in self.source.names(f"{self.home}inputs/"):
-            if len(found) == _MOST_INPUTS:
-                self.missing.append(f"of its input files only {_MOST_INPUTS} are listed")
-                break
-            data = self.bytes_of(name.removeprefix(self.home))
+        left = MOST
+        try:
+            names = list(itertools.islice(self.source.names(f"{self.home}inputs/"), _MOST_INPUTS + 1))
+        except Unreadable as error:
+            self.missing.append(f"inputs cannot be read: {error}")
+            return ()
+        if len(names) > _MOST_INPUTS:
+            self.missing.append(f"of its input files only {_MOST_INPUTS} are listed")
+        for name in names[:_MOST_INPUTS]:
+            data = self.bytes_of(name.removeprefix(self.home), left)
             if data is not None:
+                left -= len(data)
                 about = hashlib.sha256(data).hexdigest()
                 found.append(InputFile(name=name.removeprefix(f"{self.home}inputs/"), size=len(data), sha256=about))
         return tuple(found)
