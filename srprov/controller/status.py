@@ -102,7 +102,8 @@ class _Look:
         tags = {robot: facts.tags for robot, facts in snapshot.facts.items()}
         away = {name: robot for name, robot in self.record.robots.items() if robot in snapshot.unreachable}
         self.wanted = expand(experiment, tags, away).services if experiment else None
-        self.trials = experiment.trials if experiment else None
+        given = experiment.trials if experiment else None
+        self.trials = given if given and given.designed else None
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """Return a row per container, and per service without one."""

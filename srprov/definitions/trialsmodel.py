@@ -150,3 +150,8 @@ class TrialDefinitions(msgspec.Struct, frozen=True, kw_only=True):
     results: Mapping[str, tuple[Result, ...]] = msgspec.field(default_factory=lambda: MappingProxyType({}))
     """Service -> its results."""
     metrics: tuple[Metric, ...] = ()
+
+    @property
+    def designed(self) -> bool:
+        """Whether it says more than `results`, which `collect` brings home without any trial."""
+        return bool(self.parameters or self.metrics) or self.settings != TrialSettings()

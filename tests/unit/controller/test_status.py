@@ -99,6 +99,13 @@ def test_what_only_trials_have_is_not_missing_while_none_is_under_way() -> None:
     assert over.as_it_should_be and over.trials
 
 
+def test_results_alone_are_no_trials() -> None:
+    """`collect` brings them home of what `apply` brought up: without containers, these are missing."""
+    what = experiment(service("a", robot="r1"), trials=TrialDefinitions(results={"a": ()}))
+    status = seen(World().add("r1"), what=what)
+    assert (problems(status), status.trials) == ({("a", ""): "missing"}, "")
+
+
 def test_a_rebooted_robot_lacks_its_link() -> None:
     """Docker starts the container again, and nobody the VXLAN link: it runs, and reaches no other robot."""
     w = World().add("r1", "r2")
