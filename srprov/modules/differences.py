@@ -55,6 +55,14 @@ def text_difference(field: str, old: Reply, new: str) -> Difference:
     return Difference(field=field, diff=_unified(before_lines, after_lines))
 
 
+def line_diff(old: str, new: str) -> tuple[str, ...]:
+    """Return the hunks of a unified diff of two values; nothing where neither has several lines, or one is empty."""
+    before, after = ([f"{line}\n" for line in side.split("\n")] for side in (old, new))
+    if not (old and new) or len(before) == len(after) == 1 or max(len(before), len(after)) > _MOST_LINES:
+        return ()
+    return _unified(before, after)
+
+
 def _unified(before: list[str], after: list[str]) -> tuple[str, ...]:
     """Return the hunks of a unified diff; a last line without an end is said to have none, as diff(1) does."""
     lines: list[str] = []

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 
 from srprov.errors import visible
 from srprov.modules import MODULES
+from srprov.modules.differences import line_diff
 from srprov.planning.plan import Step
 from srprov.resource import Action, Difference
 
@@ -64,13 +65,19 @@ def numbers(found: Sequence[int]) -> str:
 
 
 def difference_lines(one: Difference) -> Iterator[str]:
-    """Return a changed value as lines: `field: old -> new`, a note, or a diff below the field's name."""
+    """Return a changed value as lines: `field: old -> new`, a note, or a diff below the field's name.
+
+    A value of several lines, such as a script in a command, is compared line by line.
+    """
     field = visible(one.field)
     if one.diff:
         yield f"{field}:"
         yield from (f"  {visible(line)}" for line in one.diff)
     elif one.note:
         yield f"{field}: {visible(one.note)}"
+    elif lines := line_diff(one.old or "", one.new or ""):
+        yield f"{field}:"
+        yield from (f"  {visible(line)}" for line in lines)
     else:
         yield f"{field}: {value(one.old)} -> {value(one.new)}"
 

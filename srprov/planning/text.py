@@ -21,14 +21,18 @@ def plan_text(plan: Plan, *, commands: bool = False) -> str:
 def summary(plan: Plan) -> str:
     """Return the one line that says how much changes."""
     if plan.empty:
-        return f"Nothing to do: {plan.unchanged} resources are right already."
+        where = " on the robots in reach" if plan.unreachable else ""
+        if not plan.unchanged:
+            return f"Nothing to do{where}."
+        right = "1 resource is" if plan.unchanged == 1 else f"{plan.unchanged} resources are"
+        return f"Nothing to do{where}: {right} right already."
     counts = plan.counts()
     parts = [f"{counts[action.name.lower()]} {word}" for action, word in WORDS.items() if counts[action.name.lower()]]
     return f"Plan: {', '.join(parts)}; {plan.unchanged} unchanged."
 
 
 def _lines(plan: Plan, commands: bool) -> Iterator[str]:
-    yield f"Instance {plan.instance} (from {plan.source})"
+    yield f"Instance {plan.instance}" + (f" (from {plan.source})" if plan.source else "")
     if plan.permissions:
         yield ""
         yield "Asks for more than its own containers (allow with --allow KIND):"

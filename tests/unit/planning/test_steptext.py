@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 from hypothesis import given
+from msgspec.structs import replace
 
 from srprov.planning.plan import Plan, Step
 from srprov.planning.steptext import difference_lines, numbers, value
@@ -35,11 +36,33 @@ def test_a_value_cannot_be_misread(text: str | None, shown: str) -> None:
 
 @given(field=texts, old=texts, new=texts)
 def test_no_value_writes_a_line_of_its_own(field: str, old: str, new: str) -> None:
-    """Whatever a robot says: one line each, and nothing unseen in it."""
+    """Whatever a robot says: one line each, or one per line of a value, with a mark; and nothing unseen in it."""
     lines = list(difference_lines(Difference(field=field, old=old, new=new)))
-    assert len(lines) == 1
+    assert len(lines) == 1 or "\n" in old + new
+    assert all(line.startswith(("  @@ ", "  +", "  -", "   ", "  \\ and ")) for line in lines[1:])
     assert len(list(difference_lines(Difference(field=field, diff=(old or "-", new or "+"))))) == 3
     assert unprintable("\n".join(lines)) == []
+
+
+def test_a_script_in_a_command_is_compared_line_by_line() -> None:
+    """One line has the same words on both sides; a value that was not there, or differs beyond its cut, has no diff."""
+    old, new = "sh -c 'cd /a\nrun it\n'", "sh -c 'cd /b\nrun it\n'"
+    assert list(difference_lines(Difference(field="command", old=old, new=new))) == [
+        "command:", "  @@ -1,3 +1,3 @@", "  -sh -c 'cd /a", "  +sh -c 'cd /b", "   run it", "   '",
+    ]  # fmt: skip
+    assert list(difference_lines(Difference(field="command", old=None, new="a\nb"))) == [
+        'command: (not set) -> "a\\nb"'
+    ]
+    assert len(list(difference_lines(Difference(field="command", old="a\nb", new="a\nb")))) == 1
+
+
+def test_a_plan_says_what_it_knows() -> None:
+    """An order has no source; what is out of reach was not looked at, so nothing is said of it."""
+    plan = Plan(instance="hello", source="", steps=(), unchanged=1)
+    assert plan_text(plan) == "Instance hello\n\nNothing to do: 1 resource is right already.\n"
+    away = Plan(instance="hello", source="s", steps=(), unchanged=3, unreachable={"r2": "gone"})
+    assert plan_text(away).endswith("\nNothing to do on the robots in reach: 3 resources are right already.\n")
+    assert plan_text(replace(away, unchanged=0)).endswith("\nNothing to do on the robots in reach.\n")
 
 
 def made(number: int, module: str, name: str, *, destructive: bool = False) -> Step:
