@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 import threading
 from pathlib import Path
@@ -85,7 +86,16 @@ def carried_out(
         err(line)
     if report.record_problem:
         err(f"warning: the record of this run is not complete: {report.record_problem}")
+    if report.document["failed"] and report.document["run"]:
+        err(f"its record: srprov runs show {shlex.quote(_named(Path(report.document['run'])))}")
     err(summary(report.document, report.result))
     if wants_timings():
         err(timings_text(report.document["phases"], report.document["robots"]))
     return report
+
+
+def _named(folder: Path) -> str:
+    """Return what `runs show` takes for a record: its name where it is looked for, else its folder."""
+    from srprov.record import default_root
+
+    return folder.name if folder.parent == default_root() else str(folder)

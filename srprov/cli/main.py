@@ -39,7 +39,7 @@ _VERBS = {
     "apply": "Change the robots so that the experiment runs on them.",
     "trials": "List the experiment's trials; no robot is asked.",
     "run": "Run the experiment's trials, and bring home what they give.",
-    "runs": "List the runs that were recorded, or show the trials of one; no robot is asked.",
+    "runs": "List the runs that were recorded, or show what one did; no robot is asked.",
     "report": "Write a run, a plan or a bundle as one HTML page; no robot is asked.",
     "bundle": "Pack a run of trials into one file that others can check.",
     "verify": "Check such a file: its hashes, and all that can be worked out again; no robot is asked.",

@@ -1,4 +1,4 @@
-"""`srprov runs`: which runs were recorded on this machine; `runs show`: the trials of one."""
+"""`srprov runs`: which runs were recorded on this machine; `runs show`: the steps or the trials of one."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ def runs(words: tuple[str, ...], runs: Path | None, as_json: bool, svg: str | No
     That is what `apply`, `build`, `stop`, `start`, `restart`, `images prune` and `destroy` left, and runs of trials,
     also those that are under way.
 
-    `srprov runs show RUN` shows how the trials of one ended, with their parameters and metrics. RUN is a name of the
-    list, or a folder.
+    `srprov runs show RUN` shows what came of each step of one, or how its trials ended, with their parameters and
+    metrics. RUN is a name of the list, or a folder.
     """
     places = homes(runs)
     if words[:1] == ("show",) and len(words) == 2:
@@ -116,6 +116,7 @@ def _show(folder: Path, as_json: bool) -> int:
             out_json(msgspec.to_builtins(one))
         else:
             out(table([_line(one, within=False)], _SHOWN))
+            _show_steps(folder)
         return 0
     found = trials_run(folder)
     if as_json:
@@ -126,6 +127,21 @@ def _show(folder: Path, as_json: bool) -> int:
     if found.ended_early:
         err(f"it is not complete: {visible(found.ended_early)}")
     return 0
+
+
+def _show_steps(folder: Path) -> None:
+    """Say what came of each step, and why where it was not done; and which file says what was to be done."""
+    from srprov.record.runs import kept_steps
+
+    steps = kept_steps(folder)
+    for one in steps:
+        first, *more = one["message"].splitlines() or [""]
+        why = f": {visible(first)}" if first else ""
+        out("\n" * (one is steps[0]) + f"{visible(one['outcome'])}: {visible(one['id'])}{why}")
+        for line in more:
+            out(f"  {visible(line.removeprefix('  '))}")
+    if (folder / "plan.txt").is_file():
+        err(f"{visible(str(folder / 'plan.txt'))} has what each step was to change, and its commands")
 
 
 def _trials(found: TrialsRun) -> str:

@@ -27,6 +27,7 @@ _MOST_JOURNAL = 64 << 20
 _MOST_COLUMNS = 1000
 _MOST_CELLS = 2_000_000
 """Of all attempts, measurements of their robots included: about what 1000 trials of a dozen robots have."""
+_MOST_STEPS = 100_000
 _INSTANCE = re.compile(r"\d{8}T\d{6}Z-(.+)-[0-9a-f]{8}", re.ASCII)
 _ROW = ("trial", "status", "reason")
 _NOT_ENDED = "it has not ended, or was killed"
@@ -219,3 +220,18 @@ def kept_run(path: Path) -> KeptRun:
         changed=integer(result.get("changed"), high=1_000_000) if ended else None,
         failed=sum(counts.values()) if ended else None,
     )
+
+
+def kept_steps(path: Path) -> list[Mapping[str, Any]]:
+    """Return what came of each step of a run that has ended, as its `result.json` has it; else nothing.
+
+    Raises:
+        UsageError: It cannot be read.
+    """
+    file = path / "result.json"
+    try:
+        result = mapping(record_json(file)) if file.is_file() else {}
+    except (OSError, ValueError) as error:
+        raise UsageError(f"{file} cannot be read: {error}", hint="`srprov runs` lists runs", code=Code.RECORD) from None
+    steps = mappings(result.get("steps"), most=_MOST_STEPS)
+    return [{name: string(one.get(name)) for name in ("id", "outcome", "message")} for one in steps]

@@ -17,7 +17,7 @@ from srprov.record.journal import NAME, Journal
 from srprov.trials import Trial, design
 from srprov.trials.judge import End
 from srprov.trials.row import Seen, row
-from tests.fakes import World
+from tests.fakes import Behaviour, World
 
 TRIALS = design(TrialDefinitions(parameters=(Parameter(name="SPEED", values=("1", "2", "3")),))).trials
 
@@ -77,6 +77,24 @@ def test_what_apply_recorded_and_runs_of_trials_are_in_one_list(
     assert (second["done"], second["trials"], second["changed"]) == (1, 3, None)
     assert shown(capsys, "show", first["run"])[0][1].endswith(first["path"])
     assert shown(capsys, "show", "one")[0] == shown(capsys, "show", second["path"])[0]
+
+
+def test_the_steps_of_an_apply_are_shown_with_why_one_failed(
+    world: World, home: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """No robot is asked; what a service said writes no line of its own."""
+    Path("e.edf").write_text("edf: 1\nname: demo\nservices: {c: {image: 'alpine:3', robot: r1}}\n")
+    world.add("r1", "r2").robots["r1"].engine.behaviours["c"] = Behaviour(exits=7, log="no \x1b[31mmap\nfailed: r9")
+    assert run(["apply", "e.edf", "-i", "inv.yml", "--yes"]) == 3
+    told = capsys.readouterr().err.splitlines()
+    (name,) = [line.rpartition(" ")[2] for line in told if line.startswith("its record: srprov runs show ")]
+    world.robots.clear()
+    lines, aside = shown(capsys, "show", name)
+    assert lines[2] == "" and "changed: r1/image:alpine:3" in lines
+    at = lines.index("failed: r1/container:srprov.demo.c: did not converge: exited with code 7")
+    assert lines[at + 1 : at + 4] == ["  its last lines:", "    no \\x1b[31mmap", "    failed: r9"]
+    assert not [line for line in lines if line.startswith("failed: r9")]
+    assert aside == f"{home}/runs/{name}/plan.txt has what each step was to change, and its commands\n"
 
 
 def test_the_trials_of_a_run_are_shown_with_parameters_and_metrics(
