@@ -9,7 +9,7 @@ from srprov.codes import Code
 from srprov.controller.phases import Phases
 from srprov.errors import with_code
 from srprov.execution import Outcome, RunResult
-from srprov.planning.plan import Plan
+from srprov.planning.plan import Plan, Step
 from srprov.resource import Action
 from srprov.session import Session
 
@@ -57,7 +57,10 @@ def overlay_failures(result: RunResult) -> list[str]:
         return []
     from srprov.probing.document import problems
 
-    lines = problems(result.probed.json())
+    said = result.probed.json()
+    told = {one.step.service for one in result.results if one.outcome is Outcome.FAILED or _is_job(one.step)}
+    said["left_out"] = {name: why for name, why in said["left_out"].items() if name not in told}
+    lines = problems(said)
     failed = [] if result.probed.works else ["the overlay does not work between all robots and services:"]
     return [*failed, *lines]
 
@@ -102,13 +105,17 @@ def jobs_under_way(result: RunResult) -> list[str]:
     lines = []
     for one in result.results:
         step = one.step
-        told = getattr(step.want.params, "job", False) if step.want else step.found and step.found.state.get("job")
-        if one.outcome is Outcome.CHANGED and told and (one.after or {}).get("state") == "running":
+        if one.outcome is Outcome.CHANGED and _is_job(step) and (one.after or {}).get("state") == "running":
             lines.append(
                 f"{step.service} on {step.host} is a job and was started; `srprov wait` with "
                 f"--until completed:{step.service} ends when it is done"
             )
     return lines
+
+
+def _is_job(step: Step) -> bool:
+    """Return whether a step's service is meant to end by itself."""
+    return bool(getattr(step.want.params, "job", False) if step.want else step.found and step.found.state.get("job"))
 
 
 def summary(document: Mapping[str, Any], result: RunResult) -> str:

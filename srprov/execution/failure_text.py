@@ -21,7 +21,7 @@ def failure_text(command: Command, reply: Reply) -> str:
     if len(said) == 1:
         what = said[0]
     elif said:
-        what = "\n    ".join(["it failed; its last lines:", *said])
+        what = "\n    ".join(["it failed\n  its last lines:", *said])
     else:
         what = "it failed, and said nothing"
     return f"{what}\n  status {reply.status} of {text}"

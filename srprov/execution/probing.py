@@ -30,6 +30,8 @@ from srprov.untrusted import integer, mapping, text
 from srprov.wire import Query, Reply
 
 _T = TypeVar("_T")
+_NOT_RUNNING = {"created": "its container was never started", "exited": "its container has ended"}
+"""Docker's word for a state -> what is said of it."""
 
 
 class OverlayProbe(msgspec.Struct, frozen=True, kw_only=True):
@@ -127,7 +129,8 @@ def _process(reply: Reply) -> tuple[int, str]:
         return 0, "its container is not there"
     state = mapping(mapping(reply.json()).get("State"))
     pid = integer(state.get("Pid"), high=2**31)
-    return pid, "" if pid else f"its container is {text(state.get('Status'), length=20) or 'not running'}"
+    status = text(state.get("Status"), length=20)
+    return pid, "" if pid else _NOT_RUNNING.get(status, f"its container is {status or 'not running'}")
 
 
 def _renumbered(whole: Request, asked: Request, ready: Mapping[str, _Ready]) -> dict[int, int]:

@@ -214,7 +214,7 @@ class RobotExecutor:
         reply = self.session.ask([RUNNING[step.module].log_query(step.name, _LOG_LINES)])[0]
         if not reply.ok or not reply.out.strip():
             return ""
-        return "; its last lines:\n" + "\n".join(f"    {one}" for one in last_lines(reply.out, _LOG_LINES))
+        return "\n  its last lines:\n" + "\n".join(f"    {one}" for one in last_lines(reply.out, _LOG_LINES))
 
     def _progress(self, step: Step, line: str) -> None:
         self.listener(Event(kind="progress", host=step.host, step=step, text=line))

@@ -76,11 +76,11 @@ def summary(said: Mapping[str, Any]) -> str:
 
 
 def problems(said: Mapping[str, Any]) -> list[str]:
-    """Return the lines that say what fails and why, and who was not asked."""
+    """Return the lines that say what fails and why, and who was not probed."""
     lines = []
     for cause in said["causes"]:
         lines += [visible(cause["text"]), f"  {visible(cause['hint'])}"]
-    lines += [f"not asked: {visible(name)}: {visible(why)}" for name, why in said["left_out"].items()]
+    lines += [f"not probed: {visible(name)}: {visible(why)}" for name, why in said["left_out"].items()]
     lines += [f"not probed: {visible(robot)}: {visible(why)}" for robot, why in said["unreachable"].items()]
     return lines
 

@@ -12,7 +12,7 @@ from srprov.wire import Reply, Run
     ("err", "says"),
     [
         ("no such network\n", "no such network\n  status 7 of make it"),
-        ("one\n\ntwo\n", "it failed; its last lines:\n    one\n    two\n  status 7 of make it"),
+        ("one\n\ntwo\n", "it failed\n  its last lines:\n    one\n    two\n  status 7 of make it"),
         ("", "it failed, and said nothing\n  status 7 of make it"),
     ],
 )

@@ -5,8 +5,15 @@ from __future__ import annotations
 import json
 from typing import Any
 
+import pytest
+
+from srprov.controller.report import overlay_failures
+from srprov.execution import Outcome, RunResult, StepResult
 from srprov.execution.probing import OverlayProbe, probe_once
+from srprov.planning.plan import Step
+from srprov.probing.document import problems
 from srprov.probing.verdict import Probed
+from srprov.resource import Action, Change, Observed
 from srprov.wire import Put, Reply, Run
 from tests.unit.probing.worlds import ROBOTS, name_of, request
 
@@ -16,11 +23,11 @@ WHOLE = request()
 class Robot:
     """A session whose program says what it is told."""
 
-    def __init__(self, said: str) -> None:
-        self.said = said
+    def __init__(self, said: str, status: str = "running") -> None:
+        self.said, self.status = said, status
 
     def ask(self, queries: Any) -> list[Reply]:
-        body = json.dumps({"State": {"Pid": 7, "Status": "running"}})
+        body = json.dumps({"State": {"Pid": 7 * (self.status == "running"), "Status": self.status}})
         return [Reply(status=200, out=body, ok=True) for _ in queries]
 
     def execute(self, command: Any) -> Reply:
@@ -50,3 +57,42 @@ def test_a_robot_that_is_silent_of_some_of_its_endpoints_is_named() -> None:
     assert said["unreachable"] == {"r2": "its probe says nothing of s2@r2"}
     assert not said["ok"]
     assert "does not run there" in tried({**whole, "r2": "nonsense"}).json()["unreachable"]["r2"]
+
+
+@pytest.mark.parametrize(
+    ("status", "why"),
+    [
+        ("exited", "its container has ended"),
+        ("created", "its container was never started"),
+        ("paused", "its container is paused"),
+        ("", "its container is not running"),
+    ],
+)
+def test_a_service_that_does_not_run_is_named_with_why(status: str, why: str) -> None:
+    sessions: Any = {robot: Robot("\n".join(lines(robot)), status) for robot in ROBOTS}
+    found = probe_once(OverlayProbe(request=WHOLE, architectures=dict.fromkeys(ROBOTS, "amd64")), sessions)
+    assert set(found.left_out.values()) == {why}
+    assert f"not probed: s2: {why}" in problems(Probed(found=found).json())
+
+
+def test_an_apply_does_not_name_jobs_that_have_ended_nor_a_failure_twice() -> None:
+    """Of a service that a step is not about, nobody has said why it was not tried."""
+    sessions: Any = {robot: Robot("\n".join(lines(robot)), "exited") for robot in ROBOTS}
+    probed = Probed(
+        found=probe_once(OverlayProbe(request=WHOLE, architectures=dict.fromkeys(ROBOTS, "amd64")), sessions)
+    )
+    services = sorted(probed.found.left_out)
+    assert len(services) > 2
+
+    def result(service: str, outcome: Outcome, *, job: bool = False) -> StepResult:
+        found = Observed(
+            module="container", name=f"srprov.x.{service}", instance="x", state={"job": job, "service": service}
+        )
+        change = Change(action=Action.UPDATE, cause="so")
+        step = Step(number=1, host="r1", module="container", name=found.name, change=change, found=found)
+        return StepResult(step=step, outcome=outcome)
+
+    results = (result(services[0], Outcome.FAILED), result(services[1], Outcome.CHANGED, job=True))
+    told = overlay_failures(RunResult(results=results, unchanged=0, probed=probed))
+    named = [line.split(": ")[1] for line in told if line.startswith("not probed: ")]
+    assert named == services[2:]

@@ -157,7 +157,7 @@ def test_a_process_that_dies_at_once_did_not_converge() -> None:
     result = run(w, plan_for(w, experiment(service("a"))))
     assert of(result, "hello.a").outcome is Outcome.FAILED
     assert of(result, "hello.a").message == (
-        "did not converge: exited with code 7; its last lines:\n    loading\n    no such topic"
+        "did not converge: exited with code 7\n  its last lines:\n    loading\n    no such topic"
     )
 
 
@@ -254,7 +254,7 @@ def test_a_service_that_dies_while_settling_failed() -> None:
     result, heard = events(w, plan_for(w, experiment(service("a"))), SETTLE)
     one = of(result, "hello.a")
     assert one.outcome is Outcome.FAILED
-    assert one.message == "did not stay up: exited with code 1; its last lines:\n    out of memory"
+    assert one.message == "did not stay up: exited with code 1\n  its last lines:\n    out of memory"
     assert result.exit_code == 3
     assert [event.outcome for event in heard if event.kind == "end" and event.step == one.step] == [
         Outcome.CHANGED,
