@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -15,8 +16,8 @@ from msgspec.structs import replace
 
 from srprov.cli.config import user_folder
 from srprov.cli.options import asked_for_become
-from srprov.cli.output import catch_logs
-from srprov.cli.output_options import note
+from srprov.cli.output import catch_logs, err
+from srprov.cli.output_options import is_quiet, note
 from srprov.codes import Code
 from srprov.controller.request import PlanRequest
 from srprov.errors import DefinitionError, RefusedError, UsageError
@@ -25,6 +26,10 @@ from srprov.secret import Secret, Vault
 if TYPE_CHECKING:
     from srprov.controller.fleet import Fleet
     from srprov.definitions.model import Definitions, Experiment, Inventory
+
+_LATE_S = 3.0
+"""After this time without an answer a robot is named."""
+_MOST_NAMED = 8
 
 
 def load_inventory(paths: tuple[str, ...]) -> Inventory:
@@ -120,7 +125,23 @@ def connect(
 
     catch_logs()
     with fleet.connect(inventory, timeout_s=timeout, forks=forks, changing=changing, vault=vault) as connected:
-        yield connected
+        if is_quiet():
+            yield connected
+            return
+        late = threading.Timer(_LATE_S, _say_awaited, (connected, timeout))
+        late.daemon = True
+        late.start()
+        try:
+            yield connected
+        finally:
+            late.cancel()
+
+
+def _say_awaited(connected: Fleet, timeout: float) -> None:
+    """Name the robots that have not answered yet, so that nobody wonders what is waited for."""
+    if names := connected.awaited():
+        more = f" and {len(names) - _MOST_NAMED} more" if len(names) > _MOST_NAMED else ""
+        err(f"waiting for {', '.join(names[:_MOST_NAMED])}{more}: no answer yet; --timeout is {timeout:g} s")
 
 
 def waited(fleet: Fleet, instance: str, seconds: float, chosen: Collection[str]) -> float:

@@ -34,6 +34,10 @@ class Fleet(msgspec.Struct, frozen=True):
         """Return the sessions of robots that could be reached."""
         return self.sessions.connected()
 
+    def awaited(self) -> list[str]:
+        """Return the robots that a connection is still being made to."""
+        return self.sessions.awaited()
+
     def look(self, experiment: Experiment, *, exact: bool = False) -> Gathering:
         """Begin to ask every robot, as soon as it is connected, for an experiment that may run there.
 

@@ -121,6 +121,10 @@ class Sessions:
             session.close()
         return session
 
+    def awaited(self) -> list[str]:
+        """Return the robots that a connection is still being made to, in the inventory's order."""
+        return [name for name, one in self._sessions.items() if not one.done()]
+
     def connected(self) -> dict[str, Session]:
         """Wait for all robots and return the sessions of those that were reached, in the inventory's order."""
         failures = self.failures()

@@ -37,6 +37,9 @@ class FakeSessions:
     def get(self, host: str) -> FakeRobot:
         return WORLD.reader(host)
 
+    def awaited(self) -> list[str]:
+        return []
+
     def connected(self) -> dict[str, FakeRobot]:
         return WORLD.sessions()
 
