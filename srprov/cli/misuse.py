@@ -23,6 +23,9 @@ _NOT_AMONG = re.compile(r"(.+?) is not (?:one of .+|.+\.)", re.DOTALL)
 _NO_COMMAND = re.compile(r"No such command (.+?)\.(?: Did you mean .*)?\Z", re.DOTALL)
 _TOO_MANY = re.compile(r"Got unexpected extra arguments? \((.*)\)", re.DOTALL)
 _NO_VALUE = re.compile(r"Option .* requires (?:an argument|[0-9]+ arguments)\.", re.DOTALL)
+_ELSEWHERE = {"up": "apply", "down": "destroy", "rm": "destroy", "ps": "status", "shell": "ssh",
+              "history": "runs", "show": "runs show", "hosts": "facts", "check": "validate", "copy": "cp"}  # fmt: skip
+"""What other tools call a verb -> the verb."""
 _LONGEST = 200
 """Characters of a word of the command line that are shown again."""
 
@@ -48,7 +51,9 @@ def as_error(error: click.ClickException) -> SrprovError:
         return UsageError(f"{name} has no option '{_short(error.option_name)}'", hint=hint, code=Code.UNKNOWN_OPTION)
     if isinstance(error, click.MissingParameter):
         what = _name(error.param) if error.param else "an argument"
-        said = getattr(error.param, "help", None) or f"`{name} --help` says what it is"
+        said = f"`{name} --help` says what it is"
+        if isinstance(error.param, click.Option) and error.param.help:
+            said = f"{min(error.param.opts, key=len)} {error.param.metavar or 'VALUE'}: {error.param.help}"
         return UsageError(f"{name} needs {what}", hint=said, code=Code.WHICH)
     if isinstance(error, click.BadParameter) and error.param:
         return _bad_value(error.message, error.param)
@@ -66,6 +71,8 @@ def _no_verb(word: str, name: str, context: click.Context) -> SrprovError:
     group = context.command
     known = group.list_commands(context) if isinstance(group, click.Group) else []
     hint = did_you_mean(word, known) or f"`{name} --help` lists the verbs"
+    if name == "srprov" and word in _ELSEWHERE:
+        hint = f"`srprov {_ELSEWHERE[word]}` does that"
     if name == "srprov" and (os.path.isfile(word) or word.endswith(_READ)):
         hint = f"name a verb before the file: srprov validate {_short(word)}"
     return UsageError(f"{name} has no verb '{_short(word)}'", hint=hint, code=Code.UNKNOWN_VERB)

@@ -11,12 +11,13 @@ from dataclasses import dataclass, field
 
 from msgspec.structs import replace
 
+from srprov import regular_file
 from srprov.codes import Code
 from srprov.definitions import container, paths, remote
 from srprov.definitions.container import Container
 from srprov.definitions.remote import Fetch
 from srprov.definitions.values import text
-from srprov.errors import DefinitionError
+from srprov.errors import DefinitionError, did_you_mean
 from srprov.yamldoc import nodes
 from srprov.yamldoc.nodes import Findings, Map, Path, Scalar
 
@@ -74,6 +75,7 @@ def _beside(cdf: Scalar, findings: Findings, path: Path) -> str:
     if "\0" not in key and os.path.isfile(key):
         return key
     what = "is a folder, not a CDF" if os.path.isdir(key.replace("\0", "")) else "does not exist"
-    hint = f"it is looked for at {os.path.relpath(key)}" if "\0" not in key else ""
+    near = did_you_mean(os.path.basename(key), regular_file.names_beside(key))
+    hint = near or (f"it is looked for at {os.path.relpath(key)}" if "\0" not in key else "")
     findings.add(cdf, f"the CDF '{cdf.text}' {what}", path, hint, code=Code.NO_SUCH_FILE)
     return ""

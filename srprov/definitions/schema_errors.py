@@ -14,6 +14,8 @@ from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar
 
 _WORDS = {"object": "a map", "array": "a list", "string": "text", "integer": "a whole number", "number": "a number"}
 _WORDS |= {"boolean": "true or false"}
+_GLUED = re.compile(r"([A-Za-z_][\w.-]{0,60}):(?![/\s])")
+"""The beginning of `KEY:value`, and of no address."""
 
 
 def add_problem(error: Any, root: Node, prefix: Path, findings: Findings) -> None:  # noqa: ANN401 - jsonschema's error
@@ -50,11 +52,19 @@ def add_problem(error: Any, root: Node, prefix: Path, findings: Findings) -> Non
 def _type_hint(node: Node, names: list[str]) -> str:
     if nodes.is_null(node):
         return 'write "" for an empty text' if "string" in names else ""
+    if "object" in names:
+        return _colon_hint(node)
     if not isinstance(node, Scalar) or not {"integer", "number", "boolean"} & set(names):
         return ""
     bare = Scalar(node.source, node.line, node.column, node.text)
     fits = nodes.as_bool(bare) is not None if "boolean" in names else nodes.as_number(bare) is not None
     return "write it without quotes" if fits and not node.plain else ""
+
+
+def _colon_hint(node: Node) -> str:
+    """Return what to do about `KEY:value`, which YAML takes for a text; nothing for any other node."""
+    glued = _GLUED.match(node.text) if isinstance(node, Scalar) and node.plain else None
+    return f"YAML wants a space behind the colon: `{glued[1]}: …`" if glued else ""
 
 
 def _unknown_key(error: Any, _root: Node, node: Node, path: Path, _prefix: Path, findings: Findings) -> None:  # noqa: ANN401
@@ -112,9 +122,9 @@ def _wrong_choice(error: Any, root: Node, node: Node, path: Path, prefix: Path, 
         for inner in fitting[0]:
             add_problem(inner, root, prefix, findings)
         return
-    findings.add(
-        node, f"expected {_either(_options(error, branches))}, not {nodes.kind(node)}", path, code=Code.WRONG_TYPE
-    )
+    wanted = list(_options(error, branches))
+    hint = _colon_hint(node) if _WORDS["object"] in wanted else ""
+    findings.add(node, f"expected {_either(wanted)}, not {nodes.kind(node)}", path, hint, code=Code.WRONG_TYPE)
 
 
 def _wrong_choice_of_keys(

@@ -25,6 +25,8 @@ MAX_DEPTH = 60
 MAX_NODES = 200_000
 """Nodes of one document after aliases are followed; an inventory of a thousand robots needs a tenth."""
 
+_HALF_A_KEY = frozenset(("did not find expected key", "could not find expected ':'"))
+"""What libyaml says of a line that comes after one that is no `key: value`."""
 _IN_WORDS: dict[type[OSError], str] = {
     IsADirectoryError: "it is a folder",
     **dict.fromkeys((FileNotFoundError, NotADirectoryError), "there is no such file"),
@@ -90,6 +92,8 @@ def parse(text: str, file: str) -> Node | None:
         place = Location(file, mark.line + 1, mark.column + 1) if mark else Location(file)
         words = " ".join(str(part) for part in (error.context, error.problem) if part)
         hint = f"it begins on line {began.line + 1}" if began is not None and mark and began.line < mark.line else ""
+        if error.problem in _HALF_A_KEY:
+            hint = f"{hint}; " * bool(hint) + "is a ':' missing above, or is a line indented otherwise?"
         raise DefinitionError([_syntax(source, place, words, hint)]) from None
     except yaml.reader.ReaderError as error:
         before = text[: error.position] if isinstance(error.position, int) else ""

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import click
 import pytest
 
-from srprov.cli.main import run
+from srprov.cli.main import cli, run
+from srprov.cli.misuse import _ELSEWHERE
 
 
 @pytest.fixture
@@ -47,7 +49,9 @@ def told(capsys: pytest.CaptureFixture[str], *words: str) -> list[str]:
         ("plan experiment.edf --forks x -i r,", "error[SRP-212]: --forks: ", ""),
         ("plan experiment.edf -i", "error[SRP-212]: -i needs a value", "`--help` behind the verb says which"),
         ("validate", "error[SRP-214]: srprov validate needs FILES", "`srprov validate --help` says what it is"),
-        ("plan experiment.edf", "error[SRP-214]: srprov plan needs --inventory", "Inventory; may be repeated."),
+        ("plan experiment.edf", "error[SRP-214]: srprov plan needs --inventory", "-i FILE: Inventory; may be"),
+        ("history", "error[SRP-210]: srprov has no verb 'history'", "`srprov runs` does that"),
+        ("lab history", "error[SRP-210]: srprov lab has no verb 'history'", "`srprov lab --help` lists the verbs"),
         ("plan experiment.edf b -i r,", "error[SRP-213]: srprov plan takes no further 'b'", ""),
     ],
 )
@@ -111,3 +115,9 @@ def test_values_that_are_one_of_many_are_told_with_the_nearest(
 ) -> None:
     lines = told(capsys, *words.split())
     assert lines[0].startswith("error[SRP-212]: ") and hint in lines[1]
+
+
+def test_verbs_of_other_tools_lead_to_one_that_is_there() -> None:
+    verbs = set(cli.list_commands(click.Context(cli)))
+    assert not set(_ELSEWHERE) & verbs
+    assert {verb.split()[0] for verb in _ELSEWHERE.values()} <= verbs

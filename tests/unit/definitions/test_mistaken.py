@@ -104,3 +104,26 @@ def test_a_file_that_is_named_like_compose_names_its_is_one(tmp_path: Path) -> N
     path = tmp_path / "docker-compose.yml"
     path.write_text("services: {a: {image: x}}\n")
     assert [one.code for one in told(path, "edf")] == [Code.WRONG_KIND]
+
+
+@pytest.mark.parametrize(
+    ("text", "hint"),
+    [
+        ("services: {a: {image: x, environment: RATE:2}}", "YAML wants a space behind the colon: `RATE: …`"),
+        ("services: {a: x:1}", "YAML wants a space behind the colon: `x: …`"),
+        ("services: {a: {image: x, environment: http://x}}", ""),
+        ("services: {a: {image: x, environment: 'RATE:2'}}", ""),
+        (
+            "services:\n  a:\n    image x\n    # why\n    init: true",
+            "it begins on line 4; is a ':' missing above, or is",
+        ),
+        ("services: {a: {cdf: talkr.cdf}}", "did you mean 'talker.cdf'?"),
+        ("services: {a: {cdf: x/talker.cdf}}", "it is looked for at "),
+    ],
+)
+def test_a_slip_of_the_hand_is_told_with_what_to_do(tmp_path: Path, text: str, hint: str) -> None:
+    (tmp_path / "talker.cdf").write_text(CDF)
+    edf = tmp_path / "e.edf"
+    edf.write_text(f"edf: 1\nname: a\n{text}\n")
+    (one,) = told(edf, "edf")
+    assert one.hint.startswith(hint) and bool(one.hint) == bool(hint), one
