@@ -76,6 +76,7 @@ def up(name: str, count: int | None, spec_path: Path | None, user: str | None) -
     booted = labs.up(name, labs.Wanted(count, text, str(spec_path or "lab-spec.yml"), user), say)
     seen = overview.robots(name)
     say(f"{len(seen)} robots are ready" + ("" if booted else ", nothing to do"))
+    say(f"use them with -i {os.path.relpath(find(name).inventory)}")
 
 
 @lab.command()
@@ -124,7 +125,7 @@ def down(name: str) -> None:
 @click.pass_obj
 def shell(name: str, robot: str, command: tuple[str, ...]) -> None:
     """Enter a robot past its network and sshd, or run COMMAND there."""
-    program = labs.shell(name, robot, command)
+    program = labs.shell(name, robot, command[1:] if command[:1] == ("--",) else command)
     sys.stdout.flush()
     os.execv(program[0], program)  # noqa: S606 - no shell is wanted: its exit code becomes ours
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -9,6 +10,8 @@ WIDE_COLUMNS = (
     *("instance", "service", "robot", "robot address", "state", "exit", "restarts", "since", "health", "address"),
     *("container name", "ports", "volumes", "image", "problem"),
 )
+_NAMELESS = re.compile("[0-9a-f]{64}")
+"""A volume that an engine named, since nobody did: it is shown as short as a container's id."""
 
 
 def wide_columns(row: Mapping[str, Any]) -> dict[str, str]:
@@ -31,4 +34,6 @@ def _port(port: Mapping[str, Any]) -> str:
 
 
 def _volume(volume: Mapping[str, Any]) -> str:
-    return f"{volume['source'] or volume['kind']}:{volume['target']}{':ro' if volume['read_only'] else ''}"
+    source = volume["source"] or volume["kind"]
+    short = source[:12] if _NAMELESS.fullmatch(source) else source
+    return f"{short}:{volume['target']}{':ro' if volume['read_only'] else ''}"

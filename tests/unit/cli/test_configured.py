@@ -99,6 +99,15 @@ def test_nothing_is_opened_or_made(folder: Path, monkeypatch: pytest.MonkeyPatch
     assert not (folder / "events.jsonl").exists()
 
 
+def test_the_lab_that_is_meant_is_shown(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setenv("SRPROV_LAB", "anna")
+    assert run(["config", "--changed"]) == 0
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith("SRPROV_LAB")]
+    assert line.split()[1] == "anna"
+
+
 def test_a_verb_without_settings_is_refused(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["config", "aply"]) == 5
     assert "did you mean 'apply'?" in capsys.readouterr().err

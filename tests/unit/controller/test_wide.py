@@ -104,3 +104,10 @@ def test_garbage_is_no_fact() -> None:
 
 def test_a_robot_that_is_lost_meanwhile_leaves_its_fields_empty() -> None:
     assert rows(Robot())[0]["wide"]["state"] == ""
+
+
+def test_the_name_that_an_engine_made_up_is_short() -> None:
+    """Nobody knows such a volume by its 64 digits; with --json they are whole."""
+    wide = {**rows(Robot(GOOD))[0]["wide"], "ports": []}
+    volume = {"kind": "volume", "source": "0123456789abcdef" * 4, "target": "/out", "read_only": False}
+    assert wide_columns({"wide": {**wide, "volumes": [volume]}})["volumes"] == "0123456789ab:/out"
