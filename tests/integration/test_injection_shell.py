@@ -7,6 +7,7 @@ touched; PATH holds only canaries, which nobody means to call. The frames are th
 from __future__ import annotations
 
 import json
+import re
 import shutil
 import subprocess
 import tempfile
@@ -39,6 +40,8 @@ from tests.worlds import Mount, experiment, plan_for, service
 
 SHELLS = [shell for shell in ("dash", "busybox sh") if shutil.which(shell.split()[0])]
 NONCE = "0123456789abcdef" * 2
+SYSCTL = re.compile("/proc/sys/net/ipv4/conf/srpb[0-9a-f]{8,9}/")
+"""Where the kernel is told to announce the addresses of an instance's bridge; this machine has none of that name."""
 STUBS = ["rm", "rmdir", "cat", "tar", "chmod"]
 PRELUDE = "\n".join(
     [
@@ -76,7 +79,9 @@ def told(shell: str, scripts: Sequence[str]) -> list[list[str]]:
         for name in ("touch", "reboot", "id"):
             (base / "bin" / name).write_text(f"#!/bin/sh\n/usr/bin/touch {base}/{CANARY}\n")
             (base / "bin" / name).chmod(0o755)
+        (base / "sysctl").mkdir()
         here = [s.replace(STATE_ROOT, f"{folder}/state").replace(MEMORY_ROOT, f"{folder}/memory") for s in scripts]
+        here = [SYSCTL.sub(f"{folder}/sysctl/", s) for s in here]
         program = shutil.which(shell.split(maxsplit=1)[0])
         done = subprocess.run(
             [str(program), *shell.split()[1:]], cwd=folder, capture_output=True, timeout=60,
@@ -88,7 +93,7 @@ def told(shell: str, scripts: Sequence[str]) -> list[list[str]]:
         assert frames.done, done
         assert b"not found" not in done.stderr, done.stderr
         # a redirection may make a file of the name that was meant, anywhere below; a canary's name by itself is none
-        strays = {path.name for path in base.iterdir()} - {"bin", "told", "state", "memory"}
+        strays = {path.name for path in base.iterdir()} - {"bin", "told", "state", "memory", "sysctl"}
         assert not strays, (strays, scripts)
         raw = (base / "told").read_bytes().decode() if (base / "told").exists() else ""
         calls = [call.split("\0")[:-1] for call in raw.split("\036\0")[:-1]]
@@ -157,6 +162,7 @@ def meant(step: Step) -> Iterator[list[str]]:
         yield ["ip", "link", "set", "dev", name, "mtu", str(params.mtu), "master", params.bridge, "up"]
         yield ["ip", "link", "set", "dev", name, "type", "bridge_slave", "learning", "off", "fdb_flush"]
         yield ["ip", "link", "set", "dev", params.bridge, "type", "bridge", "mcast_snooping", "0"]
+        yield ["ip", "link", "set", "dev", params.bridge, "address", params.bridge_mac]
         flood = "00:00:00:00:00:00"
         for mac, vtep in sorted({*params.fdb, *((mac, "") for mac, _ in params.fdb if mac != flood)}):
             verb, place = (

@@ -17,7 +17,8 @@ from tests.lab.survival import Survivor, counted, kill, prepare, wait_for_engine
 
 pytestmark = pytest.mark.lab
 
-THIRDS = (0.2, 0.5, 0.8)
+THIRDS = (0.2, 0.5, 0.7)
+"""Not later: the last step of each robot may be on its way already, and its engine ends it."""
 
 
 @pytest.fixture(scope="module")
