@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import functools
 import os
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import click
 from msgspec.structs import replace
@@ -21,10 +23,24 @@ if TYPE_CHECKING:
     from srprov.exporting.model import Export
 
 
+_F = TypeVar("_F", bound=Callable[..., object])
 _ROBOTS = click.option("-i", "--inventory", "inventories", multiple=True, metavar="FILE",
                        help="Inventory, may be repeated; a PLAN needs none.")  # fmt: skip
 _FOLDER = click.option("-o", "--out", "target", type=click.Path(path_type=Path), required=True, metavar="DIR",
                        help="A folder that is new or empty.")  # fmt: skip
+
+
+def _for_cluster(engine: str) -> Callable[[_F], _F]:
+    """Return what adds the argument and the options of an export for an engine that has nodes of its own."""
+    file = click.argument("file", metavar="EDF|PLAN")
+    lossy = click.option("--lossy", is_flag=True, help=f"Leave out what {engine} cannot do, instead of refusing it.")
+    given = (file, _ROBOTS, FACTS, _FOLDER, lossy, options.JSON, options.FORKS, options.TIMEOUT, options.ASK_BECOME,
+             options.deciding, options.ALLOW)  # fmt: skip
+
+    def with_options(function: _F) -> _F:
+        return functools.reduce(lambda verb, add: add(verb), reversed(given), function)
+
+    return with_options
 
 
 @click.group()
@@ -72,17 +88,7 @@ def compose(
 
 
 @export.command()
-@click.argument("file", metavar="EDF|PLAN")
-@_ROBOTS
-@FACTS
-@_FOLDER
-@click.option("--lossy", is_flag=True, help="Leave out what Swarm cannot do, instead of refusing it.")
-@options.JSON
-@options.FORKS
-@options.TIMEOUT
-@options.ASK_BECOME
-@options.deciding
-@options.ALLOW
+@_for_cluster("Swarm")
 def swarm(
     file: str, inventories: tuple[str, ...], stored: Path | None, target: Path, lossy: bool, as_json: bool,
     forks: int, timeout: float, request: PlanRequest, allow: tuple[str, ...],
@@ -98,17 +104,7 @@ def swarm(
 
 
 @export.command()
-@click.argument("file", metavar="EDF|PLAN")
-@_ROBOTS
-@FACTS
-@_FOLDER
-@click.option("--lossy", is_flag=True, help="Leave out what Kubernetes cannot do, instead of refusing it.")
-@options.JSON
-@options.FORKS
-@options.TIMEOUT
-@options.ASK_BECOME
-@options.deciding
-@options.ALLOW
+@_for_cluster("Kubernetes")
 def kubernetes(
     file: str, inventories: tuple[str, ...], stored: Path | None, target: Path, lossy: bool, as_json: bool,
     forks: int, timeout: float, request: PlanRequest, allow: tuple[str, ...],

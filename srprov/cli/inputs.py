@@ -125,12 +125,10 @@ def connect(
 
     catch_logs()
     with fleet.connect(inventory, timeout_s=timeout, forks=forks, changing=changing, vault=vault) as connected:
-        if is_quiet():
-            yield connected
-            return
         late = threading.Timer(_LATE_S, _say_awaited, (connected, timeout))
         late.daemon = True
-        late.start()
+        if not is_quiet():
+            late.start()
         try:
             yield connected
         finally:

@@ -181,7 +181,7 @@ def _overlay(overlay: Overlay, host: str, both: Sequence[str], *, persist: bool)
         "vtep": overlay.gateways[host] if tunnel else overlay.vteps[host],
         "peers": list(overlay.flood[host]),
         "fdb": sorted(fdb),
-        "bridge_mac": overlay.bridge_macs.get(host, ""),
+        "bridge_mac": overlay.bridge_macs[host],
         "addresses": sorted(overlay.addresses[name] for name in both),
         "unit": unit_name(overlay.instance) if persist else "",
         "tunnel": _tunnel(overlay, tunnel, host) if tunnel else None,
