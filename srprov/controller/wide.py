@@ -9,6 +9,7 @@ from __future__ import annotations
 import datetime as dt
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from operator import itemgetter
 from typing import Any
 
 from srprov.errors import TransportError
@@ -75,7 +76,8 @@ def _container(body: Mapping[str, Any]) -> dict[str, Any]:
         "started": _moment(state.get("StartedAt")),
         "ended": _moment(state.get("FinishedAt")) if status in ("exited", "dead") else None,
         "ports": _ports(mapping(mapping(body.get("NetworkSettings")).get("Ports"))),
-        "volumes": [_mount(one) for one in mappings(body.get("Mounts"), most=_MOST)],
+        # An engine lists mounts in another order each time.
+        "volumes": sorted((_mount(one) for one in mappings(body.get("Mounts"), most=_MOST)), key=itemgetter("target")),
     }
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 from functools import partial
+from operator import itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -132,7 +133,7 @@ def as_docker_says(docker: dict[str, Any], address: str) -> dict[str, Any]:
                 "kind": one["Type"], "source": one["Name"] if one["Type"] == "volume" else one["Source"],
                 "target": one["Destination"], "read_only": not one["RW"],
             }
-            for one in docker["Mounts"]
+            for one in sorted(docker["Mounts"], key=itemgetter("Destination"))
         ],
     }  # fmt: skip
 

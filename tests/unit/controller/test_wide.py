@@ -73,8 +73,8 @@ def test_an_engines_words_become_fields() -> None:
             {"port": 80, "protocol": "tcp", "robot_port": 8080, "robot_address": "::"},
         ],
         "volumes": [
-            {"kind": "volume", "source": "srprov.hello.log", "target": "/log", "read_only": False},
             {"kind": "bind", "source": "/etc/hosts", "target": "/etc/hosts", "read_only": True},
+            {"kind": "volume", "source": "srprov.hello.log", "target": "/log", "read_only": False},
         ],
     }
     assert wide_columns(row) == {
@@ -84,7 +84,7 @@ def test_an_engines_words_become_fields() -> None:
         "restarts": "3",
         "since": "2026-11-23T20:05:00Z",
         "ports": "0.0.0.0:8080->80/tcp [::]:8080->80/tcp",
-        "volumes": "srprov.hello.log:/log /etc/hosts:/etc/hosts:ro",
+        "volumes": "/etc/hosts:/etc/hosts:ro srprov.hello.log:/log",
     }
     assert other["wide"]["robot_address"] == "192.0.2.2" and other["wide"]["exit_code"] is None
 
