@@ -21,8 +21,12 @@ _TAG = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]{0,127}")
 _DIGEST = re.compile(r"sha256:[0-9a-f]{64}|sha512:[0-9a-f]{128}")
 _LONGEST = 255
 _PUBLIC = re.compile(r"(?:[a-z0-9-]+\.)+[a-z][a-z0-9-]*")
-_PRIVATE = (".localhost", ".local", ".localdomain", ".internal", ".lan", ".home.arpa")
-"""Names that mean another machine in every network (RFC 6761, 6762, 8375, and what ICANN keeps for that)."""
+_PRIVATE = (
+    *(".localhost", ".local", ".localdomain", ".internal", ".home.arpa", ".test", ".invalid", ".onion"),
+    *(".alt", ".intranet", ".private", ".corp", ".home", ".lan", ".mail", ".arpa"),
+)
+"""Names that mean another machine in every network, or are nobody's: RFC 6761, 6762 with its appendix G, 7686, 8375 and
+9476, and what ICANN keeps for that. `.example`, which documentation has for any name, is left out."""
 
 
 class Reference(msgspec.Struct, frozen=True, order=True):

@@ -83,7 +83,7 @@ def default_map(verbs: Mapping[str, Any], folder: Path, environ: Mapping[str, st
         table, _ = _read(file, verbs)
         everywhere = {key: value for key, value in table.items() if not isinstance(value, dict)}
         for verb, chosen in defaults.items():
-            here = {**everywhere, **table.get(verb, {})}
+            here = {**everywhere, **_of_verb(table, verb)}
             chosen.update({_parameter(key): _value(key, value, file) for key, value in here.items()})
     return {**defaults, **{group: dict.fromkeys(verbs_below, defaults[group]) for group, verbs_below in _GROUPS.items()
                            if group in defaults}}  # fmt: skip
@@ -108,10 +108,16 @@ def places(verbs: Mapping[str, Any], file: ConfigFile) -> dict[tuple[str, str], 
     lines: dict[tuple[str, str], int] = {}
     everywhere = {key: value for key, value in table.items() if not isinstance(value, dict)}
     for verb in verbs:
-        for name, some in (("", everywhere), (verb, table.get(verb, {}))):
+        for name, some in (("", everywhere), (verb, _of_verb(table, verb))):
             at = f"{file.table}.{name}".strip(".")
             lines |= {(verb, _parameter(key)): line(text, at, key) for key in some}
     return lines
+
+
+def _of_verb(table: Mapping[str, Any], verb: str) -> Mapping[str, Any]:
+    """Return a verb's own table; options such as `explain` and `runs` have the name of a verb, and are none."""
+    own = table.get(verb)
+    return own if isinstance(own, dict) else {}
 
 
 def user_folder(environ: Mapping[str, str]) -> Path:

@@ -13,6 +13,7 @@ from msgspec.structs import replace
 
 from srprov.assignment.ports import declared, holders, missing_ports
 from srprov.codes import Code
+from srprov.definitions.containermodel import Mount
 from srprov.definitions.model import Experiment, Service
 from srprov.errors import UsageError
 from srprov.facts.gather import Gathering
@@ -20,12 +21,15 @@ from srprov.facts.model import Snapshot, TakenPort
 from srprov.facts.probes import INFO
 from srprov.facts.taken import QUERIES, taken_ports
 from srprov.modules import RUNNING
+from srprov.modules.mount_kind import GRAVE, mount_kind, plain
 from srprov.planning.plan import Step
 from srprov.resource import Action
-from srprov.untrusted import mapping, text
+from srprov.untrusted import folder, lines_of, mapping, text
 from srprov.wire import Query, Reply, quote
 
 _NEW = (Action.CREATE, Action.REPLACE)
+_MOST_LINES = 100_000
+"""Of one answer: a service has at most 1000 mounts."""
 
 
 def of_others(
@@ -63,12 +67,12 @@ class Placed(Protocol):
 def check_ready(
     steps: Sequence[Step], placed: Placed, instance: str, snapshot: Snapshot, look: Gathering, *, playbooks: bool
 ) -> tuple[str, ...]:  # fmt: skip
-    """Ask the robots of new containers for what those need of them.
+    """Ask the robots of new containers for what those need of them; return what is worth a note.
 
     A folder that a playbook of the user's may make, which would run before, is only noted.
 
     Raises:
-        UsageError: A folder is not there, or a port is somebody else's; names all of them.
+        UsageError: A folder is not there, or leads to what is graver to mount, or a port is somebody else's; names all.
     """
     new = _new_services(steps, placed.experiment)
     replies = look.ask_each({robot: (_folders(services), *QUERIES) for robot, services in new.items()})
@@ -81,13 +85,15 @@ def check_ready(
         for service in services
         for lack in missing_ports(service, robot, held)
     ]
-    wrong = taken if playbooks else [*missing, *taken]
+    led = [one for robot, said in replies.items() for one in _led(robot, new[robot], said[0])]
+    grave = [f"{line}: mount that, which asks for {GRAVE}" for line, is_grave in led if is_grave]
+    wrong = [*grave, *taken] if playbooks else [*missing, *grave, *taken]
     if wrong:
         hint = "make the folder there, let it be made (bind: {create_host_path: true}), or publish another port"
         raise UsageError(
             "robots are not ready for the new containers:\n" + "\n".join(wrong), hint=hint, code=Code.NO_ROOM
         )
-    return tuple(f"{line}, unless a playbook makes it" for line in missing)
+    return (*(f"{line}, unless a playbook makes it" for line in missing), *(line for line, _ in led))
 
 
 def with_log_drivers(steps: Iterable[Step], snapshot: Snapshot, look: Gathering) -> Snapshot:
@@ -112,28 +118,49 @@ def _new_services(steps: Iterable[Step], experiment: Experiment) -> dict[str, li
     for step in steps:
         service = experiment.services.get(step.service)
         new = step.module in RUNNING and step.want and step.change.action in _NEW
-        if new and service and (declared(service) or any(_sources(service))):
+        if new and service and (declared(service) or any(_binds(service))):
             found.setdefault(step.host, []).append(service)
     return found
 
 
-def _sources(service: Service) -> Iterator[str]:
-    return (m.source for m in service.runtime.mounts if m.kind == "bind" and not m.create_host_path)
+def _binds(service: Service) -> Iterator[Mount]:
+    return (mount for mount in service.runtime.mounts if mount.kind == "bind")
 
 
 def _all_sources(services: Iterable[Service]) -> list[str]:
-    return sorted({source for service in services for source in _sources(service)})
+    return sorted({mount.source for service in services for mount in _binds(service)})
 
 
 def _folders(services: Iterable[Service]) -> Query:
-    """Ask for the numbers of those sources that are not there."""
-    tests = [f"[ -e {quote(source)} ] || echo {number}" for number, source in enumerate(_all_sources(services))]
+    """Ask for the numbers of those sources that are not there, and where those lead that have a link in them."""
+    tests = [
+        f"[ -e {quote(source)} ] || echo {number}\n"
+        f'r=$(readlink -f {quote(source)}) && [ "$r" != {quote(source)} ] && printf "%s %s\\n" {number} "$r"'
+        for number, source in enumerate(_all_sources(services))
+    ]
     return Query(command="\n".join([*tests, ":"]))
 
 
 def _missing(robot: str, services: Sequence[Service], reply: Reply) -> Iterator[str]:
     numbers = {line.strip() for line in reply.out.splitlines()}
     for number, source in enumerate(_all_sources(services)):
-        if str(number) in numbers:
-            users = [f"'{service.name}'" for service in services if source in _sources(service)]
-            yield f"{robot}: {source}, which {' and '.join(users)} mounts, does not exist"
+        users = _users(services, source, made=False) if str(number) in numbers else ""
+        if users:
+            yield f"{robot}: {source}, which {users}, does not exist"
+
+
+def _led(robot: str, services: Sequence[Service], reply: Reply) -> Iterator[tuple[str, bool]]:
+    """Yield a line for each source that a link leads elsewhere, and whether that is graver to mount than it looks."""
+    said = dict(line.partition(" ")[::2] for line in lines_of(reply.out, _MOST_LINES))
+    for number, source in enumerate(_all_sources(services)):
+        real = folder(said.get(str(number), ""))
+        if real and plain(real) != plain(source):
+            is_grave = mount_kind(real)[0] == GRAVE != mount_kind(source)[0]
+            yield f"{robot}: {source}, which {_users(services, source)}, leads to {real}", is_grave
+
+
+def _users(services: Iterable[Service], source: str, *, made: bool = True) -> str:
+    """Return in words who mounts a source; without `made`, who does not have it made where it is not there."""
+    mounts = ((service, mount) for service in services for mount in _binds(service))
+    names = {one.name for one, mount in mounts if mount.source == source and (made or not mount.create_host_path)}
+    return " and ".join(f"'{name}'" for name in sorted(names)) + " mounts" if names else ""

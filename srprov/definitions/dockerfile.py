@@ -30,6 +30,7 @@ _STRANGE = re.compile("[\x00-\x08\x0a-\x1f\x7f-\x9f\u2028\u2029]")
 """Control characters and separators of lines: each reader of a Dockerfile has its own idea of them."""
 _OTHER_BLANK = re.compile(r"[^\S \t\r]")
 _ESCAPE = re.compile(r"#\s*escape\s*=\s*[^\\\s]", re.IGNORECASE)
+_FRONTEND = re.compile(r"(?i)(#|//)\s*syntax\s*=(?!\s*(docker\.io/)?docker/dockerfile(-upstream)?([:@][\w.:@-]+)?\Z)")
 _OPTIONS = re.compile(r"(?:--\S*(?:\s+|\Z))*")
 _QUOTE = re.compile(r"[\"'\\]")
 _CONTINUED = re.compile(r"(?<!\\)\\\Z")
@@ -205,12 +206,14 @@ def unclear(text: str) -> tuple[int, str] | None:
             return number, "it begins with a blank that is neither a space nor a tab"
         if _ESCAPE.match(line.strip()):
             return number, "it changes the escape character"
+        if _FRONTEND.match(line.strip()):
+            return number, "it names another frontend than docker/dockerfile"
     for number, instruction, words in chain(instructions(text), instructions(text, _JOINTS[1])):
         word, rest = instruction, words
         while word == "ONBUILD" and rest:
             first, *others = rest.split(None, 1)
             word, rest = first.upper(), " ".join(others)
-        if not word.isascii() or word.startswith("-"):
+        if not word.isascii() or word.startswith(("-", "{")):
             return number, "its instruction is no plain word"
         if word in ("RUN", "COPY", "ADD") and not _is_list(rest) and _has_here_document(rest):
             return number, "it may begin a here-document, which the engine's builder does not know"

@@ -57,12 +57,21 @@ def _source(name: str, key: Scalar, entry: Map, folder: str, findings: Findings)
     return SecretSource(
         name=name,
         env=text(entry.entries.get("env")),
-        file=os.path.join(folder, os.path.expanduser(text(file))) if file is not None else "",
+        file=_real(folder, text(file)) if file is not None else "",
         command=words,
         folder=folder,
         location=nodes.location(place),
         excerpt=place.source.excerpt(place.line),
     )
+
+
+def _real(folder: str, file: str) -> str:
+    """Return the file that a path leads to: a link has any name, and plans and permissions show what is read."""
+    path = os.path.join(folder, os.path.expanduser(file))
+    try:
+        return os.path.realpath(path)
+    except (OSError, ValueError):  # a NUL, or half of a surrogate pair: who reads it says so
+        return path
 
 
 def with_secrets(service: Service, entry: Map, root: Map, findings: Findings) -> Service:

@@ -80,7 +80,7 @@ def _value(
             raise ValueError(f"the controller's environment has no '{source.env}'")
         return given
     if source.file:
-        content = regular_file.read(source.file, _LARGEST)
+        content = regular_file.read(source.file, _LARGEST, real=True)
     else:
         content = _run(source, environ, limit_s)
         content = content[: -2 if content.endswith(b"\r\n") else -1] if content.endswith(b"\n") else content

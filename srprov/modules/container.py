@@ -16,7 +16,7 @@ from urllib.parse import quote as url_quote
 from srprov.definitions.model import Service
 from srprov.modules import container_form, container_values
 from srprov.modules.container_body import differing
-from srprov.modules.container_commands import creation, hashes, remove, start, stop
+from srprov.modules.container_commands import creation, hashes, looks, remove, start, stop
 from srprov.modules.container_leftover import BUILD, end_process, left_by_build
 from srprov.modules.container_limits import QUERY as LIMITS
 from srprov.modules.container_limits import changed_limits, limits_of
@@ -84,7 +84,7 @@ class ContainerModule(Module[ContainerParams]):
             return _replacement(name, want, found, cause)
         if found["state"] in _NEVER_RUN:
             return _replacement(name, want, found, _NEVER_RUN[found["state"]])
-        return _check_process(name, want.job, found)
+        return _check_process(name, want, found)
 
     def old_queries(self, name: str, want: ContainerParams, found: State) -> tuple[AnyQuery, ...]:
         """Inspect it, and the image that it was made of."""
@@ -229,8 +229,8 @@ def _wrong_address(want: ContainerParams, found: State) -> str:
     return "" if address == network.ip else f"address is {address or 'none'}, not {network.ip}"
 
 
-def _check_process(name: str, job: bool, found: State) -> Change | None:
-    state, code = found["state"], found["exit_code"]
+def _check_process(name: str, want: ContainerParams, found: State) -> Change | None:
+    job, state, code = want.job, found["state"], found["exit_code"]
     if state == "running" or (job and state == "exited" and code == 0):
         return None
     causes = {
@@ -241,4 +241,4 @@ def _check_process(name: str, job: bool, found: State) -> Change | None:
     verb = {"paused": "unpause", "restarting": "restart"}.get(state, "start")
     command = EngineCall(method="POST", path=f"/containers/{name}/{verb}")
     cause = causes.get(state, f"state is {state or 'unknown'}")
-    return Change(action=Action.UPDATE, cause=cause, before=found, commands=(command,))
+    return Change(action=Action.UPDATE, cause=cause, before=found, commands=(*looks(want), command))

@@ -11,6 +11,7 @@ from types import MappingProxyType
 from srprov.modules.container_body import engine_body, parts_of
 from srprov.modules.container_params import ContainerParams
 from srprov.modules.module import CONFIG_HASH, CONFIG_PARTS, INSTANCE, SERVICE, SOURCE, STOP_GRACE, canonical, digest
+from srprov.modules.mount_kind import links_refused
 from srprov.untrusted import mapping
 from srprov.wire import STOP_MARGIN_S, Command, EngineCall, Run, sh
 
@@ -40,7 +41,13 @@ def creation(name: str, want: ContainerParams, labels: Mapping[str, str] = Mappi
     create = EngineCall(
         method="POST", path="/containers/create", params=(("name", name),), body=canonical(body), accept=(201,)
     )
-    return (*folders, create)
+    return (*looks(want), *folders, create)
+
+
+def looks(want: ContainerParams) -> tuple[Command, ...]:
+    """Return what looks where mounted paths lead: an engine follows links each time that it starts a container."""
+    script = links_refused(str(m.get("Source")) for m in want.mounts if m.get("Type") == "bind")
+    return (Run(script=script),) if script else ()
 
 
 def stop(name: str, grace_s: float) -> EngineCall:

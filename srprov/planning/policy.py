@@ -16,10 +16,10 @@ from srprov.definitions.containermodel import ContainerDefinition, Port, Runtime
 from srprov.definitions.model import Experiment, NetworkSettings, Service
 from srprov.errors import RefusedError
 from srprov.image_reference import parse_reference
+from srprov.modules.mount_kind import GRAVE, is_below, mount_kind
 from srprov.network.identity import is_for_overlays
 from srprov.planning.image_origin import not_from_a_registry
 from srprov.planning.log_options import of_logging
-from srprov.planning.mount_kind import mount_kind
 
 KINDS = (
     "privileged",
@@ -52,6 +52,7 @@ ASKED_FIRST = ("git", "outside", "env", "secret", "playbook")
 _REALTIME = ("memlock", "nice", "rtprio", "rttime")
 """Limits that take memory or the processor away from everything else on the robot."""
 _FIRST_FREE_PORT = 1024
+_OTHERS = "below a folder that a container of the experiment writes to"
 _NONE: Mapping[str, ContainerDefinition] = MappingProxyType({})
 
 
@@ -67,7 +68,8 @@ def permissions(
     experiment: Experiment, containers: Mapping[str, ContainerDefinition] = _NONE
 ) -> tuple[Permission, ...]:
     """List what the experiment and its CDFs ask for, sorted by kind and service; playbooks last, in their order."""
-    found = [one for service in experiment.services.values() for one in _of_service(service)]
+    written = _written(experiment)
+    found = [one for service in experiment.services.values() for one in _of_service(service, written)]
     found += [one for service in experiment.services.values() for one in _of_image(service, containers)]
     found += [one for service in experiment.services.values() for one in _of_repositories(service, containers)]
     for name, url, ref in experiment.remote:
@@ -133,11 +135,17 @@ def _of_network(settings: NetworkSettings) -> Iterator[Permission]:
         yield Permission(kind="unit", service="network.persist", what=what)
 
 
-def _of_service(service: Service) -> Iterator[Permission]:
+def _written(experiment: Experiment) -> frozenset[str]:
+    """Return the robots' folders that containers of the experiment write to: what lies there is what these want."""
+    mounts = (mount for service in experiment.services.values() for mount in service.runtime.mounts)
+    return frozenset(mount.source for mount in mounts if mount.kind == "bind" and not mount.read_only)
+
+
+def _of_service(service: Service, written: Collection[str]) -> Iterator[Permission]:
     run = service.runtime
     if service.network in ("host", "both"):
         yield Permission(kind="host-network", service=service.name, what="the robot's network")
-    for kind, what in (*_namespaces(run), *_paths(run), *_hardware(run), *_lasting(run)):
+    for kind, what in (*_namespaces(run), *_paths(run, written), *_hardware(run, written), *_lasting(run)):
         yield Permission(kind=kind, service=service.name, what=what)
 
 
@@ -186,18 +194,23 @@ def _namespaces(run: Runtime) -> Iterator[tuple[str, str]]:
         yield "runtime", f"runtime: {run.runtime}, which starts its container instead of the engine's own"
 
 
-def _paths(run: Runtime) -> Iterator[tuple[str, str]]:
+def _paths(run: Runtime, written: Collection[str]) -> Iterator[tuple[str, str]]:
     for mount in run.mounts:
         if mount.kind == "bind":
             kind, why = mount_kind(mount.source)
+            if kind != GRAVE and is_below(mount.source, written):
+                kind, why = GRAVE, f"{_OTHERS}: a link there leads anywhere"
             made = "made where it is not there" if mount.create_host_path else ""
             notes = [note for note in ("read-only" if mount.read_only else "", made, why) if note]
             yield kind, f"{mount.source}{' (' + '; '.join(notes) + ')' if notes else ''}"
 
 
-def _hardware(run: Runtime) -> Iterator[tuple[str, str]]:
+def _hardware(run: Runtime, written: Collection[str]) -> Iterator[tuple[str, str]]:
     for path, _, rights in run.devices:
-        yield "device", f"{path} ({rights})"
+        if is_below(path, written):
+            yield "privileged", f"the device {path} ({rights}; {_OTHERS}: it may be any device)"
+        else:
+            yield "device", f"{path} ({rights})"
     for rule in run.device_cgroup_rules:
         yield "device", f"cgroup rule {rule}"
     if run.gpus:

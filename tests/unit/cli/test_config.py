@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 import pytest
 
-from srprov.cli.config import _GROUPS, OWN_KEYS, PARAMETERS, PROJECT_KEYS, default_map, user_folder
+from srprov.cli.config import _GROUPS, OWN_KEYS, PARAMETERS, PROJECT_KEYS, ConfigFile, default_map, places, user_folder
 from srprov.cli.main import _MODULES, _VERBS, run
 from srprov.errors import UsageError
 from tests.bounded import bounded
@@ -108,6 +108,16 @@ def test_of_a_shared_file_only_our_table_counts(tmp_path: Path) -> None:
     (tmp_path / "pyproject.toml").chmod(0o644)
     with pytest.raises(UsageError, match=r"pyproject\.toml:4: a project's file cannot set 'allow'"):
         default_map(VERBS, tmp_path, own(tmp_path))
+
+
+@pytest.mark.parametrize("name", sorted(OWN_KEYS & set(_VERBS)))
+def test_an_option_that_is_called_as_a_verb_is_an_option(tmp_path: Path, name: str) -> None:
+    """Its value was taken for the verb's table: a traceback, in whatever folder such a file lay."""
+    path = tmp_path / "home/.config/srprov/srprov.toml"
+    write(path, f"{name} = true\n")
+    parameter = PARAMETERS.get(name, name)
+    assert default_map(_VERBS, tmp_path, own(tmp_path))["plan"][parameter] is True
+    assert places(_VERBS, ConfigFile(path=path, own=True))["plan", parameter] == 1
 
 
 @pytest.mark.parametrize("mode", [0o664, 0o646, 0o777])

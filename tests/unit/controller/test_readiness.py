@@ -80,3 +80,29 @@ def test_where_nothing_is_new_nobody_is_asked() -> None:
     before = world.robots["r1"].traffic.round_trips
     assert plan_for(world, what).empty
     assert world.robots["r1"].traffic.round_trips == before + 1
+
+
+def led(world: World, where: str) -> World:
+    """Let a robot have a link to somewhere at every path that it is asked of."""
+    world.robots["r1"].leads = where
+    return world
+
+
+BIND = {"mounts": (Mount(kind="bind", source="/srv/log", target="/x"),)}
+
+
+def test_where_a_link_leads_is_said_in_the_plan() -> None:
+    plan = plan_for(led(World().add("r1"), "/etc\x1b[2J"), experiment(service("a", **BIND)))
+    assert "r1: /srv/log, which 'a' mounts, leads to /etc[2J" in plan.notes
+
+
+def test_a_link_to_the_engine_is_no_ordinary_path() -> None:
+    """Whoever is allowed `host-path` is not by that allowed the engine."""
+    for where in ("/run/docker.sock", "/", "/var/lib/docker/volumes"):
+        with pytest.raises(UsageError, match=f"/srv/log, which 'a' mounts, leads to {where}: mount that, which asks"):
+            plan_for(led(World().add("r1"), where), experiment(service("a", **BIND)))
+
+
+def test_a_robot_that_says_anything_of_links_is_heard_as_text() -> None:
+    plan = plan_for(led(World().add("r1"), "relative"), experiment(service("a", **BIND)))
+    assert plan.notes == ()

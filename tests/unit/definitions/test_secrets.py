@@ -16,6 +16,7 @@ from srprov.definitions import check_files, load_experiment
 from srprov.definitions.secretmodel import SecretSource, SecretUse
 from srprov.definitions.secretvalues import resolve, used
 from srprov.errors import DefinitionError, Location
+from srprov.planning.policy import permissions
 from srprov.secret import forget, redact
 
 
@@ -69,6 +70,27 @@ def test_sources(tmp_path: Path) -> None:
     assert sources["c"].file == os.path.expanduser("~/b")
     assert sources["d"].command == sources["e"].command == ("pass", "show", "a b")
     assert sources["a"].location == Location(str(tmp_path / "e.edf"), 7, 12)
+
+
+def test_a_file_is_what_a_link_leads_to(tmp_path: Path) -> None:
+    """A stranger's `./token.txt` may lead to any key of the user's: what the permission says is what is read."""
+    (tmp_path / "key").write_text("decoy")
+    (tmp_path / "e").mkdir()
+    (tmp_path / "e/token.txt").symlink_to("../key")
+    path = write(tmp_path / "e", "secrets: [token]", "token: {file: ./token.txt}")
+    found = load_experiment(path, {}).experiment
+    assert found.secrets["token"].origin == f"the file {tmp_path}/key"
+    assert [one.what for one in permissions(found)] == [f"token, from the file {tmp_path}/key"]
+    assert resolve(found.secrets.values(), {}).content("token") == b"decoy"
+
+
+def test_a_link_that_is_put_in_a_files_place_afterwards_is_not_read(tmp_path: Path) -> None:
+    """Nor one that a plan file names: what it shows would not be what is read."""
+    (tmp_path / "key").write_text("decoy")
+    (tmp_path / "token.txt").symlink_to("key")
+    with pytest.raises(DefinitionError) as caught:
+        read(source(file=f"{tmp_path}/token.txt"))
+    assert "it changed while it was read" in caught.value.problems[0].message
 
 
 @pytest.mark.parametrize(

@@ -104,6 +104,46 @@ def test_what_is_asked(fields: dict[str, Any], asked: list[tuple[str, str]]) -> 
     assert all(one.service == "a" for one in found)
 
 
+def bind(source: str, *, read_only: bool = False) -> Mount:
+    return Mount(kind="bind", source=source, target=f"/in{source.strip('~')}", read_only=read_only)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "grave"),
+    [
+        (bind("/srv/data"), bind("/srv/data/log"), True),
+        (bind("/srv/data"), bind("//srv/./data/a/../b/c", read_only=True), True),
+        (bind("/srv/data/"), bind("/srv/data/log"), True),
+        (bind("/run/x"), bind("/var/run/x/y"), True),
+        (bind("~robot/ws"), bind("~robot/ws/log"), True),
+        (bind("/srv/data", read_only=True), bind("/srv/data/log"), False),
+        (bind("/srv/data"), bind("/srv/data", read_only=True), False),
+        (bind("/srv/data"), bind("/srv/data2"), False),
+        (bind("/srv/data/log"), bind("/srv/data", read_only=True), False),
+    ],
+)
+@pytest.mark.parametrize("together", [True, False])
+def test_what_lies_below_a_folder_that_a_container_writes_to_is_whatever_that_wants(
+    first: Mount, second: Mount, grave: bool, together: bool
+) -> None:
+    """It puts a link to the engine's socket there, and the engine follows it for who mounts that path."""
+    one = service("a", mounts=(first, second) if together else (first,))
+    asked = permissions(experiment(one, service("b", mounts=() if together else (second,))))
+    kinds = {what.what.partition(" (")[0]: what.kind for what in asked}
+    assert kinds[first.source] == "host-path"
+    assert kinds[second.source] == ("docker-socket" if grave else "host-path")
+    assert any("a link there leads anywhere" in what.what for what in asked) == grave
+
+
+def test_a_device_in_a_folder_that_a_container_writes_to_may_be_any() -> None:
+    """Containers may make devices; which one it is, the engine looks up when it starts the other container."""
+    writer = service("a", mounts=(bind("/srv/data"),))
+    asked = permissions(experiment(writer, service("b", devices=(("/srv/data/x/tty", "/dev/tty9", "rw"),))))
+    assert [one.kind for one in asked] == ["privileged", "host-path"]
+    asked = permissions(experiment(writer, service("b", devices=(("/dev/ttyUSB0", "/dev/tty9", "rw"),))))
+    assert [one.kind for one in asked] == ["host-path", "device"]
+
+
 def test_every_kind_is_asked_by_something() -> None:
     """The list of kinds that a user can allow holds nothing that is never asked."""
     of_images = {"fetch", "built-image", "engine-fetch"}
@@ -179,6 +219,8 @@ def test_what_the_engine_fetches_for_a_build_is_asked_for() -> None:
     [
         *("127.0.0.1:9998/a/b:now", "[::1]:80/a/b", "localhost/a", "robot2:5000/a", "127.1:80/a", "2130706433:80/a"),
         *("metadata.google.internal/a", "Printer.LOCAL/a"),
+        *("x.corp:5000/a", "x.home/a", "x.intranet/a", "x.private/a", "x.test/a", "x.mail/a", "x.onion/a", "x.alt/a"),
+        *("1.0.0.127.in-addr.arpa/a", "x.invalid/a"),
     ],
 )
 def test_a_registry_that_only_the_robot_knows_is_asked_for(image: str) -> None:
