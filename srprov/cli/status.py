@@ -227,9 +227,9 @@ def _problem(row: Mapping[str, Any]) -> str:
 
 
 def table(rows: Sequence[Mapping[str, Any]], columns: Sequence[str]) -> str:
-    """Return rows as aligned text; a column in which nobody has anything is left out. No cell can begin a row."""
+    """Return rows as aligned text; a column in which nobody has anything is left out. No text can begin a row."""
     used = [column for column in columns if any(str(row[column]) for row in rows)]
-    lines = [[column.upper() for column in used]] + [
+    lines = [[visible(column).upper() for column in used]] + [
         [visible(str(row[column])) or "-" for column in used] for row in rows
     ]
     widths = [max(len(line[index]) for line in lines) for index in range(len(used))]

@@ -12,6 +12,7 @@ from jsonschema import Draft202012Validator
 
 from srprov import data
 from srprov.cli.main import run
+from srprov.cli.status import table
 from srprov.definitions.trialsmodel import Parameter, TrialDefinitions
 from srprov.record.journal import NAME, Journal
 from srprov.trials import Trial, design
@@ -266,3 +267,10 @@ def test_a_run_without_access_is_named_and_the_others_are_listed(
     lines, said = shown(capsys, str(home / "trials"))
     assert [line.split()[-1] for line in lines[1:]] == [str(home / "trials" / one) for one in ("one", "two")]
     assert said == f"warning: {home / 'trials' / 'three'}: Permission denied\n"
+
+
+def test_the_name_of_a_column_is_one_line() -> None:
+    """A record of somebody else names its metrics: one began a line of its own, which looked like an error of ours."""
+    name = "m_x\nerror[SRP-001]: fake\x1b[2J"
+    head, row = table([{name: 1}], (name,)).splitlines()
+    assert "\x1b" not in head and row == "1"
