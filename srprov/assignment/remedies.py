@@ -100,19 +100,30 @@ def _robots(problem: Problem) -> Iterator[str]:
 
 
 def _abilities(problem: Problem) -> Iterator[str]:
-    """Name the robot that lacks least of what would make one more robot do."""
+    """Name the robot that lacks least of what would make one more robot do; first one where a pin wants data."""
     pairs = sorted(
-        (sum(miss.count for miss in lacks), robot, node)
+        (
+            sum(miss.count for miss in lacks),
+            not _awaits_data(problem, node, robot),
+            robot,
+            node,
+        )
         for node in problem.nodes[:_LOOKED_AT]
         for robot in problem.robots
         if problem.slots.get(robot, 1) and (lacks := _lacks(problem, node, robot))
         if robot in problem.loads or all(problem.services[name].robot in (None, "", robot) for name in node)
     )
-    for _, robot, node in pairs[:_TRIED]:
+    for _, _, robot, node in pairs[:_TRIED]:
         if robot not in problem.loads or feasible(_able(problem, node, robot)):
             what = " and ".join(dict.fromkeys(miss.remedy for miss in _lacks(problem, node, robot)))
             yield f"{what}, so that {robot} can run {quoted(in_edf(problem, node))}"
             return
+
+
+def _awaits_data(problem: Problem, node: ServiceGroup, robot: str) -> bool:
+    """Return whether a pin sends services to a robot, and data of others among them is elsewhere."""
+    some = [problem.services[name] for name in node]
+    return any(one.robot == robot for one in some) and any(one.data_on not in ("", robot) for one in some)
 
 
 def _lacks(problem: Problem, node: ServiceGroup, robot: str) -> tuple[UnmetRequirement, ...]:
@@ -139,7 +150,17 @@ def _relations(problem: Problem) -> Iterator[str]:
     for node in problem.nodes:
         parts = tuple(sorted((*(other for other in problem.nodes if other != node), *((name,) for name in node))))
         if len(node) > 1 and feasible(replace(problem, nodes=parts)):
-            yield f"take {quoted(in_edf(problem, node))} out of relations.same_robot"
+            if volumes := _shared(problem, node):
+                yield f"give each of {quoted(in_edf(problem, node))} a volume of its own, they share {quoted(volumes)}"
+            else:
+                yield f"take {quoted(in_edf(problem, node))} out of relations.same_robot"
+
+
+def _shared(problem: Problem, node: ServiceGroup) -> list[str]:
+    """Return the volumes for whose sake services are together."""
+    mounts = [{mount.source for mount in problem.services[name].runtime.mounts if mount.kind == "volume"}
+              for name in node]  # fmt: skip
+    return sorted({one for index, some in enumerate(mounts) for other in mounts[:index] for one in some & other})
 
 
 def _pools(problem: Problem) -> Iterator[str]:

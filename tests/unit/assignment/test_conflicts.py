@@ -9,7 +9,7 @@ import pytest
 from srprov.assignment import conflict, problem
 from srprov.assignment.explain import no_assignment
 from srprov.assignment.model import Problem
-from srprov.definitions.containermodel import Runtime
+from srprov.definitions.containermodel import Mount, Runtime
 from srprov.definitions.model import Experiment, Placement, Pool
 from srprov.facts.model import HostFacts
 from tests.unit.assignment.worlds import experiment, found, robot, service
@@ -36,6 +36,7 @@ def many(letters: str, **fields: object) -> tuple[object, ...]:
 
 LIDARS = (robot("r1", tags=("lidar",)), robot("r2", tags=("lidar",)), robot("r3"), robot("r4"))
 EACH_TWO = tuple(Pool(name="".join(pair), services=pair) for pair in (("a", "b"), ("a", "c"), ("b", "c")))
+SHARING = Runtime(mounts=(Mount(kind="volume", source="logs", target="/logs"),))
 CASES = {
     "three lidar services on two lidar robots": Case(
         experiment(*many("abc", tags=("lidar",)), service("d")),
@@ -111,6 +112,19 @@ CASES = {
         {"a", "b"},
         "'a' and 'b' must run on different robots",
         ("remove 'robot: r1' from service", "out of relations.different_robot"),
+    ),
+    "a pin elsewhere than the data of a service that shares it": Case(
+        experiment(
+            service("a", robot="r2", runtime=SHARING), service("b", data_on="r1", runtime=SHARING),
+            same_robot=(("a", "b"),),
+        ),
+        (robot("r1"), robot("r2")),
+        {"a", "b"},
+        "no robot can run 'a' and 'b' together",
+        (
+            "copy the data of 'b' with --data move, or start without it with --data leave, so that r2 can run",
+            "give each of 'a' and 'b' a volume of its own, they share 'logs'",
+        ),
     ),
     "a group that asks for two robots' tags": Case(
         experiment(
