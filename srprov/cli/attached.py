@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -31,6 +31,17 @@ def check_terminal(wanted: bool) -> None:
         raise UsageError(
             "-t needs a terminal", hint="leave it out where input or output is a file or a pipe", code=Code.OPTIONS
         )
+
+
+def check_inventories(inventories: Sequence[str]) -> None:
+    """Refuse `-it`, which other tools have for a terminal: here it is `-i t`.
+
+    Raises:
+        UsageError: So it was, and there is no inventory of that name.
+    """
+    if "t" in inventories and not os.path.lexists("t"):
+        hint = "a terminal is -t alone: standard input is passed on by itself; -i names the inventory"
+        raise UsageError("-it is the inventory 't', which is not there", hint=hint, code=Code.NO_FILE)
 
 
 def passed_on(running: ContainerCommand, *, stdin: bool, terminal: bool) -> int | None:

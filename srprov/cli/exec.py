@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from srprov.cli import inputs, options
-from srprov.cli.attached import NOT_RUN, check_terminal, passed_on
+from srprov.cli.attached import NOT_RUN, check_inventories, check_terminal, passed_on
 from srprov.cli.main import show_error
 from srprov.cli.output import err
 from srprov.codes import Code
@@ -53,6 +53,7 @@ def exec(
         command=command, environment=env, user=user, folder=workdir, stdin=tty or not sys.stdin.isatty(),
         terminal=tty,
     )  # fmt: skip
+    check_inventories(inventories)
     try:
         check_terminal(tty)
         return _run(file, service, inventories, forks, timeout, instance, what)

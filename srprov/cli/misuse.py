@@ -26,6 +26,23 @@ _NO_VALUE = re.compile(r"Option .* requires (?:an argument|[0-9]+ arguments)\.",
 _ELSEWHERE = {"up": "apply", "down": "destroy", "rm": "destroy", "ps": "status", "shell": "ssh",
               "history": "runs", "show": "runs show", "hosts": "facts", "check": "validate", "copy": "cp"}  # fmt: skip
 """What other tools call a verb -> the verb."""
+_OPTIONS = {
+    "--auto-approve": "--yes", "--assume-yes": "--yes", "--only": "--target",
+    "--service": "--target", "--services": "--target", "--inventory-file": "--inventory", "--hosts": "--limit",
+    "--name": "--instance", "--project-name": "--instance", "--output": "--out", "--parallel": "--forks",
+}  # fmt: skip
+"""What other tools call an option -> the option; told where the verb has it."""
+_OTHERWISE = {
+    "--dry-run": "`srprov plan` shows what would change, and changes nothing",
+    "--check": "`srprov plan` shows what would change, and changes nothing",
+    "--scale": "write `replicas: 2` at the service in the EDF",
+    "--var": "values stand in the EDF: `environment` of a service, `parameters` of trials",
+    "--extra-vars": "values stand in the EDF: `environment` of a service, `parameters` of trials",
+    "--build": "`apply` builds what is missing; `pull_policy` in the EDF says more",
+    "--force": "--yes leaves out the question, --adopt takes over what another file made, --allow gives permission",
+    "--detach": "`apply` always leaves services running",
+}
+"""What other tools have an option for -> how it is done here; told of `plan` and `apply`, which they mean."""
 _LONGEST = 200
 """Characters of a word of the command line that are shown again."""
 
@@ -47,7 +64,7 @@ def as_error(error: click.ClickException) -> SrprovError:
         known = (
             [one for param in context.command.params for one in (*param.opts, *param.secondary_opts)] if context else []
         )
-        hint = did_you_mean(error.option_name, known) or f"`{name} --help` lists its options"
+        hint = _option_hint(error.option_name, name, known)
         return UsageError(f"{name} has no option '{_short(error.option_name)}'", hint=hint, code=Code.UNKNOWN_OPTION)
     if isinstance(error, click.MissingParameter):
         what = _name(error.param) if error.param else "an argument"
@@ -64,7 +81,19 @@ def as_error(error: click.ClickException) -> SrprovError:
         return UsageError(f"{error.ui_filename}: {error.message}", code=Code.NO_FILE)
     more = _TOO_MANY.fullmatch(error.message)
     said = f"{name} takes no further '{_short(more[1])}'" if more else _sentence(error.format_message())
-    return UsageError(said, hint=f"`{name} --help` says what it takes", code=Code.OPTIONS)
+    hint = f"`{name} --help` says what it takes"
+    if more and context and any(param.name == "targets" for param in context.command.params):
+        hint = f"--target SERVICE is for a part of the experiment; {hint}"
+    return UsageError(said, hint=hint, code=Code.OPTIONS)
+
+
+def _option_hint(option: str, name: str, known: Sequence[str]) -> str:
+    """Return what to do about an option that a verb does not have."""
+    if _OPTIONS.get(option) in known:
+        return f"`{_OPTIONS[option]}` does that"
+    if option in _OTHERWISE and "--target" in known:
+        return _OTHERWISE[option]
+    return did_you_mean(option, known) or f"`{name} --help` lists its options"
 
 
 def _no_verb(word: str, name: str, context: click.Context) -> SrprovError:

@@ -8,7 +8,7 @@ import sys
 import click
 
 from srprov.cli import inputs, options
-from srprov.cli.attached import NOT_RUN, check_terminal, passed_on
+from srprov.cli.attached import NOT_RUN, check_inventories, check_terminal, passed_on
 from srprov.cli.main import show_error
 from srprov.cli.output import catch_logs, err
 from srprov.codes import Code
@@ -28,6 +28,7 @@ def ssh(robot: str, command: tuple[str, ...], inventories: tuple[str, ...], time
     configuration, as for every verb. The command's words reach the robot as they are; for pipes and wildcards:
     -- sh -c 'ls /bags | wc -l'. A command line that srprov does not understand ends with 5.
     """
+    check_inventories(inventories)
     try:
         check_terminal(tty)
         return _logged_in(robot, command, inventories, timeout, tty=tty)

@@ -27,7 +27,8 @@ def check_kinds(allowed: Collection[str]) -> None:
     """
     unknown = sorted(set(allowed) - set(kinds()))
     if unknown:
-        hint = "; ".join(filter(None, (did_you_mean(unknown[0], kinds()), f"known: {', '.join(kinds())}")))
+        several = "one --allow for each kind" if any("," in one for one in unknown) else ""
+        hint = "; ".join(filter(None, (several or did_you_mean(unknown[0], kinds()), f"known: {', '.join(kinds())}")))
         raise UsageError(f"--allow knows no kind {', '.join(unknown)}", hint=hint, code=Code.OPTION_VALUE)
 
 

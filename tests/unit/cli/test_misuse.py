@@ -8,7 +8,7 @@ import click
 import pytest
 
 from srprov.cli.main import cli, run
-from srprov.cli.misuse import _ELSEWHERE
+from srprov.cli.misuse import _ELSEWHERE, _OPTIONS, _OTHERWISE
 
 
 @pytest.fixture
@@ -52,7 +52,26 @@ def told(capsys: pytest.CaptureFixture[str], *words: str) -> list[str]:
         ("plan experiment.edf", "error[SRP-214]: srprov plan needs --inventory", "-i FILE: Inventory; may be"),
         ("history", "error[SRP-210]: srprov has no verb 'history'", "`srprov runs` does that"),
         ("lab history", "error[SRP-210]: srprov lab has no verb 'history'", "`srprov lab --help` lists the verbs"),
-        ("plan experiment.edf b -i r,", "error[SRP-213]: srprov plan takes no further 'b'", ""),
+        ("plan experiment.edf b -i r,", "error[SRP-213]: srprov plan takes no further 'b'", "--target SERVICE is for"),
+        ("facts b -i r,", "error[SRP-213]: srprov facts takes no further 'b'", "`srprov facts --help` says"),
+        (
+            "apply experiment.edf --auto-approve",
+            "error[SRP-211]: srprov apply has no option '--auto-approve'",
+            "`--yes` does",
+        ),
+        (
+            "apply experiment.edf --only a",
+            "error[SRP-211]: srprov apply has no option '--only'",
+            "`--target` does that",
+        ),
+        (
+            "apply experiment.edf --dry-run",
+            "error[SRP-211]: srprov apply has no option '--dry-run'",
+            "`srprov plan` shows",
+        ),
+        ("lab up --detach", "error[SRP-211]: srprov lab up has no option '--detach'", "`srprov lab up --help`"),
+        ("exec experiment.edf -it a sh", "error[SRP-220]: -it is the inventory 't'", "a terminal is -t alone"),
+        ("ssh -it r1", "error[SRP-220]: -it is the inventory 't'", "a terminal is -t alone"),
     ],
 )
 def test_the_word_that_is_wrong_comes_first_and_usage_last(
@@ -121,3 +140,11 @@ def test_verbs_of_other_tools_lead_to_one_that_is_there() -> None:
     verbs = set(cli.list_commands(click.Context(cli)))
     assert not set(_ELSEWHERE) & verbs
     assert {verb.split()[0] for verb in _ELSEWHERE.values()} <= verbs
+
+
+def test_options_of_other_tools_lead_to_one_that_is_there() -> None:
+    context = click.Context(cli)
+    apply = {one for param in cli.get_command(context, "apply").params for one in param.opts}  # type: ignore[union-attr]
+    plan = {one for param in cli.get_command(context, "plan").params for one in param.opts}  # type: ignore[union-attr]
+    assert set(_OPTIONS.values()) <= apply | plan
+    assert not _OTHERWISE.keys() & (apply | plan)

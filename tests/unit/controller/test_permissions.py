@@ -33,3 +33,9 @@ def test_a_plan_may_be_made_without_what_only_doing_it_needs() -> None:
 def test_a_kind_that_is_none_is_no_permission() -> None:
     with pytest.raises(UsageError, match="--allow knows no kind host-netwrok"):
         check_kinds(("host-netwrok",))
+
+
+def test_kinds_with_a_comma_are_said_one_by_one() -> None:
+    with pytest.raises(UsageError) as caught:
+        check_kinds(("device,gpu",))
+    assert caught.value.hint.startswith("one --allow for each kind; known: ")
