@@ -9,7 +9,8 @@ field means is in `schemas/` and in docs/definitions.md.
     merging, runtime       one definition over another -> run-time part
     container, dockerfile, build, cdfs, remote  CDFs, also in git
     service, envfile, checks, experiment, pins  EDF
-    dollars                what is allowed and surprises people who come from Compose
+    dollars, file_named_volumes  what is allowed and surprises people who come from Compose
+    foreign_keys           keys that other tools have
     template, playbook, playbookmodel  playbooks that users write
     taken                  what comes from outside of the experiment's folder
     secrets, secretmodel, secretvalues  where secrets come from, and what they are
@@ -142,15 +143,15 @@ def remarks(paths: Sequence[str | Path]) -> list[Diagnostic]:
     Raises:
         DefinitionError: A file is no YAML.
     """
-    from srprov.definitions import dockerfile
-    from srprov.definitions.dollars import remarks_on
+    from srprov.definitions import dockerfile, dollars, file_named_volumes
     from srprov.yamldoc import loader
 
     found: set[Diagnostic] = set()
     for path in map(str, paths):
         kind = file_kind(path)
         if kind in ("edf", "cdf") and not dockerfile.is_dockerfile(path):
-            found.update(remarks_on(loader.read(path), kind))
+            root = loader.read(path)
+            found.update((*dollars.remarks_on(root, kind), *file_named_volumes.remarks_on(root, kind)))
     return sorted(found)
 
 

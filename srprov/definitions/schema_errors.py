@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from srprov.codes import Code
-from srprov.definitions import unresolved
+from srprov.definitions import foreign_keys, unresolved
 from srprov.errors import did_you_mean
 from srprov.yamldoc import nodes
 from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar
@@ -16,6 +16,8 @@ _WORDS = {"object": "a map", "array": "a list", "string": "text", "integer": "a 
 _WORDS |= {"boolean": "true or false"}
 _GLUED = re.compile(r"([A-Za-z_][\w.-]{0,60}):(?![/\s])")
 """The beginning of `KEY:value`, and of no address."""
+_ONE_LINE = re.compile(r'[^"\\\x00-\x1f]{1,60}')
+"""A short text that double quotes keep as it is."""
 
 
 def add_problem(error: Any, root: Node, prefix: Path, findings: Findings) -> None:  # noqa: ANN401 - jsonschema's error
@@ -33,7 +35,7 @@ def add_problem(error: Any, root: Node, prefix: Path, findings: Findings) -> Non
     if error.validator == "type":
         names = [limit] if isinstance(limit, str) else [name for name in limit if name == "string"] or list(limit)
         message = f"expected {_either(_WORDS.get(name, name) for name in names)}, not {nodes.kind(node)}"
-        hint, code = _type_hint(node, names), Code.WRONG_TYPE
+        hint, code = _type_hint(node, names, path), Code.WRONG_TYPE
     elif error.validator == "enum":
         message = f"{shown} is not one of {', '.join(map(str, limit))}"
         hint = did_you_mean(str(value), map(str, limit))
@@ -49,11 +51,17 @@ def add_problem(error: Any, root: Node, prefix: Path, findings: Findings) -> Non
     findings.add(node, message, path, hint, code=code)
 
 
-def _type_hint(node: Node, names: list[str]) -> str:
+def _type_hint(node: Node, names: list[str], path: Path) -> str:
     if nodes.is_null(node):
+        if path[:1] == ("volumes",) and len(path) == 2:
+            return "leave it out: only a volume that begins with a folder of the experiment stands here (`seed`)"
         return 'write "" for an empty text' if "string" in names else ""
     if "object" in names:
         return _colon_hint(node)
+    if isinstance(node, Map) and path[-2:-1] == ("environment",):
+        return "a list has `NAME=value`; `NAME: value` stands without a dash"
+    if names == ["array"] and isinstance(node, Scalar) and _ONE_LINE.fullmatch(node.text):
+        return f'write a list: ["{node.text}"]'
     if not isinstance(node, Scalar) or not {"integer", "number", "boolean"} & set(names):
         return ""
     bare = Scalar(node.source, node.line, node.column, node.text)
@@ -76,7 +84,7 @@ def _unknown_key(error: Any, _root: Node, node: Node, path: Path, _prefix: Path,
             continue
         if error.schema.get("additionalProperties") is not False:
             continue
-        hint = did_you_mean(key, known)
+        hint = foreign_keys.hint(key, known) or did_you_mean(key, known)
         if not hint and len(known) <= 12:
             hint = f"known: {', '.join(sorted(known))}"
         findings.add(
@@ -156,6 +164,8 @@ def _misspelt(node: Node, wanted: list[str], rules: Mapping[str, Any]) -> bool:
     """Return whether an unknown key of a map was meant to be one of the wanted: one mistake is told once."""
     known = rules.get("properties", {})
     unknown = [key for key in node.entries if key not in known] if isinstance(node, Map) else []
+    if any(foreign_keys.meant(key) in wanted for key in unknown):
+        return True
     return any(did_you_mean(key, known) == f"did you mean '{one}'?" for key in unknown for one in wanted)
 
 

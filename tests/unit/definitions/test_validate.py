@@ -181,3 +181,52 @@ def test_dollars_that_compose_would_read_otherwise_are_warnings(
     assert run(["validate", "a.edf", "--format", "sarif"]) == 0
     results = json.loads(capsys.readouterr().out)["runs"][0]["results"]
     assert [one["level"] for one in results] == ["warning"] * 4
+
+
+FOREIGN = """edf: 1
+name: a
+services:
+  a: {build: ., deploy: {}, env: {}, cmd: x, hosts: r1, placement: {}, network_mode: host}
+  b: {image: x, environment: [RATE: 2], ports: "8080:80"}
+volumes:
+  data:
+"""
+
+
+def test_keys_and_forms_of_other_tools_lead_to_ours(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Each once: `build` is not also told as a `cdf` that is missing."""
+    monkeypatch.chdir(tmp_path)
+    Path("a.edf").write_text(FOREIGN)
+    assert run(["validate", "a.edf", "--format", "json"]) == 5
+    found = {one["path"]: one["hint"] for one in json.loads(capsys.readouterr().out)["problems"]}
+    assert found == {
+        "services.a.build": "`cdf: Dockerfile` builds a Dockerfile, `cdf: NAME.cdf` what a CDF says",
+        "services.a.deploy": "`replicas: 2` is how many run; `mem_limit` and `cpus` are limits",
+        "services.a.env": "did you mean 'environment'?",
+        "services.a.cmd": "did you mean 'command'?",
+        "services.a.hosts": "`robot: NAME` is where it runs; `requires` lets srprov choose",
+        "services.a.placement": "`robot: NAME` is where it runs; `requires` lets srprov choose",
+        "services.a.network_mode": "`network: host` is the robot's own, `network: none` is none",
+        "services.b.environment.0": "a list has `NAME=value`; `NAME: value` stands without a dash",
+        "services.b.ports": 'write a list: ["8080:80"]',
+        "volumes.data": "leave it out: only a volume that begins with a folder of the experiment stands here (`seed`)",
+    }
+
+
+def test_a_volume_with_the_name_of_a_file_beside_is_a_warning(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A folder of that name is none, and neither is a volume without a file."""
+    monkeypatch.chdir(tmp_path)
+    Path("config.yml").write_text("a: 1\n")
+    Path("bags").mkdir()
+    Path("a.edf").write_text(
+        "edf: 1\nname: a\nservices:\n"
+        "  a: {image: x, volumes: ['config.yml:/c', 'bags:/b', 'logs:/l', './config.yml:/d']}\n"
+    )
+    assert run(["validate", "a.edf"]) == 0
+    shown = capsys.readouterr().out
+    assert "a.edf:4:27: warning[SRP-117]: 'config.yml' is a volume of that name, and begins empty" in shown
+    assert "hint: ./config.yml ships the file" in shown and shown.count("warning[") == 1
