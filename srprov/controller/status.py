@@ -117,8 +117,10 @@ class _Look:
             elif (service, robot) not in there and (self.wanted is None or service in self.wanted):
                 yield self._row(service, robot, {"status": "missing"}, "missing")
         never = {name for name, one in (self.wanted or {}).items() if not one.profiles}
+        nobody = bool(self.snapshot.unreachable) and not self.snapshot.facts  # then nobody can say what is missing
+        problem = "unreachable" if nobody else "missing"
         for service in sorted(never - {service for service, _ in there} - set(self.record.robots)):
-            yield self._row(service, "", {"status": "missing"}, "missing")
+            yield self._row(service, "", {"status": "not known" if nobody else problem}, problem)
 
     def without_trials(self, rows: list[dict[str, Any]]) -> tuple[list[dict[str, Any]], str]:
         """Return the rows without those that only trials have, when none is under way, and a line that says so.

@@ -105,10 +105,11 @@ class AttachedCommand:
         return answer
 
     def _failed(self, what: str, error: BaseException) -> TransportError:
+        said = self._link.failure(error, _START_S).err
         hint = "srprov status says what runs where"
-        return TransportError(
-            self._link.host, f"{what}: {self._link.failure(error, _START_S).err}", hint=hint, code=Code.COMMAND
-        )
+        if "is not running" in said:
+            hint = "srprov logs says what it printed, srprov start starts it again"
+        return TransportError(self._link.host, f"{what}: {said}", hint=hint, code=Code.COMMAND)
 
     def output(self) -> Iterator[tuple[int, bytes]]:
         """Yield what the command writes as it comes, each with 1 or 2 for its stream, until it ends.

@@ -259,3 +259,14 @@ def test_the_log_of_a_decoy_is_not_labelled_as_the_service() -> None:
         assert {one[:2] for one in containers_of(snapshot, "hello", ["b"])} == {("b@r1", "r1"), ("b", "r2")}
     with mock.patch.object(ownership, "recall", return_value=Memory()):
         assert {one[0] for one in containers_of(snapshot, "hello", [])} == {"a@r1", "b@r1", "b@r2"}
+
+
+def test_nothing_is_missing_where_no_robot_answers() -> None:
+    """What should be there may well run: nobody looked."""
+    w = World().add("r1", "r2")
+    apply(w, two())
+    for robot in w.robots.values():
+        robot.gone = True
+    status = seen(w, what=two())
+    assert problems(status) == {("a", ""): "unreachable", ("b", ""): "unreachable"}
+    assert [row["state"] for row in status.services] == ["not known", "not known"]

@@ -88,8 +88,11 @@ def test_a_command_travels_as_json_and_its_streams_come_apart(
 
 def test_what_the_engine_refuses_is_said_in_its_words(session: Session, play: Callable[[Answer], PlayedEngine]) -> None:
     play(lambda request, headers, body: reply(b'{"message":"container is not running"}', "409 Conflict"))
-    with pytest.raises(TransportError, match=r"no command can be run in srprov\.a\.b: container is not running"):
+    with pytest.raises(
+        TransportError, match=r"no command can be run in srprov\.a\.b: container is not running"
+    ) as caught:
         session.run_in("srprov.a.b", WHAT)
+    assert caught.value.hint == "srprov logs says what it printed, srprov start starts it again"
 
 
 @pytest.mark.parametrize(
