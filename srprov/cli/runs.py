@@ -50,9 +50,11 @@ def runs(words: tuple[str, ...], runs: Path | None, as_json: bool, svg: str | No
     if words[1:] or words[:1] == ("show",):
         raise UsageError(
             "one folder is listed, or one run shown",
-            hint="srprov runs [DIR], or srprov runs show RUN",
+            hint="srprov runs [DIR], or srprov runs show RUN; of trials, RUN/trials/TRIAL has logs and results",
             code=Code.OPTIONS,
         )
+    if words in (("list",), ("ls",)) and not Path(words[0]).exists():
+        words = ()
     found = sorted(_found([Path(words[0])] if words else places), key=lambda one: one.begun)
     if as_json:
         out_json({"runs": [msgspec.to_builtins(one) for one in found]})
@@ -124,6 +126,8 @@ def _show(folder: Path, as_json: bool) -> int:
         return 0
     out(_trials(found))
     err(f"{found.done} of {found.trials} trials count")
+    if (folder / "trials").is_dir():
+        err(f"{visible(str(folder / 'trials'))}/TRIAL has the logs and results of each")
     if found.ended_early:
         err(f"it is not complete: {visible(found.ended_early)}")
     return 0

@@ -99,12 +99,15 @@ def run_session(
         planned = _planned(definitions, fleet, request, vault)
         from srprov.controller.permissions import may_trigger, permit_run
         from srprov.controller.trial_plan import in_words, trial_plan
+        from srprov.controller.trial_values import size_note
         from srprov.execution import RunOptions
 
         plan = trial_plan(planned, inventory, request.policies, resume=wanted.resume)
         if not manner.as_json and not (manner.yes and output_options.is_quiet()):
             show_plan(plan.base.plan, None, verbose=False)
             out(f"\n{in_words(plan)}")
+            if size := size_note(plan.given):
+                out(f"\n{size}")
             for line in more(planned.snapshot) if planned.snapshot else ():
                 out(line)
         permit_run(planned.plan, request.allowed, inventory, request.policies)

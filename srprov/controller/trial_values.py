@@ -51,6 +51,11 @@ def design_notes(given: TrialDefinitions | None) -> tuple[str, ...]:
     return (f"{in_words(given, made)}; `srprov run` runs them{here}", *power.in_words(given, made))
 
 
+def size_note(given: TrialDefinitions) -> str:
+    """Return the size of a design of which `design_notes` says nothing, for who runs it all the same; else nothing."""
+    return "" if design_notes(given) else in_words(given, design(given))
+
+
 def listed(experiment: Experiment) -> tuple[list[dict[str, Any]], tuple[str, ...]]:
     """Return a row per trial, in order, as `schemas/trials.schema.json` has it; the design's size and power in words.
 
@@ -81,7 +86,8 @@ def in_words(given: TrialDefinitions, made: Design) -> str:
     points = f"{len(made.points)} point{'s' if len(made.points) > 1 else ''}"
     times = f"{settings.repetitions} repetition{'s' if settings.repetitions > 1 else ''}"
     seconds = len(made.trials) * (longest + settings.pause_s)
-    return f"{points} x {times} = {len(made.trials)} trials, {order}, at most {_duration(seconds)}"
+    trials = f"{len(made.trials)} trial{'s' if len(made.trials) != 1 else ''}"
+    return f"{points} x {times} = {trials}, {order}, at most {_duration(seconds)}"
 
 
 def _duration(seconds: float) -> str:

@@ -163,6 +163,7 @@ def test_a_run_with_more_numbers_than_can_be_shown_is_named(
     [
         (("show",), "one folder is listed"),
         (("a", "b"), "one folder is listed"),
+        (("show", "a", "9f2c01ab34-r002"), "RUN/trials/TRIAL has logs and results"),
         (("nowhere",), "nowhere: No such file"),
         (("show", "nowhere"), "nowhere is no record that can be read"),
         (("show", ".."), "is no record"),
@@ -274,3 +275,17 @@ def test_the_name_of_a_column_is_one_line() -> None:
     name = "m_x\nerror[SRP-001]: fake\x1b[2J"
     head, row = table([{name: 1}], (name,)).splitlines()
     assert "\x1b" not in head and row == "1"
+
+
+def test_list_lists_and_is_a_folder_where_there_is_one(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    kept(home / "trials" / "good", ended(TRIALS[0], "ok"))
+    assert shown(capsys, "list") == shown(capsys)
+    Path("list").mkdir()
+    assert shown(capsys, "list")[0] == ["no runs in list"]
+
+
+def test_a_run_of_trials_says_where_logs_are(home: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    kept(home / "trials" / "good", ended(TRIALS[0], "ok"))
+    assert "TRIAL has" not in shown(capsys, "show", "good")[1]
+    (home / "trials" / "good" / "trials").mkdir()
+    assert f"{home}/trials/good/trials/TRIAL has the logs and results of each" in shown(capsys, "show", "good")[1]

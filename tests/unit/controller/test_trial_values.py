@@ -10,10 +10,11 @@ from msgspec.structs import replace
 from srprov.controller.trial_instances import with_instances
 from srprov.controller.trial_run import chosen
 from srprov.controller.trial_sameness import differences
-from srprov.controller.trial_values import at_first_point, design_notes
+from srprov.controller.trial_values import at_first_point, design_notes, size_note
 from srprov.definitions import load_experiment
 from srprov.definitions.expand import expand
 from srprov.definitions.model import Definitions
+from srprov.definitions.trialsmodel import TrialDefinitions
 from srprov.errors import UsageError
 from srprov.trials import design
 
@@ -57,6 +58,12 @@ def test_a_plan_says_how_many_trials_there_are_and_how_long_they_may_take(defini
         "here with SPEED=0.5, CODE=3",
     )
     assert design_notes(None) == ()
+    assert definitions.experiment.trials and size_note(definitions.experiment.trials) == ""
+
+
+def test_who_runs_an_edf_without_trials_is_told_how_long_it_takes() -> None:
+    """Its services may never end, and then it takes as long as it may."""
+    assert size_note(TrialDefinitions()) == "1 point x 1 repetition = 1 trial, as listed, at most 11 min 10 s"
 
 
 def test_conditions_name_every_instance_of_a_service(definitions: Definitions) -> None:
