@@ -23,7 +23,7 @@ from srprov.yamldoc.nodes import Map, Node, Scalar, Source
 
 _NOT_INVENTORIES = ("~", ".orig", ".bak", ".cfg", ".retry", ".pyc", ".pyo", ".swp", ".md", ".rst", ".txt")
 _LOOKS_LIKE_YAML = re.compile(r"---|[{%]|.*:(\s|$)|-\s")
-_NAME_IT = "if you trust it, name it on the command line: -i FILE"
+_NAME_IT = "if you trust it, name it yourself: -i FILE, or its whole path in your own ~/.config/srprov/srprov.toml"
 _MOST_BYTES = 16 * 1024 * 1024
 _MOST_VALUES = 120_000
 """Of all files of the inventory; a thousand robots need a sixth."""

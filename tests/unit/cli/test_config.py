@@ -231,7 +231,7 @@ def test_only_an_inventory_that_the_user_named_runs_anything_here(
         assert (tmp_path / "ran").exists() or inventory == HERE, said
     else:
         assert code == 5, said
-        assert "name it on the command line" in said
+        assert "name it yourself: -i FILE" in said
         assert not (tmp_path / "ran").exists()
 
 
@@ -245,7 +245,7 @@ def test_only_an_inventory_that_the_user_named_offers_keys(
     monkeypatch.setenv("DECOY", "hunter2")
     assert run(["status"]) == 5
     said = capsys.readouterr().err
-    assert "name it on the command line" in said and "hunter2" not in said
+    assert "name it yourself: -i FILE" in said and "hunter2" not in said
 
 
 def test_a_program_in_a_folder_is_not_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
