@@ -142,25 +142,28 @@ def _folders(services: Iterable[Service]) -> Query:
 
 
 def _missing(robot: str, services: Sequence[Service], reply: Reply) -> Iterator[str]:
-    numbers = {line.strip() for line in reply.out.splitlines()}
+    numbers, users = {line.strip() for line in reply.out.splitlines()}, _users(services, made=False)
     for number, source in enumerate(_all_sources(services)):
-        users = _users(services, source, made=False) if str(number) in numbers else ""
-        if users:
-            yield f"{robot}: {source}, which {users}, does not exist"
+        if str(number) in numbers and source in users:
+            yield f"{robot}: {source}, which {users[source]} mounts, does not exist"
 
 
 def _led(robot: str, services: Sequence[Service], reply: Reply) -> Iterator[tuple[str, bool]]:
     """Yield a line for each source that a link leads elsewhere, and whether that is graver to mount than it looks."""
     said = dict(line.partition(" ")[::2] for line in lines_of(reply.out, _MOST_LINES))
+    users = _users(services)
     for number, source in enumerate(_all_sources(services)):
         real = folder(said.get(str(number), ""))
         if real and plain(real) != plain(source):
             is_grave = mount_kind(real)[0] == GRAVE != mount_kind(source)[0]
-            yield f"{robot}: {source}, which {_users(services, source)}, leads to {real}", is_grave
+            yield f"{robot}: {source}, which {users[source]} mounts, leads to {real}", is_grave
 
 
-def _users(services: Iterable[Service], source: str, *, made: bool = True) -> str:
-    """Return in words who mounts a source; without `made`, who does not have it made where it is not there."""
-    mounts = ((service, mount) for service in services for mount in _binds(service))
-    names = {one.name for one, mount in mounts if mount.source == source and (made or not mount.create_host_path)}
-    return " and ".join(f"'{name}'" for name in sorted(names)) + " mounts" if names else ""
+def _users(services: Iterable[Service], *, made: bool = True) -> dict[str, str]:
+    """Return source -> in words who mounts it; without `made`, who does not have it made where it is not there."""
+    found: dict[str, dict[str, None]] = {}
+    for service in services:
+        for mount in _binds(service):
+            if made or not mount.create_host_path:
+                found.setdefault(mount.source, {})[f"'{service.name}'"] = None
+    return {source: " and ".join(names) for source, names in found.items()}

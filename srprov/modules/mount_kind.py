@@ -7,7 +7,8 @@ lies below a folder that a container writes to is whatever that container wants 
 from __future__ import annotations
 
 import posixpath
-from collections.abc import Iterable
+from bisect import bisect_left
+from collections.abc import Callable, Iterable
 
 from srprov.wire import quote
 
@@ -46,10 +47,24 @@ def plain(source: str) -> str:
     return path.removeprefix("/var") if path == "/var/run" or path.startswith("/var/run/") else path
 
 
-def is_below(source: str, folders: Iterable[str]) -> bool:
-    """Return whether a path lies below one of some folders, and not whether it is one."""
-    path = plain(source)
-    return any(path.startswith(f"{plain(folder).rstrip('/')}/") for folder in folders)
+def below(folders: Iterable[str]) -> Callable[[str], bool]:
+    """Return what tells whether a path lies below one of some folders, and not whether it is one."""
+    highest: list[str] = []
+    for one in sorted(map(_key, folders)):
+        if not (highest and one.startswith(highest[-1])):
+            highest.append(one)
+
+    def is_below(source: str) -> bool:
+        path = _key(source)
+        before = bisect_left(highest, path)  # of those that sort before it, only the last can hold it
+        return before > 0 and path.startswith(highest[before - 1])
+
+    return is_below
+
+
+def _key(path: str) -> str:
+    """Return a path so that a folder sorts right before what is below it, and is the beginning of that alone."""
+    return plain(path).rstrip("/").replace("/", "\0") + "\0"
 
 
 def links_refused(sources: Iterable[str]) -> str:

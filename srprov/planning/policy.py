@@ -6,7 +6,7 @@ An EDF may come from a stranger. Everything that reaches the robot itself is a `
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from types import MappingProxyType
 
 import msgspec
@@ -16,7 +16,7 @@ from srprov.definitions.containermodel import ContainerDefinition, Port, Runtime
 from srprov.definitions.model import Experiment, NetworkSettings, Service
 from srprov.errors import RefusedError
 from srprov.image_reference import parse_reference
-from srprov.modules.mount_kind import GRAVE, is_below, mount_kind
+from srprov.modules.mount_kind import GRAVE, below, mount_kind
 from srprov.network.identity import is_for_overlays
 from srprov.planning.image_origin import not_from_a_registry
 from srprov.planning.log_options import of_logging
@@ -52,6 +52,7 @@ ASKED_FIRST = ("git", "outside", "env", "secret", "playbook")
 _REALTIME = ("memlock", "nice", "rtprio", "rttime")
 """Limits that take memory or the processor away from everything else on the robot."""
 _FIRST_FREE_PORT = 1024
+_Places = Callable[[str], bool]
 _OTHERS = "below a folder that a container of the experiment writes to"
 _NONE: Mapping[str, ContainerDefinition] = MappingProxyType({})
 
@@ -135,13 +136,13 @@ def _of_network(settings: NetworkSettings) -> Iterator[Permission]:
         yield Permission(kind="unit", service="network.persist", what=what)
 
 
-def _written(experiment: Experiment) -> frozenset[str]:
-    """Return the robots' folders that containers of the experiment write to: what lies there is what these want."""
+def _written(experiment: Experiment) -> _Places:
+    """Return what tells whether containers of the experiment may write to a robot's path: it is what these want."""
     mounts = (mount for service in experiment.services.values() for mount in service.runtime.mounts)
-    return frozenset(mount.source for mount in mounts if mount.kind == "bind" and not mount.read_only)
+    return below(mount.source for mount in mounts if mount.kind == "bind" and not mount.read_only)
 
 
-def _of_service(service: Service, written: Collection[str]) -> Iterator[Permission]:
+def _of_service(service: Service, written: _Places) -> Iterator[Permission]:
     run = service.runtime
     if service.network in ("host", "both"):
         yield Permission(kind="host-network", service=service.name, what="the robot's network")
@@ -194,20 +195,20 @@ def _namespaces(run: Runtime) -> Iterator[tuple[str, str]]:
         yield "runtime", f"runtime: {run.runtime}, which starts its container instead of the engine's own"
 
 
-def _paths(run: Runtime, written: Collection[str]) -> Iterator[tuple[str, str]]:
+def _paths(run: Runtime, written: _Places) -> Iterator[tuple[str, str]]:
     for mount in run.mounts:
         if mount.kind == "bind":
             kind, why = mount_kind(mount.source)
-            if kind != GRAVE and is_below(mount.source, written):
+            if kind != GRAVE and written(mount.source):
                 kind, why = GRAVE, f"{_OTHERS}: a link there leads anywhere"
             made = "made where it is not there" if mount.create_host_path else ""
             notes = [note for note in ("read-only" if mount.read_only else "", made, why) if note]
             yield kind, f"{mount.source}{' (' + '; '.join(notes) + ')' if notes else ''}"
 
 
-def _hardware(run: Runtime, written: Collection[str]) -> Iterator[tuple[str, str]]:
+def _hardware(run: Runtime, written: _Places) -> Iterator[tuple[str, str]]:
     for path, _, rights in run.devices:
-        if is_below(path, written):
+        if written(path):
             yield "privileged", f"the device {path} ({rights}; {_OTHERS}: it may be any device)"
         else:
             yield "device", f"{path} ({rights})"

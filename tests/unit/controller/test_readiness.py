@@ -8,6 +8,7 @@ import pytest
 
 from srprov.definitions.containermodel import Mount
 from srprov.errors import NoAssignment, UsageError
+from tests.bounded import bounded
 from tests.fakes import World
 from tests.worlds import apply, experiment, plan_for, service
 
@@ -101,6 +102,18 @@ def test_a_link_to_the_engine_is_no_ordinary_path() -> None:
     for where in ("/run/docker.sock", "/", "/var/lib/docker/volumes"):
         with pytest.raises(UsageError, match=f"/srv/log, which 'a' mounts, leads to {where}: mount that, which asks"):
             plan_for(led(World().add("r1"), where), experiment(service("a", **BIND)))
+
+
+def test_thousands_of_folders_that_are_not_there_are_named_in_time() -> None:
+    mounts = tuple(Mount(kind="bind", source=f"{MISSING}/{number}", target=f"/{number}") for number in range(3000))
+    what = experiment(service("a", mounts=mounts))
+
+    def refused() -> int:
+        with pytest.raises(UsageError) as caught:
+            plan_for(World().add("r1"), what)
+        return caught.value.message.count("does not exist")
+
+    assert bounded(refused, 5.0) == 3000
 
 
 def test_a_robot_that_says_anything_of_links_is_heard_as_text() -> None:

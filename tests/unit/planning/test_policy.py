@@ -11,6 +11,7 @@ from srprov.definitions.containermodel import ContainerDefinition, Logging, Moun
 from srprov.definitions.model import NetworkSettings
 from srprov.definitions.secretmodel import SecretSource, SecretUse
 from srprov.planning.policy import KINDS, permissions, refused
+from tests.bounded import bounded
 from tests.worlds import experiment, service
 
 SOCKET = "/run/docker.sock"
@@ -120,6 +121,7 @@ def bind(source: str, *, read_only: bool = False) -> Mount:
         (bind("/srv/data"), bind("/srv/data", read_only=True), False),
         (bind("/srv/data"), bind("/srv/data2"), False),
         (bind("/srv/data/log"), bind("/srv/data", read_only=True), False),
+        (bind("/srv/data"), bind("/srv/data-2/x"), False),
     ],
 )
 @pytest.mark.parametrize("together", [True, False])
@@ -133,6 +135,15 @@ def test_what_lies_below_a_folder_that_a_container_writes_to_is_whatever_that_wa
     assert kinds[first.source] == "host-path"
     assert kinds[second.source] == ("docker-socket" if grave else "host-path")
     assert any("a link there leads anywhere" in what.what for what in asked) == grave
+
+
+def test_thousands_of_paths_are_compared_in_time() -> None:
+    """As many, and as deep, as the files of an experiment can hold."""
+    many = tuple(bind(f"/srv/{number}") for number in range(20_000))
+    deep = (bind("/a" * 400_000), bind("/a" * 200_000))
+    what = experiment(service("a", mounts=(*many, *deep)))
+    kinds = bounded(lambda: [one.kind for one in permissions(what)])
+    assert kinds.count("docker-socket") == 1
 
 
 def test_a_device_in_a_folder_that_a_container_writes_to_may_be_any() -> None:
