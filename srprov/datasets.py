@@ -35,8 +35,7 @@ class WrongData(Exception):
 
 def folder() -> Path:
     """Return where downloads and the list of known files are."""
-    base = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    return Path(os.path.realpath(base / "srprov" / "data"))
+    return Path(os.path.realpath(private.cache_folder() / "data"))
 
 
 def digest(path: str) -> tuple[str, int]:

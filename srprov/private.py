@@ -15,6 +15,13 @@ _OF_THE_KERNEL = ("/dev/", "/proc/")
 """Folders whose links only the kernel and root make: /dev/stdout, /dev/fd/63."""
 
 
+def cache_folder() -> Path:
+    """Return where what can be made again is kept: `$XDG_CACHE_HOME/srprov`, else `~/.cache/srprov`."""
+    named = os.environ.get("XDG_CACHE_HOME", "")
+    base = Path(named) if named.startswith("/") else Path(os.environ.get("HOME", "/nonexistent")) / ".cache"
+    return base / "srprov"
+
+
 def make_folder(path: Path) -> None:
     """Make a folder and those above it that are missing, each for its owner alone.
 

@@ -27,6 +27,7 @@ OWN: Mapping[str, str] = {
     "controller/trial_folder.py:alone": "a folder, only to lock it",
     "git/cache.py:_locked": "a lock of its own, only to write",
     "definitions/schema_cache.py": "the user's own cache: nobody else can write there, or it is not used",
+    "rendering/compiled.py": "the user's own cache: nobody else can write there, or it is not used",
     "rendering/limited.py": "a pipe of its own, and a file of the kernel's",
     "private.py": "writes files of its own, for their owner alone",
     "record/journal.py": "the run's own journal, in a folder that nobody else can write to, and no link",

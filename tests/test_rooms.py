@@ -90,7 +90,7 @@ ROOMS: Mapping[str, Room] = {
         " definitions.model",
         "jinja2",
     ),
-    "rendering": room("codes errors untrusted resource data definitions modules yamldoc", "jinja2 yaml"),
+    "rendering": room("codes errors private untrusted resource data definitions modules yamldoc", "jinja2 yaml"),
     "modules": room(
         "errors names plain_tar wire untrusted robot_answers resource secret image_reference definitions.model"
         " definitions.containermodel definitions.secretmodel"

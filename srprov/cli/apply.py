@@ -86,7 +86,7 @@ def apply(
     refuse_without_terminal(yes)
     phases = Phases()
     source = read_source(file, signers or "", request.allowed, request.profiles, locked=locked)
-    request = _fitting(request, source)
+    _check_fits(request, source)
     secrets = HeldSecrets(source, request.allowed)
     inventory = inputs.load_inventory(inventories)
     name = _instance(source, request)
@@ -130,14 +130,10 @@ def _probing(planned: Planned) -> OverlayProbe | None:
     return probing_of(planned)
 
 
-def _fitting(request: PlanRequest, source: Definitions | PlanFile) -> PlanRequest:
-    """Return the request with what the user's own files say; a plan from a file was made with those of its time.
-
-    Raises:
-        UsageError: It asks of a plan from a file what was decided when it was made.
-    """
+def _check_fits(request: PlanRequest, source: Definitions | PlanFile) -> None:
+    """Refuse a request that asks of a plan from a file what was decided when that was made."""
     if isinstance(source, Definitions):
-        return inputs.with_own_files(request, source)
+        return
     decided = (request.instance, request.reassign, request.history, request.reassign_unreachable, request.data,
                request.copy, request.rotate_keys, request.profiles, request.targets)  # fmt: skip
     if any(decided):
@@ -146,7 +142,6 @@ def _fitting(request: PlanRequest, source: Definitions | PlanFile) -> PlanReques
             "--unreachable=reassign are decided when a plan is made, not when it is applied",
             code=Code.OPTIONS,
         )
-    return request
 
 
 def _instance(source: Definitions | PlanFile, request: PlanRequest) -> str:
@@ -167,4 +162,5 @@ def _planned(
         from srprov.controller.plan import make_plan  # a tenth of a second of imports, while the robots are asked
         from srprov.controller.targets import only_targets
 
+        request = inputs.with_own_files(request, source.experiment)
         return only_targets(make_plan(source, look, request, vault, phases), request.targets)

@@ -72,7 +72,7 @@ def build(
     refuse_without_terminal(yes)
     phases = Phases()
     definitions = read_definitions(file, request.allowed, request.profiles, locked=locked)
-    request = inputs.with_own_files(replace(request, targets=services), definitions)
+    request = inputs.with_own_files(replace(request, targets=services), definitions.experiment)
     inventory = inputs.load_inventory(inventories)
     name = request.instance or definitions.experiment.name
     chosen = inputs.selected(inventory, limit, exclude, inputs.failed_robots(name, runs))

@@ -161,15 +161,14 @@ def _read(file: ConfigFile, verbs: Mapping[str, Any]) -> tuple[dict[str, Any], s
         raise UsageError(
             f"{file.path} is a link to another file", hint="put a file of its own in its place", code=Code.STRANGE_FILE
         )
-    # tomllib came with Python 3.11; tomli is the same library for 3.10
-    toml = importlib.import_module("tomllib" if sys.version_info >= (3, 11) else "tomli")
     try:
         content, about = regular_file.read_with_status(file.path, _MOST_BYTES)
         text = content.decode("utf-8")
         if file.table and file.table.rpartition(".")[2] not in text:
             return {}, ""  # of other tools
         check_parts(text)
-        table: Any = toml.loads(text)
+        # tomllib came with Python 3.11; tomli is the same library for 3.10
+        table: Any = importlib.import_module("tomllib" if sys.version_info >= (3, 11) else "tomli").loads(text)
     except (OSError, ValueError, RecursionError) as error:
         raise UsageError(
             f"cannot read {file.path}: {error}", hint="fix it, or move it away", code=Code.CONFIGURATION

@@ -21,7 +21,7 @@ from srprov.errors import UsageError, did_you_mean
 _ENVIRONMENT = {
     "XDG_CONFIG_HOME": "Where srprov/srprov.toml, playbooks and policy.yml of the user are; else ~/.config.",
     "XDG_STATE_HOME": "Where runs, owners of volumes and what is known of instances are; else ~/.local/state.",
-    "XDG_CACHE_HOME": "Where fetched repositories, layers and data sets are; else ~/.cache.",
+    "XDG_CACHE_HOME": "Where fetched repositories, layers, data sets and compiled playbooks are; else ~/.cache.",
     "SRPROV_LAB": "The embedded lab that `srprov lab` is about, as its --name.",
     "SSH_AUTH_SOCK": "The agent with SSH keys.",
     "DOCKER_HOST": "The engine of a robot that is this machine.",

@@ -50,7 +50,7 @@ def diff(
     before, after = (read_definitions(file, allowed, request.profiles) for file in (old, new))
     inventory = inputs.load_inventory(inventories)
     snapshot, _ = stored_facts(stored, inventory)
-    request = inputs.with_own_files(request, before)
+    request = inputs.with_own_files(request, before.experiment)
     with answers_only():
         made = compared(before, after, inventory, snapshot, request)
     if form == "markdown" and not as_json:

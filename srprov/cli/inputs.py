@@ -102,12 +102,12 @@ def named_instance(file: str | None, instance: str) -> tuple[str, str]:
     return instance or name, source
 
 
-def with_own_files(request: PlanRequest, definitions: Definitions) -> PlanRequest:
+def with_own_files(request: PlanRequest, experiment: Experiment) -> PlanRequest:
     """Return the request with who owns the instance's volumes, and the playbooks of the user's own folder."""
     from srprov.controller.owners import read_owner
 
-    instance = request.instance or definitions.experiment.name
-    request = replace(request, owner=read_owner(instance, definitions.experiment.file))
+    instance = request.instance or experiment.name
+    request = replace(request, owner=read_owner(instance, experiment.file))
     folder = user_folder(os.environ) / "playbooks"
     if not folder.is_dir():
         return request

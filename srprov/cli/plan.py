@@ -69,15 +69,15 @@ def plan(
     inventory = inputs.load_inventory(inventories)
     last = inputs.failed_robots(request.instance or definitions.experiment.name, runs)
     chosen = inputs.selected(inventory, limit, exclude, last)
-    request = inputs.with_own_files(replace(request, exact=True), definitions)
     with (
         inputs.connect(inventory, timeout, forks) as fleet,
         answers_only(),
-        fleet.look(definitions.experiment, exact=request.exact) as look,
+        fleet.look(definitions.experiment, exact=True) as look,
     ):
         from srprov.controller.plan import make_plan  # a tenth of a second of imports, while the robots are asked
         from srprov.controller.targets import only_targets
 
+        request = inputs.with_own_files(replace(request, exact=True), definitions.experiment)
         planned = only_targets(make_plan(definitions, look, request, vault), request.targets).limited(chosen)
     from srprov.controller.saved import kept_plan
     from srprov.planning.markdown import plan_markdown

@@ -26,8 +26,9 @@ def answers_only() -> Iterator[None]:
     try:
         yield
     finally:
-        import ctypes
+        if "ortools" in sys.modules:
+            import ctypes
 
-        ctypes.CDLL(None).fflush(None)  # what C still holds back
+            ctypes.CDLL(None).fflush(None)  # what C still holds back
         os.dup2(saved, _OUT)
         os.close(saved)

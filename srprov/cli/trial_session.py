@@ -93,7 +93,7 @@ def run_session(
     from srprov.controller.secrets import read_secrets
 
     vault = read_secrets(definitions, request.allowed)
-    request = inputs.with_own_files(request, definitions)
+    request = inputs.with_own_files(request, definitions.experiment)
     with inputs.connect(inventory, manner.timeout, manner.forks, changing=True, vault=vault) as fleet:
         output_options.note(f"asking {len(inventory.hosts)} robots for facts")
         planned = _planned(definitions, fleet, request, vault)

@@ -20,7 +20,6 @@ from srprov.definitions.dockerfile import fetches, images_of, unclear
 from srprov.definitions.model import Experiment, NetworkSettings, Service
 from srprov.definitions.secretmodel import SecretSource
 from srprov.errors import RefusedError, UsageError
-from srprov.images.tag import read_context
 from srprov.modules import MODULES, PROBING
 from srprov.modules.dataset import DataParams
 from srprov.modules.file import FileParams
@@ -127,6 +126,10 @@ def _builds(saved: PlanFile) -> dict[str, ContainerDefinition]:
 
     A tag is believed by name: whoever has no context for one may run an image of somebody else.
     """
+    if not saved.contexts:
+        return {}
+    from srprov.images.tag import read_context
+
     found = {}
     for name, context in saved.contexts.items():
         tag, text = read_context(context)

@@ -20,7 +20,6 @@ from srprov.definitions.labpolicy import LabPolicy, load
 from srprov.definitions.model import Definitions, Inventory
 from srprov.errors import RefusedError
 from srprov.image_reference import parse_reference
-from srprov.images.tag import read_context
 from srprov.modules.container_params import ContainerParams
 from srprov.modules.image import ImageParams
 from srprov.planning.plan import Plan, Step
@@ -166,6 +165,8 @@ def _images(step: Step) -> Iterable[str]:
 
 def _dockerfile(context: bytes) -> str:
     """Return the Dockerfile of a build's context; a variable for one that srprov did not write: nothing passes."""
+    from srprov.images.tag import read_context  # not needed where nothing is built
+
     text = read_context(context)[1]
     return text if text and unclear(text) is None else "FROM $NOTHING"
 

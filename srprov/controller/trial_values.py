@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from srprov.definitions.model import Definitions, Experiment, Service
 from srprov.definitions.trialsmodel import TrialDefinitions
-from srprov.trials import Design, design, power
+from srprov.trials import Design, design
 
 
 def at_first_point(definitions: Definitions) -> Definitions:
@@ -45,6 +45,8 @@ def design_notes(given: TrialDefinitions | None) -> tuple[str, ...]:
     """Return what a plan says of trials."""
     if given is None or not (given.parameters or given.settings.repetitions > 1):
         return ()
+    from srprov.trials import power
+
     made = design(given)
     first = ", ".join(f"{name}={value}" for name, value in made.points[0].values.items())
     here = f"; here with {first}" if first else ""
@@ -62,6 +64,8 @@ def listed(experiment: Experiment) -> tuple[list[dict[str, Any]], tuple[str, ...
     Raises:
         UsageError: The design has too many trials, or none.
     """
+    from srprov.trials import power
+
     given = experiment.trials or TrialDefinitions()
     made = design(given)
     rows = [

@@ -17,6 +17,7 @@ from pathlib import Path
 from srprov import private
 from srprov.yamldoc import nodes
 
+_NAME = "documents"
 _MOST_BYTES = 64 * 1024
 _LINE = 65
 
@@ -28,7 +29,7 @@ def is_known(digest: str) -> bool:
 
 def add(digest: str) -> None:
     """Add a digest; when the file is full, it starts again with this one."""
-    path = _path()
+    path = private.cache_folder() / _NAME
     with contextlib.suppress(OSError):
         private.make_folder(path.parent)
         full = path.exists() and path.stat().st_size > _MOST_BYTES - _LINE
@@ -48,16 +49,10 @@ def code() -> str:
 def _lines() -> frozenset[bytes]:
     """Return the digests of a file that is the user's alone; somebody else's would say what is without fault."""
     try:
-        with _path().open("rb") as file:
+        with (private.cache_folder() / _NAME).open("rb") as file:
             about = os.fstat(file.fileno())
             if about.st_uid != os.geteuid() or stat.S_IMODE(about.st_mode) & 0o022:
                 return frozenset()
             return frozenset(file.read(_MOST_BYTES).split())
     except OSError:
         return frozenset()
-
-
-def _path() -> Path:
-    cache_home = os.environ.get("XDG_CACHE_HOME", "")
-    base = Path(cache_home) if cache_home.startswith("/") else Path(os.environ.get("HOME", "/nonexistent")) / ".cache"
-    return base / "srprov" / "documents"

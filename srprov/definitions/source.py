@@ -6,7 +6,6 @@ one repository is the same source. Anything else gives `user@host:path`. Reads `
 
 from __future__ import annotations
 
-import configparser
 import re
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -37,12 +36,18 @@ def _remote(git: Path) -> str:
     project, and lead to a repository whose address is nobody's business.
     """
     config = git / "config"
-    parser = configparser.RawConfigParser(strict=False, allow_no_value=True)
     try:
         if git.is_symlink() or config.is_symlink():
             return ""
-        parser.read_string(regular_file.read_text(config, _LARGEST, "replace"))
-    except (OSError, ValueError, configparser.Error):
+        text = regular_file.read_text(config, _LARGEST, "replace")
+    except (OSError, ValueError):
+        return ""
+    import configparser  # most folders above an EDF are no checkouts
+
+    parser = configparser.RawConfigParser(strict=False, allow_no_value=True)
+    try:
+        parser.read_string(text)
+    except (ValueError, configparser.Error):
         return ""
     return _address(parser.get('remote "origin"', "url", fallback="") or "")
 

@@ -28,7 +28,7 @@ _ALL = ("+refs/heads/*:refs/srprov/heads/*", "+refs/tags/*:refs/srprov/tags/*")
 
 def default_folder() -> Path:
     """Return where repositories are kept: `$XDG_CACHE_HOME/srprov/git`."""
-    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "srprov" / "git"
+    return private.cache_folder() / "git"
 
 
 def resolve(address: Address, ref: str) -> str:

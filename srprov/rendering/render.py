@@ -5,7 +5,8 @@ of a playbook is a mapping whose first key names a module, with the resource's n
 `module:name` on the same robot or `robot/module:name`, each a text or `{id, condition}`. Parameters are read once, by
 the types that their module declares; bytes are named by their digest.
 
-Touches nothing. Facts and definition files are values here and are never rendered again as templates.
+Touches only the cache of compiled playbooks (`compiled.py`). Facts and definition files are values here and are never
+rendered again as templates.
 """
 
 from __future__ import annotations
@@ -21,7 +22,8 @@ from srprov.codes import Code
 from srprov.errors import RenderError
 from srprov.modules.module import Module
 from srprov.modules.params import ParameterError, check_text, read_params
-from srprov.rendering.environment import check_whole_values, environment, load
+from srprov.rendering import compiled
+from srprov.rendering.environment import load
 from srprov.resource import Condition, Need, Resource
 
 
@@ -63,11 +65,9 @@ def render(
 
 @functools.lru_cache(maxsize=256)
 def _template(name: str, text: str) -> Template:
-    """Compile a playbook, once for all robots: it takes several times as long as rendering it."""
-    env = environment()
+    """Compile a playbook, once for all robots."""
     try:
-        check_whole_values(env, text, name)
-        return env.from_string(text)
+        return compiled.template(name, text)
     except TemplateError as error:
         line = getattr(error, "lineno", None) or 1
         raise RenderError(f"{name}:{line}: {error.message}", hint="correct the template", code=Code.TEMPLATE) from error

@@ -41,10 +41,13 @@ def connect(host: Host, *, options: ConnectOptions | None = None, peers: Peers |
         from srprov.transport.local_session import LocalSession
 
         return LocalSession.open(host, chosen, peers)
+    from srprov.transport.openssh.way import set_out
+
+    way = set_out(host, chosen)
     preload_ssh()
     from srprov.transport.ssh_session import SshSession
 
-    return SshSession.open(host, chosen, peers)
+    return SshSession.open(host, way, chosen, peers)
 
 
 def log_in(host: Host, command: str, terminal: str, *, options: ConnectOptions) -> ContainerCommand:

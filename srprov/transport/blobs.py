@@ -216,6 +216,4 @@ class Blobs:
 
 def default_folder() -> Path:
     """Return where the user's cache is."""
-    cache_home = os.environ.get("XDG_CACHE_HOME", "")
-    base = Path(cache_home) if cache_home.startswith("/") else Path(os.environ.get("HOME", "/nonexistent")) / ".cache"
-    return base / "srprov" / "blobs"
+    return private.cache_folder() / "blobs"

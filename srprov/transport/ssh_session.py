@@ -20,7 +20,6 @@ from srprov.transport.deadline import Deadline
 from srprov.transport.engine.link import EngineGone, EngineSocket
 from srprov.transport.openssh.channel import MORE_SESSIONS, ChannelStreams, answer_sudo, complaint, start
 from srprov.transport.openssh.connection import StrictConnection, open_connection
-from srprov.transport.openssh.resolve import resolve
 from srprov.transport.session import BaseSession
 from srprov.transport.shell.frames import FIND_CONNECTION, ready_line, start_command
 from srprov.transport.shell.shell import Shell
@@ -31,6 +30,7 @@ if TYPE_CHECKING:
     from concurrent.futures import Future
 
     from srprov.transport.openssh.scripting import OpenConnection
+    from srprov.transport.openssh.way import Way
     from srprov.transport.options import ConnectOptions, Peers
 
 _SECOND_SHELL_S = 20.0
@@ -60,16 +60,14 @@ class SshSession(BaseSession):
         self._docker_options = ""
 
     @classmethod
-    def open(cls, host: Host, options: ConnectOptions, peers: Peers | None = None) -> SshSession:
-        """Connect and start the shell.
+    def open(cls, host: Host, way: Way, options: ConnectOptions, peers: Peers | None = None) -> SshSession:
+        """Connect by the way that was begun, and start the shell.
 
         Raises:
             TransportError: As `srprov.transport.connect`.
         """
-        settings = resolve(host, ssh_config=options.ssh_config)
-        deadline = Deadline(settings.connect_timeout_s or options.connect_timeout_s)
-        traffic = Traffic()
-        connection = open_connection(settings, deadline, traffic, options.attempts)
+        settings, deadline, traffic = way.settings, way.deadline, Traffic()
+        connection = open_connection(way, traffic, options.attempts)
         try:
             mark = secrets.token_hex(16)
             channel, nonce = _start(connection, host, "sh", deadline, mark)

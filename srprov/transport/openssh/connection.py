@@ -11,6 +11,7 @@ import functools
 import logging
 import random
 import re
+import socket
 import time
 from typing import Any, cast
 
@@ -29,6 +30,7 @@ from srprov.transport.openssh.local_stream import LocalStreamTransport
 from srprov.transport.openssh.resolve import resolve
 from srprov.transport.openssh.reverse import ReverseForwards
 from srprov.transport.openssh.settings import SshSettings
+from srprov.transport.openssh.way import Way, dial
 
 _log = logging.getLogger("paramiko")
 _log.addHandler(logging.NullHandler())
@@ -58,10 +60,11 @@ class StrictConnection:
         deadline: Deadline,
         traffic: Traffic,
         trail: tuple[str, ...] = (),
+        dialled: socket.socket | None = None,
     ) -> None:
-        """Take where to connect to and by when, and which jump hosts lie behind it."""
+        """Take where to connect to and by when, which jump hosts lie behind it, and the socket if there is one."""
         self.settings, self.deadline, self.traffic = settings, deadline, traffic
-        self.trail = trail
+        self.trail, self._dialled = trail, dialled
         self.client = paramiko.SSHClient()
         self.jump: StrictConnection | None = None
         self.proxy: sockets.ProxyProcess | None = None
@@ -113,7 +116,7 @@ class StrictConnection:
             self.proxy = sockets.ProxyProcess(settings.name, settings.proxy_command)
             return self.proxy.socket
         if not settings.proxy_jump:
-            return sockets.dial(settings.name, settings.hostname, settings.port, self.deadline, settings.address_family)
+            return self._dialled or dial(settings, self.deadline)
         self.jump = jump_host(settings, self.deadline, self.trail)
         try:
             return self.jump.transport.open_channel(
@@ -224,19 +227,21 @@ def parse_hop(text: str) -> tuple[str | None, str, int | None]:
     return user or None, found[1] or found[3] or found[5], int(port) if port else None
 
 
-def open_connection(settings: SshSettings, deadline: Deadline, traffic: Traffic, attempts: int) -> StrictConnection:
+def open_connection(way: Way, traffic: Traffic, attempts: int) -> StrictConnection:
     """Connect; again when sshd dropped the connection before the login.
 
     Raises:
         TransportError: As `StrictConnection.open`.
     """
+    dialled = way.socket
     for attempt in range(1, attempts + 1):
-        connection = StrictConnection(settings, deadline, traffic)
+        connection = StrictConnection(way.settings, way.deadline, traffic, dialled=dialled)
+        dialled = None
         try:
             connection.open()
         except Dropped:
             pause = random.uniform(0.1, 0.4) * 2**attempt  # noqa: S311 - spreads retries, guards nothing
-            if attempt == attempts or pause > deadline.left():
+            if attempt == attempts or pause > way.deadline.left():
                 raise
             time.sleep(pause)
         else:

@@ -15,10 +15,9 @@ from srprov.codes import Code
 from srprov.definitions.model import Host
 from srprov.errors import TransportError
 from srprov.session import Traffic
-from srprov.transport.deadline import Deadline
 from srprov.transport.openssh.channel import ChannelStreams, start
 from srprov.transport.openssh.connection import open_connection
-from srprov.transport.openssh.resolve import resolve
+from srprov.transport.openssh.way import set_out
 from srprov.transport.options import ConnectOptions
 
 _STATUS_S = 10.0
@@ -40,12 +39,11 @@ class RobotLogin:
         Raises:
             TransportError: As `srprov.transport.connect`; or sshd gives no terminal, or opens no session.
         """
-        settings = resolve(host, ssh_config=options.ssh_config)
-        deadline = Deadline(settings.connect_timeout_s or options.connect_timeout_s)
+        way = set_out(host, options)
         self._host = host.name
-        self._connection = open_connection(settings, deadline, Traffic(), options.attempts)
+        self._connection = open_connection(way, Traffic(), options.attempts)
         try:
-            self._channel = start(self._connection, command, deadline, terminal)
+            self._channel = start(self._connection, command, way.deadline, terminal)
         except BaseException:
             self._connection.close()
             raise

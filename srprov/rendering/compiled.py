@@ -1,0 +1,72 @@
+"""Compiled playbooks, kept in the user's cache folder: to compile one takes a hundred times as long as to read it.
+
+What is read is code that runs, as with Python's own `__pycache__`; so it counts only in a file that is the user's and
+that nobody else can write. It was checked when it was compiled. Takes a name and a text; reads and writes one file per
+name, which says what it was made from. Nothing is lost with these files: without them everything is compiled.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import hashlib
+import marshal
+import os
+import stat
+from pathlib import Path
+from types import CodeType
+
+from jinja2 import Template, compiler
+from jinja2.bccache import bc_magic
+
+from srprov import private
+from srprov.rendering import environment
+
+_MOST_BYTES = 1 << 20
+_DIGEST = 32
+
+
+def template(name: str, text: str) -> Template:
+    """Return the template of a playbook.
+
+    Raises:
+        RenderError: A substitution is only a part of a value.
+        jinja2.TemplateError: It cannot be compiled.
+    """
+    env = environment.environment()
+    path = private.cache_folder() / "playbooks" / hashlib.sha256(name.encode()).hexdigest()
+    made_from = hashlib.sha256(_code() + text.encode()).digest()
+    code = _kept(path, made_from)
+    if code is None:
+        environment.check_whole_values(env, text, name)
+        code = env.compile(text)
+        with contextlib.suppress(OSError):  # compiled again next time
+            private.make_folder(path.parent)
+            private.write_output(str(path), made_from + marshal.dumps(code))
+    return env.template_class.from_code(env, code, env.make_globals(None))
+
+
+@functools.cache
+def _code() -> bytes:
+    """Return a digest of what checks and compiles playbooks, and of Python's and Jinja2's formats."""
+    files = (Path(environment.__file__), Path(compiler.__file__))
+    return hashlib.sha256(bc_magic + b"".join(path.read_bytes() for path in files)).digest()
+
+
+def _kept(path: Path, made_from: bytes) -> CodeType | None:
+    """Return the code that a file holds; None when it was made from something else, or might be somebody else's."""
+    try:
+        with path.open("rb") as file:
+            about = os.fstat(file.fileno())
+            if about.st_uid != os.geteuid() or stat.S_IMODE(about.st_mode) & 0o022:
+                return None
+            content = file.read(_MOST_BYTES)
+    except OSError:
+        return None
+    if content[:_DIGEST] != made_from:
+        return None
+    try:
+        code = marshal.loads(content[_DIGEST:])  # noqa: S302 - the user's own file, see above
+    except (ValueError, EOFError, TypeError):
+        return None
+    return code if isinstance(code, CodeType) else None
