@@ -18,7 +18,7 @@ from srprov import regular_file
 from srprov.codes import Code
 from srprov.errors import DefinitionError, Diagnostic, Location, did_you_mean
 from srprov.yamldoc.allowance import Allowance, current
-from srprov.yamldoc.nodes import Map, Node, Scalar, Seq, Source, problem
+from srprov.yamldoc.nodes import Findings, Map, Node, Scalar, Seq, Source
 
 MAX_BYTES = 8 * 1024 * 1024
 MAX_DEPTH = 60
@@ -79,7 +79,7 @@ def parse(text: str, file: str) -> Node | None:
     """Read YAML text; `file` is what problems are shown with. None when it holds no document.
 
     Raises:
-        DefinitionError: With all duplicate keys at once, or the first place where the text is no YAML.
+        DefinitionError: With all duplicate keys, a hundred at most, or the first place where the text is no YAML.
     """
     import yaml
 
@@ -123,7 +123,7 @@ class _Composer:
         """anchor -> how many values it stands for, and how many levels it nests"""
         self.count = 0
         self.deepest = 0
-        self.problems: list[Diagnostic] = []
+        self.findings = Findings()
 
     def document(self) -> Node | None:
         """Return the root of the only document."""
@@ -131,8 +131,8 @@ class _Composer:
             root = self._root()
         finally:
             self.allowance.values -= self.count
-        if self.problems:
-            raise DefinitionError(self.problems)
+        if self.findings.problems:
+            raise DefinitionError(self.findings.problems)
         empty = isinstance(root, Scalar) and root.plain and root.text == "" and not root.tag
         return None if empty else root
 
@@ -189,16 +189,13 @@ class _Composer:
             key = self._node(event, depth + 1)
             value = self._node(next(self.events), depth + 1)
             if not isinstance(key, Scalar) or key.tag:
-                self.problems.append(problem(key, "a key must be a single word or text", code=Code.YAML))
+                self.findings.add(key, "a key must be a single word or text", code=Code.YAML)
             elif key.text == "<<" and key.plain:
                 merged.extend(self._merge_sources(value))
             elif key.text in entries:
                 first = keys[key.text].line
-                self.problems.append(
-                    problem(
-                        key, f"duplicate key '{key.text}'; it is already on line {first}", key.text, code=Code.TWICE
-                    )
-                )
+                told = f"duplicate key '{key.text}'; it is already on line {first}"
+                self.findings.add(key, told, (key.text,), code=Code.TWICE)
             else:
                 entries[key.text], keys[key.text] = value, key
         for other in merged:
@@ -210,8 +207,9 @@ class _Composer:
 
     def _merge_sources(self, value: Node) -> list[Map]:
         maps = list(value.items) if isinstance(value, Seq) else [value]
-        wrong = [node for node in maps if not isinstance(node, Map)]
-        self.problems.extend(problem(node, "'<<' merges maps only", code=Code.YAML) for node in wrong)
+        for node in maps:
+            if not isinstance(node, Map):
+                self.findings.add(node, "'<<' merges maps only", code=Code.YAML)
         return [node for node in maps if isinstance(node, Map)]
 
     def _alias(self, event: Any, line: int, column: int, depth: int) -> Node:  # noqa: ANN401 - as _node
@@ -234,7 +232,7 @@ class _Composer:
     def _stop(self, event: Any, message: str, code: Code = Code.YAML) -> DefinitionError:  # noqa: ANN401 - as _node
         place = Location(self.source.file, event.start_mark.line + 1, event.start_mark.column + 1)
         excerpt = self.source.excerpt(place.line)
-        return DefinitionError([*self.problems, Diagnostic(place, message, "", excerpt, code=code)])
+        return DefinitionError([*self.findings.problems, Diagnostic(place, message, "", excerpt, code=code)])
 
 
 _PLAIN_TAGS = {_YAML_TAGS + name for name in ("int", "float", "bool", "null")}

@@ -48,6 +48,10 @@ EDFS = {
         edf("".join(f"  service-{i:04}: {{image: x, depends_on: [servise-{i:04}], cots: 3}}\n" for i in ROWS)),
         "there are more than 100 problems",
     ),
+    "a key ninety thousand times": (
+        f"srprov: 0.1.0\nservices: {{{'n,' * 90_000}}}\n",
+        "there are more than 100 problems",
+    ),
     "many services": (edf("".join(f"  s{i}: {{image: x}}\n" for i in range(1001))), "1001 entries; 1000 are the most"),
     "many values": (
         edf("  a: {image: x}\n", f"x-a: [{', '.join(['[' + '1, ' * 999 + '1]'] * 25)}]\n"),
