@@ -224,6 +224,7 @@ PROCESSES_AND_SOCKETS = frozenset(
 PROCESS_CALLS = frozenset({"system", "popen", "fork", "forkpty", "posix_spawn", "posix_spawnp"})
 _PROGRAMS = tuple(f"definitions/{name}.py" for name in ("inventory", "script", "program", "secretvalues"))
 _CHILD = "rendering/limited.py"
+_WORKER = "transport/workers/worker.py"
 _SIGNS = "controller/signature.py"
 _GIT = "git/program.py"
 MAY_REACH_OUT = ("transport/", "lab/", *_PROGRAMS, _CHILD, _SIGNS, _GIT)
@@ -330,7 +331,7 @@ def use_problem(path: str, node: ast.AST) -> str:
     called = name_of(node.func) if isinstance(node, ast.Call) else ""
     if isinstance(node, ast.Attribute) and node.attr in ("reveal", "_value") and not path.startswith(MAY_REVEAL):
         return f"{node.attr}: only {', '.join(MAY_REVEAL)} may look into a secret"
-    if path.startswith(MAY_TALK) or (path == _CHILD and called == "os._exit"):
+    if path.startswith(MAY_TALK) or (path in (_CHILD, _WORKER) and called == "os._exit"):
         return ""
     if called in ("print", "input", "breakpoint", "exit", "quit", "os._exit") or name_of(node) in (
         "sys.exit",

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TextIO
 import click
 from msgspec.structs import replace
 
-from srprov.cli import inputs, options, output_options
+from srprov.cli import fork_options, inputs, options, output_options
 from srprov.cli.execute import carry_out, confirm, refuse_without_terminal
 from srprov.cli.output import out
 from srprov.cli.plan import show_plan
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 @click.option("-i", "--inventory", "inventories", multiple=True, metavar="FILE",
               help="Inventory; may be repeated. Not needed with --show.")  # fmt: skip
 @options.JSON
-@options.FORKS
+@fork_options.FORKS
 @options.TIMEOUT
 @options.ASK_BECOME
 @options.LIMIT

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from srprov.cli import inputs, options, output_options
+from srprov.cli import fork_options, inputs, options, output_options
 from srprov.cli.output import err, out, out_json
 from srprov.codes import Code
 from srprov.errors import UsageError, visible
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     "engine is asked.",
 )  # fmt: skip
 @options.TIMEOUT
-@options.FORKS
+@fork_options.FORKS
 @options.ASK_BECOME
 @click.option(
     "--sign", type=click.Path(exists=True, dir_okay=False), default=None, metavar="KEY",

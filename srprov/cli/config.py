@@ -33,7 +33,7 @@ from srprov.errors import UsageError, did_you_mean
 
 PROJECT_KEYS = frozenset(
     ("inventory", "forks", "timeout", "wait-timeout", "settle", "lock-wait", "time-limit", "max-fail", "format",
-     "verbose", "explain", "timings", "no-color", "tail", "locked")
+     "verbose", "explain", "timings", "no-color", "tail", "locked", "workers")
 )  # fmt: skip
 OWN_KEYS = PROJECT_KEYS | {
     *("allow", "yes", "adopt", "data", "volumes", "unreachable", "reassign", "ask-become-pass", "limit", "exclude"),
@@ -45,7 +45,7 @@ OWN_KEYS = PROJECT_KEYS | {
     *("margin", "strict", "with", "map", "twin", "set", "name", "env-file", "robot-map", "home", "lab"),
     *("preserve", "check", "diff", "example", "owner"),
     *("with-images", "no-bundled-images", "editor", "changed", "target", "expect", "extract", "wide", "all-instances"),
-    "lossy",
+    *("lossy", "connect-rate"),
 }
 PARAMETERS = {"inventory": "inventories", "json": "as_json", "format": "form", "out": "target", "facts": "stored",
               "profile": "profiles", "margin": "margins", "with": "others", "map": "pairs",

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, TypeVar
 import click
 from msgspec.structs import replace
 
-from srprov.cli import inputs, options
+from srprov.cli import fork_options, inputs, options
 from srprov.cli.output import counted, err, out, out_json
 from srprov.cli.stored_facts import FACTS, stored_facts
 from srprov.codes import Code
@@ -34,8 +34,8 @@ def _for_cluster(engine: str) -> Callable[[_F], _F]:
     """Return what adds the argument and the options of an export for an engine that has nodes of its own."""
     file = click.argument("file", metavar="EDF|PLAN")
     lossy = click.option("--lossy", is_flag=True, help=f"Leave out what {engine} cannot do, instead of refusing it.")
-    given = (file, _ROBOTS, FACTS, _FOLDER, lossy, options.JSON, options.FORKS, options.TIMEOUT, options.ASK_BECOME,
-             options.deciding, options.ALLOW)  # fmt: skip
+    given = (file, _ROBOTS, FACTS, _FOLDER, lossy, options.JSON, fork_options.FORKS, options.TIMEOUT,
+             options.ASK_BECOME, options.deciding, options.ALLOW)  # fmt: skip
 
     def with_options(function: _F) -> _F:
         return functools.reduce(lambda verb, add: add(verb), reversed(given), function)
@@ -56,7 +56,7 @@ def export() -> None:
 @click.option("--twin", is_flag=True, help="One file for a single PC, whatever inventory is configured.")
 @_FOLDER
 @options.JSON
-@options.FORKS
+@fork_options.FORKS
 @options.TIMEOUT
 @options.ASK_BECOME
 @options.deciding

@@ -15,6 +15,7 @@ from click.core import ParameterSource
 from msgspec.structs import replace
 
 from srprov.cli.config import user_folder
+from srprov.cli.fork_options import sharing
 from srprov.cli.options import asked_for_become
 from srprov.cli.output import catch_logs, err
 from srprov.cli.output_options import is_quiet, note
@@ -124,7 +125,9 @@ def connect(
     from srprov.controller import fleet
 
     catch_logs()
-    with fleet.connect(inventory, timeout_s=timeout, forks=forks, changing=changing, vault=vault) as connected:
+    with fleet.connect(
+        inventory, timeout_s=timeout, forks=forks, changing=changing, vault=vault, sharing=sharing()
+    ) as connected:
         late = threading.Timer(_LATE_S, _say_awaited, (connected, timeout))
         late.daemon = True
         if not is_quiet():

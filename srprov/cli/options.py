@@ -11,6 +11,7 @@ import click
 from msgspec.structs import replace
 
 from srprov import names
+from srprov.cli.fork_options import FORKS
 from srprov.cli.seconds import Seconds
 from srprov.codes import Code
 from srprov.controller.request import SEARCH_LIMIT_S, PlanRequest
@@ -21,9 +22,6 @@ _F = TypeVar("_F", bound=Callable[..., Any])
 
 INVENTORY = click.option(
     "-i", "--inventory", "inventories", multiple=True, required=True, metavar="FILE", help="Inventory; may be repeated."
-)
-FORKS = click.option(
-    "-f", "--forks", type=click.IntRange(min=1), default=64, show_default=True, help="Robots at the same time."
 )
 
 

@@ -23,6 +23,18 @@ if TYPE_CHECKING:
     from srprov.transport.pool import Sessions
 
 
+class Sharing(msgspec.Struct, frozen=True, kw_only=True):
+    """How connections are shared among processes of this machine."""
+
+    workers: str = "1"
+    """How many processes have them, or `auto`; 1: this one."""
+    rate_per_s: float = 40.0
+    """How many connections are begun per second, by all of them together."""
+
+
+ALONE = Sharing()
+
+
 class Fleet(msgspec.Struct, frozen=True):
     """An inventory with open sessions."""
 
@@ -60,8 +72,9 @@ class Fleet(msgspec.Struct, frozen=True):
 
 @contextmanager
 def connect(
-    inventory: Inventory, *, timeout_s: float, forks: int, changing: bool = False, vault: Vault | None = None
-) -> Iterator[Fleet]:
+    inventory: Inventory, *, timeout_s: float, forks: int, changing: bool = False, vault: Vault | None = None,
+    sharing: Sharing = ALONE,
+) -> Iterator[Fleet]:  # fmt: skip
     """Begin to connect to all robots; connections end with the block.
 
     Args:
@@ -70,13 +83,17 @@ def connect(
         forks: Robots at the same time.
         changing: A run will follow, so begin to import what records it.
         vault: The secrets that are written there.
+        sharing: Which processes have the connections, and how fast they are begun.
     """
     from srprov.transport import ConnectOptions, preload_ssh
     from srprov.transport.pool import Sessions
+    from srprov.transport.workers.counting import wanted_workers
 
     options = ConnectOptions(connect_timeout_s=timeout_s, vault=vault or Vault())
-    with Sessions(inventory.hosts, options=options, forks=forks) as sessions:
-        if any(host.connection != "local" for host in inventory.hosts.values()):
+    workers = wanted_workers(sharing.workers, len(inventory.hosts))
+    pool = Sessions(inventory.hosts, options=options, forks=forks, rate_per_s=sharing.rate_per_s, workers=workers)
+    with pool as sessions:
+        if workers == 1 and any(host.connection != "local" for host in inventory.hosts.values()):
             preload_ssh()  # before anything else is imported: from then on the robots have something to do too
         if changing:
             threading.Thread(target=_import_record, name="import record", daemon=True).start()

@@ -24,6 +24,7 @@ from typing import BinaryIO
 
 from srprov import private
 from srprov.transport.blob import Blob, Hash, WrongBlob, compared, identity_of, open_regular, written
+from srprov.transport.turns import OwnTurns, Turns
 
 __all__ = ["Blob", "Blobs", "WrongBlob"]
 
@@ -41,11 +42,11 @@ _ABANDONED_S = 86_400.0
 class Blobs:
     """The cache; nothing is touched before it is used."""
 
-    def __init__(self, folder: Path | None = None, most_bytes: int = MOST_BYTES) -> None:
-        """Take where it is (default: `$XDG_CACHE_HOME/srprov/blobs`) and how large it may become."""
+    def __init__(self, folder: Path | None = None, most_bytes: int = MOST_BYTES, turns: Turns | None = None) -> None:
+        """Take where it is (default: `$XDG_CACHE_HOME/srprov/blobs`), how large it may become, and who gives turns."""
         self.folder, self._most = folder or default_folder(), most_bytes
         self._lock = threading.Lock()
-        self._turns: dict[str, threading.Lock] = {}
+        self._turns = turns or OwnTurns()
         self._known: dict[Path, tuple[tuple[int, ...], Blob]] = {}
         """File -> its identity when it was compared, and what it was."""
 
@@ -175,10 +176,8 @@ class Blobs:
 
     @contextlib.contextmanager
     def turn(self, digest: str) -> Iterator[None]:
-        """Wait until nobody else in this process gets this content; then it is there, or the caller gets it."""
-        with self._lock:
-            turn = self._turns.setdefault(digest, threading.Lock())
-        with turn:
+        """Wait until nobody else in this run gets this content; then it is there, or the caller gets it."""
+        with self._turns.turn(digest):
             yield
 
     def _path(self, digest: str, *, raw: bool = False) -> Path:

@@ -7,7 +7,6 @@ place of a data set.
 from __future__ import annotations
 
 import os
-import threading
 from http.client import HTTPException
 from pathlib import Path
 from typing import TYPE_CHECKING, BinaryIO
@@ -17,6 +16,7 @@ from srprov.pace import SILENCE_S, Pace
 from srprov.session import Progress, Streams
 from srprov.transport.download import download
 from srprov.transport.image_shell import answer, send
+from srprov.transport.turns import Turns
 from srprov.wire import DATA_STORE, Reply, SendData, quote
 
 if TYPE_CHECKING:
@@ -26,18 +26,16 @@ _PIECE = 1 << 20
 _STEP = 64 << 20
 _HASHED = 1 << 20
 """bytes/s that the slowest disk of a robot is read with."""
-_turns: dict[str, threading.Lock] = {}
-_turns_lock = threading.Lock()
 
 
-def send_data(command: SendData, session: BaseSession, progress: Progress) -> Reply:
-    """Send it; see `SendData`.
+def send_data(command: SendData, session: BaseSession, turns: Turns, progress: Progress) -> Reply:
+    """Send it; see `SendData`. A download is somebody's turn.
 
     Raises:
         TransportError: The robot cannot be talked to any more.
     """
     try:
-        with regular_file.real_file(_here(command, progress)) as file:
+        with regular_file.real_file(_here(command, turns, progress)) as file:
             return _send(command, file, session, progress)
     except (OSError, HTTPException, ValueError, datasets.WrongData) as error:
         why = f"{command.url}: {error}" if command.url else str(error)
@@ -105,11 +103,9 @@ chmod 0444 part && mv part data && echo done
 }}"""
 
 
-def _here(command: SendData, progress: Progress) -> Path:
+def _here(command: SendData, turns: Turns, progress: Progress) -> Path:
     """Return a file of this machine that has the hash; it is downloaded once for all robots."""
-    with _turns_lock:
-        turn = _turns.setdefault(command.sha256, threading.Lock())
-    with turn:
+    with turns.turn(command.sha256):
         if found := datasets.find(command.sha256, command.url):
             return found
         if not command.url:

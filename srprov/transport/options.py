@@ -9,6 +9,7 @@ import msgspec
 
 from srprov.secret import Vault
 from srprov.transport.image_source import ImageSources
+from srprov.transport.turns import OwnTurns, Turns
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -34,3 +35,5 @@ class ConnectOptions(msgspec.Struct, frozen=True, kw_only=True):
     """What the sessions put in the place of the names of secrets."""
     image_sources: ImageSources = msgspec.field(default_factory=ImageSources)
     """Where copies of images read what their robot lacks, and the cache that they keep it in."""
+    turns: Turns = msgspec.field(default_factory=OwnTurns)
+    """Who downloads a data set, once for all robots."""

@@ -10,10 +10,11 @@ from __future__ import annotations
 import queue
 import threading
 import time
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as NotYet
 from types import TracebackType
+from typing import TYPE_CHECKING
 
 from srprov.codes import Code
 from srprov.definitions.model import Host
@@ -21,8 +22,12 @@ from srprov.errors import ConnectError, TransportError, UsageError
 from srprov.session import Session
 from srprov.transport import ConnectOptions, connect
 from srprov.transport.session import BaseSession
+from srprov.transport.workers.far_session import FarSession
 
-_RATE_PER_S = 40.0
+if TYPE_CHECKING:
+    from srprov.transport.workers.processes import Workers
+
+RATE_PER_S = 40.0
 
 
 class Sessions:
@@ -33,6 +38,7 @@ class Sessions:
         options: How to connect.
         forks: How many connections are being made at the same time.
         rate_per_s: How many are begun per second, once `forks` of them have been begun at once.
+        workers: Processes that have the connections; 1: this one. Forks and rate are those of all together.
     """
 
     def __init__(
@@ -41,10 +47,12 @@ class Sessions:
         *,
         options: ConnectOptions | None = None,
         forks: int = 50,
-        rate_per_s: float = _RATE_PER_S,
+        rate_per_s: float = RATE_PER_S,
+        workers: int = 1,
     ) -> None:
         self._hosts = dict(hosts)
         self._options = options or ConnectOptions()
+        self._workers = _workers(workers, self._options, self.get) if workers > 1 else None
         self._pace = _Pace(rate_per_s, burst=forks)
         self._sessions: dict[str, Future[Session]] = {name: Future() for name in self._hosts}
         self._closed = threading.Event()
@@ -68,7 +76,7 @@ class Sessions:
     def _connect(self, name: str) -> None:
         """Connect to one host and keep the session, or the reason."""
         try:
-            session = connect(self._hosts[name], options=self._options, peers=self.get)
+            session = self._opened(name)
         except BaseException as error:  # raised where somebody waits
             self._sessions[name].set_exception(error)
             return
@@ -76,6 +84,12 @@ class Sessions:
         # close() may have gone by while this one was being made.
         if self._closed.is_set():
             session.close()
+
+    def _opened(self, name: str) -> Session:
+        """Connect to one host, here or in the worker that is for it."""
+        if self._workers is not None:
+            return self._workers.connect(self._hosts[name])
+        return connect(self._hosts[name], options=self._options, peers=self.get)
 
     def get(self, host: str) -> Session:
         """Return the session of one robot, as soon as it is there.
@@ -113,7 +127,7 @@ class Sessions:
         Raises:
             TransportError: It cannot be reached.
         """
-        session = connect(self._hosts[host], options=self._options, peers=self.get)
+        session = self._opened(host)
         fresh: Future[Session] = Future()
         fresh.set_result(session)
         self._sessions[host] = fresh
@@ -144,7 +158,7 @@ class Sessions:
     def prepare(self, hosts: Iterable[str]) -> None:
         """Let these robots' sessions get ready to change something, in the background; those not reached are left."""
         for session in self._there(hosts):
-            if isinstance(session, BaseSession):
+            if isinstance(session, BaseSession | FarSession):
                 session.prepare()
 
     def _there(self, hosts: Iterable[str]) -> list[Session]:
@@ -155,6 +169,9 @@ class Sessions:
     def close(self) -> None:
         """End every connection, also those that are being made; safe to call twice."""
         self._closed.set()
+        if self._workers is not None:
+            self._workers.close()
+            return
         for session in self._there(self._hosts):
             session.close()
 
@@ -167,6 +184,13 @@ class Sessions:
     ) -> None:
         """Close."""
         self.close()
+
+
+def _workers(count: int, options: ConnectOptions, get: Callable[[str], Session]) -> Workers:
+    """Start worker processes."""
+    from srprov.transport.workers.processes import Workers
+
+    return Workers(count, options, get)
 
 
 class _Pace:

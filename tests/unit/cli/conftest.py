@@ -39,7 +39,7 @@ def world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> World:
     class Sessions(faked.FakeSessions):
         """The same robots in each run of a test."""
 
-        def __init__(self, hosts: Any, *, options: Any, forks: int) -> None:
+        def __init__(self, hosts: Any, *, options: Any, **_more: Any) -> None:
             world.vault = options.vault
             world.add(*(name for name in hosts if name not in world.robots))
 

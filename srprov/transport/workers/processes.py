@@ -1,0 +1,145 @@
+"""Worker processes: each robot's connection is in one of them, by a hash of its name.
+
+Takes the way to any session; gives `FarSession`s. A worker that ends takes its connections with it: its robots cannot
+be reached from then on, and nobody starts another one, since what it was doing is not known. The robots free their
+locks by themselves.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from srprov.session import Session
+from srprov.transport.turns import OwnTurns
+from srprov.transport.workers.counting import shard
+from srprov.transport.workers.far import lost
+from srprov.transport.workers.far_session import FarSession
+from srprov.transport.workers.link import ROOT, Link, LinkLost
+from srprov.transport.workers.served import act
+
+if TYPE_CHECKING:
+    from srprov.definitions.model import Host
+    from srprov.transport.options import ConnectOptions
+
+_SILENT_S = 60.0
+"""A worker that says nothing for so long is killed: its robots are given up rather than waited for without end."""
+_ENDING_S = 6.0
+"""A little longer than a worker takes to close connections."""
+_SENT = ("connect_timeout_s", "attempts", "ssh_config", "warm_engine")
+"""Fields of `ConnectOptions` that a worker is told; the others are its own, or lent."""
+_log = logging.getLogger(__name__)
+
+
+class Workers:
+    """The processes of one run, started when this is made."""
+
+    def __init__(self, count: int, options: ConnectOptions, get: Callable[[str], Session]) -> None:
+        """Take how many, how they connect, and what gives the session of any robot."""
+        self._options, self._get = options, get
+        self._turns = OwnTurns()
+        self._workers = [_Worker(self, number) for number in range(count)]
+
+    def connect(self, host: Host) -> FarSession:
+        """Connect to a robot; raises as `srprov.transport.connect` does."""
+        options = {key: getattr(self._options, key) for key in _SENT}
+        link = self._workers[shard(host.name, len(self._workers))].link
+        try:
+            return FarSession(link, link.call(ROOT, "connect", host, options), host.name, self._options.vault)
+        except LinkLost as error:
+            raise lost(host.name, error) from None
+
+    def home(self, number: int) -> _Home:
+        """Return what one worker may call."""
+        return _Home(self._get, self._turns, lambda host: shard(host, len(self._workers)) == number)
+
+    def close(self) -> None:
+        """End all of them, and their connections; safe to call twice."""
+        for worker in self._workers:
+            worker.link.end("connections were closed")
+        for worker in self._workers:
+            worker.wait()
+
+
+class _Home:
+    """What a worker may call: sessions that other workers have, and turns among all of them."""
+
+    def __init__(self, get: Callable[[str], Session], turns: OwnTurns, own: Callable[[str], bool]) -> None:
+        self._get, self._turns, self._own = get, turns, own
+        self._taken: set[str] = set()
+        self._is_gone = False
+
+    def peer(self, host: str) -> Session | None:
+        """Wait until a robot is connected; return its session, or None when the worker that asks has it."""
+        session = self._get(host)
+        return None if self._own(host) else session
+
+    def take_turn(self, key: str) -> None:
+        """Let the worker get a content alone."""
+        self._turns.turn(key).acquire()
+        self._taken.add(key)
+        if self._is_gone:
+            self.gone()
+
+    def give_turn(self, key: str) -> None:
+        """Let the next one."""
+        self._taken.discard(key)
+        self._turns.turn(key).release()
+
+    def gone(self) -> None:
+        """Let the next one in everything that the worker had."""
+        self._is_gone = True
+        for key in list(self._taken):
+            self.give_turn(key)
+
+
+class _Worker:
+    """One process."""
+
+    def __init__(self, workers: Workers, number: int) -> None:
+        self._home = workers.home(number)
+        ours, theirs = socket.socketpair()
+        # no secret and no robot's name: everything else comes over the socket
+        start = f"import sys; sys.path[:] = {sys.path!r}; from srprov.transport.workers.worker import main; "
+        with theirs:
+            self._process = subprocess.Popen(
+                [sys.executable, "-c", f"{start}main({theirs.fileno()})"],
+                stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, pass_fds=[theirs.fileno()],
+                start_new_session=True,  # Ctrl-C is for this process, which ends what has to end
+            )  # fmt: skip
+        self.link = Link(ours, self._home, act, _log.warning)
+        for work in (self._run, self.link.beat, lambda: self.link.watch(self._silent)):
+            threading.Thread(target=work, name=f"worker {number}", daemon=True).start()
+
+    def wait(self) -> None:
+        """Wait for its end, which was asked for, and see to it."""
+        try:
+            self._process.wait(_ENDING_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+
+    def _run(self) -> None:
+        """Read what it says; when it is gone, so are its robots."""
+        try:
+            self.link.run()
+        finally:
+            self.link.end(self._how_it_ended())
+            self._home.gone()
+
+    def _how_it_ended(self) -> str:
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            code = self._process.wait(0 if self.link.over.is_set() else _ENDING_S)
+            how = f"was ended by {signal.Signals(-code).name}" if code < 0 else f"ended with {code}"
+            return f"the worker process of this robot {how}"
+        return "the worker process of this robot hung up"
+
+    def _silent(self, seconds: float) -> None:
+        if seconds >= _SILENT_S:
+            self._process.kill()
