@@ -11,7 +11,8 @@ GROUPS = {
     "Run them": (
         "docs/errors", "docs/plans", "docs/report",
         "docs/daily-use", "docs/debugging", "docs/configuration", "docs/permissions", "docs/policy", "docs/sharing",
-        "docs/registries", "docs/wifi", "docs/facts", "docs/records", "docs/reliability", "docs/json", "docs/ci",
+        "docs/registries", "docs/wifi", "docs/scale", "docs/facts", "docs/records", "docs/reliability", "docs/json",
+        "docs/ci",
     ),
     "Trials and evidence": ("docs/trials", "docs/evidence"),
     "From and to other tools": (
