@@ -25,6 +25,7 @@ from srprov.wire import SendData
 
 CONTENT = b"data" * 100_000
 SHA = hashlib.sha256(CONTENT).hexdigest()
+TURNS = OwnTurns()
 
 
 class Handler(http.server.BaseHTTPRequestHandler):
@@ -85,7 +86,7 @@ def address(server: tuple[str, Path], tmp_path: Path, monkeypatch: pytest.Monkey
 
 def get(url: str, sha256: str = SHA) -> Path:
     """Return where the file is, downloaded if need be."""
-    return _here(SendData(sha256=sha256, url=url), OwnTurns(), lambda _line: None)
+    return _here(SendData(sha256=sha256, url=url), TURNS, lambda _line: None)
 
 
 @pytest.mark.parametrize("path", ["/run.bag", "/away-well"])
