@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Iterator
 from typing import Any, cast
 
 from srprov.codes import Code
 from srprov.errors import TransportError
 from srprov.session import Progress, no_progress
-from srprov.transport.workers.link import Handle, Link, LinkLost
+from srprov.transport.workers.link import Link, LinkLost
+from srprov.transport.workers.sealed import Handle
 
 _PIECE = 256 << 10
 """Bytes that are offered to a shell there at once; it takes what fits."""
+_QUICK = frozenset(("traffic", "measure", "prepare", "read", "ended", "reason", "close", "close_input", "resize"))
+"""What takes no time there. The rest has deadlines of its own there, or waits for what has none, as a quiet log."""
+QUICK_S = 60.0
 _HINT = "apply again: nothing that was begun there is done a second time by itself"
 
 
@@ -23,8 +28,9 @@ class Far:
         self._link, self._handle, self._host = link, handle, host
 
     def _call(self, method: str, *words: Any, progress: Progress = no_progress, **named: Any) -> Any:  # noqa: ANN401 - of any method
+        limit_s = QUICK_S if method in _QUICK else math.inf
         try:
-            return self._link.call(self._handle.number, method, *words, progress=progress, **named)
+            return self._link.call(self._handle.number, method, *words, progress=progress, limit_s=limit_s, **named)
         except LinkLost as error:
             raise lost(self._host, error) from None
 

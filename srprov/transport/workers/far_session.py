@@ -14,9 +14,10 @@ from srprov.container_files import InContainer
 from srprov.errors import TransportError
 from srprov.secret import Vault
 from srprov.session import Exec, Measures, Progress, Pulse, Traffic, no_progress
-from srprov.transport.workers.far import Far, FarCommand, FarItems, FarLockChannel, FarStreams, lost
+from srprov.transport.workers.far import QUICK_S, Far, FarCommand, FarItems, FarLockChannel, FarStreams, lost
 from srprov.transport.workers.flow import Flow
-from srprov.transport.workers.link import ROOT, Handle, Link, LinkLost
+from srprov.transport.workers.link import ROOT, Link, LinkLost
+from srprov.transport.workers.sealed import Handle
 from srprov.wire import AnyQuery, Command, Put, Reply, Run
 
 
@@ -115,6 +116,6 @@ class FarSession(Far):
         names = {one.secret for one in commands if isinstance(one, Put) and one.secret in self._vault}
         if names:
             try:
-                self._link.call(ROOT, "lend", {name: self._vault[name] for name in sorted(names)})
+                self._link.call(ROOT, "lend", {name: self._vault[name] for name in sorted(names)}, limit_s=QUICK_S)
             except LinkLost as error:
                 raise lost(self._host, error) from None

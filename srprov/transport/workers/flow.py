@@ -26,6 +26,8 @@ class Flow:
     def some(self) -> list[Any]:
         """Wait for the next items and return those that are there; nothing at the end.
 
+        A quiet stream is waited for as long as somebody wants it: who does not, or is gone, drops it (`Link.end`).
+
         Raises:
             Exception: What ended the stream, once all that came before was given.
         """
@@ -45,20 +47,25 @@ class Flow:
 
     def _read(self) -> None:
         try:
-            for item in self._items:
-                with self._change:
-                    self._change.wait_for(lambda: self._size < _MOST_AHEAD or self._over)
-                    if self._over:
-                        break
-                    self._ready.append(item)
-                    self._size += _length(item)
-                    self._change.notify_all()
+            try:
+                self._read_on()
+            finally:
+                if (close := getattr(self._items, "close", None)) is not None:
+                    close()
         except BaseException as error:  # raised where somebody waits
             self._error = error
         finally:
-            if (close := getattr(self._items, "close", None)) is not None:
-                close()
             self.dropped()
+
+    def _read_on(self) -> None:
+        for item in self._items:
+            with self._change:
+                self._change.wait_for(lambda: self._size < _MOST_AHEAD or self._over)
+                if self._over:
+                    break
+                self._ready.append(item)
+                self._size += _length(item)
+                self._change.notify_all()
 
 
 def _length(item: Any) -> int:  # noqa: ANN401 - bytes, a line, or a stream's number with bytes

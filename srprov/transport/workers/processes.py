@@ -14,6 +14,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
@@ -23,16 +24,21 @@ from srprov.transport.workers.counting import shard
 from srprov.transport.workers.far import lost
 from srprov.transport.workers.far_session import FarSession
 from srprov.transport.workers.link import ROOT, Link, LinkLost
+from srprov.transport.workers.post import Post
 from srprov.transport.workers.served import act
 
 if TYPE_CHECKING:
     from srprov.definitions.model import Host
     from srprov.transport.options import ConnectOptions
 
+_CONNECT_S = 600.0
+"""A worker has deadlines of its own for a connection, all of them shorter."""
 _SILENT_S = 60.0
-"""A worker that says nothing for so long is killed: its robots are given up rather than waited for without end."""
+"""A worker that answers no ping for so long is killed: its robots are given up rather than waited for without end."""
 _ENDING_S = 6.0
 """A little longer than a worker takes to close connections."""
+_LOOK_S = 1.0
+"""How often who waits for a turn looks whether the worker is still there."""
 _SENT = ("connect_timeout_s", "attempts", "ssh_config", "warm_engine")
 """Fields of `ConnectOptions` that a worker is told; the others are its own, or lent."""
 _log = logging.getLogger(__name__)
@@ -45,27 +51,36 @@ class Workers:
         """Take how many, how they connect, and what gives the session of any robot."""
         self._options, self._get = options, get
         self._turns = OwnTurns()
-        self._workers = [_Worker(self, number) for number in range(count)]
+        self._workers: list[_Worker] = []
+        try:
+            for number in range(count):
+                self._workers.append(_Worker(self.home(number, count), number))
+        except BaseException:
+            self.close()
+            raise
 
     def connect(self, host: Host) -> FarSession:
         """Connect to a robot; raises as `srprov.transport.connect` does."""
         options = {key: getattr(self._options, key) for key in _SENT}
         link = self._workers[shard(host.name, len(self._workers))].link
+        limit_s = max(_CONNECT_S, 3 * self._options.connect_timeout_s)
         try:
-            return FarSession(link, link.call(ROOT, "connect", host, options), host.name, self._options.vault)
+            handle = link.call(ROOT, "connect", host, options, limit_s=limit_s)
+            return FarSession(link, handle, host.name, self._options.vault)
         except LinkLost as error:
             raise lost(host.name, error) from None
 
-    def home(self, number: int) -> _Home:
-        """Return what one worker may call."""
-        return _Home(self._get, self._turns, lambda host: shard(host, len(self._workers)) == number)
+    def home(self, number: int, count: int) -> _Home:
+        """Return what one worker of so many may call."""
+        return _Home(self._get, self._turns, lambda host: shard(host, count) == number)
 
     def close(self) -> None:
         """End all of them, and their connections; safe to call twice."""
         for worker in self._workers:
             worker.link.end("connections were closed")
+        until = time.monotonic() + _ENDING_S
         for worker in self._workers:
-            worker.wait()
+            worker.wait(until)
 
 
 class _Home:
@@ -73,8 +88,9 @@ class _Home:
 
     def __init__(self, get: Callable[[str], Session], turns: OwnTurns, own: Callable[[str], bool]) -> None:
         self._get, self._turns, self._own = get, turns, own
+        self._lock = threading.Lock()
         self._taken: set[str] = set()
-        self._is_gone = False
+        self._gone = threading.Event()
 
     def peer(self, host: str) -> Session | None:
         """Wait until a robot is connected; return its session, or None when the worker that asks has it."""
@@ -83,28 +99,37 @@ class _Home:
 
     def take_turn(self, key: str) -> None:
         """Let the worker get a content alone."""
-        self._turns.turn(key).acquire()
-        self._taken.add(key)
-        if self._is_gone:
-            self.gone()
+        turn = self._turns.turn(key)
+        while not turn.acquire(timeout=_LOOK_S):
+            if self._gone.is_set():
+                return
+        with self._lock:
+            self._taken.add(key)
+        if self._gone.is_set():
+            self.give_turn(key)
 
     def give_turn(self, key: str) -> None:
         """Let the next one."""
-        self._taken.discard(key)
+        with self._lock:
+            if key not in self._taken:
+                return  # it was given when the worker ended
+            self._taken.remove(key)
         self._turns.turn(key).release()
 
     def gone(self) -> None:
         """Let the next one in everything that the worker had."""
-        self._is_gone = True
-        for key in list(self._taken):
+        self._gone.set()
+        with self._lock:
+            taken = list(self._taken)
+        for key in taken:
             self.give_turn(key)
 
 
 class _Worker:
     """One process."""
 
-    def __init__(self, workers: Workers, number: int) -> None:
-        self._home = workers.home(number)
+    def __init__(self, home: _Home, number: int) -> None:
+        self._home = home
         ours, theirs = socket.socketpair()
         # no secret and no robot's name: everything else comes over the socket
         start = f"import sys; sys.path[:] = {sys.path!r}; from srprov.transport.workers.worker import main; "
@@ -114,31 +139,46 @@ class _Worker:
                 stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, pass_fds=[theirs.fileno()],
                 start_new_session=True,  # Ctrl-C is for this process, which ends what has to end
             )  # fmt: skip
-        self.link = Link(ours, self._home, act, _log.warning)
+        self.link = Link(Post(ours), self._home, act, _log.warning)
         for work in (self._run, self.link.beat, lambda: self.link.watch(self._silent)):
             threading.Thread(target=work, name=f"worker {number}", daemon=True).start()
 
-    def wait(self) -> None:
+    def wait(self, until: float) -> None:
         """Wait for its end, which was asked for, and see to it."""
         try:
-            self._process.wait(_ENDING_S)
+            self._process.wait(max(0.0, until - time.monotonic()))
         except subprocess.TimeoutExpired:
-            self._process.kill()
+            self._kill()
+
+    def _kill(self) -> None:
+        self._process.kill()
+        with contextlib.suppress(subprocess.TimeoutExpired):  # what the kernel does not let end, nobody waits for
+            self._process.wait(_ENDING_S)
 
     def _run(self) -> None:
         """Read what it says; when it is gone, so are its robots."""
         try:
             self.link.run()
         finally:
-            self.link.end(self._how_it_ended())
-            self._home.gone()
+            how = "hung up"
+            try:
+                if not self.link.over.is_set():
+                    how = self._how_it_ended()
+            finally:  # whatever came of that: who waits for it is told now
+                self.link.end(f"the worker process of this robot {how}")
+                self._home.gone()
 
     def _how_it_ended(self) -> str:
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            code = self._process.wait(0 if self.link.over.is_set() else _ENDING_S)
-            how = f"was ended by {signal.Signals(-code).name}" if code < 0 else f"ended with {code}"
-            return f"the worker process of this robot {how}"
-        return "the worker process of this robot hung up"
+        """See to its end, and say how it came."""
+        try:
+            code = self._process.wait(_ENDING_S)
+        except subprocess.TimeoutExpired:
+            self._kill()
+            return "hung up"
+        if code >= 0:
+            return f"ended with {code}"
+        known = {one.value: one.name for one in signal.Signals}
+        return f"was ended by {known.get(-code, f'signal {-code}')}"
 
     def _silent(self, seconds: float) -> None:
         if seconds >= _SILENT_S:

@@ -14,7 +14,15 @@ from collections import ChainMap
 from collections.abc import Callable
 from typing import Any
 
+import msgspec
+
 from srprov.secret import Hidden, Secret
+
+
+class Handle(msgspec.Struct, frozen=True):
+    """An object that stays in its process, by its number there."""
+
+    number: int
 
 
 def _kept(hidden: Hidden) -> tuple[type[Hidden], tuple[str]]:

@@ -10,7 +10,8 @@ from typing import Any
 from srprov.session import LockChannel, Progress
 from srprov.transport.workers.far import FarItems
 from srprov.transport.workers.flow import Flow
-from srprov.transport.workers.link import Handle, Link
+from srprov.transport.workers.link import Link
+from srprov.transport.workers.sealed import Handle
 
 _TOLD = "execute"
 """The method whose last argument is told lines."""

@@ -12,6 +12,7 @@ import gc
 import logging
 import os
 import socket
+import sys
 import threading
 import traceback
 import warnings
@@ -25,6 +26,7 @@ from srprov.transport.image_source import ImageSources
 from srprov.transport.shell.lock_channel import HeartbeatChannel
 from srprov.transport.workers.far_session import FarSession
 from srprov.transport.workers.link import ROOT, Link
+from srprov.transport.workers.post import Post
 from srprov.transport.workers.served import act
 
 if TYPE_CHECKING:
@@ -96,7 +98,9 @@ def main(descriptor: int) -> None:
     """Serve until the other process is gone, and end."""
     gc.set_threshold(100_000, 50, 100)  # as the program itself does
     robots = Robots()
-    link = robots.link = Link(socket.socket(fileno=descriptor), robots, act, lambda _text: None)
+    os.set_inheritable(descriptor, False)  # no program that is started here outlives this one with the socket
+    post = Post(socket.socket(fileno=descriptor))
+    link = robots.link = Link(post, robots, act, lambda _text: None)
     _log_there(link)
     for work in (preload_ssh, link.beat, lambda: link.watch(robots.alone)):
         threading.Thread(target=work, daemon=True).start()
@@ -106,6 +110,7 @@ def main(descriptor: int) -> None:
         code = 0
     except Exception:
         link.tell_log(traceback.format_exc())
+        post.flush(_CLOSING_S)
     finally:
         link.end("the other process is gone")
         closing = threading.Thread(target=robots.close, daemon=True)
@@ -121,7 +126,7 @@ def _log_there(link: Link) -> None:
         def emit(self, record: logging.LogRecord) -> None:
             link.tell_log(self.format(record))
 
-    def uncaught(args: threading.ExceptHookArgs) -> None:
+    def uncaught(args: threading.ExceptHookArgs | sys.UnraisableHookArgs) -> None:
         link.tell_log("".join(traceback.format_exception(args.exc_type, args.exc_value, args.exc_traceback)))
 
     def warn(
@@ -131,5 +136,5 @@ def _log_there(link: Link) -> None:
         link.tell_log(f"{filename}:{lineno}: {category.__name__}: {message}")
 
     logging.lastResort = There(logging.WARNING)
-    threading.excepthook = uncaught
+    threading.excepthook = sys.unraisablehook = uncaught
     warnings.showwarning = warn

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import secrets
 import shutil
 import signal
@@ -18,23 +19,24 @@ import pytest
 
 from srprov.codes import Code
 from srprov.definitions.model import Host
-from srprov.errors import AuthError, ConnectError, DeadlineError, TransportError
+from srprov.errors import ConnectError, DeadlineError, TransportError
 from srprov.secret import Secret, Vault, forget, redact
 from srprov.session import Pulse, Session
 from srprov.transport import ConnectOptions
 from srprov.transport.pool import Sessions
+from srprov.transport.workers import link, processes
 from srprov.transport.workers.counting import shard, wanted_workers
 from srprov.transport.workers.far_session import FarSession
-from srprov.transport.workers.flow import Flow
-from srprov.transport.workers.link import ROOT, Handle, Link, LinkLost
 from srprov.transport.workers.sealed import packed, unpacked
-from srprov.transport.workers.served import act
-from srprov.wire import EngineQuery, Put, Query, Run
+from srprov.wire import AnyQuery, EngineQuery, Put, Query, Run
+from tests.unit.transport.waiting import wait_until
 
 CANARY = "canary-4f1d9e-swordfish"
 PULSE = Pulse(beat_s=1, controller_s=20, robot_s=30)
 LOCK = """echo "locked $1"
-while letter=$(dd bs=1 count=1 2>/dev/null); do case $letter in b) echo b;; t) echo mine;; e) exit;; esac; done"""
+while letter=$(dd bs=1 count=1 2>/dev/null) && [ "$letter" ]; do
+    case $letter in b) echo b;; t) echo mine;; e) exit;; esac
+done"""
 as_root = pytest.mark.skipif(os.geteuid() != 0, reason="needs root, as a robot's shell is root's")
 
 
@@ -73,11 +75,9 @@ def robot_of(sessions: Sessions, hosts: dict[str, Host], worker: int) -> str:
     return next(name for name in hosts if shard(name, len(pids(sessions))) == worker)
 
 
-def wait_until(holds: Any, seconds: float = 30) -> None:
-    until = time.monotonic() + seconds
-    while not holds():
-        assert time.monotonic() < until, f"not within {seconds} s"
-        time.sleep(0.02)
+def ended(session: Session) -> bool:
+    assert isinstance(session, FarSession)
+    return session._link.over.is_set()
 
 
 def runs_until_closed(session: Session) -> None:
@@ -91,7 +91,11 @@ def runs_until_closed(session: Session) -> None:
 @as_root
 def test_robots_are_in_processes_by_their_names_and_all_answers_are_the_same() -> None:
     hosts = local(*(f"r{number}" for number in range(6)))
-    asked = [Query(command="printf 'a\\377b'; echo err >&2; exit 3"), EngineQuery(path="/none"), Query(command="pwd")]
+    asked: list[AnyQuery] = [
+        Query(command="printf 'a\\377b'; echo err >&2; exit 3"),
+        EngineQuery(path="/none"),
+        Query(command="pwd"),
+    ]
     with Sessions(hosts, options=ConnectOptions(warm_engine=False)) as here:
         wanted = {name: here.get(name).ask(asked) for name in hosts}
     with sharded(hosts) as there:
@@ -129,7 +133,7 @@ def test_who_is_slow_to_take_lines_slows_down_who_sends_them() -> None:
         many = Run(script="i=0; while [ $i -lt 4000 ]; do i=$((i + 1)); echo $i; done")
         work = threading.Thread(target=session.execute, args=(many, take))
         work.start()
-        wait_until(lambda: taken)
+        wait_until(lambda: taken, "a first line")
         time.sleep(0.5)
         queues = [answers.qsize() for answers in session._link._answers.values()]
         assert max(queues) < 100, "lines are read ahead without end"
@@ -187,96 +191,6 @@ def test_a_robot_that_is_not_there_is_a_value_and_named_the_same() -> None:
     assert said[0] == said[1] and said[0][0] is ConnectError
 
 
-class _Odd(Exception):
-    def __reduce__(self) -> str:
-        raise TypeError("cannot leave")
-
-
-class _Root:
-    def fail(self, kind: str) -> None:
-        raise {"auth": AuthError("r0", "no", hint="do"), "os": OSError(5, "io"), "odd": _Odd("so"), "key": KeyError(1)}[
-            kind
-        ]
-
-    def echo(self, value: object) -> object:
-        return value
-
-    def save_image(self, count: int) -> Iterator[bytes]:
-        yield from (b"%d" % number for number in range(count))
-        if count == 3:
-            raise DeadlineError("r0", "late")
-
-    def copy_into(self, items: Iterator[Any]) -> list[Any]:
-        return list(items)
-
-    def hang(self) -> None:
-        time.sleep(120)
-
-
-@pytest.fixture
-def pair() -> Iterator[tuple[Link, Link]]:
-    ours, theirs = socket.socketpair()
-    links = Link(ours, _Root(), act, print), Link(theirs, _Root(), act, print)
-    for link in links:
-        threading.Thread(target=lambda one: (one.run(), one.end("it went away")), args=(link,), daemon=True).start()
-    yield links
-    for link in links:
-        link.end("over")
-
-
-@pytest.mark.parametrize(("kind", "wanted"), [("auth", AuthError), ("os", OSError), ("key", KeyError)])
-def test_what_is_raised_there_is_raised_here(pair: tuple[Link, Link], kind: str, wanted: type[Exception]) -> None:
-    with pytest.raises(wanted) as caught:
-        pair[0].call(ROOT, "fail", kind)
-    if isinstance(caught.value, TransportError):
-        assert (caught.value.host, caught.value.hint, caught.value.code) == ("r0", "do", Code.LOGIN)
-
-
-def test_an_error_that_cannot_travel_is_told_in_words(pair: tuple[Link, Link]) -> None:
-    with pytest.raises(RuntimeError, match="_Odd: so"):
-        pair[0].call(ROOT, "fail", "odd")
-
-
-def test_calls_go_both_ways_at_once_and_streams_end_or_break_where_they_did(pair: tuple[Link, Link]) -> None:
-    assert [link.call(ROOT, "echo", {"a": (1, b"2")}) for link in pair] == [{"a": (1, b"2")}] * 2
-    given = pair[0].export(Flow(iter([b"x"] * 1000)))
-    assert pair[0].call(ROOT, "copy_into", given) == [b"x"] * 1000
-    handle = pair[0].call(ROOT, "save_image", 3)
-    items = []
-    with pytest.raises(DeadlineError):
-        while some := pair[0].call(handle.number, "some"):
-            items += some
-    assert items == [b"0", b"1", b"2"]
-
-
-def test_a_stream_that_nobody_wants_is_read_no_further_and_forgotten(pair: tuple[Link, Link]) -> None:
-    before = len(pair[1].offered())
-    handle = pair[0].call(ROOT, "save_image", 10_000_000)
-    assert pair[0].call(handle.number, "some")
-    pair[0].drop(Handle(handle.number))
-    pair[0].call(ROOT, "echo", 1)
-    wait_until(lambda: len(pair[1].offered()) == before)
-
-
-def test_who_waits_for_a_process_that_goes_away_is_told_so(pair: tuple[Link, Link]) -> None:
-    found: list[BaseException] = []
-
-    def call() -> None:
-        try:
-            pair[0].call(ROOT, "hang")
-        except BaseException as error:
-            found.append(error)
-
-    waiting = threading.Thread(target=call)
-    waiting.start()
-    wait_until(lambda: pair[1]._ahead)
-    pair[1].end("bye")
-    waiting.join(30)
-    assert [type(one) for one in found] == [LinkLost]
-    with pytest.raises(LinkLost, match="it went away"):
-        pair[0].call(ROOT, "echo", 1)
-
-
 # --- a worker dies ----------------------------------------------------------------------------------------------------
 
 
@@ -290,13 +204,13 @@ def test_a_killed_worker_takes_its_own_robots_with_it_and_what_ran_there_and_no_
 
         def work() -> None:
             try:
-                session.execute(Run(script=f"echo $$ >{mark}; sleep 300; echo again >>{mark}", timeout_s=400))
+                session.execute(Run(script=f"echo $$ >{mark}; sleep 90; echo again >>{mark}", timeout_s=400))
             except TransportError as error:
                 found.append(error)
 
         running = threading.Thread(target=work)
         running.start()
-        wait_until(mark.exists)
+        wait_until(lambda: mark.exists() and mark.read_text(), "the step runs")
         os.kill(pids(sessions)[shard(first, 2)], signal.SIGKILL)
         running.join(30)
         assert found[0].host == first and found[0].code is Code.LOST and "SIGKILL" in found[0].message
@@ -311,6 +225,45 @@ def test_a_killed_worker_takes_its_own_robots_with_it_and_what_ran_there_and_no_
         assert session.traffic.connections in (0, 1), "a report is written all the same"
         assert sessions.get(second).ask([Query(command="echo up")])[0].out == "up\n"
         assert mark.read_text().count("\n") == 1, "nothing is begun a second time"
+    os.killpg(int(mark.read_text()), signal.SIGKILL)  # a robot's script would end what ran there; this one does not
+
+
+@as_root
+def test_a_worker_that_answers_nothing_is_killed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is stopped, as by a debugger: its socket stays open, and no message comes."""
+    monkeypatch.setattr(link, "BEAT_S", 0.1)
+    first, second = apart()
+    with sharded(local(first, second)) as sessions:
+        sessions.connected()
+        os.kill(pids(sessions)[shard(first, 2)], signal.SIGSTOP)
+        monkeypatch.setattr(processes, "_SILENT_S", 1.0)
+        with pytest.raises(TransportError, match="SIGKILL"):
+            sessions.get(first).ask([Query(command="true")])
+        monkeypatch.undo()
+        assert sessions.get(second).ask([Query(command="echo up")])[0].out == "up\n"
+
+
+@as_root
+def test_a_worker_that_a_signal_without_a_name_ends_is_told_of_too() -> None:
+    number = signal.SIGRTMIN + 3
+    with sharded(local("r0", "r1"), workers=2) as sessions:
+        session = sessions.get("r0")
+        os.kill(pids(sessions)[shard("r0", 2)], number)
+        wait_until(lambda: ended(session), "the link is over")
+        with pytest.raises(TransportError, match=f"was ended by signal {number}"):
+            session.ask([Query(command="true")])
+
+
+@as_root
+def test_no_program_that_a_worker_starts_can_keep_its_socket() -> None:
+    """It would keep this process from noticing that the worker is gone."""
+    with sharded(local("r0", "r1")) as sessions:
+        sessions.connected()
+        for pid in pids(sessions):
+            folder = Path(f"/proc/{pid}/fd")
+            sockets = [one.name for one in folder.iterdir() if str(one.readlink()).startswith("socket:")]
+            flags = [re.search(r"flags:\s+0(\d+)", Path(f"/proc/{pid}/fdinfo/{n}").read_text()) for n in sockets]
+            assert sockets and all(found and int(found[1], 8) & os.O_CLOEXEC for found in flags)
 
 
 @as_root
@@ -367,8 +320,8 @@ def test_workers_end_with_the_run_and_with_this_process() -> None:
 
 
 @as_root
-def test_a_secret_gets_to_its_robot_and_is_nowhere_else(tmp_path: Path) -> None:
-    vault, late = Vault(), Path("/dev/shm") / tmp_path.name / "secret"  # in memory, as secrets have to be
+def test_a_secret_gets_to_its_robot_and_is_nowhere_else() -> None:
+    vault, late = Vault(), Path("/dev/shm") / f"srprov-{secrets.token_hex(8)}" / "secret"  # in memory, as they must be
     with sharded(local("r0", "r1", password=Secret("other-" + CANARY)), vault=vault) as sessions:
         session = sessions.get("r0")
         vault.fill(Vault({"key": Secret(CANARY)}))  # it is read when the sessions are long there
@@ -435,3 +388,20 @@ def test_turns_of_a_worker_that_died_are_given_to_the_next() -> None:
     dead.gone()
     waiting.join(30)
     assert not waiting.is_alive()
+    dead.give_turn(key)
+    assert turns.turn(key).locked(), "what was given at its end is not given again, by then it is another's"
+
+
+def test_who_waits_for_a_turn_in_vain_ends_with_its_worker() -> None:
+    from srprov.transport.turns import OwnTurns
+    from srprov.transport.workers.processes import _Home
+
+    turns, key = OwnTurns(), secrets.token_hex(4)
+    home = _Home(lambda _host: None, turns, lambda _host: True)  # type: ignore[arg-type,return-value]
+    with turns.turn(key):
+        waiting = threading.Thread(target=home.take_turn, args=(key,), daemon=True)
+        waiting.start()
+        home.gone()
+        waiting.join(30)
+        assert not waiting.is_alive()
+    assert not turns.turn(key).locked()
