@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import msgspec
 
@@ -237,3 +237,11 @@ class Session(Reader, ContainerFiles, Protocol):
 
     def close(self) -> None:
         """End the connection; safe to call twice."""
+
+
+@runtime_checkable
+class Preparing(Protocol):
+    """A session that can get ready, in the background, to change something."""
+
+    def prepare(self) -> None:
+        """Begin to; safe to call twice."""

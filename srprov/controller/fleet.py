@@ -87,10 +87,13 @@ def connect(
     """
     from srprov.transport import ConnectOptions, preload_ssh
     from srprov.transport.pool import Sessions
-    from srprov.transport.workers.counting import wanted_workers
 
     options = ConnectOptions(connect_timeout_s=timeout_s, vault=vault or Vault())
-    workers = wanted_workers(sharing.workers, len(inventory.hosts))
+    workers = 1
+    if sharing.workers != ALONE.workers:
+        from srprov.transport.workers.counting import wanted_workers
+
+        workers = wanted_workers(sharing.workers, len(inventory.hosts))
     pool = Sessions(inventory.hosts, options=options, forks=forks, rate_per_s=sharing.rate_per_s, workers=workers)
     with pool as sessions:
         if workers == 1 and any(host.connection != "local" for host in inventory.hosts.values()):

@@ -19,10 +19,8 @@ from typing import TYPE_CHECKING
 from srprov.codes import Code
 from srprov.definitions.model import Host
 from srprov.errors import ConnectError, TransportError, UsageError
-from srprov.session import Session
+from srprov.session import Preparing, Session
 from srprov.transport import ConnectOptions, connect
-from srprov.transport.session import BaseSession
-from srprov.transport.workers.far_session import FarSession
 
 if TYPE_CHECKING:
     from srprov.transport.workers.processes import Workers
@@ -158,7 +156,7 @@ class Sessions:
     def prepare(self, hosts: Iterable[str]) -> None:
         """Let these robots' sessions get ready to change something, in the background; those not reached are left."""
         for session in self._there(hosts):
-            if isinstance(session, BaseSession | FarSession):
+            if isinstance(session, Preparing):
                 session.prepare()
 
     def _there(self, hosts: Iterable[str]) -> list[Session]:
