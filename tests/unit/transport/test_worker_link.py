@@ -134,7 +134,7 @@ def test_what_is_raised_there_is_raised_here(pair: tuple[Link, Link], kind: str,
 @pytest.mark.parametrize(("kind", "wanted"), [("odd", "_Odd: so"), ("twisted", "_Twisted: so and so")])
 def test_an_error_that_cannot_travel_is_told_in_words(pair: tuple[Link, Link], kind: str, wanted: str) -> None:
     with pytest.raises(RuntimeError, match=wanted):
-        pair[0].call(ROOT, "fail", kind)
+        pair[0].call(ROOT, "fail", kind, limit_s=20)
     assert pair[0].call(ROOT, "echo", 1) == 1, "and costs nobody else the link"
 
 
@@ -178,7 +178,7 @@ def test_who_waits_for_a_call_that_the_other_process_does_not_do_is_told_so(
     monkeypatch.setattr(link_module, "LOOK_S", 0.1)
     pair[1]._serve = lambda number, *_words: pair[1]._ahead.pop(number)  # type: ignore[assignment]
     with pytest.raises(LinkLost, match="does not know what it was called for"):
-        pair[0].call(ROOT, "echo", 1)
+        pair[0].call(ROOT, "echo", 1, limit_s=20)
 
 
 def test_who_asks_after_a_call_that_is_being_done_goes_on_waiting(
@@ -189,8 +189,10 @@ def test_who_asks_after_a_call_that_is_being_done_goes_on_waiting(
 
 
 def test_a_limit_names_what_was_awaited(pair: tuple[Link, Link]) -> None:
+    began = time.monotonic()
     with pytest.raises(LinkLost, match=r"no answer to `hang` within 0.2 s"):
         pair[0].call(ROOT, "hang", limit_s=0.2)
+    assert time.monotonic() - began < 10, "it looks at the limit, not only now and then"
     assert pair[0].call(ROOT, "echo", 1) == 1
 
 
