@@ -9,6 +9,8 @@ import secrets
 import shutil
 import signal
 import socket
+import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -302,6 +304,29 @@ def test_ctrl_c_in_a_wait_leaves_the_others_alone() -> None:
         session.close()
         with pytest.raises(TransportError):
             session.ask([Query(command="true")])
+
+
+@as_root
+def test_workers_and_what_runs_on_their_robots_end_with_a_process_that_is_killed(tmp_path: Path) -> None:
+    """It says no goodbye; the kernel closes its end of the sockets."""
+    mark = tmp_path / "mark"
+    program = f"""if True:
+        import sys, threading
+        from tests.unit.transport.test_workers import Run, local, pids, sharded
+        with sharded(local("r0", "r1")) as sessions:
+            print(*pids(sessions), flush=True)
+            sessions.get("r0").execute(Run(script="echo $$ >{mark}; sleep 90", timeout_s=200))
+    """
+    run = subprocess.Popen([sys.executable, "-c", program], stdout=subprocess.PIPE, text=True)
+    assert run.stdout is not None
+    with run.stdout:
+        found = [int(word) for word in run.stdout.readline().split()]
+        wait_until(lambda: mark.exists() and mark.read_text(), "the step runs")
+        run.kill()
+        run.wait(30)
+    assert len(found) == 2
+    for pid in (*found, int(mark.read_text())):
+        wait_until(lambda pid=pid: not Path(f"/proc/{pid}").exists(), "what it started is gone")
 
 
 @as_root
