@@ -83,6 +83,34 @@ def inside(lab: Lab, common: tuple[str, ...], folder: Path) -> None:
     assert (folder / "back").read_bytes() == (folder / "sent").read_bytes()
 
 
+@pytest.mark.soak
+def test_trials_results_and_waits_go_through_workers(three: tuple[Lab, str], tmp_path: Path) -> None:
+    """A robot of one worker ends the trial; what comes home of the other's is what the container wrote."""
+    lab, inventory = three
+    path, home = tmp_path / "trial.edf", tmp_path / "home"
+    write = "head -c 3000000 /dev/zero | tr '\\0' x >/out/data.bin; echo ready; sleep 86400"
+    services = {
+        "writer": busybox("sh", "-c", write, robot="robot1", stop_signal="SIGKILL"),
+        "job": busybox("true", robot="robot2", job=True),
+    }
+    results = {"writer": [{"path": "/out/data.bin", "required": True}]}
+    until = {"all": [{"completed": "job"}, {"log": {"service": "writer", "matches": "ready"}}]}
+    path.write_text(edf("trial", services, results=results, trials={"until": until, "timeout": "120s"}))
+    common = (str(path), "-i", inventory, *SHARDED)
+    ran = lab.srprov("run", *common, "-o", str(tmp_path / "run"), "--yes")
+    assert ran.code == 0, ran
+    applied = lab.srprov("apply", *common, "--yes", "--settle", "0")
+    assert applied.code == 0, applied
+    waited = lab.srprov("wait", *common, "--until", "completed:job", "--until", "log:writer=ready")
+    assert waited.code == 0, waited
+    collected = lab.srprov("collect", *common, "-o", str(home))
+    assert collected.code == 0, collected
+    for folder in (tmp_path / "run", home):
+        (data,) = folder.rglob("data.bin")
+        assert data.read_bytes() == b"x" * 3_000_000
+    assert lab.srprov("destroy", *common, "--yes").code == 0
+
+
 def test_a_killed_worker_costs_its_own_robots_and_the_next_apply_converges(
     three: tuple[Lab, str], tmp_path: Path
 ) -> None:
