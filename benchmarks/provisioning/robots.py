@@ -35,6 +35,7 @@ RESET = (
     'for i in $n; do test "$(docker network inspect -f "{{.Name}}" $i)" = docker_gwbridge || '
     "docker network rm $i >/dev/null; done; "
     'for l in $(ls /sys/class/net | grep -E "^(srp|bench)"); do ip link del $l; done; '
+    "nft list tables | while read -r _ f t; do case $t in srp*) nft delete table $f $t;; esac; done; "
     "rm -rf /var/lib/srprov /run/srprov/*/ /root/.ansible /tmp/pyinfra* /tmp/ansible*"
 )
 LOOK = (

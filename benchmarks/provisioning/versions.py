@@ -1,7 +1,7 @@
 """Another commit of srprov and this one, in pairs on the same lab: how much slower or faster has it become?
 
     python -m benchmarks.provisioning.versions COMMIT
-    python -m benchmarks.provisioning.versions v0.1.0 --robots 12 --latency 0,40 --pairs 20 --options "--no-probe"
+    python -m benchmarks.provisioning.versions v0.1.0 --robots 12 --latency 0,40 --pairs 20 --options=--no-probe
 
 Needs root, for the lab. Both run in this environment, so the other commit must be content with the packages that are
 installed. In each pair the one that begins takes turns. Prints the median of the ratios of pairs, new to old, with an
@@ -126,7 +126,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--latency", type=numbers, default=[0, 40], help="SSH round trips in ms, e.g. 0,40")
     parser.add_argument("--scenarios", type=among(stats.SCENARIOS), default=list(stats.SCENARIOS))
     parser.add_argument("--pairs", type=int, default=20)
-    parser.add_argument("--options", default="", help='more options of the new one, e.g. "--no-probe"')
+    parser.add_argument("--options", default="", help='more options of the new one, e.g. --options=--no-probe')
     parser.add_argument("--out", type=Path, help="write all runs to this JSON file")
     return parser.parse_args()
 
