@@ -11,7 +11,7 @@ groups: U. Junker, *QuickXplain*, AAAI 2004, over an exact answer to "can these 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 
@@ -78,12 +78,14 @@ def smallest_conflict(problem: Problem) -> tuple[ServiceGroup, ...]:
     hall = _hall(problem)
     if hall and all(len(node) == 1 for node in hall):
         return hall  # alternating paths name nobody in vain
-    names = [name for node in hall or problem.nodes for name in node]
-    robots = {name: len(problem.eligible((name,))) for name in names}
-    names.sort(key=lambda name: (robots[name], name))
-    found = _minimal(lambda some: not feasible(cut(problem, some)), names)
+    found = _minimal(lambda some: not feasible(cut(problem, some)), _narrowest_first(problem, hall or problem.nodes))
     linked = problem.pools and any(len(node) > 1 for node in problem.nodes)
     return cut(problem, _none_in_vain(problem, found) if linked else found).nodes
+
+
+def _narrowest_first(problem: Problem, nodes: Iterable[ServiceGroup]) -> list[str]:
+    """Return the services of nodes, those with the fewest robots first."""
+    return sorted((name for node in nodes for name in node), key=lambda name: (len(problem.eligible((name,))), name))
 
 
 def cut(problem: Problem, names: Collection[str]) -> Problem:

@@ -5,7 +5,8 @@ Takes parsed run records, or a Problem; gives values. Pure. The objective itself
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import msgspec
@@ -66,9 +67,12 @@ def pareto(
     for step in sorted(steps):
         answer = solve(replace(problem, fairness=replace(problem.fairness, weight=step)))
         points.append(Point(fairness=step, cost=answer.cost, jain=answer.jain, placed=answer.placed))
-    points.sort(key=lambda point: (point.cost, -point.jain, point.fairness))
-    front: list[Point] = []
-    for point in points:
-        if not front or point.jain > front[-1].jain + 1e-12:
-            front.append(point)
-    return tuple(front)
+    return tuple(_front(points))
+
+
+def _front(points: Iterable[Point]) -> Iterator[Point]:
+    best = -math.inf
+    for point in sorted(points, key=lambda point: (point.cost, -point.jain, point.fairness)):
+        if point.jain > best + 1e-12:
+            best = point.jain
+            yield point

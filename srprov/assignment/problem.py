@@ -81,13 +81,10 @@ def _with_ports(
     """Return the problem with the robots' ports as something that only one service of a robot can have."""
     held = ports.holders(problem.services, {**problem.fixed, **problem.frozen}, taken)
     shared = ports.exclusive(problem.services)
-    for group in (group for group in groups if len(group) > 1):
-        for names, port in shared.items():
-            if len(both := sorted(set(group) & set(names))) > 1:
-                message = f"'{both[0]}' and '{both[1]}' must share a robot, and both publish {port}"
-                raise UsageError(
-                    message, hint="give one of them another port, or take it out of same_robot", code=Code.CONTRADICTION
-                )
+    for names, one, other in _together(groups, shared):
+        message = f"'{one}' and '{other}' must share a robot, and both publish {shared[names]}"
+        hint = "give one of them another port, or take it out of same_robot"
+        raise UsageError(message, hint=hint, code=Code.CONTRADICTION)
     exclusive = replace(
         problem,
         anti_affinity=tuple(dict.fromkeys((*problem.anti_affinity, *shared))),
@@ -117,14 +114,19 @@ def _contract(services: Iterable[str], same_robot: Sequence[Sequence[str]]) -> I
     return iter(sorted({tuple(sorted(node)) for node in node_of.values()}))
 
 
-def _check_anti_affinity(groups: Sequence[ServiceGroup], anti_affinity: Sequence[Sequence[str]]) -> None:
-    for group in groups:
-        for names in anti_affinity:
+def _check_anti_affinity(groups: Sequence[ServiceGroup], anti_affinity: Sequence[ServiceGroup]) -> None:
+    for _, one, other in _together(groups, anti_affinity):
+        message = f"'{one}' and '{other}' must share a robot, and must not"
+        hint = "look at same_robot and different_robot under 'relations'"
+        raise UsageError(message, hint=hint, code=Code.CONTRADICTION)
+
+
+def _together(groups: Iterable[ServiceGroup], apart: Iterable[ServiceGroup]) -> Iterator[tuple[ServiceGroup, str, str]]:
+    """Return those of `apart` of which a group has more than one service, with two that it has."""
+    for group in (one for one in groups if len(one) > 1):
+        for names in apart:
             if len(both := sorted(set(group) & set(names))) > 1:
-                message = f"'{both[0]}' and '{both[1]}' must share a robot, and must not"
-                raise UsageError(
-                    message, hint="look at same_robot and different_robot under 'relations'", code=Code.CONTRADICTION
-                )
+                yield names, both[0], both[1]
 
 
 def _freeze(

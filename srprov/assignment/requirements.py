@@ -80,17 +80,18 @@ def kernel_fits(bound: str, kernel: str) -> bool:
     """
     found = re.match(r"\d+(?:\.\d+)*", kernel)
     has = _numbers(found.group()) if found else ()
+    # 5.10 is at least 5.10.0, so what is not there counts as 0.
+    return all(has and has + (0,) * (len(want) - len(has)) >= want for want in _lower_bounds(bound))
+
+
+def _lower_bounds(bound: str) -> Iterator[tuple[int, ...]]:
     for part in bound.split(","):
         match = _BOUND.fullmatch(part)
         if match is None:
             raise UsageError(
                 f"requires.kernel '{bound}' is not a version bound", hint="write it as '>=5.10'", code=Code.WRONG_VALUE
             )
-        # 5.10 is at least 5.10.0, so what is not there counts as 0.
-        want = _numbers(match.group(1))
-        if not has or has + (0,) * (len(want) - len(has)) < want:
-            return False
-    return True
+        yield _numbers(match.group(1))
 
 
 def _engine_and_pin(service: Service, facts: HostFacts) -> Iterator[UnmetRequirement]:
