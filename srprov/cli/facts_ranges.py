@@ -16,13 +16,9 @@ def check_ranges(robots: Mapping[str, Any]) -> None:
     Raises:
         UsageError: A value is out of its range; the message names the robot and the field.
     """
-    from jsonschema import Draft202012Validator, validators
     from jsonschema.exceptions import best_match
 
-    from srprov.definitions.schema import pattern
-
-    exact: Any = validators.extend(Draft202012Validator, validators={"pattern": pattern})  # type: ignore[no-untyped-call]  # jsonschema does not type it
-    validator = exact(_ranges())
+    validator = _validator()
     for name, values in sorted(robots.items()):
         error = best_match(validator.iter_errors(values))
         if error is not None:
@@ -32,6 +28,15 @@ def check_ranges(robots: Mapping[str, Any]) -> None:
                 hint="give a file that `srprov facts --json` wrote",
                 code=Code.FACTS_FILE,
             )
+
+
+def _validator() -> Any:  # noqa: ANN401 - jsonschema does not type it
+    from jsonschema import Draft202012Validator, validators
+
+    from srprov.definitions.schema import pattern
+
+    exact: Any = validators.extend(Draft202012Validator, validators={"pattern": pattern})  # type: ignore[no-untyped-call]  # jsonschema does not type it
+    return exact(_ranges())
 
 
 @cache

@@ -104,6 +104,16 @@ def _result(problem: Diagnostic, level: str) -> dict[str, Any]:
     return {"ruleId": problem.code, "level": level, "message": {"text": words}, "locations": [place]}
 
 
+def _quality_row(problem: Diagnostic, severity: str, fingerprint: str) -> dict[str, Any]:
+    return {
+        "description": problem.message + (f" ({problem.hint})" if problem.hint else ""),
+        "check_name": problem.code,
+        "fingerprint": fingerprint,
+        "severity": severity,
+        "location": {"path": problem.location.file, "lines": {"begin": problem.location.line}},
+    }
+
+
 def as_codequality(problems: Sequence[Diagnostic], warnings: Sequence[Diagnostic] = ()) -> str:
     """Return a Code Quality report, as GitLab shows it on a merge request. A fingerprint outlives a change of the line.
 
@@ -116,13 +126,5 @@ def as_codequality(problems: Sequence[Diagnostic], warnings: Sequence[Diagnostic
             about = "\0".join((problem.location.file, problem.path, problem.message))
             seen[about] = seen.get(about, 0) + 1
             digest = hashlib.sha256(f"{about}\0{seen[about]}".encode("utf-8", "surrogatepass")).hexdigest()
-            rows.append(
-                {
-                    "description": problem.message + (f" ({problem.hint})" if problem.hint else ""),
-                    "check_name": problem.code,
-                    "fingerprint": digest,
-                    "severity": severity,
-                    "location": {"path": problem.location.file, "lines": {"begin": problem.location.line}},
-                }
-            )
+            rows.append(_quality_row(problem, severity, digest))
     return json.dumps(rows, indent=2)
