@@ -129,15 +129,7 @@ class _Tree:
             above = self._open[-1][1]
             with contextlib.suppress(FileExistsError):
                 os.mkdir(name, 0o700, dir_fd=above)
-            try:
-                descriptor = os.open(name, _FOLDER, dir_fd=above)
-            except OSError as error:
-                if error.errno not in (errno.ENOTDIR, errno.ELOOP):
-                    raise
-                where = os.path.join(self._target.folder, *parts[:at])
-                raise UsageError(
-                    f"{where}: a file or link is there, where a folder is to be", code=Code.IN_THE_WAY
-                ) from None
+            descriptor = _open_folder(name, above, os.path.join(self._target.folder, *parts[:at]))
             self._open.append((name, descriptor, header if at == len(parts) else None))
         return self._open[-1][1]
 
@@ -208,6 +200,15 @@ class _Tree:
         finally:
             with contextlib.suppress(OSError):  # it is there when something failed, or was the same file already
                 os.unlink(name, dir_fd=folder)
+
+
+def _open_folder(name: str, above: int, shown: str) -> int:
+    try:
+        return os.open(name, _FOLDER, dir_fd=above)
+    except OSError as error:
+        if error.errno not in (errno.ENOTDIR, errno.ELOOP):
+            raise
+        raise UsageError(f"{shown}: a file or link is there, where a folder is to be", code=Code.IN_THE_WAY) from None
 
 
 def _is_folder(above: int, name: str) -> bool:

@@ -24,21 +24,25 @@ def data_set(instance: str, mount: Mount) -> dict[str, Any]:
     Raises:
         UsageError: Its file cannot be read, is too large, or has another hash than the definition says.
     """
-    sha256, size = mount.sha256, 0
-    if mount.source:
-        try:
-            sha256, size = datasets.digest(mount.source)
-        except OSError as error:
-            raise UsageError(f"{mount.source} cannot be shipped: {error.strerror}", code=Code.DATA_SET) from error
-        if mount.sha256 not in ("", sha256):
-            raise UsageError(
-                f"{mount.source} has the sha256 {sha256}, not {mount.sha256}",
-                hint="take the file that was meant",
-                code=Code.DATA_SET,
-            )
-        if size > datasets.MOST_BYTES:
-            raise UsageError(f"{mount.source} is larger than {datasets.MOST_BYTES >> 30} GiB", code=Code.DATA_SET)
+    sha256, size = _shipped(mount) if mount.source else (mount.sha256, 0)
     return {"path": f"{STATE_ROOT}/{instance}/data/{sha256}", "sha256": sha256, "size": size, "url": mount.url}
+
+
+def _shipped(mount: Mount) -> tuple[str, int]:
+    """Return the sha256 and the size of a file of this machine."""
+    try:
+        sha256, size = datasets.digest(mount.source)
+    except OSError as error:
+        raise UsageError(f"{mount.source} cannot be shipped: {error.strerror}", code=Code.DATA_SET) from error
+    if mount.sha256 not in ("", sha256):
+        raise UsageError(
+            f"{mount.source} has the sha256 {sha256}, not {mount.sha256}",
+            hint="take the file that was meant",
+            code=Code.DATA_SET,
+        )
+    if size > datasets.MOST_BYTES:
+        raise UsageError(f"{mount.source} is larger than {datasets.MOST_BYTES >> 30} GiB", code=Code.DATA_SET)
+    return sha256, size
 
 
 def used_data(data: Mapping[Mount, Mapping[str, Any]], services: Iterable[Service]) -> list[Mapping[str, Any]]:

@@ -53,18 +53,21 @@ def with_sizes(rows: Sequence[Mapping[str, Any]], fleet: Fleet, snapshot: Snapsh
         return []
 
     def ask(robot: str) -> list[int | None]:
-        names = [places[robot, row["volume"]] for row in rows if row["robot"] == robot]
-        queries = [Query(command=f"du -s -B1 -- {quote(name)}", timeout_s=_DU_S) for name in names]
-        try:
-            replies = fleet.sessions.get(robot).ask(queries)
-        except TransportError:
-            return [None] * len(names)  # the list itself is what counts
-        return [integer(one.out.partition("\t")[0], default=-1) if one.ok else None for one in replies]
+        return _sizes(fleet, robot, [places[robot, row["volume"]] for row in rows if row["robot"] == robot])
 
     with concurrent.futures.ThreadPoolExecutor(len(robots)) as pool:
         sizes = {robot: iter(found) for robot, found in zip(robots, pool.map(ask, robots), strict=True)}
     every = ((row, next(sizes[row["robot"]])) for row in rows)
     return [{**row, "bytes": size if size is not None and size >= 0 else None} for row, size in every]
+
+
+def _sizes(fleet: Fleet, robot: str, folders: Sequence[str]) -> list[int | None]:
+    queries = [Query(command=f"du -s -B1 -- {quote(one)}", timeout_s=_DU_S) for one in folders]
+    try:
+        replies = fleet.sessions.get(robot).ask(queries)
+    except TransportError:
+        return [None] * len(folders)  # the list itself is what counts
+    return [integer(one.out.partition("\t")[0], default=-1) if one.ok else None for one in replies]
 
 
 def shown(rows: Sequence[Mapping[str, Any]], now: dt.datetime) -> list[dict[str, str]]:

@@ -79,9 +79,12 @@ class Whereabouts(msgspec.Struct, frozen=True, kw_only=True):
                 hint=f"name it with its robot: {places}",
                 code=Code.DISPUTED,
             )
+        raise self._unknown(word)
+
+    def _unknown(self, word: str) -> UsageError:
         there = ", ".join(sorted({one.service for one in self.services})) or "none"
         away = f"; {', '.join(sorted(self.unreachable))} cannot be reached" if self.unreachable else ""
-        raise UsageError(
+        return UsageError(
             f"{self.instance} has no {word} on these robots{away}",
             hint=f"there are: {there}; `srprov apply` makes them",
             code=Code.NOTHING_RUNS,

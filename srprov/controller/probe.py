@@ -67,13 +67,8 @@ def probing_of(planned: Planned) -> OverlayProbe | None:
     Robots that --limit leaves something to do on take no part: nobody says that they work by then.
     """
     wanted = wants_of(planned.saved) if planned.saved else planned.desired
-    path = record_path(planned.plan.instance)
-    contents = [one.params.content for one in wanted if one.module == "file" and one.name == path]
-    if not contents:
-        return None
-    try:
-        document = mapping(parse_json(contents[0] if isinstance(contents[0], str) else contents[0].decode("utf-8")))
-    except ValueError:  # a plan file may hold anything
+    document = _wanted_record(wanted, planned.plan.instance)
+    if document is None:
         return None
     tunnel = _tunnel_port(planned.plan.instance, planned.snapshot, wanted)
     request = request_of(planned.plan.instance, document, tunnel_port=tunnel)
@@ -82,6 +77,18 @@ def probing_of(planned: Planned) -> OverlayProbe | None:
         request = among(request, set(request.robots) - _left_out(planned.whole, planned.plan), services)
     architectures = _architectures(planned.snapshot) if planned.snapshot else {}
     return OverlayProbe(request=request, architectures=architectures) if request and request.robots else None
+
+
+def _wanted_record(wanted: Iterable[Resource], instance: str) -> Mapping[str, Any] | None:
+    """Return the placement record that a plan writes; None where there is none."""
+    path = record_path(instance)
+    contents = [one.params.content for one in wanted if one.module == "file" and one.name == path]
+    if not contents:
+        return None
+    try:
+        return mapping(parse_json(contents[0] if isinstance(contents[0], str) else contents[0].decode("utf-8")))
+    except ValueError:  # a plan file may hold anything
+        return None
 
 
 def _left_out(whole: Plan, limited: Plan) -> set[str]:

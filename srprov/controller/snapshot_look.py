@@ -162,14 +162,18 @@ def _note_changes(
         if not reply.ok:
             notes.lost(subject, "what was changed in its files cannot be listed")
             continue
-        paths = {string(one.get("Path")) for one in mappings(reply.json())}
-        folders = {posixpath.dirname(path) for path in paths}
-        changed = sorted(path for path in paths - folders if path)
-        if changed:
+        if changed := _changed_files(reply):
             size = integer(box.get("SizeRw"))
             more = f", and {len(changed) - _SHOWN} more" if len(changed) > _SHOWN else ""
             shown = ", ".join(text(path, length=50) for path in changed[:_SHOWN])
             notes.lost(subject, f"files changed since it was made ({size} bytes): {shown}{more}")
+
+
+def _changed_files(reply: Reply) -> list[str]:
+    """Return paths without the folders above them, which the engine tells too."""
+    paths = {string(one.get("Path")) for one in mappings(reply.json())}
+    folders = {posixpath.dirname(path) for path in paths}
+    return sorted(path for path in paths - folders if path)
 
 
 def _repositories(reader: Reader, host: Host, notes: Notes) -> Iterator[Repository]:
