@@ -43,14 +43,8 @@ def cdf(given: Mapping[str, Any], service: str, project: Project, at: Path) -> s
 def _dockerfile(build: Mapping[str, Any], service: str, project: Project, path: Path) -> dict[str, Any] | None:
     """Return the long form of a CDF's `dockerfile`, and have its files copied."""
     context = str(build.get("context") or ".")
-    if "://" in context or context.startswith(_ADDRESSES):
-        hint = "clone it beside the Compose file, and name the folder"
-        project.notes.refused((*path, "context"), f"'{context[:80]}' is no folder", hint)
-        return None
-    place = project.place(context)
-    if not place or not os.path.isdir(project.path(context)):
-        what = "lies outside of the files' folder" if not place else "is no folder"
-        project.notes.refused((*path, "context"), f"'{context[:80]}' {what}", "copy it beside the Compose file")
+    place = _context_place(context, project, (*path, "context"))
+    if not place:
         return None
     project.take(context)
     found: dict[str, Any] = {"context": place}
@@ -62,6 +56,20 @@ def _dockerfile(build: Mapping[str, Any], service: str, project: Project, path: 
     if build.get("target"):
         found["target"] = str(build["target"])
     return found
+
+
+def _context_place(context: str, project: Project, path: Path) -> str:
+    """Return where a build context goes; empty and refused where it cannot be copied."""
+    if "://" in context or context.startswith(_ADDRESSES):
+        hint = "clone it beside the Compose file, and name the folder"
+        project.notes.refused(path, f"'{context[:80]}' is no folder", hint)
+        return ""
+    place = project.place(context)
+    if place and os.path.isdir(project.path(context)):
+        return place
+    what = "lies outside of the files' folder" if not place else "is no folder"
+    project.notes.refused(path, f"'{context[:80]}' {what}", "copy it beside the Compose file")
+    return ""
 
 
 def _text(

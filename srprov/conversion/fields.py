@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from srprov.conversion.project import Project
@@ -152,17 +152,8 @@ def profiles(given: _Given, project: Project, at: Path) -> dict[str, Any]:
 
 def gpus(given: _Given, project: Project, at: Path) -> dict[str, Any]:
     """Return `gpus`, of the key itself or of what `deploy` reserves."""
-    wanted: list[tuple[Path, Mapping[str, Any]]] = [
-        ((*at, "gpus", index), one) for index, one in enumerate(given.get("gpus") or ())
-    ]
-    deploy = given.get("deploy") or {}
-    reserved = ((deploy.get("resources") or {}).get("reservations") or {}).get("devices") or ()
-    for index, one in enumerate(reserved):
-        path = (*at, "deploy", "resources", "reservations", "devices", index)
-        if "gpu" in one.get("capabilities", ()) or one.get("driver") == "nvidia":
-            wanted.append((path, one))
-        else:
-            project.notes.refused(path, "devices that are no GPUs cannot be reserved", "name them in 'devices'")
+    wanted = [((*at, "gpus", index), one) for index, one in enumerate(given.get("gpus") or ())]
+    wanted += _reserved_gpus(given, project, at)
     count = 0
     for path, one in wanted:
         ids = one.get("device_ids") or []
@@ -172,3 +163,14 @@ def gpus(given: _Given, project: Project, at: Path) -> dict[str, Any]:
             return {"gpus": "all"}
         count += number
     return {"gpus": count} if count else {}
+
+
+def _reserved_gpus(given: _Given, project: Project, at: Path) -> Iterator[tuple[Path, Mapping[str, Any]]]:
+    deploy = given.get("deploy") or {}
+    reserved = ((deploy.get("resources") or {}).get("reservations") or {}).get("devices") or ()
+    for index, one in enumerate(reserved):
+        path = (*at, "deploy", "resources", "reservations", "devices", index)
+        if "gpu" in one.get("capabilities", ()) or one.get("driver") == "nvidia":
+            yield path, one
+        else:
+            project.notes.refused(path, "devices that are no GPUs cannot be reserved", "name them in 'devices'")

@@ -168,12 +168,7 @@ def _shipped(source: str, one: Mapping[str, Any], project: Project, path: Path) 
 
 def _seeded(source: str, given: Mapping[str, Any], one: Mapping[str, Any], project: Project, path: Path) -> object:
     place = project.place(source)
-    key = f"\0{place}"
-    if key not in project.volume_names:
-        stem = _NO_NAME.sub("-", place.partition("/")[2] or "project").strip("-._") or "folder"
-        taken = project.making.volumes.keys() | _used(project) | set(project.document.get("volumes") or {})
-        project.volume_names[key] = project.making.free(stem, taken, project.machine.robot)
-    name = project.volume_names[key]
+    name = _seed_name(place, project)
     if os.path.isdir(project.path(source)):
         project.take(source)
         user = str(given.get("user") or "")
@@ -187,3 +182,13 @@ def _seeded(source: str, given: Mapping[str, Any], one: Mapping[str, Any], proje
         words = f"the volume '{name}', which begins empty: there is no such folder"
         project.notes.adapted(path, words)
     return _short(name, one)
+
+
+def _seed_name(place: str, project: Project) -> str:
+    """Return the name of the volume that begins with a folder's content; equal for equal folders."""
+    key = f"\0{place}"
+    if key not in project.volume_names:
+        stem = _NO_NAME.sub("-", place.partition("/")[2] or "project").strip("-._") or "folder"
+        taken = project.making.volumes.keys() | _used(project) | set(project.document.get("volumes") or {})
+        project.volume_names[key] = project.making.free(stem, taken, project.machine.robot)
+    return project.volume_names[key]
