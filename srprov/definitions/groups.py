@@ -67,18 +67,24 @@ class HostTree:
             self.findings.add(place, str(error), code=Code.INVENTORY)
             return
         for name in names:
-            if wrong := names_rule.fault("robot", name):
-                hint = "a range is written robot[1:4]" if "[" in name else ""
-                self.findings.add(place, wrong, (), hint, code=Code.INVENTORY)
+            host = self._entry(name, place)
+            if host is None:
                 return
-            if name not in self.hosts and len(self.hosts) >= MOST_HOSTS:
-                self.findings.add(place, f"there are more than {MOST_HOSTS} hosts", code=Code.TOO_LARGE)
-                return
-            host = self.hosts.setdefault(name, HostEntry(name, place))
             if port is not None:
                 host.variables["ansible_port"] = (place, Scalar(place.source, place.line, place.column, str(port)))
             host.variables.update(variables or {})
             self.group(group).hosts[name] = place
+
+    def _entry(self, name: str, place: Scalar) -> HostEntry | None:
+        """Return the entry of a host, which is made when it is missing; None and a finding where it cannot be."""
+        if wrong := names_rule.fault("robot", name):
+            hint = "a range is written robot[1:4]" if "[" in name else ""
+            self.findings.add(place, wrong, (), hint, code=Code.INVENTORY)
+            return None
+        if name not in self.hosts and len(self.hosts) >= MOST_HOSTS:
+            self.findings.add(place, f"there are more than {MOST_HOSTS} hosts", code=Code.TOO_LARGE)
+            return None
+        return self.hosts.setdefault(name, HostEntry(name, place))
 
     def depths(self) -> dict[str, int]:
         """Return each group's longest distance from `all`; a group that contains itself is a finding."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from types import MappingProxyType
 
 from srprov.codes import Code
@@ -68,10 +68,7 @@ def _finish(tree: HostTree, source: str, *, may_run: bool) -> Inventory:
     for variables in _scopes(tree):
         hostvars.check_own(variables, tree.findings)
     depths, members = tree.depths(), tree.members()
-    groups_of: dict[str, set[str]] = {name: set() for name in tree.hosts}
-    for group, contained in members.items():
-        for name in contained:
-            groups_of[name].add(group)
+    groups_of = _groups_of(tree.hosts, members)
     hosts = {}
     for name in sorted(tree.hosts):
         groups = groups_of[name]
@@ -86,6 +83,14 @@ def _finish(tree: HostTree, source: str, *, may_run: bool) -> Inventory:
         raise DefinitionError(tree.findings.problems)
     by_group = {name: tuple(sorted(contained)) for name, contained in sorted(members.items())}
     return Inventory(hosts=MappingProxyType(hosts), groups=MappingProxyType(by_group), source=source)
+
+
+def _groups_of(hosts: Iterable[str], members: Mapping[str, Iterable[str]]) -> dict[str, set[str]]:
+    found: dict[str, set[str]] = {name: set() for name in hosts}
+    for group, contained in members.items():
+        for name in contained:
+            found[name].add(group)
+    return found
 
 
 def _folder(path: str) -> str:

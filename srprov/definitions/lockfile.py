@@ -86,6 +86,21 @@ def load(path: str) -> Lock | None:
 
 
 def _load(path: str) -> Lock:
+    root = _checked(path)
+    files = root.entries.get("files")
+    images = [one.entries for one in _maps(root.entries["images"])]
+    repositories = [one.entries for one in _maps(root.entries["repositories"])]
+    return Lock(
+        commits={(text(one["git"]), text(one["ref"])): text(one["commit"]) for one in repositories},
+        digests={text(one["name"]): text(one["digest"]) for one in images},
+        platforms={text(one["name"]): texts(one.get("platforms")) for one in images},
+        files={path: text(one) for path, one in files.entries.items()} if isinstance(files, Map) else {},
+        packages=tuple(_packages(one.entries) for one in _maps(root.entries.get("packages"))),
+        version=text(root.entries["srprov"]),
+    )
+
+
+def _checked(path: str) -> Map:
     root, findings = loader.read(path), Findings()
     if not isinstance(root, Map):
         hint = "remove it, and write it anew: srprov lock EDF -i INVENTORY"
@@ -97,16 +112,7 @@ def _load(path: str) -> Lock:
             findings.add(sha, "is no sha256 in hex", ("files", name), code=Code.LOCK_FILE)
     if findings.problems:
         raise DefinitionError(findings.problems)
-    images = [one.entries for one in _maps(root.entries["images"])]
-    repositories = [one.entries for one in _maps(root.entries["repositories"])]
-    return Lock(
-        commits={(text(one["git"]), text(one["ref"])): text(one["commit"]) for one in repositories},
-        digests={text(one["name"]): text(one["digest"]) for one in images},
-        platforms={text(one["name"]): texts(one.get("platforms")) for one in images},
-        files={path: text(one) for path, one in files.entries.items()} if isinstance(files, Map) else {},
-        packages=tuple(_packages(one.entries) for one in _maps(root.entries.get("packages"))),
-        version=text(root.entries["srprov"]),
-    )
+    return root
 
 
 def _without_files(root: Map, files: Node | None) -> Map:

@@ -151,13 +151,9 @@ def _wrong_choice_of_keys(
             place, f"'{present[0]}' and '{present[1]}' exclude each other", (*path, present[1]), code=Code.EXCLUSIVE
         )
     elif isinstance(node, Map) and not _misspelt(node, keys, error.schema):
-        if says := error.schema.get(f"{error.validator}ErrorMessage"):
-            findings.add(_owner(root, path[len(prefix) :], node), says, path, code=Code.MISSING_KEY)
-            return
         word = "exactly one" if error.validator == "oneOf" else "one"
-        findings.add(
-            _owner(root, path[len(prefix) :], node), f"needs {word} of {', '.join(keys)}", path, code=Code.MISSING_KEY
-        )
+        says = error.schema.get(f"{error.validator}ErrorMessage") or f"needs {word} of {', '.join(keys)}"
+        findings.add(_owner(root, path[len(prefix) :], node), says, path, code=Code.MISSING_KEY)
 
 
 def _misspelt(node: Node, wanted: list[str], rules: Mapping[str, Any]) -> bool:

@@ -5,7 +5,7 @@ Takes the root of the EDF, what was read of it, and the services; adds to `Findi
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 
 from srprov.codes import Code
 from srprov.definitions import trialkept
@@ -212,10 +212,7 @@ def _conditions(root: Map, found: TrialDefinitions, services: Mapping[str, Servi
             if one.pattern:
                 _pattern(root, (*path, "log", "matches"), one.pattern, 0, findings)
             if one.metric and one.metric not in metrics:
-                hint = did_you_mean(one.metric, metrics)
-                named = nodes.find(root, (*path, "metric"))
-                place = named.keys.get(one.metric, named) if isinstance(named, Map) else named
-                findings.add(place, f"there is no metric '{one.metric[:60]}'", path, hint, code=Code.NO_SUCH_NAME)
+                _no_metric(root, path, one.metric, metrics, findings)
             for at, name in enumerate(one.services if one.kind in ("completed", "exit") else ()):
                 restart = services[name].runtime.restart if name in services else ""
                 if restart not in ("", "no") and name not in found.settings.keep:
@@ -226,6 +223,13 @@ def _conditions(root: Map, found: TrialDefinitions, services: Mapping[str, Servi
                         path,
                         code=Code.TRIAL_JUDGING,
                     )
+
+
+def _no_metric(root: Map, path: Path, metric: str, known: Collection[str], findings: Findings) -> None:
+    named = nodes.find(root, (*path, "metric"))
+    place = named.keys.get(metric, named) if isinstance(named, Map) else named
+    hint = did_you_mean(metric, known)
+    findings.add(place, f"there is no metric '{metric[:60]}'", path, hint, code=Code.NO_SUCH_NAME)
 
 
 def _pattern(root: Map, path: Path, pattern: str, groups: int, findings: Findings) -> None:
