@@ -142,10 +142,14 @@ def _definitions(told: Told) -> Iterator[Entity]:
     }  # fmt: skip
     for name in parts:
         yield {**_file(name, files), "@type": ["File", "SoftwareSourceCode"], "version": files[name][1][:16]}
-    yield {
+    yield _language()
+
+
+def _language() -> Entity:
+    home = ref("https://pypi.org/project/srprov/")
+    return {
         "@id": _LANGUAGE, "@type": "ComputerLanguage", "name": "srprov experiment definition", "alternateName": "EDF",
-        "identifier": ref("https://pypi.org/project/srprov/"), "url": ref("https://pypi.org/project/srprov/"),
-        "version": "1",
+        "identifier": home, "url": home, "version": "1",
     }  # fmt: skip
 
 

@@ -59,13 +59,14 @@ def robots(told: Told) -> Iterator[Entity]:
         yield {
             "@id": robot_id(name), "@type": "IndividualProduct", "name": name, "model": string(about.get("board")),
             "serialNumber": string(about.get("machine_id")), "identifier": pids.get(name, ""),
-            "additionalProperty": refs(f"{robot_id(name)}-{key.replace(' ', '-')}" for key in values),
+            "additionalProperty": refs(_property_id(name, key) for key in values),
         }  # fmt: skip
         for key, value in values.items():
-            place = f"{robot_id(name)}-{key.replace(' ', '-')}"
-            yield {
-                "@id": place, "@type": "PropertyValue", "name": key, "value": value,
-            }  # fmt: skip
+            yield {"@id": _property_id(name, key), "@type": "PropertyValue", "name": key, "value": value}
+
+
+def _property_id(robot: str, key: str) -> str:
+    return f"{robot_id(robot)}-{key.replace(' ', '-')}"
 
 
 def agents(told: Told) -> Iterator[Entity]:

@@ -56,12 +56,21 @@ def datacite(told: Told) -> bytes:
         "formats": ["application/zip"],
     }
     if license_:
-        known = {"rightsIdentifier": license_, "rightsIdentifierScheme": "SPDX",
-                 "rightsUri": f"https://spdx.org/licenses/{license_}.html"}  # fmt: skip
-        found["rightsList"] = [{"rights": license_, **(known if is_spdx(license_) else {})}]
+        found["rightsList"] = [_rights(license_)]
     if related:
         found["relatedIdentifiers"] = related
     return _written(found)
+
+
+def _rights(license_: str) -> dict[str, str]:
+    if not is_spdx(license_):
+        return {"rights": license_}
+    return {
+        "rights": license_,
+        "rightsIdentifier": license_,
+        "rightsIdentifierScheme": "SPDX",
+        "rightsUri": f"https://spdx.org/licenses/{license_}.html",
+    }
 
 
 def instruments(told: Told) -> Iterator[tuple[str, str]]:

@@ -176,16 +176,19 @@ def of_run(path: Path) -> Folder:
         if (home / name).exists():
             found[name] = _size(home / name)
     for top in (one for one in _FOLDERS if (home / one).is_dir()):
-        _check_no_link(home / top)
-        for folder, names, files in os.walk(home / top, onerror=_raise):
-            for one in (*names, *files):
-                _check_no_link(Path(folder, one))
-            for one in files:
-                place = Path(folder, one)
-                name = place.relative_to(home).as_posix()
-                if not _UNFINISHED.match(name):
-                    found[name] = _size(place)
+        for place in _files_below(home / top):
+            name = place.relative_to(home).as_posix()
+            if not _UNFINISHED.match(name):
+                found[name] = _size(place)
     return Folder(home, dict(sorted(found.items())))
+
+
+def _files_below(top: Path) -> Iterator[Path]:
+    _check_no_link(top)
+    for folder, names, files in os.walk(top, onerror=_raise):
+        for one in (*names, *files):
+            _check_no_link(Path(folder, one))
+        yield from (Path(folder, one) for one in files)
 
 
 def _check_no_link(path: Path) -> None:

@@ -190,24 +190,28 @@ def _directory(stream: BinaryIO, end: int) -> tuple[int, int, int]:
 def _entries(directory: bytes, count: int) -> Iterator[Entry]:
     at = 0
     for _ in range(count):
-        if len(directory) - at < _CENTRAL.size:
-            raise ValueError("its directory ends too early")
-        fields = _CENTRAL.unpack_from(directory, at)
-        size, place, name_size, extra_size = fields[8], fields[16], fields[10], fields[11]
-        start = at + _CENTRAL.size
-        raw = directory[start : start + name_size + extra_size] if name_size <= _LONGEST_NAME else b""
-        if extra_size == _PLACE.size and len(raw) == name_size + extra_size:
-            size, _, place = _PLACE.unpack(raw[name_size:])[2:]
-        try:
-            one = Entry(raw[:name_size].decode(), size, fields[7], place)
-        except UnicodeDecodeError:
-            raise ValueError("a name is not UTF-8") from None
+        one = _entry(directory, at)
         if directory[at : at + len(one.record)] != one.record:
             raise ValueError(f"{one.name[:200]!r} is compressed, encrypted, a link, or not written as it should be")
         at += len(one.record)
         yield one
     if at != len(directory):
         raise ValueError("its directory has more than its entries")
+
+
+def _entry(directory: bytes, at: int) -> Entry:
+    if len(directory) - at < _CENTRAL.size:
+        raise ValueError("its directory ends too early")
+    fields = _CENTRAL.unpack_from(directory, at)
+    size, place, name_size, extra_size = fields[8], fields[16], fields[10], fields[11]
+    start = at + _CENTRAL.size
+    raw = directory[start : start + name_size + extra_size] if name_size <= _LONGEST_NAME else b""
+    if extra_size == _PLACE.size and len(raw) == name_size + extra_size:
+        size, _, place = _PLACE.unpack(raw[name_size:])[2:]
+    try:
+        return Entry(raw[:name_size].decode(), size, fields[7], place)
+    except UnicodeDecodeError:
+        raise ValueError("a name is not UTF-8") from None
 
 
 def content(stream: BinaryIO, one: Entry) -> Iterator[bytes]:
