@@ -99,6 +99,14 @@ def probe_once(probing: OverlayProbe, sessions: Mapping[str, Session], *, again:
     return Round(request=asked, said=said, left_out=left_out, lost=lost, namespaces=processes)
 
 
+def _architecture(probing: OverlayProbe, robot: str, session: Session) -> str:
+    arch = probing.architectures.get(robot) or docker_arch(session.ask([Query(command="uname -m")])[0].out.strip())
+    if arch not in ARCHITECTURES:
+        why = f"there is no probe for its processor ({text(arch) or 'unknown'}), only for {', '.join(ARCHITECTURES)}"
+        raise TransportError(robot, why, hint="--no-probe", code=Code.PROBE)
+    return arch
+
+
 def _prepare(probing: OverlayProbe, robot: str, magic: str, session: Session) -> _Ready:
     """Bring the program, and ask which processes its containers are.
 
@@ -106,11 +114,7 @@ def _prepare(probing: OverlayProbe, robot: str, magic: str, session: Session) ->
         TransportError: The robot cannot be talked to, or does not take it.
     """
     inside = {at: one for at, one in probing.request.of(robot).items() if one.container}
-    arch = probing.architectures.get(robot) or docker_arch(session.ask([Query(command="uname -m")])[0].out.strip())
-    if arch not in ARCHITECTURES:
-        why = f"there is no probe for its processor ({text(arch) or 'unknown'}), only for {', '.join(ARCHITECTURES)}"
-        raise TransportError(robot, why, hint="--no-probe", code=Code.PROBE)
-    put = session.execute(upload(magic, arch))
+    put = session.execute(upload(magic, _architecture(probing, robot, session)))
     if not put.ok:
         raise TransportError(
             robot, f"the probe cannot be written there: {text(put.err)}", hint="is its disk full?", code=Code.PROBE

@@ -138,13 +138,17 @@ def _start_all(settings: TrialSettings, robots: TrialRobots, watch: _Logs) -> No
             return
         readings = robots.look()
         waiting = min(left)
-        for other, how in _needs(robots, waiting).items():
-            reading = readings[other]
-            if reading.ended and not _is(reading, how):
-                raise EquipmentFailed(f"{waiting} waits for {other}, which exited with {reading.exit_code}")
+        _refuse_vain(waiting, robots, readings)
         if time.monotonic() > until:
             raise EquipmentFailed(f"{waiting} was not started: what it depends on took over {settings.ready_s:g} s")
         time.sleep(0 if due else _LOOK_S)
+
+
+def _refuse_vain(waiting: str, robots: TrialRobots, readings: Mapping[str, Reading]) -> None:
+    for other, how in _needs(robots, waiting).items():
+        reading = readings[other]
+        if reading.ended and not _is(reading, how):
+            raise EquipmentFailed(f"{waiting} waits for {other}, which exited with {reading.exit_code}")
 
 
 def _needs(robots: TrialRobots, name: str) -> Mapping[str, str]:
