@@ -6,8 +6,9 @@ srprov builds, but for its label and the marks of its builds.
 
 from __future__ import annotations
 
+import itertools
 import posixpath
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 import msgspec
@@ -48,8 +49,7 @@ def built(
     for key, cdf in sorted(containers.items()):
         if cdf.image:
             continue
-        wanted = repository_of(cdf).partition("/")[2]
-        name = next(n for n in (wanted, *(f"{wanted}-{i}" for i in range(2, len(containers) + 2))) if n not in names)
+        name = _free(repository_of(cdf).partition("/")[2], names)
         names.add(name)
         found[key] = (
             _from_folder(cdf, name, listing, read)
@@ -57,6 +57,11 @@ def built(
             else _from_base(cdf, name, listing, read, checkout, open_)
         )
     return found
+
+
+def _free(wanted: str, taken: Collection[str]) -> str:
+    numbered = (f"{wanted}-{number}" for number in itertools.count(2))
+    return next(name for name in itertools.chain((wanted,), numbered) if name not in taken)
 
 
 def _from_base(

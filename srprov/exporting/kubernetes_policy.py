@@ -15,23 +15,27 @@ def services_of(services: Mapping[str, Service]) -> Iterator[dict[str, Any]]:
 
     It is resolved before the pod is ready, as with srprov, whose names are there from the start.
     """
-    names: dict[str, dict[str, str]] = {}
-    for name, one in services.items():
-        if one.network == "none":
-            continue
-        names[name] = {"srprov.service": name}
-        if one.runtime.hostname:
-            names.setdefault(one.runtime.hostname, {"srprov.service": name})
-    for one in services.values():
-        if one.instance_of and one.network != "none":
-            names.setdefault(one.instance_of, {"srprov.of": one.instance_of})
-    for name in sorted(names):
+    for name, selector in sorted(_selectors(services).items()):
         yield {
             "apiVersion": "v1",
             "kind": "Service",
             "metadata": {"name": name},
-            "spec": {"clusterIP": "None", "publishNotReadyAddresses": True, "selector": names[name]},
+            "spec": {"clusterIP": "None", "publishNotReadyAddresses": True, "selector": selector},
         }
+
+
+def _selectors(services: Mapping[str, Service]) -> dict[str, dict[str, str]]:
+    """Return name -> labels of the pods that it means."""
+    found: dict[str, dict[str, str]] = {}
+    known = {name: one for name, one in services.items() if one.network != "none"}
+    for name, one in known.items():
+        found[name] = {"srprov.service": name}
+        if one.runtime.hostname:
+            found.setdefault(one.runtime.hostname, {"srprov.service": name})
+    for one in known.values():
+        if one.instance_of:
+            found.setdefault(one.instance_of, {"srprov.of": one.instance_of})
+    return found
 
 
 def policies(services: Mapping[str, Service]) -> Iterator[dict[str, Any]]:

@@ -87,17 +87,20 @@ class Shipping(msgspec.Struct, frozen=True, kw_only=True):
             needs=(Need(kind="variable", name=variable, what=what),),
         )
 
+    def _downloaded(self, service: Service, mount: Mount) -> Part:
+        name = mount.target.rpartition("/")[2]
+        place = self._place(f"data/{mount.sha256[:12]}-{name}", mount.url)
+        what = f"Download {mount.url}; its sha256 is {mount.sha256}."
+        words = f"{place} is not in the export: the README says where to download it"
+        return Part(
+            document={"volume": _long("bind", f"./{self._local(place)}", mount)},
+            remarks=(Remark(path=_field(service, "data"), kind=ADAPTED, words=words),),
+            needs=(Need(kind="file", name=place, what=what),),
+        )
+
     def _shipped(self, service: Service, mount: Mount) -> Part:
         if mount.url:
-            name = mount.target.rpartition("/")[2]
-            place = self._place(f"data/{mount.sha256[:12]}-{name}", mount.url)
-            what = f"Download {mount.url}; its sha256 is {mount.sha256}."
-            words = f"{place} is not in the export: the README says where to download it"
-            return Part(
-                document={"volume": _long("bind", f"./{self._local(place)}", mount)},
-                remarks=(Remark(path=_field(service, "data"), kind=ADAPTED, words=words),),
-                needs=(Need(kind="file", name=place, what=what),),
-            )
+            return self._downloaded(service, mount)
         place = self._place(f"files/{self._relative(mount.source)}", mount.source)
         document = {"volume": _long("bind", f"./{self._local(place)}", replace(mount, read_only=True))}
         if (files := self._copied(place, mount.source, may_be_large=mount.kind == "data")) is not None:
