@@ -41,17 +41,22 @@ def resolve(address: Address, ref: str) -> str:
         return ref
     full = ref.startswith("refs/")
     names = [ref or "HEAD"] if full or not ref else [f"refs/tags/{ref}", f"refs/heads/{ref}"]
-    asked = [*names, *(f"{name}^{{}}" for name in names)]
-    arguments = ["ls-remote", "--quiet", "--", address.url, *asked]
-    printed = run(arguments, transport=address.scheme, most=_MOST_NAMES, seconds=LOOK_S).decode("utf-8", "replace")
-    found = {name: commit for commit, _, name in (line.partition("\t") for line in printed.splitlines())}
-    commits = {found.get(f"{name}^{{}}") or found[name] for name in names if name in found}
+    commits = _commits(address, names)
     if len(commits) > 1:
         raise GitError(f"'{ref}' is a branch and a tag: write refs/heads/{ref} or refs/tags/{ref}")
     if not commits or not is_commit(next(iter(commits))):
         short = " (a commit is named by all of its digits)" if ref and set(ref) <= set("0123456789abcdef") else ""
         raise GitError(f"it has no branch or tag '{ref}'{short}" if ref else "it has no default branch")
     return commits.pop()
+
+
+def _commits(address: Address, names: Collection[str]) -> set[str]:
+    """Return what these names are in a repository, as far as it has them; of a tag, the commit that it names."""
+    asked = [*names, *(f"{name}^{{}}" for name in names)]
+    arguments = ["ls-remote", "--quiet", "--", address.url, *asked]
+    printed = run(arguments, transport=address.scheme, most=_MOST_NAMES, seconds=LOOK_S).decode("utf-8", "replace")
+    found = {name: commit for commit, _, name in (line.partition("\t") for line in printed.splitlines())}
+    return {found.get(f"{name}^{{}}") or found[name] for name in names if name in found}
 
 
 def files(

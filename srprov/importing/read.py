@@ -110,6 +110,18 @@ def _project_name(given: str | None, files: Sequence[File], reading: Reading, va
             message = f"'{chosen[:60]}' is no name of a project: lower-case letters, digits, '_' and '-'"
             raise Refused([Diagnostic(Position(files[0].shown), message, code=Code.COMPOSE)])
         return chosen
+    written = _written_name(files, reading, variables)
+    tidy = _tidy(written) or _tidy(os.path.basename(os.path.dirname(os.path.abspath(files[0].path))))
+    if not tidy:
+        message = "the project has no name"
+        raise Refused(
+            [Diagnostic(Position(files[0].shown), message, hint="write `name:` into the file", code=Code.COMPOSE)]
+        )
+    return tidy
+
+
+def _written_name(files: Sequence[File], reading: Reading, variables: Variables) -> str:
+    """Return what the last `name:` of the files says."""
     written = ""
     for file in files:
         tree = reading.tree(file.path, file.shown, file.named)
@@ -118,13 +130,7 @@ def _project_name(given: str | None, files: Sequence[File], reading: Reading, va
             written = dataclasses.replace(variables, used=[]).put_in(name.data, name.at)
             if variables.problems:
                 raise Refused(variables.problems)
-    tidy = _tidy(written) or _tidy(os.path.basename(os.path.dirname(os.path.abspath(files[0].path))))
-    if not tidy:
-        message = "the project has no name"
-        raise Refused(
-            [Diagnostic(Position(files[0].shown), message, hint="write `name:` into the file", code=Code.COMPOSE)]
-        )
-    return tidy
+    return written
 
 
 def _tidy(name: str) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 
 from srprov.importing.compose.values import Rules, Value, rewrite
 from srprov.importing.compose.variables import Variables
@@ -82,18 +82,20 @@ def named(value: Value, variables: Variables, *, keep: bool) -> Value:
         return value.of({name: item for name, item in found.items() if keep or item.data is not None})
     if not isinstance(value.data, list):
         return value
-    items = []
-    for item in value.data:
+    return value.of(list(_named_items(value.data, variables, keep=keep)))
+
+
+def _named_items(items: Iterable[Value], variables: Variables, *, keep: bool) -> Iterator[Value]:
+    for item in items:
         name = item.data
         if not isinstance(name, str) or "=" in name:
-            items.append(item)
+            yield item
             continue
         known = _known(item.of(None), name, variables)
         if known.data is not None:
-            items.append(item.of(f"{name}={known.data}"))
+            yield item.of(f"{name}={known.data}")
         elif keep:
-            items.append(item)
-    return value.of(items)
+            yield item
 
 
 def _known(value: Value, name: str, variables: Variables) -> Value:

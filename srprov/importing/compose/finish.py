@@ -60,17 +60,21 @@ def _service(service: Value, variables: Variables) -> Value:
     if (policy := entries.get("pull_policy")) is not None and policy.data == "if_not_present":
         entries["pull_policy"] = policy.of("missing")
     if (build := entries.get("build")) is not None and isinstance(build.data, dict):
-        if build.get("dockerfile_inline") is None:
-            build = with_default(build, dockerfile="Dockerfile")
-        if (args := build.get("args")) is not None:
-            build = build.of({**build.data, "args": named(args, variables, keep=False)})
-        entries["build"] = build
+        entries["build"] = _build(build, variables)
     scale, deploy = entries.get("scale"), entries.get("deploy")
     if scale is not None and scale.data is not None and deploy is not None and deploy.get("replicas") is None:
         entries["deploy"] = with_default(deploy, replicas=scale.data)
     if depends := dict(_dependencies(entries)):
         entries["depends_on"] = (entries.get("depends_on") or service).of(depends)
     return service.of(entries)
+
+
+def _build(build: Value, variables: Variables) -> Value:
+    if build.get("dockerfile_inline") is None:
+        build = with_default(build, dockerfile="Dockerfile")
+    if (args := build.get("args")) is not None:
+        build = build.of({**build.data, "args": named(args, variables, keep=False)})
+    return build
 
 
 def _dependencies(entries: Mapping[str, Value]) -> Iterator[tuple[str, Value]]:
@@ -134,6 +138,17 @@ def in_order(tree: Value) -> None:
 
 def used_only(tree: Value) -> Value:
     """Return a tree without networks, volumes, configs and secrets that no service uses."""
+    entries = dict(tree.data)
+    for kind, names in _used(tree).items():
+        if kind in entries and isinstance(entries[kind].data, dict):
+            left = {name: item for name, item in entries[kind].data.items() if name in names}
+            entries[kind] = entries[kind].of(left)
+            if not left:
+                del entries[kind]
+    return tree.of(entries)
+
+
+def _used(tree: Value) -> dict[str, set[str]]:
     used: dict[str, set[str]] = {kind: set() for kind in (*_KINDS, "models")}
     for service in services(tree).values():
         for kind in ("networks", "models"):
@@ -145,14 +160,7 @@ def used_only(tree: Value) -> Value:
             used["secrets"] |= _sources(build.get("secrets"))
         mounts = [m for m in _items(service.get("volumes")) if (kind_of := m.get("type")) and kind_of.data == "volume"]
         used["volumes"] |= {str(source.data) for m in mounts if (source := m.get("source")) is not None}
-    entries = dict(tree.data)
-    for kind, names in used.items():
-        if kind in entries and isinstance(entries[kind].data, dict):
-            left = {name: item for name, item in entries[kind].data.items() if name in names}
-            entries[kind] = entries[kind].of(left)
-            if not left:
-                del entries[kind]
-    return tree.of(entries)
+    return used
 
 
 def _items(value: Value | None) -> Sequence[Value]:
