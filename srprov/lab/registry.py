@@ -43,6 +43,11 @@ def ensure(site: Site, storage: Path) -> None:
         return
     remove(site)
     config.write_text(text)
+    _start(site, config)
+    _await_answer(site)
+
+
+def _start(site: Site, config: Path) -> None:
     program = find("docker-registry") or "docker-registry"
     groups = " ".join(str(group) for group in cgroups.make(site, GROUP))
     with open(site.run / "registry.log", "wb") as log:
@@ -55,7 +60,6 @@ def ensure(site: Site, storage: Path) -> None:
             env={"PATH": SYSTEM_PATH, "LAB_CGROUPS": groups, "OTEL_TRACES_EXPORTER": "none"},
             start_new_session=True,
         )
-    _await_answer(site)
 
 
 def storages(sites: Iterable[Site]) -> set[Path]:

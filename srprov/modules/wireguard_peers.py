@@ -101,11 +101,7 @@ class WireguardPeersModule(Module[WireguardPeersParams]):
         lively = {key: there[key][1] for key in (found["status"] if found else ()) if key in there}
         away = {f"{address}/32" for robot, _, address in want.peers if robot not in want.keys}
         kept = {key for key, (_, allowed) in there.items() if allowed in away}
-        wanted: dict[str, _Peer] = {}
-        for robot, endpoint, address in want.peers:
-            if robot in want.keys:
-                key = want.keys[robot] or _unknown(robot)
-                wanted[_anothers(robot) if key in kept else key] = endpoint, f"{address}/32"
+        wanted = _wanted(want, kept)
         gone = sorted(there.keys() - wanted.keys() - kept)
         due = sorted(key for key, peer in wanted.items() if there.get(key) != peer and lively.get(key) != peer[1])
         commands = _set(name, gone, {key: wanted[key] for key in due})
@@ -162,6 +158,16 @@ def _claimed(robot: str, host: str) -> str:
 def _anothers(robot: str) -> str:
     """Return what stands for a key that is that of another one, out of reach; `wg` takes it for none, and tells it."""
     return f"<public key of {robot}, which says one that is another robot's>"
+
+
+def _wanted(want: WireguardPeersParams, kept: Collection[str]) -> dict[str, _Peer]:
+    """Return key -> peer; a key that is kept for a robot out of reach is no other's."""
+    found: dict[str, _Peer] = {}
+    for robot, endpoint, address in want.peers:
+        if robot in want.keys:
+            key = want.keys[robot] or _unknown(robot)
+            found[_anothers(robot) if key in kept else key] = endpoint, f"{address}/32"
+    return found
 
 
 def _set(name: str, gone: Sequence[str], due: Mapping[str, _Peer]) -> tuple[Command, ...]:

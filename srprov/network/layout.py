@@ -136,7 +136,6 @@ def _mtu(
 
     For another MTU every container is made anew. So it is not raised when its narrowest robot leaves, or is away.
     """
-    wish = settings.mtu
     # inside of a tunnel VXLAN's own packets are of IPv4
     added = {ip: OVERHEAD[4] + more for ip, more in ENCRYPTED.items()} if settings.encryption != "none" else OVERHEAD
     possible = {
@@ -144,14 +143,18 @@ def _mtu(
         for robot, vtep in vteps.items()
         if robot in snapshot.facts
     }
-    narrow = min(possible, key=lambda robot: (possible[robot], robot), default="")
-    if wish is not None:
-        if narrow and wish > possible[narrow]:
-            message = f"network.mtu {wish} is more than {narrow}'s underlay leaves: {possible[narrow]}"
-            raise UsageError(message, hint="lower it, or leave it out", code=Code.NETWORK_ABILITY)
-        return wish
+    if settings.mtu is not None:
+        _check_mtu(settings.mtu, possible)
+        return settings.mtu
     remembered = [record.mtu] if record and record.mtu >= _LEAST_MTU else []
     return min([*possible.values(), *remembered], default=1500 - max(added.values()))
+
+
+def _check_mtu(wish: int, possible: Mapping[str, int]) -> None:
+    narrow = min(possible, key=lambda robot: (possible[robot], robot), default="")
+    if narrow and wish > possible[narrow]:
+        message = f"network.mtu {wish} is more than {narrow}'s underlay leaves: {possible[narrow]}"
+        raise UsageError(message, hint="lower it, or leave it out", code=Code.NETWORK_ABILITY)
 
 
 def _macs(

@@ -132,18 +132,20 @@ def documents(images: Sequence[Stored]) -> dict[str, bytes]:
         manifest = one.manifest
         found |= {blob(one.id): one.config, blob(sha256(manifest)): manifest}
         found |= {blob(sha256(data)): data for data in one.documents}
-        entries.append({
-            "mediaType": MANIFEST_TYPE, "digest": sha256(manifest), "size": len(manifest), "platform": one.platform,
-            "annotations": {
-                REF_NAME: named[one.id], ENGINE_IDS: " ".join(one.engine_ids), NAMES: " ".join(one.names),
-            },
-        })  # fmt: skip
+        entries.append(_index_entry(one, manifest, named[one.id]))
         layers = [blob(layer.digest) for layer in one.layers]
         listed.append({"Config": blob(one.id), "RepoTags": [named[one.id]], "Layers": layers})
     found[MARK] = as_json({"imageLayoutVersion": VERSION})
     found[INDEX] = as_json({"schemaVersion": 2, "mediaType": INDEX_TYPE, "manifests": entries})
     found[DOCKER] = as_json(listed)
     return {path: found[path] for path in sorted(found)}
+
+
+def _index_entry(one: Stored, manifest: bytes, tag: str) -> dict[str, Any]:
+    return {
+        "mediaType": MANIFEST_TYPE, "digest": sha256(manifest), "size": len(manifest), "platform": one.platform,
+        "annotations": {REF_NAME: tag, ENGINE_IDS: " ".join(one.engine_ids), NAMES: " ".join(one.names)},
+    }  # fmt: skip
 
 
 def leading(engine_ids: Sequence[str], config_id: str, get: Callable[[str], bytes | None]) -> tuple[bytes, ...]:

@@ -79,25 +79,23 @@ def verdict(material: Material) -> Verdict:
 
 def _of_run(result: ResultView) -> Verdict:
     done = f"{counted(result.changed, 'step')} changed, {result.unchanged} unchanged"
-    bad = [
-        f"{count} {word}"
-        for count, word in (
-            (result.failed, "failed"),
-            (result.skipped, "skipped"),
-            (result.not_reached, "not done"),
-        )
-        if count
-    ]
-    if result.unreachable:
-        bad.append(f"{counted(len(result.unreachable), 'robot')} unreachable")
-    if result.probe is not None and not result.probe.ok:
-        bad.append(f"{result.probe.failed} of {result.probe.pairs} pairs of the overlay do not work")
+    bad = list(_went_wrong(result))
     if result.failed or (result.probe is not None and not result.probe.ok):
         return Verdict("bad", "Failed", f"{', '.join(bad)}; {done}.")
     if bad:
         return Verdict("warn", "Not complete", f"{', '.join(bad)}; {done}.")
     works = f" The overlay works between all {result.probe.pairs} pairs." if result.probe is not None else ""
     return Verdict("ok", "Done", f"{done}.{works}" if result.changed else f"Nothing had to change; {done}.{works}")
+
+
+def _went_wrong(result: ResultView) -> Iterator[str]:
+    for count, word in ((result.failed, "failed"), (result.skipped, "skipped"), (result.not_reached, "not done")):
+        if count:
+            yield f"{count} {word}"
+    if result.unreachable:
+        yield f"{counted(len(result.unreachable), 'robot')} unreachable"
+    if result.probe is not None and not result.probe.ok:
+        yield f"{result.probe.failed} of {result.probe.pairs} pairs of the overlay do not work"
 
 
 def _of_plan(plan: PlanView) -> Verdict:

@@ -115,15 +115,7 @@ def _limits(host: Mapping[str, Any], subject: str, notes: Notes) -> dict[str, An
 
 def _devices(host: Mapping[str, Any], subject: str, notes: Notes) -> dict[str, Any]:
     found: dict[str, Any] = {}
-    devices = []
-    for one in mappings(host.get("Devices"), most=MOST_ENTRIES):
-        path, inside = string(one.get("PathOnHost")), string(one.get("PathInContainer"))
-        rights = string(one.get("CgroupPermissions"))
-        if rights not in ("", "rwm"):
-            devices.append(f"{path}:{inside or path}:{rights}")
-        else:
-            devices.append(path if inside in ("", path) else f"{path}:{inside}")
-    if devices:
+    if devices := [_device(one) for one in mappings(host.get("Devices"), most=MOST_ENTRIES)]:
         found["devices"] = devices
     for one in mappings(host.get("DeviceRequests"), most=8):
         groups = one.get("Capabilities")
@@ -134,6 +126,14 @@ def _devices(host: Mapping[str, Any], subject: str, notes: Notes) -> dict[str, A
         else:
             notes.lost(subject, "asks for certain GPUs or other devices of a driver: an EDF says only how many")
     return found
+
+
+def _device(one: Mapping[str, Any]) -> str:
+    path, inside = string(one.get("PathOnHost")), string(one.get("PathInContainer"))
+    rights = string(one.get("CgroupPermissions"))
+    if rights not in ("", "rwm"):
+        return f"{path}:{inside or path}:{rights}"
+    return path if inside in ("", path) else f"{path}:{inside}"
 
 
 def _restart(host: Mapping[str, Any], subject: str, notes: Notes) -> dict[str, Any]:
