@@ -126,7 +126,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--latency", type=numbers, default=[0, 40], help="SSH round trips in ms, e.g. 0,40")
     parser.add_argument("--scenarios", type=among(stats.SCENARIOS), default=list(stats.SCENARIOS))
     parser.add_argument("--pairs", type=int, default=20)
-    parser.add_argument("--options", default="", help='more options of the new one, e.g. --options=--no-probe')
+    parser.add_argument("--options", default="", help="more options of the new one, e.g. --options=--no-probe")
     parser.add_argument("--out", type=Path, help="write all runs to this JSON file")
     return parser.parse_args()
 
