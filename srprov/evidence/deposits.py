@@ -41,9 +41,7 @@ def zenodo(told: Told) -> bytes:
 
 def datacite(told: Told) -> bytes:
     """Return `datacite.json`."""
-    paper, license_, ended = given(told, "doi"), given(told, "license"), ended_utc(told.story)[:10]
-    related = [_related(paper, "IsSupplementTo")] if paper else []
-    related += [_related(pid, "IsCollectedBy") for _, pid in instruments(told)]
+    license_, ended = given(told, "license"), ended_utc(told.story)[:10]
     found: dict[str, Any] = {
         "schemaVersion": "http://datacite.org/schema/kernel-4",
         "types": {"resourceTypeGeneral": "Dataset", "resourceType": "Run of trials"},
@@ -57,7 +55,7 @@ def datacite(told: Told) -> bytes:
     }
     if license_:
         found["rightsList"] = [_rights(license_)]
-    if related:
+    if related := list(_all_related(told)):
         found["relatedIdentifiers"] = related
     return _written(found)
 
@@ -78,6 +76,13 @@ def instruments(told: Told) -> Iterator[tuple[str, str]]:
     for name, host in sorted(mapping(mapping(told.inventory.get("all")).get("hosts")).items()):
         if pid := string(mapping(host).get("srprov_pid")):
             yield name, pid
+
+
+def _all_related(told: Told) -> Iterator[dict[str, str]]:
+    if paper := given(told, "doi"):
+        yield _related(paper, "IsSupplementTo")
+    for _, pid in instruments(told):
+        yield _related(pid, "IsCollectedBy")
 
 
 def _related(text: str, relation: str) -> dict[str, str]:

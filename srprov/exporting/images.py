@@ -51,11 +51,10 @@ def built(
             continue
         name = _free(repository_of(cdf).partition("/")[2], names)
         names.add(name)
-        found[key] = (
-            _from_folder(cdf, name, listing, read)
-            if cdf.dockerfile
-            else _from_base(cdf, name, listing, read, checkout, open_)
-        )
+        if cdf.dockerfile:
+            found[key] = _from_folder(cdf, name, listing, read)
+        else:
+            found[key] = _from_base(cdf, name, listing, read, checkout, open_)
     return found
 
 
