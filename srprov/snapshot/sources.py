@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
-from urllib.parse import urlsplit
+from urllib.parse import SplitResult, urlsplit
 
 import msgspec
 
@@ -62,7 +62,9 @@ def is_distributions(url: str, origins: Mapping[str, str] = MappingProxyType({})
     """
     if origin := origins.get(url.rstrip("/"), ""):
         return origin in _ORIGINS
-    parts = urlsplit(url)
+    parts = _parts(url)
+    if parts is None:
+        return False
     host = (parts.hostname or "").lower()
     above, _, folder = parts.path.strip("/").rpartition("/")
     known = any(host == one or host.endswith(f".{one}") for one in _HOSTS)
@@ -141,10 +143,12 @@ def _source(
 ) -> Iterator[Source]:
     key, arch = options.get("signed-by", ""), options.get("arch", "")
     for url in urls:
-        if "@" in urlsplit(url).netloc:
+        parts = _parts(url)
+        if parts is not None and "@" in parts.netloc:
             notes.secret(f"apt source in {path}", "its address holds a user or password: it is left out")
         elif (
-            not _URL.fullmatch(url)
+            parts is None
+            or not _URL.fullmatch(url)
             or not all(map(_WORD.fullmatch, components))
             or (arch and not all(map(_WORD.fullmatch, arch.split(","))))
         ):
@@ -156,6 +160,14 @@ def _source(
             for suite in suites:
                 if _SUITE.fullmatch(suite):
                     yield Source(url, suite, tuple(components), arch, key)
+
+
+def _parts(url: str) -> SplitResult | None:
+    """Return the parts of an address; None where a bracket encloses no address of IPv6."""
+    try:
+        return urlsplit(url)
+    except ValueError:
+        return None
 
 
 def keys_query(found: Sequence[Source]) -> Query:

@@ -19,7 +19,7 @@ from srprov.snapshot.folder import Robot
 from srprov.snapshot.hider import Hider
 from srprov.snapshot.host import Host
 from srprov.snapshot.notes import Notes
-from srprov.snapshot.sources import parse_keys, parse_sources
+from srprov.snapshot.sources import is_distributions, parse_keys, parse_sources
 from srprov.wire import AnyQuery, EngineQuery, Reply
 from tests.bounded import bounded
 
@@ -55,6 +55,15 @@ def test_where_keys_are_is_read_in_time(text: str) -> None:
     lines = "\n".join(f"/etc/apt/sources.list:deb [signed-by=/etc/apt/{text[:900]}] https://h/x y" for _ in range(100))
     assert bounded(lambda: parse_sources(lines, Notes())) == ()
     assert bounded(lambda: parse_keys("\n".join(f"/etc/apt/{text} eA==" for _ in range(80)))) == {}
+
+
+@pytest.mark.parametrize(
+    "url", ["https://[a.example/", "https://[a.example]/debian", "https://u:p@[/x", "https://[1::2::3]/"]
+)
+def test_brackets_around_no_address_are_told(url: str) -> None:
+    notes = Notes()
+    assert parse_sources(f"/etc/apt/sources.list:deb {url} stable main", notes) == ()
+    assert len(notes.found) == 1 and not is_distributions(url)
 
 
 def test_dependencies_of_blanks_are_read_in_time() -> None:
