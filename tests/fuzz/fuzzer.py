@@ -112,6 +112,12 @@ def _shown(content: bytes) -> str:
     return base64.b64encode(content[:100_000]).decode("ascii")
 
 
+def _import_solvers() -> None:
+    """Import what an assignment of some size imports: hundreds of MiB of address space, which no input asked for."""
+    import ortools.graph.python.min_cost_flow
+    import ortools.math_opt.python.mathopt  # noqa: F401
+
+
 def fuzz(seconds: float, folder: Path, current: int, start: int, wanted: list[str]) -> Iterator[dict[str, Any]]:
     """Yield a fault as it is found, and in the end how many inputs each surface had."""
     from tests.fuzz.foreign import Kept
@@ -120,6 +126,7 @@ def fuzz(seconds: float, folder: Path, current: int, start: int, wanted: list[st
     kept = folder.parent / "kept"
     Kept.make(kept)
     every = {name: one for name, one in surfaces(kept).items() if not wanted or name in wanted}
+    _import_solvers()
     limit_memory()
     end, counts, told = time.monotonic() + seconds, dict.fromkeys(every, 0), dict[str, int]()
     number = start
