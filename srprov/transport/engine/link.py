@@ -173,6 +173,18 @@ class _Reader(io.BufferedReader):
         super().__init__(_Raw(owner), 256 * 1024)
         self._owner = owner
 
+    def read(self, size: int | None = -1, /) -> bytes:
+        """Return so many bytes; whoever asks for fewer than none was told so by the engine, as a chunk's length.
+
+        http.client passes that on, and would keep all that comes until the connection ends.
+
+        Raises:
+            EngineGone: The size is none.
+        """
+        if size is None or size < 0:
+            raise EngineGone("it sends pieces of a length that is none")
+        return super().read(size)
+
     def close(self) -> None:
         self._owner.answer_read()
 

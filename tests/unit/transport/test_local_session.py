@@ -18,7 +18,7 @@ from msgspec.structs import replace
 
 from srprov.definitions.model import Host
 from srprov.errors import DeadlineError, TransportError
-from srprov.session import Session, Traffic
+from srprov.session import Exec, Session, Traffic
 from srprov.transport import connect
 from srprov.transport.engine.client import Engine
 from srprov.transport.engine.link import EngineLink, EngineSocket
@@ -204,6 +204,27 @@ def test_what_is_no_engine_is_a_value(session: Session, play: Callable[[Answer],
         assert (reply.status, reply.ok) == (0, False) and reply.err
     with pytest.raises(TransportError, match="stopped giving"):
         list(session.save_image("a:1", 0.5))
+
+
+@pytest.mark.parametrize("size", [b"-1", b"-5", b"-ffffffffffffffffffff"])
+@pytest.mark.parametrize("status", [b"200 OK", b"201 Created", b"404 Not Found"])
+def test_pieces_of_less_than_nothing_are_refused(
+    session: Session, play: Callable[[Answer], PlayedEngine], size: bytes, status: bytes
+) -> None:
+    """Of -1 bytes, http.client keeps all that comes, gigabytes; other such sizes ended the verb for all robots."""
+    play(lambda *_: b"HTTP/1.1 " + status + b"\r\nTransfer-Encoding: chunked\r\n\r\n" + size + b"\r\n" + b"x" * MIB)
+    call, refused = EngineCall(method="POST", path="/x", timeout_s=5), "pieces of a length that is none"
+    one = session.ask([EngineQuery(path="/x", timeout_s=5)])[0]
+    for reply in (one, session.execute(call), session.execute(replace(call, stream=True, accept=(200, 201, 404)))):
+        assert (reply.status, reply.ok) == (0, False) and refused in reply.err
+    starts: tuple[Callable[[], object], ...] = (
+        lambda: list(session.save_image("a:1", 5)),
+        lambda: list(session.copy_out("a", "/x")),
+        lambda: session.run_in("a", Exec(command=("true",))),
+    )
+    for start in starts:
+        with pytest.raises(TransportError, match=refused):
+            start()
 
 
 def test_an_answer_that_is_too_long_is_a_value(
