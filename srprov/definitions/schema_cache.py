@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import os
-import stat
 from functools import cache
 from pathlib import Path
 
@@ -32,9 +31,11 @@ def add(digest: str) -> None:
     path = private.cache_folder() / _NAME
     with contextlib.suppress(OSError):
         private.make_folder(path.parent)
+        if path.is_symlink() or not private.is_safe_folder(path.parent):
+            return  # it may lead to another file of the user's
         full = path.exists() and path.stat().st_size > _MOST_BYTES - _LINE
         private.write_file(path, f"{digest}\n", os.O_TRUNC if full else os.O_APPEND)
-    _lines.cache_clear()
+        _lines.cache_clear()
 
 
 @cache
@@ -49,10 +50,6 @@ def code() -> str:
 def _lines() -> frozenset[bytes]:
     """Return the digests of a file that is the user's alone; somebody else's would say what is without fault."""
     try:
-        with (private.cache_folder() / _NAME).open("rb") as file:
-            about = os.fstat(file.fileno())
-            if about.st_uid != os.geteuid() or stat.S_IMODE(about.st_mode) & 0o022:
-                return frozenset()
-            return frozenset(file.read(_MOST_BYTES).split())
+        return frozenset(private.read_kept(private.cache_folder() / _NAME, _MOST_BYTES).split())
     except OSError:
         return frozenset()

@@ -1,8 +1,10 @@
 """Compiled playbooks, kept in the user's cache folder: to compile one takes a hundred times as long as to read it.
 
-What is read is code that runs, as with Python's own `__pycache__`; so it counts only in a file that is the user's and
-that nobody else can write. It was checked when it was compiled. Takes a name and a text; reads and writes one file per
-name, which says what it was made from. Nothing is lost with these files: without them everything is compiled.
+What is read is code that runs, as with Python's own `__pycache__`; so it counts only where nobody else can have put it:
+the file and its folder are the user's and no links, and no folder above is another user's. The owner of the file alone
+says too little: a link may lead to one that the user owns, and that a stranger wrote, such as one of a repository that
+was cloned. It was checked when it was compiled. Takes a name and a text; reads and writes one file per name, which says
+what it was made from. Nothing is lost with these files: without them everything is compiled.
 """
 
 from __future__ import annotations
@@ -11,8 +13,6 @@ import contextlib
 import functools
 import hashlib
 import marshal
-import os
-import stat
 from pathlib import Path
 from types import CodeType
 
@@ -42,7 +42,8 @@ def template(name: str, text: str) -> Template:
         code = env.compile(text)
         with contextlib.suppress(OSError):  # compiled again next time
             private.make_folder(path.parent)
-            private.write_output(str(path), made_from + marshal.dumps(code))
+            if private.is_safe_folder(path.parent):
+                private.replace_file(path, made_from + marshal.dumps(code))
     return env.template_class.from_code(env, code, env.make_globals(None))
 
 
@@ -56,11 +57,7 @@ def _code() -> bytes:
 def _kept(path: Path, made_from: bytes) -> CodeType | None:
     """Return the code that a file holds; None when it was made from something else, or might be somebody else's."""
     try:
-        with path.open("rb") as file:
-            about = os.fstat(file.fileno())
-            if about.st_uid != os.geteuid() or stat.S_IMODE(about.st_mode) & 0o022:
-                return None
-            content = file.read(_MOST_BYTES)
+        content = private.read_kept(path, _MOST_BYTES)
     except OSError:
         return None
     if content[:_DIGEST] != made_from:

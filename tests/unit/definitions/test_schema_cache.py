@@ -87,3 +87,15 @@ def test_passwords_leave_no_trace(tmp_path: Path, folder: Path) -> None:
         path.write_text(f"all:\n  hosts:\n    r1: {values}\n")
         load_inventory([str(path)])
     assert len(folder.read_text().split()) == 1
+
+
+def test_a_link_is_neither_read_nor_written_to(tmp_path: Path, checks: list[str], folder: Path) -> None:
+    """In a folder of somebody else's it leads to one of the user's: what a stranger wrote, or what is cut off here."""
+    load_experiment(written(tmp_path, EDF))
+    folder.symlink_to(folder.rename(tmp_path / "cloned"))
+    (tmp_path / "cloned").chmod(0o644)
+    before = (tmp_path / "cloned").read_text()
+    schema_cache._lines.cache_clear()
+    load_experiment(written(tmp_path, EDF))
+    load_experiment(written(tmp_path, EDF + "    cost: 2\n"))
+    assert checks == ["edf"] * 3 and (tmp_path / "cloned").read_text() == before

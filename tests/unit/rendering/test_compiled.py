@@ -79,7 +79,45 @@ def a_folder(path: Path, _content: bytes) -> None:
     path.mkdir()
 
 
-@pytest.mark.parametrize("spoil", [others_may_write, somebody_elses, cut_off, no_code, of_another_version, a_folder])
+def a_pipe(path: Path, _content: bytes) -> None:
+    path.unlink()
+    os.mkfifo(path, 0o600)
+
+
+def a_link_to_a_file_of_ones_own(path: Path, _content: bytes) -> None:
+    path.symlink_to(path.rename(path.parents[3] / "cloned"))
+
+
+def a_link_to_a_folder_of_ones_own(path: Path, _content: bytes) -> None:
+    path.parent.symlink_to(path.parent.rename(path.parents[3] / "cloned"))
+
+
+def a_folder_above_is_such_a_link(path: Path, _content: bytes) -> None:
+    path.parents[1].symlink_to(path.parents[1].rename(path.parents[3] / "cloned"))
+
+
+def in_a_folder_of_somebody_elses(path: Path, _content: bytes) -> None:
+    os.chown(path.parents[2], 65534, 65534)
+
+
+def by_a_link_of_somebody_elses(path: Path, _content: bytes) -> None:
+    path.parents[2].symlink_to(path.parents[2].rename(path.parents[3] / "cloned"))
+    os.lchown(path.parents[2], 65534, 65534)
+
+
+def where_everybody_may_write(path: Path, _content: bytes) -> None:
+    path.parents[2].chmod(0o777)
+
+
+STRANGERS = [
+    others_may_write, somebody_elses, cut_off, no_code, of_another_version, a_folder, a_pipe,
+    a_link_to_a_file_of_ones_own, a_link_to_a_folder_of_ones_own, a_folder_above_is_such_a_link,
+    in_a_folder_of_somebody_elses,
+    by_a_link_of_somebody_elses, where_everybody_may_write,
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("spoil", STRANGERS)
 def test_a_file_that_is_not_to_be_trusted_is_not(
     spoil: Callable[[Path, bytes], None], compilations: list[str], folder: Path
 ) -> None:
@@ -87,6 +125,24 @@ def test_a_file_that_is_not_to_be_trusted_is_not(
     (kept,) = folder.iterdir()
     spoil(kept, kept.read_bytes())
     assert rendered() == RENDERED and len(compilations) == 2
+
+
+def test_nothing_is_written_by_way_of_a_link(tmp_path: Path, folder: Path) -> None:
+    rendered()
+    for one in folder.iterdir():
+        one.unlink()
+    folder.symlink_to(folder.rename(tmp_path / "cloned"))
+    assert rendered() == RENDERED and not list((tmp_path / "cloned").iterdir())
+
+
+def test_folders_that_all_may_write_to_keep_their_names_by_the_sticky_bit_and_own_links_are_followed(
+    compilations: list[str], folder: Path
+) -> None:
+    rendered()
+    base = folder.parents[1]
+    base.chmod(0o1777)
+    base.symlink_to(base.rename(base.with_name("elsewhere")))
+    assert rendered() == RENDERED and len(compilations) == 1
 
 
 def test_a_fault_is_told_every_time(folder: Path) -> None:
