@@ -137,8 +137,8 @@ class DefinitionError(SrprovError):
     def __init__(self, problems: Sequence[Diagnostic]) -> None:
         """Take at least one problem; they are sorted by file and line."""
         self.problems = tuple(sorted(problems))
-        count = len(self.problems)
-        message = f"{count} problem{'s' if count != 1 else ''} in the definition files"
+        count, files = len(self.problems), len({one.location.file for one in self.problems})
+        message = f"{count} problem{'s' if count != 1 else ''} in {files} file{'s' if files != 1 else ''}"
         super().__init__(message, code=self.problems[0].code if self.problems else Code.BUG)
 
 

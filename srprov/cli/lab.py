@@ -29,7 +29,15 @@ def _checked(_context: click.Context, _option: click.Parameter, name: str) -> st
     return check_name(name)
 
 
-@click.group()
+class _Whole(click.Group):
+    """A group whose help has the whole first line of each verb: click cuts it after 45 characters."""
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, one.get_short_help_str(200)) for name, one in sorted(self.commands.items())])
+
+
+@click.group(cls=_Whole)
 @click.option(
     "--name",
     envvar="SRPROV_LAB",

@@ -76,9 +76,8 @@ def logs(
 
 def _sources(file: str, name: str, services: tuple[str, ...], fleet: Fleet, snapshot: Snapshot) -> list[Source]:
     """Return the containers whose logs are wanted."""
-    from srprov.controller.located import locate
+    from srprov.controller.located import containers_of, locate
     from srprov.controller.merged_logs import Source
-    from srprov.controller.status import containers_of
 
     there = locate(snapshot, name, inputs.experiment_if_valid(file) if services else None)
     have = {one.service for one in there.services if one.found}

@@ -23,7 +23,7 @@ from srprov.cli.output import Answer, err, print_uncaught
 from srprov.cli.streams import lost, protect_standard_streams
 from srprov.cli.variables import name_variables
 from srprov.codes import Code
-from srprov.errors import DefinitionError, NoAssignment, SrprovError
+from srprov.errors import DefinitionError, NoAssignment, SrprovError, TransportError
 
 _VERBS = {
     "init": "Write the files of a new experiment.",
@@ -163,7 +163,9 @@ def show_error(error: SrprovError) -> None:
         err(render_problems(error.problems))
         err(f"error: {error.message}")
     else:
-        err(f"error[{error.code}]: {error.message}")
+        robot = error.host if isinstance(error, TransportError) else ""
+        who = f"{robot}: " if robot and robot not in error.message else ""
+        err(f"error[{error.code}]: {who}{error.message}")
     if isinstance(error, NoAssignment):
         for service, reasons in sorted(error.misses.items()):
             for robot, reason in sorted(reasons.items()):

@@ -22,6 +22,8 @@ _ABSENT = re.compile(r"(File|Directory|Path) (.+) does not exist\.", re.DOTALL)
 _NOT_AMONG = re.compile(r"(.+?) is not (?:one of .+|.+\.)", re.DOTALL)
 _NO_COMMAND = re.compile(r"No such command (.+?)\.(?: Did you mean .*)?\Z", re.DOTALL)
 _TOO_MANY = re.compile(r"Got unexpected extra arguments? \((.*)\)", re.DOTALL)
+_SIGNS = re.compile(r"[][.]")
+"""What a metavar says of how often its word may stand."""
 _NO_VALUE = re.compile(r"Option .* requires (?:an argument|[0-9]+ arguments)\.", re.DOTALL)
 _ELSEWHERE = {"up": "apply", "down": "destroy", "rm": "destroy", "ps": "status", "shell": "ssh",
               "history": "runs", "show": "runs show", "hosts": "facts", "check": "validate", "copy": "cp"}  # fmt: skip
@@ -93,7 +95,8 @@ def _option_hint(option: str, name: str, known: Sequence[str]) -> str:
         return f"`{_OPTIONS[option]}` does that"
     if option in _OTHERWISE and "--target" in known:
         return _OTHERWISE[option]
-    return did_you_mean(option, known) or f"`{name} --help` lists its options"
+    longer = next((f"did you mean '{one}'?" for one in known if one.startswith(f"{option}-")), "")
+    return did_you_mean(option, known) or longer or f"`{name} --help` lists its options"
 
 
 def _no_verb(word: str, name: str, context: click.Context) -> SrprovError:
@@ -117,7 +120,10 @@ def _bad_value(message: str, param: click.Parameter) -> SrprovError:
         word, known = _bare(match[1]), [str(one) for one in param.type.choices]
         hint = did_you_mean(word, known) or f"known: {', '.join(known)}"
         return UsageError(f"{_name(param)} cannot be '{_short(word)}'", hint=hint, code=Code.OPTION_VALUE)
-    return UsageError(f"{_name(param)}: {_sentence(message)}", code=Code.OPTION_VALUE)
+    hint = ""
+    if "-f" in param.opts and (match := _NOT_AMONG.match(message)) and _bare(match[1]).endswith(_READ):
+        hint = "the file stands without an option: srprov VERB FILE -i INVENTORY"
+    return UsageError(f"{_name(param)}: {_sentence(message)}", hint=hint, code=Code.OPTION_VALUE)
 
 
 def _no_file(path: str, param: click.Parameter | None = None) -> SrprovError:
@@ -129,7 +135,7 @@ def _no_file(path: str, param: click.Parameter | None = None) -> SrprovError:
 def _name(param: click.Parameter) -> str:
     """Return how the user writes a parameter: `--format`, or the word that stands for an argument."""
     if isinstance(param, click.Argument):
-        return (param.metavar or param.human_readable_name).strip("[].").rstrip(".")
+        return _SIGNS.sub("", param.metavar or param.human_readable_name)
     return max(param.opts, key=len)
 
 

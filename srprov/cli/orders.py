@@ -12,7 +12,9 @@ from srprov.cli import inputs, options, output_options
 from srprov.cli.execute import carry_out, confirm, refuse_without_terminal
 from srprov.cli.plan import show_plan
 from srprov.cli.seconds import Seconds
+from srprov.codes import Code
 from srprov.controller.phases import Phases
+from srprov.errors import RefusedError, UsageError, did_you_mean
 from srprov.session import Pulse
 
 if TYPE_CHECKING:
@@ -43,7 +45,7 @@ def give_order(
     wait_timeout: float, yes: bool, adopt: bool, events: TextIO | None, no_color: bool,
 ) -> int:  # fmt: skip
     """Stop or start services, and return the exit code."""
-    refuse_without_terminal(yes)
+    _refuse_without_terminal(file, services, yes=yes)
     phases = Phases()
     inventory = inputs.load_inventory(inventories)
     name, source = inputs.named_instance(file, instance)
@@ -64,6 +66,21 @@ def give_order(
         return carry_out(
             planned, fleet, run_options, phases, as_json=as_json, events=events, color=not no_color, runs=runs
         )
+
+
+def _refuse_without_terminal(file: str, services: tuple[str, ...], *, yes: bool) -> None:
+    """Refuse a question that nobody can answer; a name that the EDF alone shows to be misspelt is told instead."""
+    try:
+        refuse_without_terminal(yes)
+    except RefusedError:
+        known = getattr(inputs.experiment_if_valid(file), "services", {})
+        for word in services:
+            name = word.partition("@")[0]
+            replica = any(name.startswith(f"{one}-") for one in known)
+            if name not in known and not replica and (near := did_you_mean(name, known)):
+                said = f"the experiment has no service '{name}'"
+                raise UsageError(said, hint=near, code=Code.NO_SUCH_NAME) from None
+        raise
 
 
 def _planned(

@@ -14,7 +14,7 @@ from srprov.cli import options, output_options
 from srprov.cli.output import err, out, out_json
 from srprov.cli.status import table
 from srprov.codes import Code
-from srprov.errors import UsageError, visible
+from srprov.errors import UsageError, did_you_mean, visible
 
 if TYPE_CHECKING:
     from srprov.record.runs import KeptRun, TrialsRun
@@ -78,6 +78,10 @@ def run_folder(name: str, homes: Sequence[Path]) -> Path:
         for home in homes:
             if (home / name).is_dir() and name not in ("", ".", ".."):
                 return home / name
+        if not Path(name).exists():
+            kept = [one.name for home in homes if home.is_dir() for one in home.iterdir()]
+            hint = did_you_mean(name, kept) or "`srprov runs` lists runs"
+            raise UsageError(f"there is no run '{visible(name)}'", hint=hint, code=Code.NO_RUN)
     return Path(name)
 
 

@@ -84,7 +84,7 @@ def status(
             _watch(fleet, name, experiment)
         snapshot = fleet.gather(Detail.BASIC)
         kept = with_sizes(volume_rows(snapshot, name), fleet, snapshot) if volumes else volume_rows(snapshot, name)
-        seen = status_of(snapshot, name, experiment)
+        seen = status_of(snapshot, name, experiment, lambda one: _by_trials(one, runs))
         rows = _wide(seen, fleet) if wide else seen.services
     tried = _tried(name, runs) if network else None
     for line in (*seen.disputes, *seen.notes, *filter(None, [seen.trials])):
@@ -99,6 +99,13 @@ def status(
     nothing = bool(name) and not seen.services and not seen.trials
     wrong = DIFFERENCES if exit_code and (nothing or not seen.as_it_should_be) else 0
     return tell_unreachable(snapshot.unreachable) or wrong
+
+
+def _by_trials(instance: str, runs: Path | None) -> bool:
+    """Return whether the last record of an instance on this machine is of a run of trials."""
+    from srprov.record import default_root, last_verb
+
+    return last_verb(runs or default_root(), instance) == "run"
 
 
 def _check_watch(watch: bool, *, beside: bool) -> None:

@@ -20,8 +20,8 @@ from srprov import private
 from srprov.controller.bringing import Home
 from srprov.controller.collected import Now, read_earlier
 from srprov.controller.fleet import Fleet
+from srprov.controller.located import containers_of
 from srprov.controller.results import Brought, bring_log, bring_results, listed
-from srprov.controller.status import containers_of
 from srprov.controller.trial_folder import alone
 from srprov.definitions.expand import expand
 from srprov.definitions.model import Experiment

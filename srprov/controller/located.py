@@ -13,7 +13,7 @@ from srprov.codes import Code
 from srprov.controller.ownership import looking
 from srprov.definitions.expand import expand
 from srprov.definitions.model import Experiment, Service
-from srprov.errors import UsageError
+from srprov.errors import UsageError, did_you_mean
 from srprov.facts.model import Snapshot
 from srprov.modules import RUNNING
 from srprov.modules.container import container_name
@@ -82,11 +82,13 @@ class Whereabouts(msgspec.Struct, frozen=True, kw_only=True):
         raise self._unknown(word)
 
     def _unknown(self, word: str) -> UsageError:
-        there = ", ".join(sorted({one.service for one in self.services})) or "none"
+        known, service = {one.service for one in self.services}, word.partition("@")[0]
+        near = "" if service in known else did_you_mean(service, known | set(self.families))
+        there = f"there are: {', '.join(sorted(known)) or 'none'}"
         away = f"; {', '.join(sorted(self.unreachable))} cannot be reached" if self.unreachable else ""
         return UsageError(
             f"{self.instance} has no {word} on these robots{away}",
-            hint=f"there are: {there}; `srprov apply` makes them",
+            hint=f"{near} {there}" if near else f"{there}; `srprov apply` makes them",
             code=Code.NOTHING_RUNS,
         )
 
@@ -156,3 +158,43 @@ def only(found: tuple[Located, ...]) -> Located:
             f"that is more than one container: {several}", hint="name one of them, or SERVICE@ROBOT", code=Code.WHICH
         )
     return found[0]
+
+
+def containers_of(snapshot: Snapshot, instance: str, services: Sequence[str]) -> list[tuple[str, str, str]]:
+    """Return (label, robot, container's name) of the services that are named, also as SERVICE@ROBOT, or of all.
+
+    The label is the service's name where the believed placement has it; anywhere else, or where robots contradict each
+    other, it is `SERVICE@ROBOT`: a container may carry any service's name.
+
+    Raises:
+        UsageError: A service has no container on any robot, and no robot is out of reach.
+    """
+    there = sorted(
+        (item.service, host, item.name)
+        for host, items in snapshot.observed.items()
+        for item in items
+        if item.module in RUNNING and item.instance == instance
+    )
+    believed, disputes, _ = looking(snapshot, instance)
+    home = {} if disputes else (read_record(believed.placements.get(instance)) or PlacementRecord()).robots
+
+    def labelled(chosen: Sequence[tuple[str, str, str]]) -> list[tuple[str, str, str]]:
+        return [(name if home.get(name) == host else f"{name}@{host}", host, it) for name, host, it in chosen]
+
+    known = [service for service, _, _ in there]
+    unknown = sorted(set(services) - set(known) - {f"{service}@{host}" for service, host, _ in there})
+    named = [one for one in there if not {one[0], f"{one[0]}@{one[1]}"}.isdisjoint(services)]
+    if snapshot.unreachable and (unknown or not there):
+        return labelled(named)  # what is missing may be on a robot that is away
+    if unknown:
+        listed = f"there are: {', '.join(known) or 'none'}"
+        raise UsageError(
+            f"no container of {', '.join(unknown)} on these robots",
+            hint=" ".join(filter(None, (did_you_mean(unknown[0].partition("@")[0], known), listed))),
+            code=Code.NOTHING_RUNS,
+        )
+    if not there:
+        raise UsageError(
+            f"nothing of {instance} on these robots", hint="srprov apply starts it", code=Code.NOTHING_RUNS
+        )
+    return labelled(named if services else there)

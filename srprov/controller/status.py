@@ -6,16 +6,14 @@ were never placed. Reads what this machine remembers of its runs; all else is pu
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 import msgspec
 
-from srprov.codes import Code
 from srprov.controller.ownership import looking
 from srprov.definitions.expand import expand
 from srprov.definitions.model import Experiment
-from srprov.errors import UsageError
 from srprov.facts.model import Snapshot
 from srprov.modules import RUNNING
 from srprov.modules.isolated import ISOLATED
@@ -47,13 +45,18 @@ class Status(msgspec.Struct, frozen=True, kw_only=True):
         return not self.links and not self.disputes and not any(row["problem"] for row in self.services)
 
 
-def status_of(snapshot: Snapshot, instance: str = "", experiment: Experiment | None = None) -> Status:
+def status_of(
+    snapshot: Snapshot, instance: str = "", experiment: Experiment | None = None,
+    by_trials: Callable[[str], bool] = lambda _instance: False,
+) -> Status:  # fmt: skip
     """Return what is there, missing and wrong.
 
     Args:
         snapshot: The robots as they are.
         instance: The instance's id; empty: all of them.
         experiment: What the instance should be; None: what the robots' records say of it.
+        by_trials: Says of an instance whether trials were what its services were last wanted for; asked where none of
+            them has a container, and no EDF says so.
 
     Raises:
         UsageError: Two instances of a service would have one name.
@@ -65,14 +68,24 @@ def status_of(snapshot: Snapshot, instance: str = "", experiment: Experiment | N
         robot: {(item.module, item.name): item.state for item in items} for robot, items in snapshot.observed.items()
     }
     looks = [_Look(snapshot, states, name, found.get(name, ()), experiment) for name in names]
-    rows = [row for look in looks for row in look.rows()]
-    rows, trials = looks[0].without_trials(rows) if experiment else (rows, "")
+    rows: list[dict[str, Any]] = []
+    lines: list[str] = []
+    for look in looks:
+        mine = list(look.rows())
+        if experiment:
+            mine, line = look.without_trials(mine)
+        elif mine and all(row["problem"] == "missing" for row in mine) and by_trials(look.instance):
+            mine, line = [], look.trials_line
+        else:
+            line = ""
+        rows += mine
+        lines += [line] * bool(line)
     return Status(
         services=sorted(rows, key=lambda row: (row["instance"], row["service"], row["robot"])),
         links=[link for look in looks for link in look.links()],
         disputes=disputes,
         notes=notes,
-        trials=trials,
+        trials="; ".join(lines),
     )
 
 
@@ -133,10 +146,14 @@ class _Look:
         mine = {name for name, one in self.wanted.items() if (one.instance_of or name) not in kept}
         if any(row["service"] in mine and row["problem"] != "missing" for row in rows):
             return rows, ""
-        line = (
+        return [row for row in rows if row["service"] not in mine], self.trials_line
+
+    @property
+    def trials_line(self) -> str:
+        """Return why nothing is missing."""
+        return (
             f"{self.instance} has trials, and none is under way: `srprov run` makes their containers and removes them"
         )
-        return [row for row in rows if row["service"] not in mine], line
 
     def _problem(self, host: str, item: Observed, there: set[tuple[str, str]]) -> str:
         """Return what is wrong with a container in one of the words of the schema, or nothing."""
@@ -209,42 +226,3 @@ class _Look:
 
     def _lack(self, robot: str, kind: str, name: str, problem: str) -> dict[str, Any]:
         return {"instance": self.instance, "robot": robot, "kind": kind, "name": name, "problem": problem}
-
-
-def containers_of(snapshot: Snapshot, instance: str, services: Sequence[str]) -> list[tuple[str, str, str]]:
-    """Return (label, robot, container's name) of the services that are named, also as SERVICE@ROBOT, or of all.
-
-    The label is the service's name where the believed placement has it; anywhere else, or where robots contradict each
-    other, it is `SERVICE@ROBOT`: a container may carry any service's name.
-
-    Raises:
-        UsageError: A service has no container on any robot, and no robot is out of reach.
-    """
-    there = sorted(
-        (item.service, host, item.name)
-        for host, items in snapshot.observed.items()
-        for item in items
-        if item.module in RUNNING and item.instance == instance
-    )
-    believed, disputes, _ = looking(snapshot, instance)
-    home = {} if disputes else (read_record(believed.placements.get(instance)) or _NOBODY).robots
-
-    def labelled(chosen: Sequence[tuple[str, str, str]]) -> list[tuple[str, str, str]]:
-        return [(name if home.get(name) == host else f"{name}@{host}", host, it) for name, host, it in chosen]
-
-    known = [service for service, _, _ in there]
-    unknown = sorted(set(services) - set(known) - {f"{service}@{host}" for service, host, _ in there})
-    named = [one for one in there if not {one[0], f"{one[0]}@{one[1]}"}.isdisjoint(services)]
-    if snapshot.unreachable and (unknown or not there):
-        return labelled(named)  # what is missing may be on a robot that is away
-    if unknown:
-        raise UsageError(
-            f"no container of {', '.join(unknown)} on these robots",
-            hint=f"there are: {', '.join(known) or 'none'}",
-            code=Code.NOTHING_RUNS,
-        )
-    if not there:
-        raise UsageError(
-            f"nothing of {instance} on these robots", hint="srprov apply starts it", code=Code.NOTHING_RUNS
-        )
-    return labelled(named if services else there)

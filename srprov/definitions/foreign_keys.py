@@ -7,7 +7,10 @@ from collections.abc import Collection
 _KEYS = {
     "build": ("cdf", "`cdf: Dockerfile` builds a Dockerfile, `cdf: NAME.cdf` what a CDF says"),
     "dockerfile": ("cdf", "`cdf: Dockerfile` builds a Dockerfile"),
-    "deploy": ("replicas", "`replicas: 2` is how many run; `mem_limit` and `cpus` are limits"),
+    "deploy": (
+        "replicas",
+        "`replicas: 2` is how many run; `mem_limit` and `cpus` are limits; `robot`, `requires` say where",
+    ),
     "scale": ("replicas", "`replicas: 2` is how many run"),
     "env": ("environment", "did you mean 'environment'?"),
     "cmd": ("command", "did you mean 'command'?"),

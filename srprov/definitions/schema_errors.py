@@ -98,8 +98,16 @@ def _missing_key(error: Any, root: Node, node: Node, path: Path, prefix: Path, f
         if _misspelt(node, [key], error.schema):
             continue
         findings.add(
-            _owner(root, path[len(prefix) :], node), f"the key '{key}' is missing", path, "", code=Code.MISSING_KEY
-        )
+            _owner(root, path[len(prefix) :], node), f"the key '{key}' is missing", path,
+            _example(key, error.schema), code=Code.MISSING_KEY,
+        )  # fmt: skip
+
+
+def _example(key: str, schema: Any) -> str:  # noqa: ANN401 - JSON is any
+    """Return what to write for a key, where the schema knows one plain value of it."""
+    about = schema.get("properties", {}).get(key, {})
+    value = about.get("const", next(iter(about.get("examples", ())), None))
+    return f"for example `{key}: {value}`" if isinstance(value, int | str) and value != "" else ""
 
 
 def _wrong_key_name(error: Any, _root: Node, node: Node, path: Path, _prefix: Path, findings: Findings) -> None:  # noqa: ANN401

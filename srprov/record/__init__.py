@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from srprov.record.documents import RunInputs, event_json, run_id, write_inputs
 from srprov.record.folder import PlainFolder, RunFolder, default_root
-from srprov.record.last import LastRun, last_run
+from srprov.record.last import LastRun, last_run, last_verb
 from srprov.record.wanted import named_images
 
 __all__ = [
@@ -23,6 +23,7 @@ __all__ = [
     "default_root",
     "event_json",
     "last_run",
+    "last_verb",
     "named_images",
     "run_id",
     "write_inputs",

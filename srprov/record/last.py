@@ -52,6 +52,15 @@ def last_run(root: Path, instance: str) -> LastRun | None:
         raise UsageError(f"{path} is no record that can be read: {error!r}", hint=hint, code=Code.RECORD) from error
 
 
+def last_verb(root: Path, instance: str) -> str:
+    """Return what made the newest record of an instance, as `newest` has it; empty where there is none.
+
+    Raises:
+        UsageError: The folder cannot be read.
+    """
+    return next((_verb(path) for path in newest(records(root, instance).get(instance, []))), "")
+
+
 def records(root: Path, only: str = "") -> dict[str, list[Path]]:
     """Return instance -> its records below `root`, the newest last; of one instance, if it is named.
 

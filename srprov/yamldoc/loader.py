@@ -94,6 +94,8 @@ def parse(text: str, file: str) -> Node | None:
         hint = f"it begins on line {began.line + 1}" if began is not None and mark and began.line < mark.line else ""
         if error.problem in _HALF_A_KEY:
             hint = f"{hint}; " * bool(hint) + "is a ':' missing above, or is a line indented otherwise?"
+        if "${" in source.excerpt(place.line):
+            hint = 'quote a value with a brace in it: "${…}"'
         raise DefinitionError([_syntax(source, place, words, hint)]) from None
     except yaml.reader.ReaderError as error:
         before = text[: error.position] if isinstance(error.position, int) else ""

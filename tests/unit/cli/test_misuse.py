@@ -47,6 +47,16 @@ def told(capsys: pytest.CaptureFixture[str], *words: str) -> list[str]:
         ("validate experiment.edf --format jsn", "error[SRP-212]: --format cannot be 'jsn'", "did you mean 'json'?"),
         ("validate experiment.edf --format 7", "error[SRP-212]: --format cannot be '7'", "known: text, json, sarif"),
         ("plan experiment.edf --forks x -i r,", "error[SRP-212]: --forks: ", ""),
+        (
+            "destroy experiment.edf -i r, --all",
+            "error[SRP-211]: srprov destroy has no option '--all'",
+            "did you mean '--all-instances'?",
+        ),
+        (
+            "plan -f experiment.edf -i r,",
+            "error[SRP-212]: --forks: 'experiment.edf' is not a valid integer range",
+            "the file stands without an option: srprov VERB FILE -i INVENTORY",
+        ),
         ("plan experiment.edf -i", "error[SRP-212]: -i needs a value", "`--help` behind the verb says which"),
         ("validate", "error[SRP-214]: srprov validate needs FILES", "`srprov validate --help` says what it is"),
         ("plan experiment.edf", "error[SRP-214]: srprov plan needs --inventory", "-i FILE: Inventory; may be"),

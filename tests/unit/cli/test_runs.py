@@ -165,7 +165,7 @@ def test_a_run_with_more_numbers_than_can_be_shown_is_named(
         (("a", "b"), "one folder is listed"),
         (("show", "a", "9f2c01ab34-r002"), "RUN/trials/TRIAL has logs and results"),
         (("nowhere",), "nowhere: No such file"),
-        (("show", "nowhere"), "nowhere is no record that can be read"),
+        (("show", "nowhere"), "there is no run 'nowhere'"),
         (("show", ".."), "is no record"),
     ],
 )

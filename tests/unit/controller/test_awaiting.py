@@ -47,6 +47,11 @@ def test_a_name_means_a_service_all_its_replicas_one_of_them_or_the_one_of_a_rob
         with pytest.raises(UsageError, match="has no") as refused:
             found.named([wrong])
         assert "there are: base, drone-1, drone-2" in refused.value.hint
+        assert "did you mean" not in refused.value.hint
+    for near, meant in (("bse", "base"), ("dron@r1", "drone"), ("drone-3", "drone-2")):
+        with pytest.raises(UsageError, match="has no") as refused:
+            found.named([near])
+        assert refused.value.hint.startswith(f"did you mean '{meant}'?")
 
 
 def test_a_container_elsewhere_than_its_service_was_placed_is_meant_only_with_its_robot() -> None:

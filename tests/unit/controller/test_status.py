@@ -10,7 +10,8 @@ from unittest import mock
 from msgspec.structs import replace
 
 from srprov.controller import ownership
-from srprov.controller.status import Status, containers_of, status_of
+from srprov.controller.located import containers_of
+from srprov.controller.status import Status, status_of
 from srprov.definitions.model import Experiment
 from srprov.definitions.trialsmodel import TrialDefinitions, TrialSettings
 from srprov.facts.gather import Detail
@@ -21,10 +22,10 @@ from tests.fakes import Behaviour, World
 from tests.worlds import CHECK, apply, experiment, fleet, plan_for, run, service
 
 
-def seen(world: World, instance: str = "hello", what: Experiment | None = None) -> Status:
+def seen(world: World, instance: str = "hello", what: Experiment | None = None, *, ran: bool = False) -> Status:
     """Return the status of an instance on a world."""
     with worlds.remembering_all(world):
-        return status_of(fleet(world).gather(Detail.BASIC), instance, what)
+        return status_of(fleet(world).gather(Detail.BASIC), instance, what, lambda _: ran)
 
 
 def problems(status: Status) -> dict[tuple[str, str], str]:
@@ -97,6 +98,18 @@ def test_what_only_trials_have_is_not_missing_while_none_is_under_way() -> None:
     over = seen(w, what=what)
     assert [row["service"] for row in over.services] == ["camera"], "so a run leaves it"
     assert over.as_it_should_be and over.trials
+
+
+def test_without_an_edf_the_last_record_says_that_only_trials_had_them() -> None:
+    w = World().add("r1", "r2")
+    apply(w, two())
+    assert seen(w, ran=True).as_it_should_be and not seen(w, ran=True).trials
+    w.robots["r2"].engine.containers.clear()
+    assert problems(seen(w, ran=True)) == {("b", "r2"): "missing"}, "one is there, so it was applied"
+    w.robots["r1"].engine.containers.clear()
+    over = seen(w, ran=True)
+    assert over.services == [] and over.trials.startswith("hello has trials")
+    assert problems(seen(w)) == {("a", "r1"): "missing", ("b", "r2"): "missing"}
 
 
 def test_results_alone_are_no_trials() -> None:

@@ -203,7 +203,8 @@ def test_keys_and_forms_of_other_tools_lead_to_ours(
     found = {one["path"]: one["hint"] for one in json.loads(capsys.readouterr().out)["problems"]}
     assert found == {
         "services.a.build": "`cdf: Dockerfile` builds a Dockerfile, `cdf: NAME.cdf` what a CDF says",
-        "services.a.deploy": "`replicas: 2` is how many run; `mem_limit` and `cpus` are limits",
+        "services.a.deploy": "`replicas: 2` is how many run; `mem_limit` and `cpus` are limits; "
+        "`robot`, `requires` say where",
         "services.a.env": "did you mean 'environment'?",
         "services.a.cmd": "did you mean 'command'?",
         "services.a.hosts": "`robot: NAME` is where it runs; `requires` lets srprov choose",

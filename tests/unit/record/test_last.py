@@ -12,7 +12,7 @@ import pytest
 from srprov.cli.inputs import failed_robots, selected
 from srprov.definitions.model import Host, Inventory
 from srprov.errors import UsageError
-from srprov.record import last_run, named_images
+from srprov.record import last_run, last_verb, named_images
 
 
 def record(root: Path, name: str, **files: Any) -> Path:
@@ -113,3 +113,12 @@ def test_no_record_and_no_failure_are_told_apart(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"nothing failed in the last run of hello \(20261121T090507Z") as error:
         selected(LAB, "", "@failed", failed_robots("hello", tmp_path))
     assert error.value.exit_code == 5
+
+
+def test_what_an_instance_was_last_wanted_for_is_in_its_newest_record(tmp_path: Path) -> None:
+    """`stop` and the like say nothing of that."""
+    assert last_verb(tmp_path, "hello") == ""
+    for second, verb in enumerate(("apply", "run", "stop")):
+        record(tmp_path, f"20260101T00000{second}Z-hello-0000000{second}", environment={"verb": verb})
+    assert last_verb(tmp_path, "hello") == "run"
+    assert last_verb(tmp_path, "other") == ""
