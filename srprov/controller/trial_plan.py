@@ -12,6 +12,7 @@ from srprov.controller.labpolicy import Policies, enforce
 from srprov.controller.ownership import owned
 from srprov.controller.plan import Planned
 from srprov.controller.trial_instances import with_instances
+from srprov.controller.trial_values import design_notes
 from srprov.definitions.model import Inventory
 from srprov.definitions.trialsmodel import TrialDefinitions
 from srprov.errors import TransportError, UsageError, visible
@@ -20,11 +21,14 @@ from srprov.modules import RUNNING
 from srprov.modules.container_commands import creation
 from srprov.modules.container_params import ContainerParams
 from srprov.planning.diff import diff
+from srprov.planning.plan import Step
 from srprov.resource import Observed, Resource
 from srprov.trials import Trial
 
 TRIAL = "srprov.trial"
 """Label of a trial's containers: the trial and its attempt."""
+
+_MADE_ANEW = "each trial makes its own"
 
 
 class TrialPlan(msgspec.Struct, frozen=True, kw_only=True):
@@ -96,13 +100,36 @@ def trial_plan(planned: Planned, inventory: Inventory, policies: Policies, *, re
     steps, unchanged = diff(rest, _without(there, ours) if resume else there, instance)
     if resume and steps:
         steps, unchanged = diff(rest, there, instance)
-    base = replace(planned, plan=replace(planned.plan, steps=steps, unchanged=unchanged), desired=tuple(rest))
+    base = _based(planned, _caused(steps, ours), unchanged, rest)
     needs = {
         name: {other: how for other, how in experiment.services[name].depends_on.items() if other in ours}
         for name in ours
     }
     origin = {name: experiment.services[name].instance_of or name for name in ours}
     return TrialPlan(base=base, services=moving, given=given, needs=needs, origin=origin)
+
+
+def _based(planned: Planned, steps: tuple[Step, ...], unchanged: int, rest: Sequence[Resource]) -> Planned:
+    """Return the plan of what is there over all trials."""
+    plan = replace(planned.plan, steps=steps, unchanged=unchanged, notes=_notes(planned))
+    return replace(planned, plan=plan, desired=tuple(rest))
+
+
+def _notes(planned: Planned) -> tuple[str, ...]:
+    """Return the plan's notes in the words of who runs all trials, not the first point alone."""
+    trials = planned.definitions.experiment.trials if planned.definitions is not None else None
+    words = dict(zip(design_notes(trials), design_notes(trials, run=True), strict=True))
+    return tuple(words.get(note, note) for note in planned.plan.notes)
+
+
+def _caused(steps: Sequence[Step], ours: Collection[str]) -> tuple[Step, ...]:
+    """Return steps that say of the containers of the trials' services why they go: the experiment still has them."""
+    return tuple(
+        replace(step, change=replace(step.change, cause=_MADE_ANEW))
+        if step.found is not None and step.module in RUNNING and step.found.service in ours
+        else step
+        for step in steps
+    )
 
 
 def _check_reach(planned: Planned) -> None:

@@ -41,13 +41,15 @@ def _service(service: Service, given: TrialDefinitions, values: Mapping[str, str
     return replace(service, runtime=run)
 
 
-def design_notes(given: TrialDefinitions | None) -> tuple[str, ...]:
-    """Return what a plan says of trials."""
+def design_notes(given: TrialDefinitions | None, *, run: bool = False) -> tuple[str, ...]:
+    """Return what a plan says of trials; `run`: one that `srprov run` shows, which runs them all."""
     if given is None or not (given.parameters or given.settings.repetitions > 1):
         return ()
     from srprov.trials import power
 
     made = design(given)
+    if run:
+        return (in_words(given, made), *power.in_words(given, made))
     first = ", ".join(f"{name}={value}" for name, value in made.points[0].values.items())
     here = f"; here with {first}" if first else ""
     return (f"{in_words(given, made)}; `srprov run` runs them{here}", *power.in_words(given, made))

@@ -55,7 +55,7 @@ def ended(
         why = " (out of memory)" if readings[name].oom else ""
         return End("crashed", f"{name} exited with {readings[name].exit_code}{why}", (name,))
     if elapsed_s >= settings.timeout_s:
-        return End("timeout", f"not over after {settings.timeout_s:g} s")
+        return End("timeout", f"not over after {settings.timeout_s:g} s{_unended(settings.until, jobs, readings)}")
     if settings.until is not None and jobs and all(readings[name].ended for name in jobs):
         needs_time = any(one.kind == "after" for one in settings.until.items)
         if not needs_time and len(jobs) == len(readings):
@@ -76,6 +76,12 @@ def _met(
         by = sorted({name for one in shown for name in one.services})
         return End("ok", " and ".join(in_words(one) for one in shown), tuple(by))
     return None
+
+
+def _unended(until: Conditions | None, jobs: Collection[str], readings: Mapping[str, Reading]) -> str:
+    """Return who keeps a trial from its end where `until` does not say when it is over; else nothing."""
+    running = ", ".join(name for name in sorted(jobs) if not readings[name].ended)
+    return f": without `until` it waits for {running} to end" if until is None and running else ""
 
 
 def _awaited(until: Conditions | None, name: str, code: int) -> bool:

@@ -23,7 +23,7 @@ from srprov.definitions.trialsmodel import Parameter, TrialDefinitions, TrialSet
 from srprov.errors import TransportError, UsageError
 from srprov.execution import RunOptions
 from srprov.record.journal import Journal, read
-from srprov.resource import Need, Observed
+from srprov.resource import Action, Need, Observed
 from srprov.trials import Design, design
 from tests.fakes import World
 from tests.worlds import AS_IT_IS, apply, experiment, inventory, made, service
@@ -52,6 +52,20 @@ def test_the_shown_plan_names_what_each_trial_creates() -> None:
         "r2",
         "  + container srprov.hello.racer: image race:1, asks for privileged",
     ]
+
+
+def test_the_shown_plan_is_in_the_words_of_who_runs_all_trials() -> None:
+    """What `apply` brought up goes because trials make their own: the experiment still has it."""
+    what = experiment(service("racer", robot="r1"), service("cam", robot="r1"), trials=GIVEN)
+    world = World().add("r1")
+    assert apply(world, what).exit_code == 0
+    planned = made(world, Definitions(experiment=what, containers={}), replace(AS_IT_IS, adopt=True))
+    assert any("`srprov run` runs them; here with SPEED=1" in note for note in planned.plan.notes)
+    plan = trial_plan(planned, inventory(world), ()).base.plan
+    gone = {one.name: one.change.cause for one in plan.steps if one.change.action is Action.DELETE}
+    assert gone == {"srprov.hello.racer": "each trial makes its own"}
+    assert any("2 trials" in note for note in plan.notes)
+    assert not any("srprov run" in note for note in plan.notes)
 
 
 def test_what_a_playbook_states_is_the_same_in_all_trials(tmp_path: Path) -> None:

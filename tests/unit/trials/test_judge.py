@@ -22,6 +22,7 @@ def all_of(*items: Condition) -> Conditions:
     return Conditions(items=items, every=True)
 
 
+WAITS = ": without `until` it waits for {} to end"
 UNREACHED = "all services ended, and 'until' was not reached"
 COMPLETED = Condition(kind="completed", services=("a",))
 EXIT_0 = Condition(kind="exit", services=("a",))
@@ -40,7 +41,8 @@ HEALTHY_B = Condition(kind="healthy", services=("b",))
         (None, DONE, DONE, set(), 1.0, End("ok", "all services ended", ("a", "b"))),
         (None, FAILED, RUNNING, set(), 1.0, End("crashed", "a exited with 4", ("a",))),
         (None, DONE, KILLED, set(), 1.0, End("crashed", "b exited with 137 (out of memory)", ("b",))),
-        (None, RUNNING, RUNNING, set(), 10.0, End("timeout", "not over after 10 s")),
+        (None, RUNNING, RUNNING, set(), 10.0, End("timeout", "not over after 10 s" + WAITS.format("a, b"))),
+        (None, DONE, RUNNING, set(), 10.0, End("timeout", "not over after 10 s" + WAITS.format("b"))),
         (any_of(COMPLETED), DONE, RUNNING, set(), 1.0, End("ok", "a completed", ("a",))),
         (any_of(COMPLETED), FAILED, RUNNING, set(), 1.0, End("ok", "a completed", ("a",))),
         (any_of(COMPLETED), RUNNING, FAILED, set(), 1.0, End("crashed", "b exited with 4", ("b",))),
