@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from srprov.session import ContainerCommand
 
 NOT_RUN = 255
+_SHELLS = frozenset({"sh", "bash", "ash", "dash", "zsh", "fish"})
 _PIECE = 64 * 1024
 
 
@@ -42,6 +43,20 @@ def check_inventories(inventories: Sequence[str]) -> None:
     if "t" in inventories and not os.path.lexists("t"):
         hint = "a terminal is -t alone: standard input is passed on by itself; -i names the inventory"
         raise UsageError("-it is the inventory 't', which is not there", hint=hint, code=Code.NO_FILE)
+
+
+def in_one_word(command: Sequence[str]) -> str:
+    """Return what to do about a command that was written as one word, which a shell would split; else nothing."""
+    if len(command) != 1 or not {" ", "|", ";", ">", "*", "&"} & set(command[0]):
+        return ""
+    return "a command's words are passed on without a shell: -- sh -c '…'"
+
+
+def of_no_use(command: Sequence[str], *, terminal: bool) -> str:
+    """Return why a shell ends at once: it has no terminal, and nothing to read; else nothing."""
+    shell = len(command) == 1 and command[0].rpartition("/")[2] in _SHELLS
+    useless = shell and not terminal and sys.stdin.isatty()
+    return "a shell needs -t: without it, no keys are passed on" if useless else ""
 
 
 def passed_on(running: ContainerCommand, *, stdin: bool, terminal: bool) -> int | None:

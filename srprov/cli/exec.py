@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from srprov.cli import inputs, options
-from srprov.cli.attached import NOT_RUN, check_inventories, check_terminal, passed_on
+from srprov.cli.attached import NOT_RUN, check_inventories, check_terminal, in_one_word, of_no_use, passed_on
 from srprov.cli.main import show_error
 from srprov.cli.output import err
 from srprov.codes import Code
@@ -78,8 +78,12 @@ def _run(
 
 def _attached(session: Session, where: Located, what: Exec) -> int:
     """Run it, and pass its streams on."""
+    if useless := of_no_use(what.command, terminal=what.terminal):
+        err(f"note: {useless}")
     running = session.run_in(where.container, what)
     code = passed_on(running, stdin=what.stdin, terminal=what.terminal)
     if code is None:
         err(f"error[{Code.COMMAND}]: {where.where}: the command could not be run")
+        if hint := in_one_word(what.command):
+            err(f"  {hint}")
     return NOT_RUN if code is None else code

@@ -8,11 +8,14 @@ import sys
 import click
 
 from srprov.cli import inputs, options
-from srprov.cli.attached import NOT_RUN, check_inventories, check_terminal, passed_on
+from srprov.cli.attached import NOT_RUN, check_inventories, check_terminal, in_one_word, passed_on
 from srprov.cli.main import show_error
 from srprov.cli.output import catch_logs, err
 from srprov.codes import Code
 from srprov.errors import SrprovError
+
+_NOT_FOUND = 127
+"""What a shell ends with when there is no such command."""
 
 
 @click.command()
@@ -49,4 +52,6 @@ def _logged_in(robot: str, command: tuple[str, ...], inventories: tuple[str, ...
     code = passed_on(running, stdin=terminal or not sys.stdin.isatty() or not command, terminal=terminal)
     if code is None:
         err(f"error[{Code.COMMAND}]: {robot}: a signal ended it")
+    if code == _NOT_FOUND and (hint := in_one_word(command)):
+        err(f"note: {hint}")
     return NOT_RUN if code is None else code
