@@ -16,6 +16,7 @@ from msgspec.structs import replace
 from srprov import rendering
 from srprov.assignment import solve
 from srprov.assignment.model import Assignment
+from srprov.codes import Code
 from srprov.controller import bundled
 from srprov.controller.choice import Choice, choice_of, decided, settled
 from srprov.controller.context import contexts
@@ -44,7 +45,7 @@ from srprov.definitions.pins import unknown_pins
 from srprov.definitions.playbookmodel import Playbook
 from srprov.definitions.source import source_of
 from srprov.disk import together
-from srprov.errors import DefinitionError
+from srprov.errors import DefinitionError, NoAssignment, TransportError
 from srprov.facts.gather import Gathering
 from srprov.facts.model import Snapshot
 from srprov.modules import MODULES
@@ -130,7 +131,7 @@ def make_plan(
         snapshot, notes = trusting(look.closer(choice.detail), instance, adopt=request.adopt)
         choice = choice_of(definitions, look.inventory, snapshot, instance, request)
         phases.begin("assignment")
-        placed = solve.solve(choice.problem, request.search_limit_s)
+        placed = _solved(choice, snapshot, request)
     phases.begin("plan")
     choice = replace(choice, experiment=at_home(choice.experiment, placed.placed, snapshot.facts))
     overlay = layout(choice.experiment, placed.placed, snapshot, instance=instance, rotate=request.rotate_keys)
@@ -151,6 +152,22 @@ def make_plan(
         owner=inputs.data.owner, amiss=amiss, decided=decided(choice, snapshot, instance, request),
         unbuilt=bundled.unbuilt(definitions.containers, inputs.experiment, inputs.bundled),
     )  # fmt: skip
+
+
+def _solved(choice: Choice, snapshot: Snapshot, request: PlanRequest) -> Assignment:
+    """Return who runs what; where no robot answered, that is why there is no placement.
+
+    Raises:
+        NoAssignment, TransportError, UsageError: There is none.
+    """
+    try:
+        return solve.solve(choice.problem, request.search_limit_s)
+    except NoAssignment:
+        if snapshot.facts or not snapshot.unreachable:
+            raise
+        robot, why = min(snapshot.unreachable.items())
+        message = f"no robot can be reached; {robot}: {why}"
+        raise TransportError(robot, message, hint="srprov doctor says it of each", code=Code.NEEDED_ROBOT) from None
 
 
 def _plannable(definitions: Definitions, inventory: Inventory, request: PlanRequest) -> Definitions:

@@ -229,6 +229,9 @@ def _wrong_address(want: ContainerParams, found: State) -> str:
     return "" if address == network.ip else f"address is {address or 'none'}, not {network.ip}"
 
 
+_MEANT_TO_END = " (meant to end? `job: true`)"
+
+
 def _check_process(name: str, want: ContainerParams, found: State) -> Change | None:
     job, state, code = want.job, found["state"], found["exit_code"]
     if state == "running" or (job and state == "exited" and code == 0):
@@ -236,7 +239,7 @@ def _check_process(name: str, want: ContainerParams, found: State) -> Change | N
     causes = {
         "paused": "paused",
         "restarting": "keeps restarting",
-        "exited": f"{'job ' if job else ''}exited with code {code}",
+        "exited": f"{'job ' if job else ''}exited with code {code}{_MEANT_TO_END * (code == 0)}",
     }
     verb = {"paused": "unpause", "restarting": "restart"}.get(state, "start")
     command = EngineCall(method="POST", path=f"/containers/{name}/{verb}")
