@@ -81,7 +81,7 @@ def run_folder(name: str, homes: Sequence[Path]) -> Path:
         if not Path(name).exists():
             kept = [one.name for home in homes if home.is_dir() for one in home.iterdir()]
             hint = did_you_mean(name, kept) or "`srprov runs` lists runs"
-            raise UsageError(f"there is no run '{visible(name)}'", hint=hint, code=Code.NO_RUN)
+            raise UsageError(f"there is no run '{visible(name)}', nor a file of that name", hint=hint, code=Code.NO_RUN)
     return Path(name)
 
 

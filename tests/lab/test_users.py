@@ -77,8 +77,8 @@ def test_a_user_who_may_not_become_root_is_told_what_to_do(lab: Lab, tmp_path: P
             lab.shell("robot1", "gpasswd", group, "robot", "docker")
             before = received(lab, "robot1")
             refused = lab.srprov("apply", str(tmp_path / "hello" / "experiment.edf"), "-i", inventory, "--yes")
-            assert refused.code == 8, refused
-            assert re.search("on robot1: .*user 'robot' cannot become root: .*sudoers.d/srprov", refused.err, re.DOTALL)
+            assert refused.code == 4, refused
+            assert re.search("reached; robot1: user 'robot' cannot become root: .*sudoers.d/srprov", refused.err, re.DOTALL)
             assert received(lab, "robot1") - before < 30_000 and lab.leftovers("robot1") == NOTHING
         remedy = re.search(
             r"without a password: (echo .+? \| sudo tee (/etc/sudoers\.d/srprov)) on the robot", refused.err

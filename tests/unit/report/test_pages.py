@@ -238,7 +238,7 @@ def test_a_run_of_trials_has_a_page_before_it_has_ended_and_without_a_record(tmp
 @pytest.mark.parametrize(
     ("words", "says"),
     [
-        (["nowhere"], "nowhere: No such file or directory"),
+        (["nowhere"], "there is no run 'nowhere', nor a file of that name"),
         (["."], ". is no record of a run"),
         (["text"], "text is no plan"),
         (["/dev/null"], "it is a device"),
