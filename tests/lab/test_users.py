@@ -78,7 +78,9 @@ def test_a_user_who_may_not_become_root_is_told_what_to_do(lab: Lab, tmp_path: P
             before = received(lab, "robot1")
             refused = lab.srprov("apply", str(tmp_path / "hello" / "experiment.edf"), "-i", inventory, "--yes")
             assert refused.code == 4, refused
-            assert re.search("reached; robot1: user 'robot' cannot become root: .*sudoers.d/srprov", refused.err, re.DOTALL)
+            assert re.search(
+                "reached; robot1: user 'robot' cannot become root: .*sudoers.d/srprov", refused.err, re.DOTALL
+            )
             assert received(lab, "robot1") - before < 30_000 and lab.leftovers("robot1") == NOTHING
         remedy = re.search(
             r"without a password: (echo .+? \| sudo tee (/etc/sudoers\.d/srprov)) on the robot", refused.err
