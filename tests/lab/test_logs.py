@@ -79,7 +79,7 @@ def test_a_long_line_is_one_line_and_what_is_printed_moves_no_cursor(talk: Talk)
 
 
 def test_since_leaves_out_what_is_older(talk: Talk) -> None:
-    before = talk.documents("-n", "1", "talker")[0]["time"]
+    before = talk.documents("-n", "3", "talker")[0]["time"]
     found = talk.documents("--since", before, "talker")
     assert found[0]["time"] == before and len(found) > 2, "all of them, from that line on"
     assert talk.documents("--since", "2099-01-01T00:00:00Z") == []
