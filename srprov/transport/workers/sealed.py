@@ -10,7 +10,6 @@ from __future__ import annotations
 import copyreg
 import io
 import pickle
-from collections import ChainMap
 from collections.abc import Callable
 from typing import Any
 
@@ -30,7 +29,12 @@ def _kept(hidden: Hidden) -> tuple[type[Hidden], tuple[str]]:
     return type(hidden), (hidden.reveal(),)
 
 
-_TABLE: ChainMap[Any, Callable[[Any], Any]] = ChainMap({Hidden: _kept, Secret: _kept}, copyreg.dispatch_table)
+_TABLE: dict[Any, Callable[[Any], Any]] = {
+    # libraries (Dask's is one) register errors there, to travel with their tracebacks
+    **{kind: made for kind, made in copyreg.dispatch_table.items() if not issubclass(kind, BaseException)},
+    Hidden: _kept,
+    Secret: _kept,
+}
 
 
 def packed(message: object) -> bytes:

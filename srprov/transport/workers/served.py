@@ -16,7 +16,7 @@ from srprov.transport.workers.sealed import Handle
 _TOLD = "execute"
 """The method whose last argument is told lines."""
 _STAYING = frozenset(("connect", "peer", "open_shell", "run_in"))
-_FLOWING = frozenset(("save_image", "container_log", "copy_out", "output"))
+_FLOWING = frozenset(("save_image", "container_log", "copy_out", "output", "layer", "data_set"))
 
 
 def act(
@@ -30,9 +30,11 @@ def act(
     result = attribute(*given, progress) if method == _TOLD else attribute(*given, **named)
     if method == "open_lock_channel":
         return link.export(result), _first(result)
+    if result is None:
+        return None
     if method in _FLOWING:
         return link.export(Flow(result))
-    return link.export(result) if method in _STAYING and result is not None else result
+    return link.export(result) if method in _STAYING else result
 
 
 def _first(channel: LockChannel) -> str:

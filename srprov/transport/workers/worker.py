@@ -16,7 +16,7 @@ import sys
 import threading
 import traceback
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, TextIO
 
 from srprov.secret import Secret, Vault
@@ -24,7 +24,9 @@ from srprov.transport import ConnectOptions, connect, preload_ssh
 from srprov.transport.blobs import Blobs
 from srprov.transport.image_source import ImageSources
 from srprov.transport.shell.lock_channel import HeartbeatChannel
+from srprov.transport.workers.counting import CROWDED_S
 from srprov.transport.workers.far_session import FarSession
+from srprov.transport.workers.home_files import LinkedFiles
 from srprov.transport.workers.link import ROOT, Link
 from srprov.transport.workers.post import Post
 from srprov.transport.workers.served import act
@@ -41,13 +43,15 @@ _CLOSING_S = 5.0
 class Robots:
     """What the other process may call: the robots of this one."""
 
-    def __init__(self) -> None:
-        """Begin without a connection."""
-        self.link: Link
+    def __init__(self, link: Callable[[Robots], Link], *, home: bool) -> None:
+        """Begin without a connection; with `home`, what is not from a robot is on the other process's machine."""
+        self.link = link(self)
         self.sessions: dict[str, Session] = {}
         self._vault = Vault()
-        turns = _HomeTurns(self)
-        self._shared = ConnectOptions(vault=self._vault, turns=turns, image_sources=ImageSources(Blobs(turns=turns)))
+        turns = _HomeTurns(self.link)
+        blobs = Blobs(turns=turns)
+        files = LinkedFiles(self.link, blobs, turns) if home else None
+        self._shared = ConnectOptions(vault=self._vault, turns=turns, image_sources=ImageSources(blobs), home=files)
 
     def connect(self, host: Host, options: Mapping[str, Any]) -> Session:
         """Connect to a robot, also anew; see `srprov.transport.connect`."""
@@ -80,27 +84,27 @@ class Robots:
 class _HomeTurns:
     """Turns that the other process gives, among all of its workers."""
 
-    def __init__(self, robots: Robots) -> None:
-        self._robots = robots
+    def __init__(self, link: Link) -> None:
+        self._link = link
 
     @contextlib.contextmanager
     def turn(self, key: str) -> Iterator[None]:
         """Wait until nobody else gets this content."""
-        link = self._robots.link
-        link.call(ROOT, "take_turn", key)
+        self._link.call(ROOT, "take_turn", key)
         try:
             yield
         finally:
-            link.call(ROOT, "give_turn", key)
+            self._link.call(ROOT, "give_turn", key)
 
 
-def main(descriptor: int) -> None:
-    """Serve until the other process is gone, and end."""
+def main(descriptor: int, *, home: bool) -> None:
+    """Serve until the other process is gone, and end; `home` is as for `Robots`."""
     gc.set_threshold(100_000, 50, 100)  # as the program itself does
-    robots = Robots()
+    sys.setswitchinterval(CROWDED_S)
     os.set_inheritable(descriptor, False)  # no program that is started here outlives this one with the socket
     post = Post(socket.socket(fileno=descriptor))
-    link = robots.link = Link(post, robots, act, lambda _text: None)
+    robots = Robots(lambda root: Link(post, root, act, lambda _text: None), home=home)
+    link = robots.link
     _log_there(link)
     for work in (preload_ssh, link.beat, lambda: link.watch(robots.alone)):
         threading.Thread(target=work, daemon=True).start()
