@@ -91,6 +91,7 @@ class Code(str, enum.Enum):
     ANSWER = "SRP-312"
     ENGINE = "SRP-313"
     NEEDED_ROBOT = "SRP-314"
+    SITE = "SRP-315"
 
     # who runs what
     NO_PLACEMENT = "SRP-401"
@@ -112,6 +113,7 @@ class Code(str, enum.Enum):
     DISPUTED = "SRP-521"
     STRANGE_FILE = "SRP-522"
     SECRET_SHOWN = "SRP-523"  # noqa: S105 - a code
+    PLAIN_CLUSTER = "SRP-524"
 
     # changing robots, and looking into what runs
     LOCKED = "SRP-601"

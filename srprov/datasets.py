@@ -18,7 +18,7 @@ import secrets
 from collections.abc import Iterable
 from pathlib import Path
 
-from srprov import private, regular_file
+from srprov import believed, private, regular_file
 from srprov.untrusted import json_or_none, mapping, strings
 
 MOST_BYTES = 64 << 30
@@ -35,7 +35,12 @@ class WrongData(Exception):
 
 def folder() -> Path:
     """Return where downloads and the list of known files are."""
-    return Path(os.path.realpath(private.cache_folder() / "data"))
+    return Path(os.path.realpath(_named()))
+
+
+def _named() -> Path:
+    """Return the same as its name is, by way of which links ever."""
+    return private.cache_folder() / "data"
 
 
 def digest(path: str) -> tuple[str, int]:
@@ -68,7 +73,7 @@ def find(sha256: str, url: str = "") -> Path | None:
     """
     if url:
         kept = folder() / sha256
-        return kept if SHA256.fullmatch(sha256) and kept.is_file() and url in _givers(sha256) else None
+        return kept if SHA256.fullmatch(sha256) and url in _givers(sha256) and kept.is_file() else None
     for path, entry in _known().items():
         if isinstance(entry, list) and entry[-1:] == [sha256]:
             with contextlib.suppress(OSError):
@@ -84,7 +89,7 @@ def keep(sha256: str, pieces: Iterable[bytes], url: str) -> Path:
         WrongData: It has another hash, or is too large; nothing is kept.
         OSError: It cannot be written.
     """
-    private.make_folder(folder())
+    believed.make_folder(_named())
     part, hashed, size = folder() / f"{secrets.token_hex(8)}.part", hashlib.sha256(), 0
     try:
         with open(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
@@ -113,7 +118,7 @@ def forget(sha256: str) -> None:
 def _givers(sha256: str) -> list[str]:
     """Return the addresses that gave a download."""
     try:
-        text = regular_file.read(folder() / f"{sha256}.json", _MOST_KNOWN).decode("utf-8", "replace")
+        text = believed.read(_named() / f"{sha256}.json", _MOST_KNOWN).decode("utf-8", "replace")
     except OSError:
         return []
     return strings(json_or_none(text))
@@ -125,7 +130,7 @@ def _identity(about: os.stat_result) -> list[int]:
 
 def _known() -> dict[str, object]:
     try:
-        text = regular_file.read(folder() / "known.json", _MOST_KNOWN).decode("utf-8", "replace")
+        text = believed.read(_named() / "known.json", _MOST_KNOWN).decode("utf-8", "replace")
     except OSError:
         return {}
     return dict(mapping(json_or_none(text)))

@@ -75,6 +75,8 @@ def with_code(message: str, code: Code) -> str:
 
 def visible(text: str) -> str:
     """Return one printable line: what ends a line, moves the cursor or turns the writing around, by its number."""
+    if text.isprintable():
+        return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 

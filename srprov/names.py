@@ -25,12 +25,16 @@ _RULES = {
         re.compile(r"\w[\w.:@%+-]{0,252}"),
         "letters, digits and any of . _ - : @ % +, 253 at most, starting with a letter or digit",
     ),
+    "site": (
+        re.compile(r"[a-z0-9][a-z0-9_-]{0,62}"),
+        "lower-case letters, digits, '_' and '-', 63 at most, starting with a letter or digit",
+    ),
     "user": (re.compile(r"[a-z_][a-z0-9_.-]{0,31}"), "lower-case letters, digits, '_', '-' and '.', 32 at most"),
 }
 
 
 def fault(kind: str, name: str) -> str:
-    """Return what is wrong with the name of an `instance`, a `service`, a `robot` or its `user`, or nothing.
+    """Return what is wrong with the name of an `instance`, `service`, `robot`, its `user` or `site`, or nothing.
 
     An experiment's name is that of its instance.
     """

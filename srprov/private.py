@@ -40,46 +40,6 @@ def _narrow(folder: Path) -> None:
         folder.chmod(stat.S_IMODE(about.st_mode) & ~_OTHERS)
 
 
-def read_kept(path: Path, most: int) -> bytes:
-    """Return up to `most` bytes of a file that srprov keeps, to be believed: its folder is as of `is_safe_folder`.
-
-    Raises:
-        OSError: It cannot be read; or somebody else may have written it, or put a link in its place.
-    """
-    if not is_safe_folder(path.parent) or not _is_own(path) or not stat.S_ISREG(path.lstat().st_mode):
-        raise PermissionError(errno.EPERM, "it may be somebody else's", str(path))
-    with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NOFOLLOW)) as file:
-        return file.read(most)
-
-
-def is_safe_folder(folder: Path) -> bool:
-    """Return whether nobody else can write to a folder below the user's `srprov`, or put another one in its place.
-
-    The owner of a file alone says too little: in a folder of somebody else's a link may lead to a file that the user
-    owns, and that a stranger wrote, such as one of a repository that was cloned.
-
-    Raises:
-        OSError: It cannot be looked at.
-    """
-    own = [folder]
-    while own[-1].name != "srprov" and own[-1] != own[-1].parent:
-        own.append(own[-1].parent)
-    above = {*folder.parents, *Path(os.path.realpath(folder)).parents}
-    return all(map(_is_own, own)) and all(map(_is_nobody_elses, above))
-
-
-def _is_own(path: Path) -> bool:
-    about = path.lstat()
-    return about.st_uid == os.geteuid() and not stat.S_ISLNK(about.st_mode) and not about.st_mode & 0o022
-
-
-def _is_nobody_elses(folder: Path) -> bool:
-    """Return whether a folder or link is the user's or root's, and others cannot take away what is in it."""
-    about = folder.lstat()
-    everybodys = not stat.S_ISLNK(about.st_mode) and about.st_mode & (stat.S_IWOTH | stat.S_ISVTX) == stat.S_IWOTH
-    return about.st_uid in (0, os.geteuid()) and not everybodys
-
-
 def replace_file(path: Path, content: str | bytes) -> None:
     """Write a file beside its place, then put it there: whoever reads it finds the old one or the whole new one.
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import hashlib
 import threading
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 
 from srprov.redaction import MASK, SHORTEST, Known, forms, in_bytes
 
@@ -151,15 +151,21 @@ def redact_lines(lines: Iterable[str]) -> Iterator[str]:
 
 def redacted(value: object) -> object:
     """Return a JSON value in which every text and every key went through `redact`; numbers stay, so it stays JSON."""
+    known = _all.known
+    return _clean(value, known.without if known else None)
+
+
+def _clean(value: object, without: Callable[[str], str] | None) -> object:
     if isinstance(value, str):
-        return redact(value)
-    if isinstance(value, Mapping):
-        return {redact(str(key)): redacted(item) for key, item in value.items()}
+        return without(value) if without else value
+    if value is None or isinstance(value, int | float):
+        return value
+    if isinstance(value, dict | Mapping):  # a dict is told from others before Mapping's own check, which takes longer
+        keys = map(str, value) if without is None else (without(str(key)) for key in value)
+        return {key: _clean(item, without) for key, item in zip(keys, value.values(), strict=True)}
     if isinstance(value, list | tuple):
-        return [redacted(item) for item in value]
-    if isinstance(value, Hidden):
-        return MASK
-    return value
+        return [_clean(item, without) for item in value]
+    return MASK if isinstance(value, Hidden) else value
 
 
 def forget() -> None:

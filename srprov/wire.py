@@ -15,6 +15,7 @@ from typing import Any
 import msgspec
 from msgspec.structs import replace
 
+from srprov.hashing import sha256_of
 from srprov.untrusted import json_or_none
 
 _SHORT = 8 << 10
@@ -87,7 +88,7 @@ class Put(msgspec.Struct, frozen=True, kw_only=True):
 
     def digest(self) -> str:
         """Return the content's sha256 in hex; of a secret there is none."""
-        return "" if self.secret else hashlib.sha256(self.content).hexdigest()
+        return "" if self.secret else sha256_of(self.content)
 
     def text(self) -> str:
         """Show it as the plan does: never the content, which may be long."""

@@ -322,7 +322,7 @@ class Disk:
         for path, content in sorted(self.files.items()):
             short = path.removeprefix(STATE_ROOT + "/")
             if path.startswith(STATE_ROOT + "/") and short.count("/") == 1 and not path.endswith(".part"):
-                lines.append(f"{hashlib.sha256(content).hexdigest()}  ./{short}\n")
+                lines.append(f"{hashlib.sha256(content).hexdigest()}  {path}\n")
         return "".join(lines)
 
     def secrets(self) -> str:
@@ -355,9 +355,9 @@ class Disk:
         return None
 
     def records(self) -> str:
-        """Print what the question for placement records prints."""
-        texts = [c.decode() for p, c in sorted(self.files.items()) if p.endswith("/placement.json")]
-        return "".join(f"{text}\n" for text in texts)
+        """Print placement records, as grep does."""
+        records = [(p, c.decode()) for p, c in sorted(self.files.items()) if p.endswith("/placement.json")]
+        return "".join(f"{path}:{text}\n" for path, text in records)
 
     def run(self, script: str) -> str | None:
         """Run a script of a file or tree resource; None when it is none of those, else what it complains."""

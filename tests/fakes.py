@@ -22,7 +22,6 @@ from msgspec.structs import replace
 
 from srprov.codes import Code
 from srprov.errors import TransportError
-from srprov.facts.placements import PLACEMENTS
 from srprov.facts.probes import PROBES
 from srprov.modules import MODULES
 from srprov.modules.container_leftover import end_process
@@ -191,7 +190,7 @@ class FakeRobot:
         self.leads = ""
         """Where it says that a link at every mounted path leads."""
         self.spelled = ""
-        """What the probe of that name says."""
+        """Lines of its hosts file and of its users, as grep prints them."""
         self.gone = False
         self.holder: FakeLockChannel | None = None
         self.busy = False
@@ -283,7 +282,9 @@ class FakeRobot:
             return Reply(status=0, out=content)
         if command == ":":
             return Reply(status=0)
-        if command.startswith("first="):
+        if command.startswith(
+            ("first=", "newline='", "cat /proc/self/mountinfo")
+        ):  # tests/unit/controller/test_writers.py has the second run
             return Reply(status=0, out="")
         if command.startswith("timeout -k 2 10 sh -c "):
             words = shlex.split(command)
@@ -291,7 +292,6 @@ class FakeRobot:
         answers = {
             **{q.command: "" for module in MODULES.values() for q in module.queries() if isinstance(q, Query)},
             **{probe.command: self._probe(probe.name) for probe in PROBES},
-            PLACEMENTS.command: self.disk.records(),
             MODULES["file"].queries()[0].command: self.disk.hashes(),  # type: ignore[union-attr]
             MODULES["tree"].queries()[0].command: self.disk.list_trees(),  # type: ignore[union-attr]
             MODULES["secret"].queries()[0].command: self.disk.secrets(),  # type: ignore[union-attr]
@@ -310,12 +310,11 @@ class FakeRobot:
                 "/proc/loadavg:0.00 0.00 0.00 1/100 1000\n/proc/meminfo:MemTotal:       4000000 kB\n"
                 "/proc/meminfo:MemAvailable:   4000000 kB\n/proc/sys/kernel/hostname:" + self._host + "\n"
                 "/proc/uptime:5000.25 9000.00\n/proc/sys/kernel/osrelease:6.1.0-18-amd64\n"
-                "/sys/class/net/eth0/speed:1000\n"
+                "/sys/class/net/eth0/speed:1000\n" + self.spelled + self.disk.records()
             ),
             "cpus": "4\n",
             "links": self.kernel.show_addresses(),
             "routes": routes,
-            "spelled": self.spelled,
             "disk": "Filesystem 1024-blocks Used Available Capacity Mounted on\n/dev/sda1 30000000 100 29999900 1% /\n",
         }.get(name, "")
 

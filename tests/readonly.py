@@ -343,7 +343,7 @@ READS: dict[str, Callable[[Sequence[str]], bool]] = {
     "iptables": lambda words: (
         list(words) == ["-V"] or ("-S" in words and set(words) <= {"-S", "-t", "nat", "filter", "-w"})
     ),
-    "nft": lambda words: list(words[:1]) == ["list"] and words[1] in ("table", "tables", "ruleset"),
+    "nft": lambda words: bool(re.fullmatch("(-s )?(-n )?list (tables?|ruleset).*", " ".join(words))),
     "nsenter": lambda words: words[0].startswith("--net=/proc/") and words[1] == "ip" and _ip(words[2:]),
     "ip6tables": lambda words: list(words) == ["-V"],
     **dict.fromkeys(

@@ -29,6 +29,7 @@ OWN: Mapping[str, str] = {
     "definitions/schema_cache.py": "the user's own cache: nobody else can write there, or it is not used",
     "rendering/compiled.py": "the user's own cache: nobody else can write there, or it is not used",
     "rendering/limited.py": "a pipe of its own, and a file of the kernel's",
+    "believed.py": "reads what is the user's own, where nobody else can write",
     "private.py": "writes files of its own, for their owner alone",
     "record/journal.py": "the run's own journal, in a folder that nobody else can write to, and no link",
     "record/results.py": "what was written right before, into a folder of its own",

@@ -43,18 +43,18 @@ ROOMS: Mapping[str, Room] = {
     "__main__": room("cli"),
     # Options, questions and output; a verb may also import the room that it fronts: see FILES.
     "cli": room(
-        "codes errors names private regular_file secret untrusted wire session controller definitions.+"
+        "believed codes errors names private regular_file secret untrusted wire session controller definitions.+"
         " definitions.model"
         " record.+",
         "click rich tomli",
     ),
     "controller": room(
-        "codes errors layers regular_file robot_answers wire session container_files resource secret data datasets disk"
-        " owner private untrusted time_sync sizes image_reference git_address git linear_regex definitions transport"
-        " facts assignment network images rendering modules planning execution record trials probing plain_tar"
-        " exporting snapshot yamldoc"
+        "believed codes errors hashing layers regular_file robot_answers wire session container_files resource secret"
+        " data datasets disk owner private untrusted time_sync sizes image_reference git_address git linear_regex"
+        " definitions transport facts assignment network images rendering modules planning execution record trials"
+        " probing plain_tar exporting snapshot yamldoc"
     ),
-    "datasets": room("private regular_file untrusted"),
+    "datasets": room("believed private regular_file untrusted"),
     "disk": room("regular_file images.plan"),
     "regular_file": room(),
     "owner": room(),
@@ -62,12 +62,13 @@ ROOMS: Mapping[str, Room] = {
     "image_reference": room(),
     "git_address": room(),
     # Runs git on the controller: what it fetches are files of strangers.
-    "git": room("git_address private definitions.program"),
+    "git": room("believed git_address private definitions.program"),
     "untrusted": room(),
     "robot_answers": room("codes errors untrusted"),
     "yamldoc": room("codes errors regular_file", "yaml"),
     "definitions": room(
-        "codes errors names private regular_file untrusted secret data owner image_reference git_address linear_regex"
+        "believed codes errors names private regular_file untrusted secret data owner whose image_reference git_address"
+        " linear_regex"
         " yamldoc",
         "jsonschema jinja2",
     ),
@@ -75,7 +76,7 @@ ROOMS: Mapping[str, Room] = {
         "codes errors pace datasets engine_files spool layers private plain_tar regular_file wire session"
         " container_files untrusted secret"
         " definitions.model",
-        "paramiko fabric invoke docker requests urllib3 psutil",
+        "paramiko fabric invoke docker requests urllib3 psutil dask distributed",
     ),
     "facts": room(
         "codes errors names wire session untrusted robot_answers resource time_sync modules definitions.model"
@@ -90,13 +91,15 @@ ROOMS: Mapping[str, Room] = {
         " definitions.model",
         "jinja2",
     ),
-    "rendering": room("codes errors private untrusted resource data definitions modules yamldoc", "jinja2 yaml"),
+    "rendering": room(
+        "believed codes errors private untrusted resource data definitions modules yamldoc", "jinja2 yaml"
+    ),
     "modules": room(
-        "errors names plain_tar wire untrusted robot_answers resource secret image_reference definitions.model"
+        "errors hashing names plain_tar wire untrusted robot_answers resource secret image_reference definitions.model"
         " definitions.containermodel definitions.secretmodel"
     ),
     "planning": room(
-        "codes errors names untrusted resource wire secret image_reference modules facts.model"
+        "codes errors hashing names untrusted resource wire secret image_reference modules facts.model"
         " definitions.containermodel"
         " definitions.model definitions.secretmodel network.identity"
     ),
@@ -105,7 +108,8 @@ ROOMS: Mapping[str, Room] = {
         " linear_regex modules planning probing facts.host owner trials definitions.dockerfile definitions.trialsmodel"
     ),
     "record": room(
-        "codes errors data private regular_file untrusted resource secret definitions.model facts planning execution"
+        "believed codes errors data private regular_file untrusted resource secret definitions.model facts planning"
+        " execution"
         " trials definitions.trialsmodel transport.tar_stream"
     ),
     # Bundles: reads and checks what a run left, works out again what follows from it, and compares two.
@@ -137,6 +141,9 @@ ROOMS: Mapping[str, Room] = {
     "errors": room("codes"),
     "names": room("codes errors"),
     "private": room(),
+    # What is kept and believed: nobody else may have put it there.
+    "believed": room("private whose"),
+    "whose": room(),
     "secret": room("redaction"),
     "redaction": room("redaction_bytes"),
     "redaction_bytes": room("linear_regex"),
@@ -145,7 +152,8 @@ ROOMS: Mapping[str, Room] = {
     "sizes": room(),
     "spool": room("wire"),
     "engine_files": room("wire"),
-    "wire": room("errors untrusted resource"),
+    "hashing": room(),
+    "wire": room("errors hashing untrusted resource"),
     "session": room("errors wire container_files"),
     "container_files": room(),
     "resource": room("errors wire"),
@@ -215,6 +223,7 @@ FILES: Mapping[str, Room] = {
     "cli/trial_session.py": cli_file("execution facts"),
     "cli/verify.py": cli_file("evidence"),
     "cli/wait.py": cli_file("facts"),
+    "cli/worker.py": cli_file("transport.sites.serving"),
 }
 """Files whose line differs from their room's."""
 

@@ -19,7 +19,6 @@ from collections.abc import Callable
 import asyncssh
 
 from benchmarks.provisioning.fake_robots import publish
-from srprov.facts.placements import PLACEMENTS
 from srprov.facts.probes import PROBES
 from srprov.wire import EngineCall, EngineQuery, Put, Query, Reply, Run
 from tests.fakes import FakeRobot, World
@@ -39,6 +38,11 @@ def identity(number: int) -> tuple[str, str]:
     return f"s{number:04}", f"127.2.{number // 200}.{1 + number % 200}"
 
 
+def unquoted(word: str) -> str:
+    """Return what `shlex.quote` made a word of; `shlex.split` looks at each character of what may be a long file."""
+    return word[1:-1].replace("'\"'\"'", "'") if word.startswith("'") else shlex.split(word)[0]
+
+
 class Shell:
     """One robot's answers to what its shell is told."""
 
@@ -46,7 +50,6 @@ class Shell:
         self.robot = robot
         self.known: dict[str, Callable[[], str]] = {
             **{probe.command: lambda name=probe.name: robot._probe(name) for probe in PROBES},
-            PLACEMENTS.command: robot.disk.records,
         }
 
     def run(self, command: str) -> Reply:
@@ -54,7 +57,7 @@ class Shell:
         if command in self.known:
             return Reply(status=0, out=self.known[command]())
         if (put := WRITTEN.search(command)) is not None:
-            content, path = shlex.split(put[1])[0], shlex.split(put[3])[0]
+            content, path = unquoted(put[1]), shlex.split(put[3])[0]
             return self.robot._do(Put(path=path, content=content.encode()), half=False)
         if (put := LONG.search(command)) is not None:
             content = base64.b64decode(put[2])
@@ -84,7 +87,7 @@ class Shell:
         reply = Reply(status=0)
         if text:
             word = text.partition("eval ")[2].removesuffix("</dev/null; _s=$?; ").rstrip(" })").removesuffix(";")
-            reply = self.run(shlex.split(word)[0])
+            reply = self.run(unquoted(word))
         for stream, said in ((process.stdout, reply.out), (process.stderr, reply.err)):
             stream.write(said.encode() + b"\n%b %d\n" % (mark, reply.status))
 

@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import hashlib
 import json
 import os
 import shutil
@@ -63,9 +62,12 @@ def main() -> None:
     for robots in wish.robots:
         for rate in wish.rate:
             said: dict[str, str] = {}
-            for workers in wish.workers * wish.repeat:
-                with tempfile.TemporaryDirectory(prefix="srprov-bench-") as name:
-                    rows += _Fleet(Path(name), robots, wish.services or robots).measure(workers, rate, wish.acts, said)
+            with tempfile.TemporaryDirectory(prefix="srprov-bench-") as name:
+                for workers in wish.workers * wish.repeat:
+                    folder = Path(name) / "fleet"  # a plan's hash covers where its EDF is: the same for all ways
+                    folder.mkdir()
+                    rows += _Fleet(folder, robots, wish.services or robots).measure(workers, rate, wish.acts, said)
+                    shutil.rmtree(folder)
     text = table(rows)
     print(text)
     if not wish.scratch:
@@ -89,7 +91,7 @@ class _Fleet:
         (folder / "inventory.yml").write_text(json.dumps({"all": {"hosts": hosts, "vars": common}}))
 
     def measure(self, workers: int, rate: int, acts: Sequence[str], said: dict[str, str]) -> list[dict[str, Any]]:
-        """Do it once; `said` has a hash of what the first way said to each act, and gets its own if it is the first."""
+        """Do it once; `said` has what the first way said to each act, and gets its own if it is the first."""
         rows = []
         with self.servers():
             for act in ACTS:
@@ -98,19 +100,15 @@ class _Fleet:
                 self.write(2 if "changed" in act else 1)
                 verb = act.partition(" ")[0]
                 row = self.one(verb, workers, rate)
-                digest = row.pop("said")
-                if said.setdefault(act, digest) != digest:
-                    row["problem"] = row["problem"] or "it says something else than the first way"
-                rows.append(
-                    {
-                        "robots": self.robots,
-                        "services": self.services,
-                        "rate": rate,
-                        "workers": workers,
-                        "act": act,
-                        **row,
-                    }
-                )
+                now = row.pop("said")
+                if (first := said.setdefault(act, now)) != now and not row["problem"]:
+                    other = next(
+                        (pair for pair in zip(first.split("\n"), now.split("\n"), strict=False) if pair[0] != pair[1]),
+                        (),
+                    )
+                    row["problem"] = f"it says something else than the first way: {str(other)[:600]}"
+                about = {"robots": self.robots, "services": self.services, "rate": rate, "workers": workers, "act": act}
+                rows.append({**about, **row})
                 print(
                     f"{self.robots:5} robots  {rate:5}/s  workers {workers}  {act:14} {row['seconds']:7.2f} s  cpu "
                     f"{' '.join(map(str, row['cpu']))} s  {row['rss_mib']} MiB  {row['problem']}", flush=True,
@@ -145,9 +143,9 @@ class _Fleet:
         cpu, rss = looking.over()
         problem = f"exit {process.returncode}: {err.decode()[-300:]}" if process.returncode else ""
         if verb == "apply" and not problem:
-            out = json.dumps(_lasting(json.loads(out)), sort_keys=True).encode()
-        digest = hashlib.sha256(out.replace(str(self.folder).encode(), b"")).hexdigest()
-        return {"seconds": round(seconds, 2), "cpu": cpu, "rss_mib": rss, "problem": problem, "said": digest}
+            out = json.dumps(_lasting(json.loads(out)), sort_keys=True, indent=1).encode()
+        said = out.replace(str(self.folder).encode(), b"").decode()
+        return {"seconds": round(seconds, 2), "cpu": cpu, "rss_mib": rss, "problem": problem, "said": said}
 
     @contextlib.contextmanager
     def servers(self) -> Iterator[None]:

@@ -9,6 +9,7 @@ Source: the paper's matrices A, H and C; contraction of `same_robot` groups: doc
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from types import MappingProxyType
 
@@ -145,7 +146,8 @@ def _freeze(
 
 def _free_slots(total: Mapping[str, int], frozen: Sequence[str], nodes: int) -> dict[str, int]:
     """Return the free slots per reachable robot, no more than could be used; what is frozen there takes its own."""
-    return {robot: max(0, min(nodes, count - frozen.count(robot))) for robot, count in total.items()}
+    taken = Counter(frozen)
+    return {robot: max(0, min(nodes, count - taken[robot])) for robot, count in total.items()}
 
 
 def _loads(

@@ -6,12 +6,14 @@ Takes an Assignment; writes SVG or PNG. The only file of the command line that n
 from __future__ import annotations
 
 import contextlib
+import io
 import math
 import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from srprov import private
 from srprov.codes import Code
 from srprov.errors import UsageError
 
@@ -28,6 +30,7 @@ def draw(answer: Assignment, front: Sequence[Point], target: Path, form: str) ->
 
     Raises:
         UsageError: Nothing is placed, or matplotlib is not installed.
+        OSError: It cannot be written.
     """
     if not answer.matrix:
         raise UsageError(
@@ -60,7 +63,9 @@ def draw(answer: Assignment, front: Sequence[Point], target: Path, form: str) ->
                 f"{point.fairness:g}", (point.cost, point.jain), textcoords="offset points", xytext=(4, -9)
             )
         shape[1].set(xlabel="cost", ylabel="Jain's index", title="fairness")
-    figure.savefig(target, format=form, metadata={"Date": None} if form == "svg" else {})
+    picture = io.BytesIO()
+    figure.savefig(picture, format=form, metadata={"Date": None} if form == "svg" else {})
+    private.write_output(str(target), picture.getvalue())  # a link there may be a stranger's
 
 
 @contextlib.contextmanager

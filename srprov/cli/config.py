@@ -27,6 +27,7 @@ from typing import Any
 import msgspec
 
 from srprov import regular_file
+from srprov.believed import is_out_of_reach
 from srprov.cli.toml_text import check_parts, line
 from srprov.codes import Code
 from srprov.errors import UsageError, did_you_mean
@@ -45,7 +46,7 @@ OWN_KEYS = PROJECT_KEYS | {
     *("margin", "strict", "with", "map", "twin", "set", "name", "env-file", "robot-map", "home", "lab"),
     *("preserve", "check", "diff", "example", "owner"),
     *("with-images", "no-bundled-images", "editor", "changed", "target", "expect", "extract", "wide", "all-instances"),
-    *("lossy", "connect-rate"),
+    *("lossy", "connect-rate", "engine", "site", "host", "port"),
 }
 PARAMETERS = {"inventory": "inventories", "json": "as_json", "format": "form", "out": "target", "facts": "stored",
               "profile": "profiles", "margin": "margins", "with": "others", "map": "pairs",
@@ -178,6 +179,12 @@ def _read(file: ConfigFile, verbs: Mapping[str, Any]) -> tuple[dict[str, Any], s
     if not isinstance(table, dict) or not table:
         return {}, ""
     _check_owner(file.path, about)
+    if file.own and not is_out_of_reach(file.path):
+        raise UsageError(
+            f"{file.path} could be replaced by other users, who may write to a folder above it",
+            hint="look at it, then take that right away: chmod go-w FOLDER",
+            code=Code.STRANGE_FILE,
+        )
     if faults := list(itertools.islice(_faults(file, table, verbs, text), _MOST_FAULTS)):
         hint = "say it on the command line" + ("" if file.own else ", or in your own ~/.config/srprov/srprov.toml")
         raise UsageError("\n".join(faults), hint=hint, code=Code.CONFIGURATION)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from srprov.controller.fleet import Sharing
 
 _F = TypeVar("_F", bound=Callable[..., Any])
-_WORKERS, _RATE = "srprov.workers", "srprov.connect-rate"
+_WORKERS, _RATE, _SCHEDULER = "srprov.workers", "srprov.connect-rate", "srprov.engine"
 _MOST = 256
 
 
@@ -27,6 +27,13 @@ def _keep_workers(context: click.Context, _option: click.Parameter, text: str) -
 
 def _keep_rate(context: click.Context, _option: click.Parameter, rate: float) -> None:
     context.meta[_RATE] = rate
+
+
+def _keep_scheduler(context: click.Context, _option: click.Parameter, address: str) -> None:
+    if address:
+        from srprov.controller.fleet import checked_scheduler
+
+        context.meta[_SCHEDULER] = checked_scheduler(address)
 
 
 _forks = click.option(
@@ -43,9 +50,20 @@ _rate = click.option(
 )  # fmt: skip
 
 
+_engine = click.option(
+    "--engine", default="", metavar="tls://HOST:PORT", expose_value=False, callback=_keep_scheduler,
+    help="Scheduler of a Dask cluster whose workers reach robots with srprov_site. See docs/sites.md.",
+)  # fmt: skip
+
+
 def FORKS(function: _F) -> _F:
-    """Add --forks, --workers and --connect-rate."""
-    return _forks(_workers(_rate(function)))
+    """Add --forks, and those of `SHARING`."""
+    return _forks(SHARING(function))
+
+
+def SHARING(function: _F) -> _F:
+    """Add --workers, --connect-rate and --engine."""
+    return _workers(_rate(_engine(function)))
 
 
 def sharing() -> Sharing:
@@ -56,5 +74,7 @@ def sharing() -> Sharing:
     if context is None:
         return ALONE
     return Sharing(
-        workers=context.meta.get(_WORKERS, ALONE.workers), rate_per_s=context.meta.get(_RATE, ALONE.rate_per_s)
+        workers=context.meta.get(_WORKERS, ALONE.workers),
+        rate_per_s=context.meta.get(_RATE, ALONE.rate_per_s),
+        scheduler=context.meta.get(_SCHEDULER, ALONE.scheduler),
     )

@@ -62,6 +62,7 @@ _VERBS = {
     "destroy": "Remove everything that an instance owns.",
     "import": "Make an experiment of Docker Compose or SwarmRob files; no robot is asked.",
     "export": "Write an experiment for Docker Compose, Docker Swarm or Kubernetes.",
+    "worker": "Serve the robots of a site to those who run experiments elsewhere.",
     "lab": "The embedded lab: robots on this machine.",
     "schema": "Print a JSON Schema.",
     "explain": "Say what the code of an error means, with examples and what to do.",

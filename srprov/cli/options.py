@@ -11,7 +11,7 @@ import click
 from msgspec.structs import replace
 
 from srprov import names
-from srprov.cli.fork_options import FORKS
+from srprov.cli.fork_options import FORKS, SHARING
 from srprov.cli.seconds import Seconds
 from srprov.codes import Code
 from srprov.controller.request import SEARCH_LIMIT_S, PlanRequest
@@ -216,7 +216,7 @@ def quietly_robots(function: _F) -> _F:
     forks = click.option(
         "--forks", type=click.IntRange(min=1), default=64, show_default=True, help="Robots at the same time."
     )
-    for option in (ASK_BECOME, TIMEOUT, forks, INVENTORY):
+    for option in (ASK_BECOME, TIMEOUT, SHARING, forks, INVENTORY):
         function = option(function)
     return function
 

@@ -1,7 +1,8 @@
 """Live progress of a run: lines that name robot, step and what is awaited; on a terminal also a status line.
 
-Lines go to stderr: one for each finished step, so that a log file reads as well as a terminal. `--events` gets every
-event as JSON.
+Lines go to stderr: one for each finished step, so that a log file reads as well as a terminal. Of many robots it is
+summed up every few seconds, and only what does not end well has lines, the first of them. `--events` gets every event
+as JSON.
 """
 
 from __future__ import annotations
@@ -9,7 +10,8 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, TextIO
 
@@ -21,6 +23,11 @@ if TYPE_CHECKING:
 
 _SYMBOL_COLORS = {"changed": "green", "removed": "green", "unchanged": "blue", "failed": "red", "skipped": "yellow"}
 _PROGRESS_EVERY_S = 5.0
+_ALL = "all robots"
+_MANY = 50
+"""Robots: what more of them do is summed up."""
+_MOST_TOLD = 20
+"""Steps of many robots that are told when they do not end well; the report at the end lists all."""
 
 
 @contextmanager
@@ -29,7 +36,8 @@ def progress(
 ) -> Iterator[Listener]:
     """Return a listener for one run; the status line goes away at the end. With `lines_only` there is none."""
     live = bool(plan.steps) and not quiet and not lines_only and is_terminal(sys.stderr)
-    shown = _Shown(len(plan.steps), events, live=live, color=color and wants_color(sys.stderr), quiet=quiet)
+    hosts = [step.host for step in plan.steps]
+    shown = _Shown(hosts, events, live=live, color=color and wants_color(sys.stderr), quiet=quiet)
     if not live:
         yield shown.listen
         return
@@ -42,13 +50,17 @@ def progress(
 class _Shown:
     """What was shown so far; called from several threads."""
 
-    def __init__(self, total: int, stream: TextIO | None, *, live: bool, color: bool, quiet: bool) -> None:
-        self.total, self.stream = total, stream
+    def __init__(self, hosts: Iterable[str], stream: TextIO | None, *, live: bool, color: bool, quiet: bool) -> None:
+        """Take the robot of each step, and where events go."""
+        self.left = Counter(hosts)
+        self.total, self.robots, self.stream = self.left.total(), len(self.left), stream
+        self.many, self.over = self.robots > _MANY, 0
+        self.bad: Counter[str] = Counter()
         self.live, self.color, self.quiet = live, color, quiet
         self.done = 0
         self.status = "starting"
         self.running: dict[str, str] = {}
-        self.last_said: dict[str, float] = {}
+        self.last_said = {_ALL: time.monotonic()}
         self.lock = threading.Lock()
 
     def listen(self, event: Event) -> None:
@@ -59,7 +71,19 @@ class _Shown:
             if self.stream:
                 self._write(self.stream, line_of(event_json(event)))
             getattr(self, f"_{event.kind}")(event)
-            self.status = f"{self.done}/{self.total} " + "; ".join(text for _, text in sorted(self.running.items()))
+            self.status = self._summed_up() if self.many else self._each()
+
+    def _each(self) -> str:
+        """Say what each robot is at."""
+        return f"{self.done}/{self.total} " + "; ".join(text for _, text in sorted(self.running.items()))
+
+    def _summed_up(self) -> str:
+        """Say how far all robots are, and what one of those at work is at."""
+        bad = "".join(f", {count} {word}" for word, count in sorted(self.bad.items()))
+        first = min(self.running.items(), default=("", ""))[1]
+        more = f" and {len(self.running) - 1} more" if len(self.running) > 1 else ""
+        now = f"; {first}{more}" if first else ""
+        return f"{self.done}/{self.total} steps, {self.over}/{self.robots} robots done{bad}{now}"
 
     def _write(self, stream: TextIO, line: str) -> None:
         """Write to `--events`. A file that cannot be written any more gets one warning, and stops nothing."""
@@ -79,10 +103,23 @@ class _Shown:
         words = " ".join(event.text.split())
         text = f"{event.host}: {words}" if event.host else words
         self.running[event.host] = text
-        now = time.monotonic()
-        if words and not self.live and now - self.last_said.get(event.host, 0.0) > _PROGRESS_EVERY_S:
-            self.last_said[event.host] = now
+        if self.many and event.host:
+            self._sum_up()
+        elif words and not self.live and self._is_time(event.host):
             self._say(f"  … {text}")
+
+    def _sum_up(self) -> None:
+        """Say how far all robots are, where no status line does."""
+        if not self.live and self._is_time(_ALL):
+            self._say(f"  … {self._summed_up()}")
+
+    def _is_time(self, what: str) -> bool:
+        """Return whether something may be said again, and note that it is."""
+        now = time.monotonic()
+        if now - self.last_said.get(what, 0.0) <= _PROGRESS_EVERY_S:
+            return False
+        self.last_said[what] = now
+        return True
 
     def _waiting(self, event: Event) -> None:
         """What the whole run waits for is always said: it says why nothing else comes."""
@@ -95,6 +132,8 @@ class _Shown:
         if event.step is None or event.outcome is None:
             return
         self.done += 1
+        self.left[event.host] -= 1
+        self.over += self.left[event.host] == 0
         word = event.outcome.value
         if word == "not reached":
             return  # the report at the end lists each with its reason
@@ -104,7 +143,19 @@ class _Shown:
         why = f": {event.text.splitlines()[0]}" if event.text and word != "unchanged" else ""
         what = f"{event.host}: {event.step.change.action.value} {event.step.module} {event.step.name}"
         color = _SYMBOL_COLORS.get(word) if self.color else None
+        if self.many and self._is_only_counted(word):
+            self._sum_up()
+            return
         self._say(f"[{min(self.done, self.total)}/{self.total}] {what}: {word}{took}{why}", color)
+
+    def _is_only_counted(self, word: str) -> bool:
+        """Return whether a step's end has no line of its own: it is well, or too many are not."""
+        if word in ("changed", "removed", "unchanged"):
+            return True
+        self.bad[word] += 1
+        if (count := self.bad.total()) == _MOST_TOLD + 1:
+            self._say("  … further steps that do not end well are counted here, and listed at the end")
+        return count > _MOST_TOLD
 
     def _say(self, text: str, color: str | None = None) -> None:
         if not self.quiet:

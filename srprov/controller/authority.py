@@ -12,9 +12,10 @@ from collections.abc import Collection, Iterator, Mapping
 from msgspec.structs import replace
 
 from srprov.codes import Code
-from srprov.controller.context import is_record_path
 from srprov.controller.overlay_claim import open_links, vteps_of, wrong_link
 from srprov.controller.placement_claim import PlacementClaim
+from srprov.controller.robot_files import is_record_path
+from srprov.controller.stated import pulled_for_nobody, unstated
 from srprov.definitions.containermodel import ContainerDefinition
 from srprov.definitions.dockerfile import fetches, images_of, unclear
 from srprov.definitions.model import Experiment, NetworkSettings, Service
@@ -58,7 +59,8 @@ def asked(saved: PlanFile) -> tuple[Permission, ...]:
     plan = saved.plan
     steps = [step.want for step in plan.steps if step.want]
     builds = _builds(saved)
-    services = [_of_edf(one, builds) for _, one in _services(saved)]
+    services = [_of_edf(one, builds) for _, one in services_of(saved)]
+    services += pulled_for_nobody(wants_of(saved), services)
     used = {use.source for service in services for use in service.secrets}
     sources = {name: SecretSource(name=name) for name in used | names_of(steps)}
     sources |= {source.name: source for source in plan.secrets}
@@ -73,7 +75,8 @@ def asked(saved: PlanFile) -> tuple[Permission, ...]:
     # of what is right already, only checks are asked on the robots
     strange = [want for want in steps if not _is_own(want, names, plan, contexts, built, claim)]
     strange += [want for want in saved.also_wanted if want.module in PROBING]
-    strange += [want for want in open_links(wants_of(saved)) if want not in strange]
+    more = (*open_links(wants_of(saved)), *unstated(wants_of(saved)))
+    strange += [want for want in more if want not in strange]
     return (
         *permissions(whole, builds),
         *reach,
@@ -107,7 +110,7 @@ def check_underlay(saved: PlanFile, live: Collection[str]) -> None:
         )
 
 
-def _services(saved: PlanFile) -> Iterator[tuple[Resource, Service]]:
+def services_of(saved: PlanFile) -> Iterator[tuple[Resource, Service]]:
     """Return every resource that an EDF states as a service or a part of one, with that."""
     for want in wants_of(saved):
         if service := MODULES[want.module].service_of(want.name, want.params):
@@ -192,7 +195,7 @@ def _is_own(
         return want.params.blob is not None and want.params.blob == contexts.get(want.name)
     if isinstance(want.params, ImageParams) and want.params.source == "copy":
         return want.name in contexts and bool(want.params.id or (want.params.from_, want.name) in built)
-    if isinstance(want.params, FileParams) and is_record_path(want.name) and not claim.is_record(want.params.content):
+    if isinstance(want.params, FileParams) and is_record_path(want.name) and not claim.is_record(want.params.text):
         return False
     at_home = want.service == "" or plan.assignment.get(want.service) == want.host
     return at_home and MODULES[want.module].is_own(want.name, want.params, names)
@@ -221,7 +224,7 @@ def _wrong(saved: PlanFile) -> Iterator[str]:
             yield f"{needed}: something waits for it, and the plan knows no such robot"
     sources = {source.name for source in plan.secrets}
     written = names_of(step.want for step in plan.steps if step.want)
-    for name in sorted(written | {use.source for _, one in _services(saved) for use in one.secrets}):
+    for name in sorted(written | {use.source for _, one in services_of(saved) for use in one.secrets}):
         if name not in sources:
             yield f"secrets: nothing says where '{name}' comes from"
     overlays = [(one.host, one.params) for one in wants_of(saved) if isinstance(one.params, NetworkParams)]

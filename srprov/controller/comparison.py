@@ -10,20 +10,19 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from msgspec.structs import replace
 
-from srprov.controller.context import is_record_path
 from srprov.controller.old_values import between
 from srprov.controller.plan import Planned, make_plan
 from srprov.controller.request import PlanRequest
+from srprov.controller.robot_files import is_record_path
 from srprov.definitions.model import Definitions, Inventory
 from srprov.facts.model import Snapshot
-from srprov.facts.placements import parse_placements
+from srprov.facts.placements import read_placements
 from srprov.facts.stored_look import StoredLook
 from srprov.modules import MODULES, RANK, RUNNING
 from srprov.modules.file import FileParams
 from srprov.modules.tree import TreeParams
 from srprov.planning.plan import Plan, Step
 from srprov.resource import Action, Change, Difference, Observed, Resource
-from srprov.wire import Reply
 
 
 def compared(
@@ -50,7 +49,7 @@ def compared(
 def _records(before: Planned) -> dict[str, dict[str, Mapping[str, object]]]:
     """Return robot -> the placement records that it would hold."""
     return {
-        one.host: dict(parse_placements(Reply(status=0, out=one.params.content)))
+        one.host: read_placements([one.params.text])
         for one in before.desired
         if isinstance(one.params, FileParams) and is_record_path(one.name)
     }

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from srprov.codes import Code
-from srprov.controller.context import is_record_path
+from srprov.controller.robot_files import is_record_path
 from srprov.definitions.model import Definitions
 from srprov.errors import DefinitionError, UsageError
 from srprov.modules.file import FileParams
@@ -72,7 +72,7 @@ def addresses_of(plan: PlanFile) -> dict[str, str]:
     for want in wants:
         if isinstance(want.params, FileParams) and is_record_path(want.name):
             try:
-                record = read_record(mapping(parse_json(want.params.content)))
+                record = read_record(mapping(parse_json(want.params.text)))
             except ValueError:
                 continue
             if record:

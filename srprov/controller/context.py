@@ -15,24 +15,21 @@ from typing import Any
 from srprov.codes import Code
 from srprov.controller.data_sets import data_set, used_data
 from srprov.controller.render_inputs import RenderInputs
+from srprov.controller.robot_files import RobotFiles
 from srprov.controller.robot_images import robot_images
-from srprov.controller.services import discovery_path, hosts_path, service_context, tree_path, with_robots_network
+from srprov.controller.services import service_context, tree_path
 from srprov.definitions.containermodel import Mount, Seed
-from srprov.definitions.hostnames import GATEWAY
 from srprov.definitions.model import Service
 from srprov.errors import UsageError
 from srprov.facts.model import HostFacts
-from srprov.modules.module import STATE_ROOT, canonical
+from srprov.modules.module import STATE_ROOT
 from srprov.modules.secret import secret_path
 from srprov.modules.unit import unit_name
 from srprov.modules.volume import volume_name
-from srprov.network.discovery import discovery_of
-from srprov.network.hosts import hosts_file
 from srprov.network.model import Overlay, Tunnel
 
 _WITNESSES = 2
 """Robots without a service that keep the placement record."""
-_RECORD = "placement.json"
 _FLOOD = "00:00:00:00:00:00"
 
 
@@ -46,7 +43,14 @@ def contexts(inputs: RenderInputs) -> tuple[dict[str, dict[str, Any]], dict[str,
     members = {robot for robot in inputs.placed.values() if robot in inputs.snapshot.facts}
     hosts = members | set(images) | set(_witnesses(inputs, members))
     data = {mount: data_set(inputs.instance, mount) for mount in _mounts(inputs, "data")}
-    return {host: _one(inputs, host, images.get(host, []), trees, data) for host in sorted(hosts)}, blobs
+    files = RobotFiles(inputs, blobs)
+    services: dict[str, list[Service]] = {}
+    for name, robot in sorted(inputs.placed.items()):
+        services.setdefault(robot, []).append(inputs.experiment.services[name])
+    return {
+        host: _one(inputs, host, services.get(host, []), images.get(host, []), trees, data, files)
+        for host in sorted(hosts)
+    }, blobs
 
 
 def _witnesses(inputs: RenderInputs, members: Collection[str]) -> list[str]:
@@ -58,16 +62,6 @@ def _witnesses(inputs: RenderInputs, members: Collection[str]) -> list[str]:
     keepers = {host for host, held in inputs.snapshot.records.items() if inputs.instance in held}
     others = [host for host, facts in inputs.snapshot.facts.items() if host not in members and facts.docker is not None]
     return sorted(others, key=lambda host: (host not in keepers, host))[:_WITNESSES]
-
-
-def record_path(instance: str) -> str:
-    """Return where a robot keeps the placement record."""
-    return f"{STATE_ROOT}/{instance}/{_RECORD}"
-
-
-def is_record_path(path: str) -> bool:
-    """Return whether a path is that of a placement record, of whatever instance."""
-    return path.endswith(f"/{_RECORD}")
 
 
 def _tree(path: str, blobs: dict[str, bytes]) -> dict[str, str]:
@@ -83,13 +77,9 @@ def _tree(path: str, blobs: dict[str, bytes]) -> dict[str, str]:
 
 
 def _one(
-    inputs: RenderInputs,
-    host: str,
-    images: Sequence[Mapping[str, Any]],
-    trees: Mapping[str, Mapping[str, str]],
-    data: Mapping[Mount, Mapping[str, Any]],
-) -> dict[str, Any]:
-    services = [inputs.experiment.services[name] for name, robot in sorted(inputs.placed.items()) if robot == host]
+    inputs: RenderInputs, host: str, services: Sequence[Service], images: Sequence[Mapping[str, Any]],
+    trees: Mapping[str, Mapping[str, str]], data: Mapping[Mount, Mapping[str, Any]], files: RobotFiles,
+) -> dict[str, Any]:  # fmt: skip
     both = [service.name for service in services if service.network == "both"]
     overlay = _overlay(inputs.overlay, host, both, persist=inputs.experiment.network.persist)
     facts = inputs.snapshot.facts[host]
@@ -105,7 +95,7 @@ def _one(
         "overlay": overlay,
         "images": list(images),
         "log_driver": facts.docker.log_driver if facts.docker else "",
-        "files": _files(inputs, host, services),
+        "files": files.of(host, services),
         "trees": [
             {"path": tree_path(inputs.instance, trees[source]), "blob": trees[source]["blob"]}
             for source in sorted(used)
@@ -136,25 +126,6 @@ def _robot(facts: HostFacts) -> dict[str, Any]:
     """Return what users' playbooks may decide by: facts that do not change by themselves."""
     lasting = {"arch": facts.arch, "cpus": facts.cpus, "memory": facts.memory_total, "kernel": facts.kernel}
     return {**lasting, "os": facts.os, "tags": list(facts.tags), "devices": list(facts.devices)}
-
-
-def _files(inputs: RenderInputs, host: str, services: Sequence[Service]) -> list[dict[str, Any]]:
-    """Return the record of the whole placement, and for a robot that runs something its hosts files."""
-    path, content = record_path(inputs.instance), canonical(inputs.record) + "\n"
-    record = {"path": path, "content": content, "mode": "0644", "in_place": False}
-    hostnames = {one.name: name for one in inputs.experiment.services.values() if (name := one.runtime.hostname)}
-    names = {f"{STATE_ROOT}/{inputs.instance}/hosts": hosts_file(inputs.overlay, hostnames)} if services else {}
-    for service in services:
-        own = inputs.snapshot.facts[host].hosts if with_robots_network(service) else ()
-        # what a container with the robot's network calls its robot is itself
-        robot = inputs.overlay.gateways.get(host, "") if service.network == "overlay" else "127.0.0.1"
-        extra = [(name, robot if at == GATEWAY else at) for name, at in service.runtime.extra_hosts]
-        if extra or with_robots_network(service):
-            names[hosts_path(inputs.instance, service)] = hosts_file(inputs.overlay, hostnames, extra, own)
-        found = discovery_of(inputs.experiment, inputs.overlay, service).files
-        names |= {discovery_path(inputs.instance, service, name): text for name, text in found.items()}
-    files = [{"path": one, "content": text, "mode": "0644", "in_place": True} for one, text in names.items()]
-    return [*files, record]
 
 
 def _secrets(instance: str, services: Sequence[Service]) -> list[dict[str, str]]:

@@ -6,6 +6,7 @@ with the block.
 
 from __future__ import annotations
 
+import sys
 import threading
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -23,6 +24,10 @@ if TYPE_CHECKING:
     from srprov.transport.pool import Sessions
 
 
+_MANY = 200
+"""Robots, from which on threads wait for each other for longer, and wake less often."""
+
+
 class Sharing(msgspec.Struct, frozen=True, kw_only=True):
     """How connections are shared among processes of this machine."""
 
@@ -30,6 +35,8 @@ class Sharing(msgspec.Struct, frozen=True, kw_only=True):
     """How many processes have them, or `auto`; 1: this one."""
     rate_per_s: float = 40.0
     """How many connections are begun per second, by all of them together."""
+    scheduler: str = ""
+    """Address of the cluster that reaches robots at sites; empty: they are reached from here."""
 
 
 ALONE = Sharing()
@@ -70,6 +77,18 @@ class Fleet(msgspec.Struct, frozen=True):
         return gather(self.inventory, self.sessions.get, detail=detail, forks=self.forks, keep_mute=keep_mute)
 
 
+def checked_scheduler(address: str) -> str:
+    """Return the address of a cluster's scheduler.
+
+    Raises:
+        RefusedError: It is one without TLS.
+        UsageError: It is no address.
+    """
+    from srprov.transport.sites.settings import checked_address
+
+    return checked_address(address)
+
+
 @contextmanager
 def connect(
     inventory: Inventory, *, timeout_s: float, forks: int, changing: bool = False, vault: Vault | None = None,
@@ -90,13 +109,21 @@ def connect(
 
     options = ConnectOptions(connect_timeout_s=timeout_s, vault=vault or Vault())
     workers = 1
+    if len(inventory.hosts) >= _MANY:
+        from srprov.transport.workers.counting import CROWDED_S
+
+        sys.setswitchinterval(CROWDED_S)
     if sharing.workers != ALONE.workers:
         from srprov.transport.workers.counting import wanted_workers
 
         workers = wanted_workers(sharing.workers, len(inventory.hosts))
-    pool = Sessions(inventory.hosts, options=options, forks=forks, rate_per_s=sharing.rate_per_s, workers=workers)
+    pool = Sessions(
+        inventory.hosts, options=options, forks=forks, rate_per_s=sharing.rate_per_s, workers=workers,
+        scheduler=sharing.scheduler,
+    )  # fmt: skip
     with pool as sessions:
-        if workers == 1 and any(host.connection != "local" for host in inventory.hosts.values()):
+        here = (host for host in inventory.hosts.values() if not (sharing.scheduler and host.site))
+        if workers == 1 and any(host.connection != "local" for host in here):
             preload_ssh()  # before anything else is imported: from then on the robots have something to do too
         if changing:
             threading.Thread(target=_import_record, name="import record", daemon=True).start()

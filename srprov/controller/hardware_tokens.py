@@ -16,7 +16,7 @@ import secrets
 from collections.abc import Mapping
 from pathlib import Path
 
-from srprov import private, regular_file
+from srprov import believed
 from srprov.facts.model import HostFacts
 from srprov.record import default_root
 
@@ -44,7 +44,7 @@ def _key() -> bytes:
     """Return the user's key, made anew where there is none; where it cannot be kept, it is of this run alone."""
     path = Path(default_root().parent / _KEY)
     try:
-        found = regular_file.read_text(path, _MOST_KEY).strip()
+        found = believed.read(path, _MOST_KEY).decode().strip()
     except FileNotFoundError:
         found = ""
     except (OSError, ValueError):  # it is not ours to replace, and no reason to run nothing
@@ -52,5 +52,5 @@ def _key() -> bytes:
     if len(found) < _KEY_BYTES:
         found = secrets.token_hex(_KEY_BYTES)
         with contextlib.suppress(OSError):  # as above
-            private.replace_file(path, found + "\n")
+            believed.write(path, found + "\n")
     return found.encode()

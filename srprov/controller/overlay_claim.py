@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Collection, Iterator, Sequence
 
-from srprov.controller.context import is_record_path
+from srprov.controller.robot_files import is_record_path
 from srprov.modules.file import FileParams
 from srprov.modules.network import NetworkParams
 from srprov.modules.vxlan import VxlanParams
@@ -20,9 +21,15 @@ def vteps_of(want: Resource) -> Collection[str]:
     """Return where packets go, or come from, by what a resource says: a link, its filter, or a placement's record."""
     if isinstance(want.params, VxlanParams | VxlanFilterParams | WireguardPeersParams):
         return want.params.vteps
-    content = want.params.content if isinstance(want.params, FileParams) else ""
-    record = read_record(mapping(json_or_none(content))) if is_record_path(want.name) else None
-    return record.vteps.values() if record else ()
+    if isinstance(want.params, FileParams) and is_record_path(want.name):
+        return _vteps_of_record(want.params.text)
+    return ()
+
+
+@functools.lru_cache(maxsize=4)  # all robots have one
+def _vteps_of_record(text: str) -> Collection[str]:
+    record = read_record(mapping(json_or_none(text)))
+    return tuple(record.vteps.values()) if record else ()
 
 
 def wrong_link(

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
 
-from srprov import private, regular_file
+from srprov import believed
 from srprov.codes import Code
 from srprov.errors import UsageError
 from srprov.record import default_root
@@ -107,7 +107,7 @@ def keep(owner: Owner) -> None:
     words = {name: getattr(owner, name) for name in names}
     text = json.dumps({**words, "adopted": sorted(owner.adopted), "places": dict(owner.places)}, indent=2) + "\n"
     try:
-        private.replace_file(file, text)
+        believed.write(file, text)
     except OSError as error:
         raise UsageError(
             f"cannot write {file}: {error.strerror}",
@@ -124,7 +124,7 @@ def _file(instance: str, edf: str) -> Path:
 def _read(file: Path) -> Owner | None:
     """Return what a file says; one that is not there, or says nothing, costs one `--adopt`."""
     try:
-        read = mapping(parse_json(regular_file.read_text(file, _LONGEST_FILE), max_characters=_LONGEST_FILE))
+        read = mapping(parse_json(believed.read(file, _LONGEST_FILE).decode(), max_characters=_LONGEST_FILE))
     except (OSError, ValueError):
         return None
     words = {key: string(read.get(key)) for key in ("instance", "edf", "source", "token")}

@@ -40,6 +40,7 @@ from srprov.controller.request import PlanRequest
 from srprov.controller.robot_images import BUILDERS, check_never
 from srprov.controller.robots_words import at_home
 from srprov.controller.trial_values import at_first_point
+from srprov.controller.writers import check_writers
 from srprov.definitions.model import Definitions, Experiment, Inventory
 from srprov.definitions.pins import unknown_pins
 from srprov.definitions.playbookmodel import Playbook
@@ -140,10 +141,10 @@ def make_plan(
         inputs = with_layers(_inputs(definitions, choice, placed, overlay, snapshot, source, request, look), look)
         snapshot, desired, steps, unchanged = _compared(inputs, theirs, vault, look)
     amiss, alone = ((), ()) if request.images_only else all_notes(desired, snapshot.observed)
+    check_writers(steps, [(placed.placed.get(name, ""), one) for name, one in choice.experiment.services.items()], look)
     unready = check_ready(steps, choice, instance, snapshot, look, playbooks=bool(theirs))
     notes = (*notes, *amiss, *alone, *unready, *mtu_notes(overlay, snapshot))
-    now = replace(inputs, snapshot=snapshot)
-    made = plan_value(definitions, now, placed, theirs, steps, unchanged, notes)
+    made = plan_value(definitions, replace(inputs, snapshot=snapshot), placed, theirs, steps, unchanged, notes)
     made = replace(made, chosen=any(choice.free or one in choice.new for one in placed.runner_up))
     enforce(made, look.inventory, request.policies)
     return Planned(

@@ -12,10 +12,10 @@ from typing import Any
 
 from srprov.codes import Code
 from srprov.controller.authority import wants_of
-from srprov.controller.context import record_path
 from srprov.controller.fleet import Fleet
 from srprov.controller.ownership import looking
 from srprov.controller.plan import Planned
+from srprov.controller.robot_files import record_path
 from srprov.errors import UsageError
 from srprov.execution.probing import OverlayProbe, probe
 from srprov.facts.model import Snapshot
@@ -82,11 +82,11 @@ def probing_of(planned: Planned) -> OverlayProbe | None:
 def _wanted_record(wanted: Iterable[Resource], instance: str) -> Mapping[str, Any] | None:
     """Return the placement record that a plan writes; None where there is none."""
     path = record_path(instance)
-    contents = [one.params.content for one in wanted if one.module == "file" and one.name == path]
-    if not contents:
+    record = next((one.params.text for one in wanted if one.module == "file" and one.name == path), None)
+    if record is None:
         return None
     try:
-        return mapping(parse_json(contents[0] if isinstance(contents[0], str) else contents[0].decode("utf-8")))
+        return mapping(parse_json(record))
     except ValueError:  # a plan file may hold anything
         return None
 

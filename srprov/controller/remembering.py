@@ -5,10 +5,11 @@ Takes a `Planned` and what came of it; reads and writes the memory of its instan
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from srprov.controller.context import record_path
+from srprov.controller.robot_files import record_path
 from srprov.record.memory import Memory, digest, note_images, recall, remember
 from srprov.untrusted import mapping, parse_json
 
@@ -56,11 +57,12 @@ def _given(planned: Planned) -> Iterator[tuple[str, str]]:
     wanted = planned.desired or tuple(step.want for step in planned.plan.steps if step.want is not None)
     for resource in wanted:
         if resource.module == "file" and resource.name == record_path(planned.plan.instance):
-            yield resource.host, digest(_document(resource.params.content))
+            yield resource.host, _digest(resource.params.data)
 
 
-def _document(content: Any) -> dict[str, Any]:  # noqa: ANN401 - text or bytes, as the module has it
+@functools.lru_cache(maxsize=4)  # all robots have one
+def _digest(content: bytes) -> str:
     try:
-        return dict(mapping(parse_json(content if isinstance(content, str) else content.decode("utf-8"))))
+        return digest(mapping(parse_json(content.decode())))
     except ValueError:  # a plan file may hold anything
-        return {}
+        return digest({})

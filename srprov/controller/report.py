@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from srprov.codes import Code
 from srprov.controller.phases import Phases
 from srprov.errors import with_code
-from srprov.execution import Outcome, RunResult
+from srprov.execution import Outcome, RunResult, StepResult
 from srprov.planning.plan import Plan, Step
 from srprov.resource import Action
 from srprov.session import Session
@@ -19,6 +19,9 @@ if TYPE_CHECKING:
 
 def run_json(plan: Plan, result: RunResult, sessions: Mapping[str, Session], phases: Phases) -> dict[str, Any]:
     """Return the documented JSON of a run, without the folder of its record."""
+    of_robots: dict[str, list[StepResult]] = {}
+    for one in result.results:
+        of_robots.setdefault(one.step.host, []).append(one)
     return {
         "instance": plan.instance,
         "changed": result.count(Outcome.CHANGED),
@@ -29,7 +32,7 @@ def run_json(plan: Plan, result: RunResult, sessions: Mapping[str, Session], pha
         "unreachable": sorted(result.unreachable),
         "assignment": dict(sorted(plan.assignment.items())),
         "cost": round(plan.cost, 6),
-        "robots": {host: _robot_json(result, host, session) for host, session in sorted(sessions.items())},
+        "robots": {host: _robot_json(of_robots.get(host, ()), session) for host, session in sorted(sessions.items())},
         "phases": phases.end(),
         "duration_s": round(phases.total, 3),
         "probe": _probe_json(result),
@@ -65,11 +68,12 @@ def overlay_failures(result: RunResult) -> list[str]:
     return [*failed, *lines]
 
 
-def _robot_json(result: RunResult, host: str, session: Session) -> dict[str, Any]:
+def _robot_json(results: Sequence[StepResult], session: Session) -> dict[str, Any]:
+    """Return what came of one robot's steps, and what was used for it."""
     traffic = session.traffic
     return {
-        "changed": result.of_host(host, Outcome.CHANGED),
-        "failed": result.of_host(host, Outcome.FAILED),
+        "changed": sum(one.outcome is Outcome.CHANGED for one in results),
+        "failed": sum(one.outcome is Outcome.FAILED for one in results),
         "connections": traffic.connections,
         "round_trips": traffic.round_trips,
         "bytes_sent": traffic.bytes_sent,
@@ -77,7 +81,7 @@ def _robot_json(result: RunResult, host: str, session: Session) -> dict[str, Any
         "connect_s": round(traffic.connect_s, 3),
         "asked_s": round(traffic.asked_s, 3),
         "acted_s": round(traffic.acted_s, 3),
-        "duration_s": round(sum(r.duration_s for r in result.results if r.step.host == host), 3),
+        "duration_s": round(sum(one.duration_s for one in results), 3),
     }
 
 

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 import srprov
 from srprov.codes import Code
 from srprov.controller import authority
-from srprov.controller.authority import check_copies, check_underlay, wants_of
+from srprov.controller.authority import check_copies, check_underlay, services_of, wants_of
 from srprov.controller.data_owner import check_saved, remember_owner
 from srprov.controller.data_sets import refuse_files
 from srprov.controller.fleet import Fleet
@@ -23,6 +23,7 @@ from srprov.controller.permissions import require_decided
 from srprov.controller.plan import Planned
 from srprov.controller.plan_proof import check_claim, proved, provers
 from srprov.controller.staleness import refuse_stale
+from srprov.controller.writers import check_writers
 from srprov.definitions.model import NetworkSettings
 from srprov.errors import UsageError
 from srprov.facts.gather import Detail, Gathering
@@ -134,6 +135,7 @@ def check_plan(saved: PlanFile, fleet: Fleet, *, adopt: bool = False, signed: bo
                 check_claim(saved, snapshot)
         _check_networks(wants, saved.plan.instance, snapshot)
         steps = _derived(saved, wants, snapshot, look, ours=bool(owners))
+        check_writers(steps, [(want.host, one) for want, one in services_of(saved)], look)
     unreachable = {**saved.plan.unreachable, **snapshot.unreachable}
     return Planned(plan=replace(saved.plan, steps=steps, unreachable=unreachable), saved=saved)
 

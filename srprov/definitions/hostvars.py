@@ -32,6 +32,7 @@ READ = frozenset((
     "ansible_host", "ansible_ssh_host", "ansible_port", "ansible_ssh_port", "ansible_user", "ansible_ssh_user",
     "ansible_password", "ansible_ssh_pass", "ansible_ssh_password",
     "srprov_tags", "srprov_slots", "srprov_underlay", "srprov_devices", "srprov_bandwidth_mbit", "srprov_pid",
+    "srprov_site",
 ))  # fmt: skip
 """Every variable that `host` reads; a test holds it to that."""
 
@@ -59,6 +60,7 @@ def host(name: str, variables: Variables, groups: tuple[str, ...], place: Node, 
         devices=reader.words("srprov_devices"),
         bandwidth_mbit=reader.node("srprov_bandwidth_mbit", nodes.as_number),
         pid=reader.text("srprov_pid") or "",
+        site=reader.text("srprov_site") or "",
         groups=groups,
         location=nodes.location(place),
     )

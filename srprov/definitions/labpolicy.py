@@ -13,6 +13,7 @@ from types import MappingProxyType
 
 import msgspec
 
+from srprov.believed import is_out_of_reach
 from srprov.codes import Code
 from srprov.definitions import schema
 from srprov.definitions.values import scalars, text
@@ -69,7 +70,7 @@ def load(path: str, kinds: Collection[str]) -> LabPolicy | None:
         raise DefinitionError(
             [Diagnostic(Location(path), f"cannot be read: {error.strerror}", code=Code.UNREADABLE)]
         ) from None
-    if stat.S_IMODE(status.st_mode) & 0o022 or status.st_uid not in (0, os.getuid()):
+    if stat.S_IMODE(status.st_mode) & 0o022 or status.st_uid not in (0, os.getuid()) or not is_out_of_reach(path):
         message = "a policy that others can write is none"
         hint = f"it must be yours or root's: chown, and chmod go-w {path}"
         raise DefinitionError([Diagnostic(Location(path), message, hint=hint, code=Code.WRONG_TYPE)])

@@ -48,6 +48,8 @@ class Host(msgspec.Struct, frozen=True, kw_only=True):
     bandwidth_mbit: float | None = None
     pid: str = ""
     """Persistent identifier of the instrument, such as a DOI or a handle."""
+    site: str = ""
+    """Where it stands, when it is reached by a worker there."""
     groups: tuple[str, ...] = ()
     location: Location = _NOWHERE
 

@@ -9,25 +9,21 @@ from __future__ import annotations
 
 import glob
 import os
-import re
 from collections.abc import Collection, Iterator
 
 from msgspec.structs import replace
 
+from srprov.believed import is_out_of_reach
 from srprov.codes import Code
 from srprov.data import schema as shipped_schema
 from srprov.definitions import paths, schema, template
 from srprov.definitions.playbookmodel import ADDED, AFTER, BEFORE, REPLACES, Playbook, PlaybookCommand
-from srprov.definitions.template import HOLE, MARK
+from srprov.definitions.template import HOLE
+from srprov.definitions.template_check import check_template, scalar_at
 from srprov.errors import DefinitionError, Diagnostic, Location, did_you_mean
+from srprov.whose import others_may_write
 from srprov.yamldoc import loader, nodes
 from srprov.yamldoc.nodes import Findings, Map, Node, Path, Scalar, Seq, Source
-
-VARIABLES = (
-    "api", "data", "files", "folder", "host", "images", "instance", "log_driver", "overlay", "robot", "secrets",
-    "services", "source", "trees", "volumes",
-)  # fmt: skip
-"""What a playbook is rendered with; docs/playbooks.md says what each holds."""
 
 MAX_LENGTH = 50_000
 """Ours have a few hundred characters; checking takes time with the square of it."""
@@ -67,12 +63,26 @@ def from_folder(folder: str, ours: Collection[str]) -> tuple[Playbook, ...]:
     for file in sorted(glob.glob(os.path.join(glob.escape(folder), "*.yml"))):
         name = os.path.basename(file)
         try:
+            _check_whose(folder, file)
             found.append(read(file, file, name, REPLACES if name in ours else ADDED))
         except DefinitionError as error:
             problems.extend(error.problems)
     if problems:
         raise DefinitionError(problems)
     return tuple(found)
+
+
+def _check_whose(*paths: str) -> None:
+    """Refuse (DefinitionError) what others can write: about the user's own playbooks nobody is asked."""
+    for path in paths:
+        try:
+            theirs = others_may_write(os.stat(path)) or not is_out_of_reach(path)
+        except OSError:
+            continue  # who reads it says so
+        if theirs:
+            message = "others can write it, or a folder above it, and it states anything on robots as root"
+            hint = f"look at it, then make it yours alone: chown, and chmod go-w {path}"
+            raise DefinitionError([Diagnostic(Location(path), message, hint=hint, code=Code.STRANGE_FILE)])
 
 
 def read(file: str, shown: str, name: str, place: str) -> Playbook:
@@ -87,7 +97,7 @@ def read(file: str, shown: str, name: str, place: str) -> Playbook:
         wrong = f"is longer than {MAX_LENGTH} characters"
         raise DefinitionError([Diagnostic(Location(shown), wrong, hint="cut it up", code=Code.TOO_LARGE)])
     findings = Findings()
-    if not _check_template(text, source, findings):
+    if not check_template(text, source, findings):
         raise DefinitionError(findings.problems)
     keys: set[tuple[int, int]] = set()
     commands: dict[int, PlaybookCommand] = {}
@@ -105,59 +115,12 @@ def read(file: str, shown: str, name: str, place: str) -> Playbook:
     )  # fmt: skip
 
 
-def _check_template(text: str, source: Source, findings: Findings) -> bool:
-    """Add what Jinja2 refuses, unknown blocks and unknown names; return whether the rest can be checked."""
-    from jinja2 import TemplateSyntaxError
-    from jinja2 import nodes as syntax
-    from jinja2.sandbox import ImmutableSandboxedEnvironment
-
-    for number, line in enumerate(source.lines, 1):
-        if (column := min((line.find(one) for one in (HOLE, MARK) if one in line), default=-1)) >= 0:
-            place = Scalar(source, number, column + 1, "")
-            findings.add(place, "holds a character that srprov keeps for itself", code=Code.TEMPLATE)
-    for part in template.pieces(text):
-        if part.kind == "block" and part.word not in template.BLOCKS:
-            place = _scalar(text, part.start, source)
-            hint = f"known: {', '.join(template.BLOCKS)}"
-            findings.add(place, f"a playbook knows no block '{part.word[:40]}'", (), hint, code=Code.TEMPLATE)
-    if findings.problems:
-        return False
-    env = ImmutableSandboxedEnvironment()
-    try:
-        # parsed, never compiled: the compiler computes constants, and `9**9**9` would keep it busy for ever
-        tree = env.parse(text)
-    except TemplateSyntaxError as error:
-        findings.add(Scalar(source, error.lineno, 1, ""), f"is no Jinja2 template: {error.message}", code=Code.TEMPLATE)
-        return False
-    except (RecursionError, ValueError) as error:  # ValueError: a number of thousands of digits
-        why = "its expressions are nested too deeply" if isinstance(error, RecursionError) else "a number is too long"
-        findings.add(Scalar(source, 1, 1, ""), f"is no Jinja2 template: {why}", code=Code.TEMPLATE)
-        return False
-    names = list(tree.find_all(syntax.Name))
-    known = {*VARIABLES, *env.globals, *(one.name for one in names if one.ctx == "store"), "loop"}
-    used: list[tuple[str, int, str, Collection[str]]] = []
-    used += [("variable", one.lineno, one.name, VARIABLES) for one in names if one.name not in known]
-    used += [("filter", one.lineno, one.name, env.filters) for one in tree.find_all(syntax.Filter)]
-    used += [("test", one.lineno, one.name, env.tests) for one in tree.find_all(syntax.Test)]
-    for what, row, name, choices in (one for one in used if one[2] not in one[3]):
-        match = re.search(rf"\b{re.escape(name)}\b", source.excerpt(row))
-        hint = did_you_mean(name, choices) or (f"known: {', '.join(VARIABLES)}" if what == "variable" else "")
-        place, wrong = Scalar(source, row, match.start() + 1 if match else 1, ""), f"there is no {what} '{name[:60]}'"
-        findings.add(place, wrong, (), hint, code=Code.TEMPLATE)
-    return True
-
-
-def _scalar(text: str, offset: int, source: Source) -> Scalar:
-    line_start = text.rfind("\n", 0, offset) + 1
-    return Scalar(source, text.count("\n", 0, offset) + 1, offset - line_start + 1, "")
-
-
 def _holes(text: str) -> dict[tuple[int, int], str]:
     """Return the substitutions as they are written, by line and column."""
     found = {}
     for part in template.pieces(text):
         if part.kind == "value":
-            place = _scalar(text, part.start, Source(""))
+            place = scalar_at(text, part.start, Source(""))
             found[(place.line, place.column)] = text[part.start : part.end]
     return found
 

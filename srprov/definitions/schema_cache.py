@@ -13,7 +13,7 @@ import os
 from functools import cache
 from pathlib import Path
 
-from srprov import private
+from srprov import believed, private
 from srprov.yamldoc import nodes
 
 _NAME = "documents"
@@ -31,7 +31,7 @@ def add(digest: str) -> None:
     path = private.cache_folder() / _NAME
     with contextlib.suppress(OSError):
         private.make_folder(path.parent)
-        if path.is_symlink() or not private.is_safe_folder(path.parent):
+        if path.is_symlink() or not believed.is_safe_folder(path.parent):
             return  # it may lead to another file of the user's
         full = path.exists() and path.stat().st_size > _MOST_BYTES - _LINE
         private.write_file(path, f"{digest}\n", os.O_TRUNC if full else os.O_APPEND)
@@ -50,6 +50,6 @@ def code() -> str:
 def _lines() -> frozenset[bytes]:
     """Return the digests of a file that is the user's alone; somebody else's would say what is without fault."""
     try:
-        return frozenset(private.read_kept(private.cache_folder() / _NAME, _MOST_BYTES).split())
+        return frozenset(believed.read(private.cache_folder() / _NAME, _MOST_BYTES).split())
     except OSError:
         return frozenset()

@@ -29,7 +29,8 @@ class SecretSource(msgspec.Struct, frozen=True, kw_only=True):
     def origin(self) -> str:
         """Return where it comes from, as plans and permissions show it."""
         if self.command:
-            return f"the command {shlex.join(self.command)}"
+            # which program that is, and which files it names, depends on where it runs, which a plan file says itself
+            return f"the command {shlex.join(self.command)}" + (f", in {self.folder}" if self.folder else "")
         return f"the variable {self.env}" if self.env else f"the file {self.file}"
 
 

@@ -14,6 +14,7 @@ from collections.abc import Iterable, Mapping
 import msgspec
 
 from srprov.errors import TransportError
+from srprov.execution.options import MOST_AT_ONCE
 from srprov.execution.outcome import Outcome, StepResult
 from srprov.execution.robot import RobotExecutor
 from srprov.session import Session
@@ -60,7 +61,7 @@ def audit(entry: AuditEntry, robots: Mapping[str, RobotExecutor], results: Itera
     here = sorted(counts.keys() & robots.keys())
     if not here:
         return missing
-    with concurrent.futures.ThreadPoolExecutor(len(here)) as pool:
+    with concurrent.futures.ThreadPoolExecutor(min(len(here), MOST_AT_ONCE)) as pool:
         lines = {host: entry.line(*counts[host]) for host in here}
         replies = pool.map(lambda host: _append(robots[host].session, lines[host]), here)
     return missing | {host: why for host, why in zip(here, replies, strict=True) if why}

@@ -23,6 +23,26 @@ class Batch(msgspec.Struct, frozen=True, kw_only=True):
     """Indexes of batches that must have ended first; the robot's previous one is among them."""
 
 
+class Order:
+    """Which batches may begin: each as soon as all that it needs have ended."""
+
+    def __init__(self, batches: Sequence[Batch]) -> None:
+        """Take all of them."""
+        self._missing = {batch.index: len(batch.needs) for batch in batches}
+        self.first = [batch.index for batch in batches if not batch.needs]
+        self._followers: dict[int, list[int]] = {}
+        for batch in batches:
+            for needed in batch.needs:
+                self._followers.setdefault(needed, []).append(batch.index)
+
+    def ended(self, index: int) -> list[int]:
+        """Return those that were waiting for this one alone, which has ended."""
+        followers = self._followers.get(index, ())
+        for one in followers:
+            self._missing[one] -= 1
+        return [one for one in followers if self._missing[one] == 0]
+
+
 def cut(steps: Sequence[Step]) -> tuple[Batch, ...]:
     """Return the batches of a plan's steps, which stand in an order that respects their needs."""
     by_number = {step.number: step for step in steps}

@@ -11,6 +11,7 @@ import threading
 import time
 from collections.abc import Collection, Mapping
 
+from srprov.execution.options import MOST_AT_ONCE
 from srprov.execution.outcome import Event, Listener
 from srprov.session import Session
 
@@ -44,6 +45,6 @@ class Ending:
         for robot in late:
             self.closed[robot] = f"interrupted: it did not end within {self._patience_s:g} s, and was cut off"
             self._listener(Event(kind="waiting", host=robot, text="its step did not end: closing the connection"))
-        pool = concurrent.futures.ThreadPoolExecutor(len(late))
+        pool = concurrent.futures.ThreadPoolExecutor(min(len(late), MOST_AT_ONCE))
         concurrent.futures.wait([pool.submit(sessions[robot].close) for robot in late], timeout=CLOSING_S)
         pool.shutdown(wait=False)

@@ -8,24 +8,26 @@ from __future__ import annotations
 
 import concurrent.futures
 import itertools
+import queue
 import threading
 from collections.abc import Collection, Mapping, Sequence
+from concurrent.futures import Future
 from contextlib import nullcontext
 
 from srprov.errors import TransportError
 from srprov.execution.audit import AuditEntry, audit
-from srprov.execution.batches import Batch, cut
+from srprov.execution.batches import Batch, Order, cut
 from srprov.execution.conditions import wait_for
 from srprov.execution.ending import CLOSING_S, LOOK_S, Ending
 from srprov.execution.lock_set import LockSet, lock_options
 from srprov.execution.locks import claim
 from srprov.execution.options import RunOptions
-from srprov.execution.outcome import Event, Listener, Outcome, RunResult, StepResult, past
+from srprov.execution.outcome import Event, Listener, Outcome, RunResult, StepResult, ended_with, past
 from srprov.execution.probe_beside import probing_beside
 from srprov.execution.robot import RobotExecutor, round_trip_size
 from srprov.execution.settle import settle
 from srprov.execution.stopping import begins_with_stop
-from srprov.execution.told import told
+from srprov.execution.told import asks_others, told
 from srprov.planning.plan import Plan, Step
 from srprov.session import Session
 
@@ -86,21 +88,22 @@ class _Run:
         """Start each batch as soon as all that it needs has ended."""
         for batch in batches:
             self.kinds.setdefault(batch.host, set()).update(step.module for step in batch.steps)
-        waiting = {batch.index: set(batch.needs) for batch in batches}
-        running: dict[concurrent.futures.Future[None], int] = {}
+        order = Order(batches)
+        ready = order.first
+        running: dict[int, Future[None]] = {}
+        ended: queue.SimpleQueue[int] = queue.SimpleQueue()
         pool = concurrent.futures.ThreadPoolExecutor(max(1, min(self.options.forks, len(self.kinds))))
         try:
-            while waiting or running:
-                for index in [i for i, needs in waiting.items() if not needs]:
-                    del waiting[index]
-                    running[pool.submit(self._run_batch, batches[index])] = index
-                for done in self._next(running):
-                    ended = running.pop(done)
-                    done.result()
-                    for needs in waiting.values():
-                        needs.discard(ended)
+            while ready or running:
+                for index in ready:
+                    running[index] = pool.submit(self._run_batch, batches[index])
+                    running[index].add_done_callback(lambda _done, index=index: ended.put(index))  # type: ignore[misc]
+                ready = []
+                for index in self._next(ended, running):
+                    running.pop(index).result()
+                    ready += order.ended(index)
                 if self.ending.due():
-                    self._give_up({batches[index].host for index in running.values()}, running)
+                    self._give_up({batches[index].host for index in running}, running.values())
                     break
         finally:
             # whoever leaves at once does not wait for a build: it ends with its connection
@@ -109,18 +112,20 @@ class _Run:
             why = self.ending.closed.get(batch.host, "interrupted")
             self._end_all(batch.steps, Outcome.NOT_REACHED, why)
 
-    def _next(self, running: Mapping[concurrent.futures.Future[None], int]) -> set[concurrent.futures.Future[None]]:
+    def _next(self, ended: queue.SimpleQueue[int], running: Mapping[int, Future[None]]) -> list[int]:
         """Wait a moment for the next end. An interrupt here asks for a soft stop; a second one leaves at once."""
         try:
-            return concurrent.futures.wait(running, timeout=LOOK_S, return_when=concurrent.futures.FIRST_COMPLETED).done
+            return [index for index in [ended.get(timeout=LOOK_S)] if index in running]
+        except queue.Empty:  # an interrupt may have come between an end and its being noted here
+            return [index for index, one in running.items() if one.done()]
         except KeyboardInterrupt:
             if self.stop.is_set():
                 raise
             self.stop.set()
             self.listener(Event(kind="waiting", host="", text="interrupted: running steps end, no new one begins"))
-            return set()
+            return []
 
-    def _give_up(self, late: Collection[str], running: Collection[concurrent.futures.Future[None]]) -> None:
+    def _give_up(self, late: Collection[str], running: Collection[Future[None]]) -> None:
         """Cut robots off whose steps did not end in time after an interrupt; what even then goes on is left alone."""
         self.ending.close(late, self.sessions)
         concurrent.futures.wait(running, timeout=CLOSING_S)
@@ -173,7 +178,9 @@ class _Run:
             self._end(robot.verdict(step))
 
     def _told(self, group: Sequence[Step], robot: RobotExecutor) -> list[Step]:
-        """Return steps with what all robots of this run said by now."""
+        """Return steps with what all robots of this run said by now, those that ask for it."""
+        if not any(map(asks_others, group)):  # to look at all robots for each of them would take the square of time
+            return list(group)
         there = {host: tuple((one.seen or {}).values()) for host, one in list(self.robots.items())}
         return [told(step, robot.seen or {}, there) for step in group]
 
@@ -231,16 +238,7 @@ class _Run:
 
     def _note(self, result: StepResult) -> None:
         self.results[result.step.number] = result
-        self.listener(
-            Event(
-                kind="end",
-                host=result.step.host,
-                step=result.step,
-                outcome=result.outcome,
-                text=result.message,
-                duration_s=result.duration_s,
-            )
-        )
+        self.listener(ended_with(result))
 
     def _end_all(self, steps: tuple[Step, ...], outcome: Outcome, reason: str) -> None:
         for step in steps:

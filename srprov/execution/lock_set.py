@@ -18,7 +18,7 @@ import msgspec
 
 from srprov.errors import LockHeld, TransportError
 from srprov.execution.locks import SCRIPT, Claim, Holder, parse_holder
-from srprov.execution.options import RunOptions
+from srprov.execution.options import MOST_AT_ONCE, RunOptions
 from srprov.execution.outcome import Event, Listener
 from srprov.planning.plan import Plan
 from srprov.session import LockChannel, Pulse, Session
@@ -132,7 +132,7 @@ class LockSet:
             names = list(self._channels)
         if names:
             # not in our own pool, where a robot that is slow to answer may keep a thread
-            with concurrent.futures.ThreadPoolExecutor(len(names)) as pool:
+            with concurrent.futures.ThreadPoolExecutor(min(len(names), MOST_AT_ONCE)) as pool:
                 list(pool.map(end, names))
         self.held.clear()
 

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from srprov.execution.probing import OverlayProbe
     from srprov.planning.plan import Plan
 
+MOST_AT_ONCE = 128
+"""Robots that are waited for at the same time where all are, such as for their locks: each takes a thread."""
 STOP_TIMEOUT_S = 60.0
 
 

@@ -56,6 +56,12 @@ class Event(msgspec.Struct, frozen=True, kw_only=True):
 Listener = Callable[[Event], None]
 
 
+def ended_with(result: StepResult) -> Event:
+    """Return the event of a step's end."""
+    took, why = result.duration_s, result.message
+    return Event(kind="end", host=result.step.host, step=result.step, outcome=result.outcome, text=why, duration_s=took)
+
+
 class RunResult(msgspec.Struct, frozen=True, kw_only=True):
     """The whole run."""
 
@@ -75,10 +81,6 @@ class RunResult(msgspec.Struct, frozen=True, kw_only=True):
     def count(self, outcome: Outcome) -> int:
         """Count steps of one outcome."""
         return sum(result.outcome is outcome for result in self.results)
-
-    def of_host(self, host: str, outcome: Outcome) -> int:
-        """Count one robot's steps of one outcome."""
-        return sum(r.outcome is outcome and r.step.host == host for r in self.results)
 
     @property
     def exit_code(self) -> int:

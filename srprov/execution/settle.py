@@ -14,6 +14,7 @@ from collections.abc import Mapping
 from msgspec.structs import replace
 
 from srprov.errors import TransportError
+from srprov.execution.options import MOST_AT_ONCE
 from srprov.execution.outcome import Event, Listener, Outcome, StepResult
 from srprov.execution.robot import RobotExecutor
 from srprov.modules import RUNNING
@@ -39,7 +40,7 @@ def settle(
         return settled
     listener(Event(kind="waiting", host="", text=f"checking that services stay up for {settle_s:g} s"))
     stop.wait(settle_s)
-    with concurrent.futures.ThreadPoolExecutor(len(fresh)) as pool:
+    with concurrent.futures.ThreadPoolExecutor(min(len(fresh), MOST_AT_ONCE)) as pool:
         for checked in pool.map(lambda item: _check(robots[item[0]], item[1]), sorted(fresh.items())):
             for result in checked:
                 settled[result.step.number] = result

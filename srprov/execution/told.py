@@ -11,12 +11,18 @@ from collections.abc import Collection, Mapping
 from msgspec.structs import replace
 
 from srprov.modules import MODULES
+from srprov.modules.module import Module
 from srprov.planning.plan import Step
 from srprov.planning.steps import informed
 from srprov.resource import Observed
 
 Seen = Mapping[tuple[str, str], Observed]
 """Kind and name -> what was last seen of it on a robot."""
+
+
+def asks_others(step: Step) -> bool:
+    """Return whether what is wanted depends on what other robots say."""
+    return step.want is not None and type(MODULES[step.module]).informed is not Module.informed
 
 
 def told(step: Step, seen: Seen, there: Mapping[str, Collection[Observed]]) -> Step:

@@ -83,7 +83,8 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True):
 
     def _environment(self, whole: Mapping[str, str]) -> dict[str, str | None]:
         """Return variables; one without a value is that of whoever deploys."""
-        return {name: None if self.wanted.open.stands_for(one) else one for name, one in sorted(whole.items())}
+        taken = self.wanted.open.stands_for
+        return {name: None if taken(one) else _literal(one) for name, one in sorted(whole.items())}
 
     def _network(self, service: Service) -> dict[str, Any]:
         if service.network == "host":
@@ -172,6 +173,11 @@ class Stack(msgspec.Struct, frozen=True, kw_only=True):
                 yield cluster.remark(service, "environment", ADAPTED, words)
 
 
+def _literal(text: str) -> str:
+    """Return a text so that Swarm leaves it as it is: it takes those of variables and mounts for templates of Go."""
+    return text.replace("{{", '{{"{{"}}')
+
+
 def _each(parts: list[Part], key: str) -> list[object]:
     """Return what the parts have under a key, or as a list under its plural."""
     found: list[object] = []
@@ -189,7 +195,7 @@ def _restart(policy: str) -> dict[str, Any]:
 
 
 def _tmpfs(target: str, size: int | None) -> dict[str, Any]:
-    return {"type": "tmpfs", "target": target, **({"tmpfs": {"size": size}} if size is not None else {})}
+    return {"type": "tmpfs", "target": _literal(target), **({"tmpfs": {"size": size}} if size is not None else {})}
 
 
 def _shared_memory(run: Runtime) -> list[dict[str, Any]]:
@@ -197,7 +203,7 @@ def _shared_memory(run: Runtime) -> list[dict[str, Any]]:
 
 
 def _long(kind: str, source: str, mount: Mount) -> dict[str, Any]:
-    found: dict[str, Any] = {"type": kind, "source": source, "target": mount.target}
+    found: dict[str, Any] = {"type": kind, "source": _literal(source), "target": _literal(mount.target)}
     return {**found, "read_only": True} if mount.read_only else found
 
 

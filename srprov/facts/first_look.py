@@ -15,15 +15,15 @@ from msgspec.structs import replace
 from srprov.definitions.model import Host
 from srprov.facts.host import host_queries, later_query, parse_host
 from srprov.facts.model import HostFacts, TakenPort
-from srprov.facts.placements import PLACEMENTS, parse_placements
-from srprov.facts.probes import INFO
+from srprov.facts.placements import parse_placements, without_records
+from srprov.facts.probes import FILES, INFO
 from srprov.facts.taken import QUERIES, taken_ports
 from srprov.modules.observe import observe_queries, parse_observed
 from srprov.resource import Observed
 from srprov.robot_answers import answers_of
 from srprov.session import Measures, Reader
 from srprov.untrusted import text
-from srprov.wire import EngineQuery, Reply
+from srprov.wire import AnyQuery, EngineQuery, Reply
 
 Readers = Callable[[str], Reader]
 """Robot's name -> reader; raises TransportError when it cannot be reached."""
@@ -69,23 +69,25 @@ def ask(host: Host, readers: Readers, engine: bool) -> Answers:
     reader = readers(host.name)
     mine = host_queries(info=engine)
     asked_at = time.time()  # the robot's clock is read first of all
-    replies = reader.ask([*mine, *observe_queries(), PLACEMENTS])
+    replies = reader.ask([*mine, *observe_queries(), FILES])
     with answers_of(host.name):
-        return _read(host, replies, len(mine), reader.measure(), asked_at)
+        return _read(host, replies, mine, reader.measure(), asked_at)
 
 
-def _read(host: Host, replies: Sequence[Reply], mine: int, measures: Measures | None, asked_at: float) -> Answers:
-    """Read the replies; the first of them, as many as `mine`, are about the robot itself."""
-    asked, ours = replies[:mine], observe_queries()
+def _read(
+    host: Host, replies: Sequence[Reply], mine: Sequence[AnyQuery], measures: Measures | None, asked_at: float
+) -> Answers:
+    """Read the replies; the first of them, those to `mine`, are about the robot itself."""
+    asked, ours = replies[: len(mine)], observe_queries()
     facts = parse_host(host, asked, measures=measures, now=asked_at)
-    seen = replies[mine:-1]
+    seen = replies[len(mine) : -1]
     mute = [reply for query, reply in zip(ours, seen, strict=True) if isinstance(query, EngineQuery) and not reply.ok]
     if mute and facts.docker is not None:
         # an engine that says its version but not what it runs is as good as none
         facts = replace(facts, docker=None, docker_problem=text(mute[0].err) or f"status {mute[0].status}")
     return Answers(
         host=host,
-        replies=asked,
+        replies=[without_records(one) if query == FILES else one for query, one in zip(mine, asked, strict=True)],
         measures=measures,
         asked_at=asked_at,
         facts=facts,

@@ -25,6 +25,7 @@ from srprov.facts.links import find_underlay
 from srprov.facts.model import HostFacts
 from srprov.facts.probes import EMULATORS, ENGINE, PING, PROBES, counters
 from srprov.facts.speeds import traffic_mbit, with_speeds
+from srprov.facts.spelled import read_spelled
 from srprov.facts.wireguard import WireguardAnswer
 from srprov.session import Measures
 from srprov.untrusted import decimal, integer, text
@@ -102,7 +103,7 @@ def parse_host(
         name=host.name,
         arch=arch,
         emulates=_emulated(files, arch),
-        **_words(files, said["wireguard"], said["processor"], said["rules"]) | msgspec.structs.asdict(said["spelled"]),
+        **_words(files, said["wireguard"], said["processor"], said["rules"]),
         tags=tuple(detect_tags(devices, files, links, tuple(said["wireless"]), arch)),
         devices=(*devices.known, *devices.aliases),
         docker=docker,
@@ -160,6 +161,7 @@ def _words(files: Files, wireguard: WireguardAnswer, processor: str, rules: str)
     """Return facts that are a word or a line, and what the machine is."""
     return {
         **equipment(files, processor),
+        **msgspec.structs.asdict(read_spelled(files)),
         "wireguard": wireguard.by,
         "wireguard_problem": wireguard.problem,
         "rules": rules,

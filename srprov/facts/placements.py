@@ -6,33 +6,62 @@ decided in `network/belief.py`. What is not of the right shape is as good as not
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import functools
+import re
+from collections.abc import Iterable, Mapping
 from typing import Any
+
+from msgspec.structs import replace
 
 from srprov import names
 from srprov.modules.module import STATE_ROOT
 from srprov.untrusted import LIST_LENGTH, integer, json_or_none, lines_of, mapping, string
-from srprov.wire import Query, Reply
+from srprov.wire import Reply
 
-PLACEMENTS = Query(
-    command=f'for f in {STATE_ROOT}/*/placement.json; do test -f "$f" && cat "$f" && echo; done; :', in_place=True
-)
+RECORDS = f"{STATE_ROOT}/*/placement.json"
+"""Where they are; `probes.py` asks for them, with other files."""
+_RECORD = re.compile(rf"{STATE_ROOT}/[^/:]{{1,64}}/placement\.json:")
 _SIZE_LIMIT = 1_000_000
+_MOST_LINES = 8192
+"""Of all files."""
 _PARTS = {"services": ("ip", "mac", "network", "robot"), "robots": ("gateway", "vtep")}
 _NUMBERS = ("mtu", "port", "vni", "serial")
 
 
 def parse_placements(reply: Reply) -> dict[str, Mapping[str, Any]]:
-    """Return instance -> its record; of two the newer."""
+    """Return instance -> its record, from the reply to `FILES` of `probes.py`; of two the newer."""
+    lines = lines_of(reply.out[:_SIZE_LIMIT], _MOST_LINES)
+    return read_placements(line[at.end() :] for line in lines if (at := _RECORD.match(line)))
+
+
+def without_records(reply: Reply) -> Reply:
+    """Return the reply without the records: who keeps what each robot said need not keep what names all robots."""
+    lines = reply.out.split("\n")
+    kept = [line for line in lines if not _RECORD.match(line)]
+    return reply if len(kept) == len(lines) else replace(reply, out="\n".join(kept))
+
+
+def read_placements(texts: Iterable[str]) -> dict[str, Mapping[str, Any]]:
+    """Return instance -> its record, from the texts of such files; of two the newer."""
     found: dict[str, Mapping[str, Any]] = {}
-    for line in lines_of(reply.out[:_SIZE_LIMIT], LIST_LENGTH):
-        record = mapping(json_or_none(line))
-        if names.valid("instance", record.get("instance")) and isinstance(record.get("serial"), int):
-            shaped = _shaped(record)
+    for text in texts:
+        if (shaped := _read(text)) is not None:
             before = found.get(shaped["instance"])
             if before is None or before["serial"] < shaped["serial"]:
                 found[shaped["instance"]] = shaped
     return found
+
+
+@functools.lru_cache(maxsize=64)
+def _read(text: str) -> Mapping[str, Any] | None:
+    """Return the record that a text is, if it is one: the same one for the same text, as all robots hold one.
+
+    It names all robots and services. Read once for each robot it would take the square of time, and of memory.
+    """
+    record = mapping(json_or_none(text))
+    if names.valid("instance", record.get("instance")) and isinstance(record.get("serial"), int):
+        return _shaped(record)
+    return None
 
 
 def _shaped(record: Mapping[str, Any]) -> dict[str, Any]:

@@ -27,6 +27,7 @@ from srprov.facts.answers import (
 )
 from srprov.facts.lifelines import NAME_FILES, TIME_FILES
 from srprov.facts.links import parse_links, parse_routes
+from srprov.facts.placements import RECORDS
 from srprov.wire import EngineQuery, Query
 
 DEVICE_GLOBS = (
@@ -50,16 +51,18 @@ _FILES = (
     "/sys/firmware/devicetree/base/serial-number /sys/bus/usb/devices/*/idVendor /sys/bus/usb/devices/*/idProduct "
     "/sys/bus/usb/devices/*/product /sys/bus/usb/devices/*/serial "
     f"/proc/1/comm /proc/uptime /proc/net/dev {' '.join(NAME_FILES + TIME_FILES)} "
-    f"{' '.join(EMULATORS)}"
+    f"{' '.join(EMULATORS)} {spelled.HOSTS} {spelled.USERS} {RECORDS}"
 )
 # The clock comes first: every later command would only add to its error. Linux 6.1 and later names its machine in
-# /proc, and root's name is known without a program that looks it up. sudo takes SSH_CONNECTION away, but itself still
-# has it in its environment, and is an ancestor of this shell.
+# /proc; a shell with an address of more than 8 digits is one of 64 bits; root's name is known. So no program is started
+# for these. sudo takes SSH_CONNECTION away, but itself still has it in its environment, and is an ancestor of this
+# shell.
 _IDENTITY = """\
 date +'clock %s.%N'
 m= ; read -r m 2>/dev/null </proc/sys/kernel/arch || m=$(uname -m)
 printf 'machine %s\\n' "$m"
-printf 'bits '; getconf LONG_BIT 2>/dev/null || echo
+read -r l 2>/dev/null </proc/self/maps && l=${l%%-*}
+[ ${#l} -gt 8 ] && echo 'bits 64' || { printf 'bits '; getconf LONG_BIT 2>/dev/null || echo; }
 while read -r k i e v; do [ "$k" = Uid: ] && break; done 2>/dev/null </proc/self/status
 [ "$k $e" = 'Uid: 0' ] && echo 'id uid=0(root)' || { printf 'id '; id; }
 c=${SSH_CONNECTION:-} u=${SUDO_USER:-} p=$PPID n=0
@@ -99,7 +102,19 @@ df -Pk / /var/lib/docker "${HOME:-/}" "${r:-/}" 2>/dev/null
 _COUNT_CPUS = "[ -r /sys/devices/system/cpu/online ] || grep -c '^processor[[:space:]]*:' /proc/cpuinfo"
 
 # its first lines are enough where a processor has a name; ARM's have none, and their boards do
-_PROCESSOR = "grep -sm1 '^model name' /proc/cpuinfo\n:"
+_PROCESSOR = """\
+n=0
+while [ $n -lt 8 ] && IFS= read -r l; do
+  n=$((n + 1))
+  case $l in 'model name'*) printf '%s\\n' "$l"; break;; esac
+done 2>/dev/null </proc/cpuinfo
+:"""
+
+
+_MOST_LINES = 1024
+"""Of each file."""
+FILES = Query(command=f"grep -sHa -m {_MOST_LINES} '' {_FILES}\n:", in_place=True)
+"""Everything that is read line by line, placement records too: one program for all of it."""
 
 
 class Probe(msgspec.Struct, frozen=True):
@@ -112,7 +127,7 @@ class Probe(msgspec.Struct, frozen=True):
 
 PROBES = (
     Probe("identity", _IDENTITY, parse_identity),
-    Probe("files", f"grep -sHa '' {_FILES}\n:", parse_files),
+    Probe("files", FILES.command, parse_files),
     Probe("cpus", _COUNT_CPUS, parse_count),
     Probe("processor", _PROCESSOR, parse_processor),
     Probe("links", "ip -j -d addr show", parse_links),
@@ -122,7 +137,6 @@ PROBES = (
     Probe("disk", _DISK, parse_disk),
     Probe("wireguard", wireguard.COMMAND, wireguard.parse_wireguard),
     Probe("rules", rules.COMMAND, rules.parse_rules),
-    Probe("spelled", spelled.COMMAND, spelled.parse_spelled),
 )
 """In the order of asking."""
 PING = EngineQuery(path="/_ping", headers=True)

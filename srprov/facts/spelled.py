@@ -1,6 +1,6 @@
 """What a robot's own files call things: the addresses of `/etc/hosts`, and the homes of its users.
 
-Gives the question and reads the answer. Pure. The shell starts no program for it.
+Takes their lines, which `probes.py` asks for. Pure.
 Source: hosts(5), passwd(5).
 """
 
@@ -13,28 +13,18 @@ from ipaddress import ip_address
 import msgspec
 
 from srprov import names
-from srprov.untrusted import folder, lines_of
+from srprov.facts.answers import Files
+from srprov.untrusted import folder, integer
 
+HOSTS, USERS = "/etc/hosts", "/etc/passwd"
 MOST_LINES = 512
 """Of each file that are read, comments too."""
 MOST_NAMES = 32
 """On one line."""
 _LINE = 1024
 _NOBODY = 65534
-COMMAND = f"""\
-n=0
-while [ $n -lt {MOST_LINES} ] && {{ IFS= read -r l || [ -n "$l" ]; }}; do
-  n=$((n + 1))
-  case $l in [0-9a-fA-F:]*) printf 'host %s\\n' "$l";; esac
-done 2>/dev/null </etc/hosts
-[ $n -lt {MOST_LINES} ] || echo cut
-n=0
-while [ $n -lt {MOST_LINES} ] && IFS= read -r l; do
-  n=$((n + 1)) i=${{l#*:*:}} h=${{l%:*}}
-  i=${{i%%:*}}
-  [ "$i" -eq 0 ] || [ "$i" -ge 1000 ] && printf 'home %s %s %s\\n' "$i" "${{l%%:*}}" "${{h##*:}}"
-done 2>/dev/null </etc/passwd
-:"""
+_FIRST_PERSON = 1000
+"""The least number of a user who is no part of the system, but for root's."""
 _NAME = re.compile(r"[A-Za-z0-9_]([A-Za-z0-9_.-]{0,252}[A-Za-z0-9_])?")
 
 
@@ -49,16 +39,16 @@ class Spelled(msgspec.Struct, frozen=True):
     """`USER:FOLDER` of root and of the users that people are; sorted."""
 
 
-def parse_spelled(out: str) -> Spelled:
-    """Read what the shell printed; a line that is none of a hosts file or of a user is left out."""
-    lines = lines_of(out, 2 * MOST_LINES + 1)
-    hosts = [line for one in lines if one.startswith("host ") and (line := _host(one[5 : 5 + _LINE]))]
+def read_spelled(files: Files) -> Spelled:
+    """Read both files; a line that is none of a hosts file or of a user is left out."""
+    lines = files.get(HOSTS, ())
+    hosts = [line for one in lines[:MOST_LINES] if (line := _host(one[:_LINE]))]
     homes: dict[str, str] = {}
-    for one in lines:
-        user, home = _home(one[5 : 5 + _LINE]) if one.startswith("home ") else ("", "")
+    for one in files.get(USERS, ())[:MOST_LINES]:
+        user, home = _home(one[:_LINE])
         homes.setdefault(user, home)  # the first of a name counts
     found = sorted(f"{user}:{home}" for user, home in homes.items() if user)
-    return Spelled(hosts=tuple(hosts), hosts_cut="cut" in lines, homes=tuple(found))
+    return Spelled(hosts=tuple(hosts), hosts_cut=len(lines) > MOST_LINES, homes=tuple(found))
 
 
 def _host(line: str) -> str:
@@ -74,8 +64,9 @@ def _host(line: str) -> str:
 
 
 def _home(line: str) -> tuple[str, str]:
-    """Return a user and his home; two empty words for what is none."""
-    uid, _, rest = line.partition(" ")
-    user, _, place = rest.partition(" ")
+    """Return a user and his home; two empty words for what is none, and for users that are part of the system."""
+    user, *_, place, _shell = [*line.split(":"), *[""] * 7][:7]
+    uid = integer(line.split(":")[2], default=-1) if line.count(":") == 6 else -1
     plain = folder(place) == place and posixpath.normpath(place) == place and ":" not in place
-    return (user, place) if plain and names.valid("user", user) and uid != str(_NOBODY) else ("", "")
+    people = uid == 0 or (uid >= _FIRST_PERSON and uid != _NOBODY)
+    return (user, place) if people and plain and names.valid("user", user) else ("", "")

@@ -16,7 +16,7 @@ import time
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
-from srprov import private
+from srprov import believed, private
 from srprov.git.program import FETCH_S, LOOK_S, GitError, run
 from srprov.git.tree import MOST_FILES, Entry, TreeFile, check_links, entries
 from srprov.git_address import Address, is_commit
@@ -97,10 +97,11 @@ def folder(address: Address, commit: str, most: int) -> Path:
         OSError: It cannot be kept.
     """
     place = default_folder() / "trees" / hashlib.sha256(f"{address.url} {commit}".encode()).hexdigest()[:32]
-    if place.is_dir():
+    if os.path.lexists(place):
+        believed.check(place)
         return place
     found = files(address, commit, most)
-    private.make_folder(place.parent)
+    believed.make_folder(place.parent)
     draft = Path(tempfile.mkdtemp(dir=place.parent))
     try:
         for one in found:
@@ -123,7 +124,9 @@ def folder(address: Address, commit: str, most: int) -> Path:
 @contextlib.contextmanager
 def _locked(place: Path) -> Iterator[None]:
     """Let one process at a time fetch into a repository."""
-    private.make_folder(place.parent)
+    believed.make_folder(place.parent)
+    if os.path.lexists(place):
+        believed.check(place)  # git runs what the settings of a repository name
     end = time.monotonic() + FETCH_S
     guard = os.open(place.with_suffix(".lock"), os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC, 0o600)
     try:

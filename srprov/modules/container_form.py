@@ -7,7 +7,7 @@ its mounts are read back from the engine's form; whether they are such as srprov
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 from msgspec.structs import replace
@@ -22,7 +22,7 @@ from srprov.wire import DATA_STORE
 WORD = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")
 """A name that is one part of a path, and neither `.` nor `..`."""
 _SECRET = re.compile(rf"({WORD.pattern})(?:@([0-7]{{4}}))?")
-_DATA = re.compile(rf"{re.escape(DATA_STORE)}/[0-9a-f]{{64}}/data")
+_DATA = re.compile(rf"{re.escape(DATA_STORE)}/([0-9a-f]{{64}})/data")
 _HOSTS = re.compile(rf"hosts(-{WORD.pattern})?|{DISCOVERY_FILE}")
 _TREE = re.compile(r"trees/[0-9a-f]{24}/(?!\.{1,2}\Z)[^/\0]+", re.DOTALL)
 
@@ -44,6 +44,25 @@ def is_own(want: ContainerParams, names: Names) -> bool:
         and want.network.name in (None, names.network)
         and all(_mount(want.instance, mount) is not None for mount in want.mounts)
     )
+
+
+def stands_on(want: ContainerParams) -> Iterator[tuple[str, str]]:
+    """Yield kind and name of the resources that put there what a container mounts of srprov's own.
+
+    An EDF that leads to such a mount leads to the resource too, and that is where it is asked whose the content is.
+    """
+    kept = f"{STATE_ROOT}/{want.instance}"
+    for mount in want.mounts:
+        source = str(mount.get("Source"))
+        below = source.removeprefix(f"{kept}/")
+        if data := _DATA.fullmatch(source):
+            yield "data", f"{kept}/data/{data[1]}"
+        elif below != source and _TREE.fullmatch(below):
+            yield "tree", source.rpartition("/")[0]
+        elif below != source and _HOSTS.fullmatch(below):
+            yield "file", source
+        elif source.startswith(f"{MEMORY_ROOT}/{want.instance}/secrets/"):
+            yield "secret", source
 
 
 def _mount(instance: str, mount: Mapping[str, Any]) -> Mount | SecretUse | None:

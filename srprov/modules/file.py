@@ -12,13 +12,20 @@ from typing import Any
 
 import msgspec
 
+from srprov.hashing import sha256_of
 from srprov.modules.differences import read_start, text_difference
 from srprov.modules.module import DISCOVERY_FILE, STATE_ROOT, Module, Names
-from srprov.modules.params import AnyText, Mode
+from srprov.modules.params import AnyText, Mode, ParameterError
 from srprov.resource import Action, Change, Difference, Observed, State
 from srprov.wire import AnyQuery, Command, Put, Query, Reply, Run, quote
 
-_LIST = f"cd {STATE_ROOT} 2>/dev/null || exit 0; find . -mindepth 2 -maxdepth 2 -type f -exec sha256sum {{}} +"
+_BELOW = f"{STATE_ROOT}/"
+# links are named, so that what they lead to is not taken for ours; the shell itself starts no program for that
+_LIST = f"""\
+set -- {STATE_ROOT}/*/* {STATE_ROOT}/*/.[!.]*
+for f; do [ -L "$f" ] && printf 'link  %s\n' "$f"; done
+[ -e "$1" ] || [ -e "$2" ] && sha256sum "$@" 2>/dev/null
+:"""
 _OWN = re.compile(rf"placement\.json|hosts(-[A-Za-z0-9_][A-Za-z0-9_.-]*)?|{DISCOVERY_FILE}")
 _MIN_PARTS = 2
 _READABLE = Mode(0o644)
@@ -27,10 +34,29 @@ _READABLE = Mode(0o644)
 class FileParams(msgspec.Struct, frozen=True, kw_only=True):
     """What a playbook says of a file."""
 
-    content: AnyText
+    content: AnyText | None = None
+    blob: bytes | None = None
+    """Its content, for a long one that many robots have: it stands once in plan files and records."""
     mode: Mode = _READABLE
     in_place: bool = False
     """Keep the inode: a file that is mounted into running containers must be rewritten, not replaced."""
+
+    def __post_init__(self) -> None:
+        """Refuse (ParameterError) none and both."""
+        if self.content is None and self.blob is None:
+            raise ParameterError("content", "the parameter 'content' is missing")
+        if self.content is not None and self.blob is not None:
+            raise ParameterError("blob", "there is content beside it")
+
+    @property
+    def data(self) -> bytes:
+        """The content as it is written."""
+        return self.blob if self.blob is not None else (self.content or "").encode()
+
+    @property
+    def text(self) -> str:
+        """The content as text."""
+        return self.content if self.content is not None else self.data.decode("utf-8", "replace")
 
 
 class FileModule(Module[FileParams]):
@@ -45,23 +71,23 @@ class FileModule(Module[FileParams]):
 
     def queries(self) -> tuple[AnyQuery, ...]:
         """Hash the files directly inside each instance's folder; shipped trees lie deeper and are not read."""
-        return (Query(command=_LIST),)
+        return (Query(command=_LIST, in_place=True),)
 
     def parse(self, replies: Sequence[Reply]) -> tuple[Observed, ...]:
-        """Read `sha256  ./instance/name` lines."""
+        """Read `sha256  PATH` lines; a link is no file of ours."""
+        said = [line.partition("  ")[::2] for line in replies[0].out.split("\n")]
+        links = {path for word, path in said if word == "link"}
         found = []
-        for line in replies[0].out.split("\n"):
-            sha, _, path = line.partition("  ")
-            parts = path.removeprefix("./").split("/")
+        for sha, path in said:
+            parts = path.removeprefix(_BELOW).split("/") if path.startswith(_BELOW) and path not in links else []
             if len(sha) == hashlib.sha256().digest_size * 2 and len(parts) == _MIN_PARTS:
-                name = f"{STATE_ROOT}/{'/'.join(parts)}"
-                found.append(Observed(module="file", name=name, instance=parts[0], state={"sha256": sha}))
+                found.append(Observed(module="file", name=path, instance=parts[0], state={"sha256": sha}))
         return tuple(found)
 
     def check(self, name: str, want: FileParams, found: State | None) -> Change | None:
         """Compare contents by hash; one that differs is written whole."""
-        content = want.content.encode()
-        if found is not None and found["sha256"] == hashlib.sha256(content).hexdigest():
+        content = want.data
+        if found is not None and found["sha256"] == sha256_of(content):
             return None
         write = Put(path=name, content=content, mode=want.mode, in_place=want.in_place and found is not None)
         if found is None:
@@ -74,17 +100,17 @@ class FileModule(Module[FileParams]):
 
     def old_queries(self, name: str, want: FileParams, found: State) -> tuple[AnyQuery, ...]:
         """Read the beginning of one that a user's playbook states."""
-        same = found["sha256"] == hashlib.sha256(want.content.encode()).hexdigest()
+        same = found["sha256"] == sha256_of(want.data)
         return () if same or self.is_plumbing(name) else (read_start(name),)
 
     def differences(self, want: FileParams, found: State, replies: Sequence[Reply]) -> tuple[Difference, ...]:
         """Compare line by line."""
-        return (text_difference("content", replies[0], want.content),) if replies else ()
+        return (text_difference("content", replies[0], want.text),) if replies else ()
 
     def between(self, old: FileParams, new: FileParams) -> tuple[Difference, ...]:
         """Compare line by line."""
-        same = old.content == new.content
-        return () if same else (text_difference("content", Reply(status=0, out=old.content), new.content),)
+        same = old.data == new.data
+        return () if same else (text_difference("content", Reply(status=0, out=old.text), new.text),)
 
     def removal(self, found: Observed) -> tuple[Command, ...]:
         """Remove it, and the instance's folder when it was the last thing there."""

@@ -13,12 +13,21 @@ from collections.abc import Callable, Iterable
 from srprov.wire import quote
 
 GRAVE = "docker-socket"
-_SOCKETS = ("/run/docker.sock", "/run/containerd/containerd.sock", "/run/podman/podman.sock")
+_SOCKETS = (
+    *("/run/docker.sock", "/run/containerd/containerd.sock", "/run/podman/podman.sock"),
+    *("/run/balena-engine.sock", "/run/cri-dockerd.sock", "/run/snapd.socket"),
+)
 _ENGINES = (
     *("/run/docker", "/run/containerd", "/run/podman", "/run/containers", "/run/srprov", "/run/user"),
+    *("/run/balena-engine", "/run/crio", "/run/k3s", "/run/lxd"),
     *("/var/lib/docker", "/var/lib/containerd", "/var/lib/containers", "/var/lib/srprov"),
+    *("/var/lib/balena-engine", "/var/lib/lxd", "/var/lib/rancher", "/var/snap/docker", "/var/snap/lxd"),
 )
 """Folders in which engines, or srprov, keep sockets, images, volumes or secrets: /run/user of those without root."""
+
+
+_OF_ROOT = ("/run/dbus", "/run/systemd")
+"""Folders with sockets of what does as root tells it, also root in a container."""
 
 
 def mount_kind(source: str) -> tuple[str, str]:
@@ -37,6 +46,8 @@ def mount_kind(source: str) -> tuple[str, str]:
         return GRAVE, "holds the engine's socket"
     if any(f"{one}/".startswith(f"{path.rstrip('/')}/") or path.startswith(f"{one}/") for one in _ENGINES):
         return GRAVE, "what an engine or srprov keeps"
+    if any(f"{path}/".startswith(f"{one}/") for one in _OF_ROOT):
+        return "host-path", "who is root there tells systemd what to run, as root"
     return "host-path", ""
 
 
@@ -71,7 +82,8 @@ def links_refused(sources: Iterable[str]) -> str:
     """Return a script that fails where one of some paths leads to what is graver to mount than it looks; or nothing.
 
     Of a path that is not there, what is there of it counts: the rest may be made. One that is grave as it is written
-    was asked for as that.
+    was asked for as that. What an engine or srprov keeps counts where it really lies: `/var/lib/docker` may be a link
+    to another disk, or a folder of it by another name, or the engine is told of another one.
     """
     paths = sorted({one for one in sources if mount_kind(one)[0] != GRAVE})
     return "\n".join([_LOOK, *(f"leads_to_no_engine {quote(one)}" for one in paths)]) if paths else ""
@@ -88,13 +100,78 @@ def _grave_patterns() -> str:
     return "|".join([*every, *(f"/var{one}" for one in every if one.startswith("/run"))])
 
 
+_KEPT = " ".join((*_SOCKETS, *_ENGINES))
+_PLACES = r"""newline=$(printf '\nx') newline=${newline%x}
+# a path as /proc/self/mountinfo spells it
+spelled() {
+  case $1 in
+    *"$newline"*) echo "cannot tell where $1 leads" >&2; exit 1 ;;
+    *[[:blank:]\\]*) printf '%s' "$1" | sed 's/\\/\\134/g; s/ /\\040/g; s/\t/\\011/g' ;;
+    *) printf '%s' "$1" ;;
+  esac
+}
+# a file system, and the place in it, of a path without links
+place_of() {
+  place= longest=0
+  for m in $mounts; do
+    f=${m%% *} m=${m#* }
+    point=${m#* } m=${m%% *}
+    case $1/ in "${point%/}"/*)
+      [ ${#point} -lt $longest ] || { longest=${#point} place="$f ${m%/}${1#"${point%/}"}/"; } ;;
+    esac
+  done
+}
+shows_an_engine() {
+  place_of "$1"
+  places=$place
+  for m in $mounts; do
+    f=${m%% *} m=${m#* }
+    case ${m#* } in "$1"/*) m=${m%% *} places="$places$newline$f ${m%/}/" ;; esac
+  done
+  for p in $places; do
+    for e in $kept_at; do
+      case $e in "$p"*) return 0 ;; esac
+      case $p in "$e"*) return 0 ;; esac
+    done
+  done
+  return 1
+}
+"""
+"""What an engine keeps may be mounted twice, and then lies below what does not have its name."""
 _LOOK = f"""\
 leads_to_no_engine() {{
   p=$1 r=
   while [ -n "$p" ] && [ ! -e "$p" ] && [ ! -L "$p" ]; do p=${{p%/*}}; done
   if [ -n "$p" ]; then r=$(readlink -f "$p"); [ -n "$r" ] || {{ echo "cannot tell where $1 leads" >&2; exit 1; }}; fi
-  r=${{r%/}}${{1#"$p"}}
+  there=$r r=${{r%/}}${{1#"$p"}}
   case ${{r:-/}} in {_grave_patterns()})
     echo "$1 leads to ${{r:-/}}: mount that, which asks for {GRAVE}" >&2; exit 1;;
   esac
-}}"""
+  while IFS= read -r e; do
+    q=$there grave=
+    while [ -n "$q" ] && [ -n "$e" ]; do [ ! "$q" -ef "$e" ] || grave=1; q=${{q%/*}}; done
+    case $e/ in "$r"/*) grave=1 ;; esac
+    [ -z "$grave" ] || {{ echo "$1 is, holds or lies in $e, which an engine or srprov keeps" >&2; exit 1; }}
+  done <<_END_OF_KEPT_
+$kept
+_END_OF_KEPT_
+  at=$(spelled "$r") || exit 1
+  IFS=$newline; set -f
+  if shows_an_engine "$at"; then echo "$1 shows by a mount what an engine or srprov keeps, or /proc" >&2; exit 1; fi
+  unset IFS; set +f
+}}
+{_PLACES}kept=$(
+  d=
+  while IFS= read -r l; do
+    case $l in *'"data-root"'*) d=${{l#*'"data-root"'}}; d=${{d#*'"'}}; d=${{d%%'"'*}};; esac
+  done 2>/dev/null </etc/docker/daemon.json
+  for e in {_KEPT} "$d"; do [ -z "$e" ] || [ ! -e "$e" ] || readlink -f "$e"; done
+)
+mounts=$(while read -r _ _ f root point _; do printf '%s\n' "$f $root $point"; done </proc/self/mountinfo)
+kept_at=$(
+  while read -r _ _ f root _ _ more; do
+    case " $more" in *' - proc '*) echo "$f ${{root%/}}/" ;; esac
+  done </proc/self/mountinfo
+  IFS=$newline; set -f
+  for k in $kept; do place_of "$(spelled "$k")"; printf '%s\n' "$place"; done
+)"""

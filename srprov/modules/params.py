@@ -13,7 +13,7 @@ import json
 import re
 import types
 from collections.abc import Mapping
-from typing import Annotated, Any, Literal, NewType, TypeVar, get_args, get_origin
+from typing import Annotated, Any, Literal, NewType, TypeVar, Union, get_args, get_origin
 
 import msgspec
 
@@ -95,7 +95,7 @@ def _fields(kind: type[Any]) -> dict[str, tuple[str, _Options, bool]]:
 def _options(hint: Any) -> _Options:  # noqa: ANN401 - any type
     """Return the options of a type, each with its key in the table and its own parameters."""
     found = []
-    for one in get_args(hint) if get_origin(hint) is types.UnionType else (hint,):
+    for one in get_args(hint) if get_origin(hint) in (types.UnionType, Union) else (hint,):
         origin = get_origin(one)
         base = str if origin is Literal else Mapping if _is_struct(one) else origin or one
         found.append((one, base, get_args(one)))
@@ -111,7 +111,7 @@ def _value(options: _Options, value: Any, at: str, blobs: Mapping[str, bytes]) -
         # to Python, true is a number
         if isinstance(value, _JSON[base][0]) and (value.__class__ is not bool or base in (bool, Any)):
             return _converted(option, base, inner, value, at, blobs)
-    wanted = " or ".join(_JSON[base][1] for _, base, _ in options)
+    wanted = " or ".join(_JSON[base][1] for _, base, _ in options if base is not type(None))  # it may be left out
     raise ParameterError(at, f"{at}: expected {wanted}, not {json.dumps(value)[:60]}")
 
 

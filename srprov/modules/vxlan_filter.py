@@ -35,11 +35,12 @@ _MADE = re.compile(r"(?:table (?:inet|bridge) |:)(srpv[0-9a-f]{8})(?: \{|-in |-v
 """The beginning of a table or chain of ours."""
 _ACCEPTS_ALL = re.compile(r"-A PREROUTING(?: -m comment --comment \S+)? -j ACCEPT")
 _LINES = 100_000
-# nft tells in one go what is there, also tables that iptables made over it, and takes as long for all as for one. The
+# nft tells in one go what is there, also tables that iptables made over it, and takes as long for all as for one; it
+# looks up names of ports and protocols unless it is told not to. The
 # old iptables would load its module when it is asked for a table, so the kernel is asked first whether that is there.
 _LIST = (
     """\
-t=$(nft list ruleset 2>/dev/null) || t=none
+t=$(nft -s -n list ruleset 2>/dev/null) || t=none
 case $t in none) ;; *" srpv"*) printf '%s\\n' "$t" ;; esac
 """
     + "".join(

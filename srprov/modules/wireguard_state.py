@@ -20,8 +20,10 @@ from srprov.modules.params import ParameterError
 from srprov.untrusted import LIST_LENGTH, integer, json_or_none, lines_of, mappings, string
 from srprov.wire import Query, Reply
 
-NETNS = re.compile(r"srpw[0-9a-f]{8}")
-LINK = re.compile(r"(srpw[0-9a-f]{8})[ab]")
+NAME = "srpw"
+"""The beginning of each name."""
+NETNS = re.compile(rf"{NAME}[0-9a-f]{{8}}")
+LINK = re.compile(rf"({NETNS.pattern})[ab]")
 """Two, so that a new key is in use on all robots before the old one goes."""
 KEY = re.compile(r"[A-Za-z0-9+/]{42}[AEIMQUYcgkosw048]=")
 """32 bytes in base64."""
@@ -113,7 +115,9 @@ def read(replies: Sequence[Reply]) -> tuple[Tunnels, ...]:
             shown.word = rest
         else:
             shown.line(current, line.split("\t", _MOST_WORDS)[:_MOST_WORDS])
-    for item in mappings(replies[0].json() if replies[0].ok else [], most=LIST_LENGTH):
+    # three modules read the same long answer, which hardly ever has a word of theirs
+    links = replies[0].json() if replies[0].ok and NAME in replies[0].out else []
+    for item in mappings(links, most=LIST_LENGTH):
         if match := LINK.fullmatch(string(item.get("ifname"))):
             half_made = found.setdefault(match[1], Tunnels(match[1]))
             half_made.interfaces[match[0]] = Interface(alias=string(item.get("ifalias")).removeprefix(ALIAS))

@@ -10,7 +10,7 @@ administered (IEEE 802).
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from ipaddress import IPv4Address, IPv4Network
 
 import msgspec
@@ -79,13 +79,15 @@ def is_free(address: str, subnet: str, gateway: str) -> bool:
     return wanted in network and address not in (gateway, str(network[0]), str(network[-1]))
 
 
-def bridge_macs(instance: str, robots: Iterable[str], taken: Collection[str]) -> dict[str, str]:
+def bridge_macs(instance: str, robots: Iterable[str], taken: Iterable[str]) -> dict[str, str]:
     """Return a MAC for the bridge of each robot, none of which is taken: a hash of its name, and the next free one."""
     found: dict[str, str] = {}
+    given = set(taken)
     for robot in sorted(set(robots)):
         slot = number("bridge", instance, robot) % (1 << 40)
-        while (mac := _mac(slot)) in taken or mac in found.values():
+        while (mac := _mac(slot)) in given:
             slot = (slot + 1) % (1 << 40)
+        given.add(mac)
         found[robot] = mac
     return found
 

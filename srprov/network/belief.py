@@ -13,6 +13,8 @@ So no robot can move what others are sent, by a record of its own with a higher 
 
 from __future__ import annotations
 
+import json
+from collections import Counter
 from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
@@ -55,18 +57,19 @@ def believe(
         keepers: The robots that this machine's last run gave a record to; empty where there was none.
         written: Tells which of the records of that run one is, the newest the highest; -1 for none of them.
     """
-    held = {robot: records[instance] for robot, records in snapshot.records.items() if instance in records}
+    held = _shared({robot: records[instance] for robot, records in snapshot.records.items() if instance in records})
     trusted = {robot: record for robot, record in held.items() if robot in keepers}
-    best = _settled(trusted, [robot for robot in keepers if robot in snapshot.unreachable], written)
+    ages = {id(record): written(record) for record in _distinct(held)}
+    best = _settled(trusted, [robot for robot in keepers if robot in snapshot.unreachable], ages)
     if best is not None:
-        holders = frozenset(robot for robot, record in held.items() if record == best)
-        odd = sorted(robot for robot, record in held.items() if record != best and written(record) < 0)
+        holders = frozenset(robot for robot, record in held.items() if record is best)
+        odd = sorted(robot for robot, record in held.items() if record is not best and ages[id(record)] < 0)
         notes = tuple(f"{robot} holds another record of this instance: it is not believed" for robot in odd)
         return Belief(record=best, claimed=best, holders=holders, notes=notes)
     if not held:
         return Belief()
     most = _most_held(held)
-    holders = frozenset(robot for robot, record in held.items() if record == most)
+    holders = frozenset(robot for robot, record in held.items() if record is most)
     disputes = _differing(held, most)
     if away := sorted(robot for robot in keepers if robot in snapshot.unreachable):
         who, cut_off = ", ".join(sorted(held)), ", ".join(away)
@@ -77,45 +80,62 @@ def believe(
     return Belief(record=_of_own(held, most), claimed=most, holders=holders, disputes=tuple(disputes), absent=absent)
 
 
-def _settled(trusted: Mapping[str, Record], away: Collection[str], written: Callable[[Record], int]) -> Record | None:
+def _shared(held: Mapping[str, Record]) -> dict[str, Record]:
+    """Return the records, those that are equal as one object: all robots have one, and each names all robots."""
+    texts = {id(record): json.dumps(record, sort_keys=True) for record in _distinct(held)}
+    first: dict[str, Record] = {}
+    return {robot: first.setdefault(texts[id(record)], record) for robot, record in held.items()}
+
+
+def _distinct(held: Mapping[str, Record]) -> list[Record]:
+    """Return the objects, each once."""
+    return list({id(one): one for one in held.values()}.values())
+
+
+def _settled(trusted: Mapping[str, Record], away: Collection[str], ages: Mapping[int, int]) -> Record | None:
     """Return the record that needs nobody's consent: this machine's, or one that most who were given one agree on.
 
     None: there is none, or `away` tells of robots that could contradict.
     """
-    ours = max(trusted.values(), key=written, default=None)
-    if ours is None or written(ours) >= 0:
+    ours = max(trusted.values(), key=lambda record: ages[id(record)], default=None)
+    if ours is None or ages[id(ours)] >= 0:
         return ours
     most = _most_held(trusted)
-    agree = 2 * sum(record == most for record in trusted.values()) > len(trusted)
+    agree = 2 * sum(record is most for record in trusted.values()) > len(trusted)
     return most if agree and not away else None
 
 
 def _most_held(held: Mapping[str, Record]) -> Record:
     """Return the record that most robots hold, those first that it says anything of; of several the newest."""
+    holders = Counter(map(id, held.values()))
+    named = Counter(id(record) for robot, record in held.items() if robot in record.get("robots", {}))
 
     def weight(record: Record) -> tuple[int, int, int]:
-        holders = [robot for robot, one in held.items() if one == record]
-        return sum(robot in record.get("robots", {}) for robot in holders), len(holders), int(record["serial"])
+        return named[id(record)], holders[id(record)], int(record["serial"])
 
     return max(held.values(), key=weight)
 
 
 def _of_own(held: Mapping[str, Record], most: Record) -> Record:
     """Return what each robot's record says of the robot itself; where two have one service, `most` decides."""
+    placed: dict[tuple[int, str], dict[str, Any]] = {}
+    for record in _distinct(held):
+        for name, entry in record.get("services", {}).items():
+            placed.setdefault((id(record), entry["robot"]), {})[name] = entry
     services: dict[str, Any] = {}
     robots: dict[str, Any] = {}
-    for robot, record in sorted(held.items(), key=lambda one: one[1] == most):
-        services |= {name: entry for name, entry in record.get("services", {}).items() if entry["robot"] == robot}
-        robots |= {name: entry for name, entry in record.get("robots", {}).items() if name == robot}
+    for robot, record in sorted(held.items(), key=lambda one: one[1] is most):
+        services |= placed.get((id(record), robot), {})
+        robots |= {robot: record["robots"][robot]} if robot in record.get("robots", {}) else {}
     return {**most, "services": services, "robots": robots}
 
 
 def _differing(held: Mapping[str, Record], most: Record) -> list[str]:
-    first = min(robot for robot, record in held.items() if record == most)
+    first = min(robot for robot, record in held.items() if record is most)
     return [
         f"{first} and {robot} hold different records of it (serial {most['serial']} and {record['serial']})"
         for robot, record in sorted(held.items())
-        if record != most
+        if record is not most
     ]
 
 

@@ -17,13 +17,14 @@ from msgspec.structs import replace
 
 from srprov.codes import Code
 from srprov.errors import PlanError
-from srprov.modules import MODULES, PROBING, RUNNING
+from srprov.modules import MODULES, PROBING
 from srprov.planning.amiss import amiss
+from srprov.planning.before import Before, taken
 from srprov.planning.plan import Step
 from srprov.planning.reach import Reach
 from srprov.planning.rebuild import rebuild_stranded, rebuild_users
 from srprov.planning.steps import Key, There, due_step, informed, new_step, order_key, removal_step, waits
-from srprov.resource import Action, Condition, Need, Observed, Resource, resource_id
+from srprov.resource import Condition, Need, Observed, Resource, resource_id
 
 ObservedByRobot = Mapping[str, Sequence[Observed]]
 """Robot -> everything of ours there, of every instance."""
@@ -117,13 +118,14 @@ def _orphans(
     wanted: Mapping[str, Resource], there: There, observed: ObservedByRobot, instance: str, copying: Collection[str]
 ) -> list[Step]:
     homes = {one.service: one.host for one in wanted.values() if one.service}
+    busy = frozenset(homes.values())
     copied = {
         source: one.host
-        for source, one in _taken(wanted).items()
+        for source, one in taken(wanted).items()
         if one.id in copying or _is_copied(one, there.get((one.host, one.module, one.name)))
     }
     return [
-        removal_step(host, item, _orphan_cause(item, homes, host in homes.values(), copied.get(id_, "")))
+        removal_step(host, item, _orphan_cause(item, homes, host in busy, copied.get(id_, "")))
         for host, item in _owned(observed, instance)
         if (id_ := resource_id(host, item.module, item.name)) in copied
         or (id_ not in wanted and not MODULES[item.module].keeps(item.state))
@@ -133,24 +135,6 @@ def _orphans(
 def _is_copied(heir: Resource, item: Observed | None) -> bool:
     """Return whether an earlier plan copied: what is there for another reason replaces nothing."""
     return item is not None and MODULES[heir.module].is_copy(heir.params, item.state)
-
-
-def _taken(wanted: Mapping[str, Resource]) -> dict[str, Resource]:
-    """Return the id of each resource that is replaced by one on another robot -> that one.
-
-    Raises:
-        PlanError: One would be replaced by itself.
-    """
-    sources = {key: MODULES[one.module].taken_from(one.params) for key, one in wanted.items()}
-    for key, source in sources.items():
-        if source == wanted[key].host:
-            message = f"{key} cannot be copied from {source}, where it is"
-            raise PlanError(message, hint="name another robot", code=Code.OPTIONS)
-    return {
-        resource_id(source, wanted[key].module, wanted[key].name): wanted[key]
-        for key, source in sources.items()
-        if source
-    }
 
 
 def _orphan_cause(item: Observed, homes: Mapping[str, str], busy: bool, copied: str) -> str:
@@ -167,7 +151,7 @@ def _in_order(steps: Sequence[Step], wanted: Mapping[str, Resource]) -> tuple[St
     by_key = {order_key(step): step for step in steps}
     if len(by_key) != len(steps):
         raise PlanError("two steps for one resource", code=Code.TWICE)
-    order = _Before(by_key, wanted)
+    order = Before(by_key, wanted)
     needs = {key: order.of(step) for key, step in by_key.items()}
     numbers: dict[Key, int] = {}
     missing = {key: len(before) for key, before in needs.items()}
@@ -200,51 +184,3 @@ def _in_order(steps: Sequence[Step], wanted: Mapping[str, Resource]) -> tuple[St
         )
         for key, number in numbers.items()
     )
-
-
-class _Before:
-    """What must be done before a step: an index of the removals, and of what needs what."""
-
-    def __init__(self, by_key: Mapping[Key, Step], wanted: Mapping[str, Resource]) -> None:
-        self._wanted, self._taken = wanted, _taken(wanted)
-        self._changed = {one.id: key for key, one in by_key.items() if one.want is not None}
-        self._reach = Reach(wanted, self._changed)
-        self._removals: dict[tuple[str, ...], set[Key]] = {}
-        """Keys of removals by robot and kind, by id, and by service."""
-        self._shared: dict[tuple[str, str], frozenset[Key]] = {}
-        self._made: dict[tuple[str, str], set[Key]] = {}
-        """Keys of all other steps by robot and kind."""
-        for key, one in by_key.items():
-            if one.want is not None:
-                self._made.setdefault((one.host, one.module), set()).add(key)
-            if one.change.action is Action.DELETE:
-                for at in ((one.host, one.module), (one.id,), ("", "", one.service)):
-                    self._removals.setdefault(at, set()).add(key)
-
-    def of(self, step: Step) -> Collection[Key]:
-        """Return the steps that must have succeeded before one."""
-        if step.want is None:
-            return self._of_removal(step)
-        needs = {self._changed[one] for one in self._reach.of(step.want.needs)}
-        if source := MODULES[step.module].taken_from(step.want.params):
-            needs.update(*(self._gone(source, kind) for kind in RUNNING))
-        module = MODULES[step.module]
-        needs.update(*(self._gone(step.host, kind) for kind in MODULES if module.made_after_removal_of(kind)))
-        # nothing stands twice, and no service runs twice
-        return needs.union(self._gone(step.id), self._gone("", "", step.service) if step.service else ())
-
-    def _gone(self, *at: str) -> Collection[Key]:
-        return self._removals.get(at, ())
-
-    def _of_removal(self, step: Step) -> Collection[Key]:
-        place = step.host, step.module
-        if place not in self._shared:  # a robot may have very many, and all wait for the same
-            first = (self._gone(step.host, kind) for kind, one in MODULES.items() if one.removed_before(step.module))
-            after = MODULES[step.module].removed_after_making
-            made = (keys for (host, kind), keys in self._made.items() if after(kind, here=host == step.host))
-            self._shared[place] = frozenset[Key]().union(*first, *made)
-        # what was copied goes last: after the copy, and after what needs the copy was made
-        if (heir := self._taken.get(step.id)) is None:
-            return self._shared[place]
-        users = {one.id for one in self._wanted.values() if heir.id in (one.id, *(need.id for need in one.needs))}
-        return self._shared[place] | {self._changed[one] for one in users if one in self._changed}

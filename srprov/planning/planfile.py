@@ -13,13 +13,13 @@ Equal plans give byte-equal files. Source of the idea: a saved plan is a contrac
 from __future__ import annotations
 
 import base64
-import hashlib
 import json
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 import msgspec
 
+from srprov.hashing import sha256_of
 from srprov.planning.fingerprint import lasting
 from srprov.planning.plan import Plan, Step, command_json, plan_json, secret_json, step_json
 from srprov.resource import Resource
@@ -144,7 +144,7 @@ def _stated(want: Resource, blobs: dict[str, bytes]) -> dict[str, Any]:
 
 def _keep(data: bytes, blobs: dict[str, bytes]) -> str:
     """Add bytes to those of the file and return their sha256."""
-    digest = hashlib.sha256(data).hexdigest()
+    digest = sha256_of(data)
     blobs[digest] = data
     return digest
 

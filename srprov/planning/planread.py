@@ -90,7 +90,10 @@ def _plan_file(read: Document) -> PlanFile:
         source=read.source,
         steps=tuple(_step(step, blobs) for step in read.steps),
         unchanged=read.unchanged,
-        assignment=read.assignment,
+        assignment={
+            names.checked("service", service): names.checked("robot", robot)
+            for service, robot in read.assignment.items()
+        },
         cost=read.cost,
         costs=read.costs,
         permissions=read.permissions,

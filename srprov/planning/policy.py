@@ -6,6 +6,7 @@ An EDF may come from a stranger. Everything that reaches the robot itself is a `
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Iterator, Mapping
 from types import MappingProxyType
 
@@ -16,7 +17,7 @@ from srprov.definitions.containermodel import ContainerDefinition, Port, Runtime
 from srprov.definitions.model import Experiment, NetworkSettings, Service
 from srprov.errors import RefusedError
 from srprov.image_reference import parse_reference
-from srprov.modules.mount_kind import GRAVE, below, mount_kind
+from srprov.modules.mount_kind import GRAVE, below, mount_kind, plain
 from srprov.network.identity import is_for_overlays
 from srprov.planning.image_origin import not_from_a_registry
 from srprov.planning.log_options import of_logging
@@ -53,6 +54,8 @@ _REALTIME = ("memlock", "nice", "rtprio", "rttime")
 """Limits that take memory or the processor away from everything else on the robot."""
 _FIRST_FREE_PORT = 1024
 _Places = Callable[[str], bool]
+_DEVICES = re.compile("/dev/(?!shm/)")
+_ELSEWHERE = "not below /dev, as in a volume or a container's own files"
 _OTHERS = "below a folder that a container of the experiment writes to"
 _NONE: Mapping[str, ContainerDefinition] = MappingProxyType({})
 
@@ -208,8 +211,9 @@ def _paths(run: Runtime, written: _Places) -> Iterator[tuple[str, str]]:
 
 def _hardware(run: Runtime, written: _Places) -> Iterator[tuple[str, str]]:
     for path, _, rights in run.devices:
-        if written(path):
-            yield "privileged", f"the device {path} ({rights}; {_OTHERS}: it may be any device)"
+        where = _OTHERS if written(path) else "" if _DEVICES.match(plain(path)) else _ELSEWHERE
+        if where:
+            yield "privileged", f"the device {path} ({rights}; {where}: it may be any device)"
         else:
             yield "device", f"{path} ({rights})"
     for rule in run.device_cgroup_rules:

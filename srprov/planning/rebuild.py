@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from srprov.modules import MODULES
 from srprov.planning.plan import Step
 from srprov.planning.steps import There, new_step, removal_step
-from srprov.resource import Action, Condition, Observed, Resource
+from srprov.resource import Action, Condition, Observed, Resource, State
 
 
 def rebuild_users(
@@ -45,9 +45,13 @@ def rebuild_users(
 def rebuild_stranded(steps: Iterable[Step], there: There) -> list[Step]:
     """Replace the steps that would start something on what is gone: it must be made anew."""
     rebuilt: list[Step] = []
+    by_robot: dict[str, dict[tuple[str, str], State]] = {}
+    for (host, kind, name), one in there.items():
+        by_robot.setdefault(host, {})[kind, name] = one.state
     for step in steps:
         item = there.get((step.host, step.module, step.name))
-        lost = _lost(step.want, item, there) if step.want and item and step.change.action is Action.UPDATE else ""
+        update = step.change.action is Action.UPDATE
+        lost = _lost(step.want, item, by_robot[step.host]) if step.want and item and update else ""
         if lost and step.want and item:
             rebuilt += _anew(step.want, item, f"{step.change.cause}; {lost}")
         else:
@@ -55,8 +59,7 @@ def rebuild_stranded(steps: Iterable[Step], there: There) -> list[Step]:
     return rebuilt
 
 
-def _lost(want: Resource, item: Observed, there: There) -> str:
-    others = {(kind, name): one.state for (host, kind, name), one in there.items() if host == want.host}
+def _lost(want: Resource, item: Observed, others: Mapping[tuple[str, str], State]) -> str:
     return MODULES[want.module].stranded(want.params, item.state, others)
 
 

@@ -80,8 +80,16 @@ def write_inputs(folder: Sink, run: RunInputs, commit: Callable[[], object] = la
     folder.put_json("inputs/inventory.yml", lambda: inventory_document(run.inventory))
     for name, text in inputs(run.file.inputs if run.files is None else run.files):
         folder.put(f"inputs/{name}", lambda text=text: text)  # type: ignore[misc]
-    for host in sorted({resource.host for resource in run.desired}):
-        folder.put_json(f"rendered/{host.replace('/', '_')}.yml", lambda host=host: rendered(run.desired, host))  # type: ignore[misc]
+    of_robots: dict[str, list[Resource]] = {}
+    shared: dict[str, str] = {}
+    for resource in run.desired:
+        of_robots.setdefault(resource.host, []).append(resource)
+        if resource.module == "file" and (sha256 := resource.written.get("blob")) and sha256 not in shared:
+            shared[sha256] = resource.params.text
+    for sha256, text in sorted(shared.items()):
+        folder.put(f"rendered/shared/{sha256}", lambda text=text: text)  # type: ignore[misc]
+    for host, mine in sorted(of_robots.items()):
+        folder.put_json(f"rendered/{host.replace('/', '_')}.yml", lambda mine=mine: rendered(mine))  # type: ignore[misc]
 
 
 _DEEPEST = 20
@@ -204,13 +212,13 @@ def _host(host: Host) -> dict[str, Any]:
         "srprov_devices": list(host.devices) or None,
         "srprov_bandwidth_mbit": host.bandwidth_mbit,
         "srprov_pid": host.pid or None,
+        "srprov_site": host.site or None,
     }
     return {key: value for key, value in values.items() if value is not None}
 
 
-def rendered(desired: Sequence[Resource], host: str) -> list[dict[str, Any]]:
+def rendered(mine: Sequence[Resource]) -> list[dict[str, Any]]:
     """Return what should be true on one robot, as a playbook has it; JSON is YAML."""
-    mine = [resource for resource in desired if resource.host == host]
     return [
         {
             one.module: one.name,

@@ -16,7 +16,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Protocol
 
-from srprov import private
+from srprov import believed, private
 from srprov.secret import redact, redacted
 
 _PATIENCE_S = 10.0
@@ -129,7 +129,8 @@ class RunFolder:
                 os.close(self._events)
 
     def _make(self) -> None:
-        private.make_folder(self.root)
+        # whoever writes to it could put a link in the place of what is written next
+        (believed if self.root == default_root() else private).make_folder(self.root)
         for twin in range(1, _MOST_TWINS):
             path = self.root / (self.name if twin == 1 else f"{self.name}-{twin}")
             with contextlib.suppress(FileExistsError):

@@ -15,7 +15,7 @@ from typing import Any
 
 import msgspec
 
-from srprov import private, regular_file
+from srprov import believed
 from srprov.record.folder import default_root
 from srprov.untrusted import mapping, parse_json, string, strings
 
@@ -40,7 +40,7 @@ def digest(record: Mapping[str, Any]) -> str:
 def recall(instance: str) -> Memory:
     """Return what is remembered of an instance."""
     try:
-        kept = mapping(parse_json(regular_file.read_text(_place(instance), _LONGEST)))
+        kept = mapping(parse_json(believed.read(_place(instance), _LONGEST).decode()))
     except (OSError, ValueError):
         return Memory()
     return Memory(robots=frozenset(strings(kept.get("robots"))), records=tuple(strings(kept.get("records"))))
@@ -62,7 +62,7 @@ def remember(instance: str, memory: Memory) -> str:
 def known_images() -> dict[str, frozenset[str]]:
     """Return content tag -> the ids of images that a run of this machine had built under it."""
     try:
-        kept = mapping(parse_json(regular_file.read_text(_images(), _LONGEST)))
+        kept = mapping(parse_json(believed.read(_images(), _LONGEST).decode()))
     except (OSError, ValueError):
         return {}
     return {string(tag): frozenset(map(string, ids)) for tag, ids in kept.items() if isinstance(ids, list)}
@@ -85,7 +85,7 @@ def _images() -> Path:
 def _write(place: Path, document: object) -> str:
     """Replace a file; return why that is not possible, or nothing."""
     try:
-        private.replace_file(place, json.dumps(document))
+        believed.write(place, json.dumps(document))
     except OSError as error:
         return f"{error.filename or place}: {error.strerror or error}"
     return ""

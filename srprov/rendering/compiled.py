@@ -19,7 +19,7 @@ from types import CodeType
 from jinja2 import Template, compiler
 from jinja2.bccache import bc_magic
 
-from srprov import private
+from srprov import believed, private
 from srprov.rendering import environment
 
 _MOST_BYTES = 1 << 20
@@ -42,7 +42,7 @@ def template(name: str, text: str) -> Template:
         code = env.compile(text)
         with contextlib.suppress(OSError):  # compiled again next time
             private.make_folder(path.parent)
-            if private.is_safe_folder(path.parent):
+            if believed.is_safe_folder(path.parent):
                 private.replace_file(path, made_from + marshal.dumps(code))
     return env.template_class.from_code(env, code, env.make_globals(None))
 
@@ -57,7 +57,7 @@ def _code() -> bytes:
 def _kept(path: Path, made_from: bytes) -> CodeType | None:
     """Return the code that a file holds; None when it was made from something else, or might be somebody else's."""
     try:
-        content = private.read_kept(path, _MOST_BYTES)
+        content = believed.read(path, _MOST_BYTES)
     except OSError:
         return None
     if content[:_DIGEST] != made_from:

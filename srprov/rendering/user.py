@@ -12,9 +12,10 @@ from typing import Any
 
 from srprov.codes import Code
 from srprov.data import schema as shipped_schema
-from srprov.definitions.playbook import VARIABLES, check_item
+from srprov.definitions.playbook import check_item
 from srprov.definitions.playbookmodel import Playbook
 from srprov.definitions.template import unmarked
+from srprov.definitions.template_check import VARIABLES
 from srprov.errors import DefinitionError, Diagnostic, Location, did_you_mean
 from srprov.modules.module import Module
 from srprov.modules.params import ParameterError

@@ -34,4 +34,4 @@ def copy(
         return copy_image(command, session, peers, options, progress)
     if isinstance(command, CopyVolume):
         return copy_volume(command, session, peers, progress)
-    return send_data(command, session, options.turns, progress)
+    return send_data(command, session, options, progress)

@@ -20,6 +20,7 @@ from srprov.transport.turns import Turns
 from srprov.wire import DATA_STORE, Reply, SendData, quote
 
 if TYPE_CHECKING:
+    from srprov.transport.options import ConnectOptions
     from srprov.transport.session import BaseSession
 
 _PIECE = 1 << 20
@@ -28,14 +29,14 @@ _HASHED = 1 << 20
 """bytes/s that the slowest disk of a robot is read with."""
 
 
-def send_data(command: SendData, session: BaseSession, turns: Turns, progress: Progress) -> Reply:
+def send_data(command: SendData, session: BaseSession, options: ConnectOptions, progress: Progress) -> Reply:
     """Send it; see `SendData`. A download is somebody's turn.
 
     Raises:
         TransportError: The robot cannot be talked to any more.
     """
     try:
-        with regular_file.real_file(_here(command, turns, progress)) as file:
+        with regular_file.real_file(_here(command, options, progress)) as file:
             return _send(command, file, session, progress)
     except (OSError, HTTPException, ValueError, datasets.WrongData) as error:
         why = f"{command.url}: {error}" if command.url else str(error)
@@ -103,8 +104,22 @@ chmod 0444 part && mv part data && echo done
 }}"""
 
 
-def _here(command: SendData, turns: Turns, progress: Progress) -> Path:
-    """Return a file of this machine that has the hash; it is downloaded once for all robots."""
+def _here(command: SendData, options: ConnectOptions, progress: Progress) -> Path:
+    """Return a file that has the hash, from where srprov runs."""
+    if options.home is not None:
+        return options.home.data_set(command)
+    return found_here(command, options.turns, progress)
+
+
+def found_here(command: SendData, turns: Turns, progress: Progress) -> Path:
+    """Return a file of this machine that has the hash; it is downloaded once for all robots.
+
+    Raises:
+        ValueError: There is none, and no address.
+        WrongData: The address gives another content.
+        OSError: It cannot be downloaded or kept.
+        HTTPException: What answers there speaks no HTTP.
+    """
     with turns.turn(command.sha256):
         if found := datasets.find(command.sha256, command.url):
             return found

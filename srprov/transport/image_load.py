@@ -60,6 +60,7 @@ class _Loading:
         self._copy, self._session, self._progress = copy, session, progress
         self._links = options.image_sources.links
         self._blobs: Blobs = options.image_sources.blobs
+        self._home = options.home
 
     def run(self) -> Reply:
         """Do it."""
@@ -104,6 +105,8 @@ class _Loading:
         fast = self._links.takes_fast
         with self._blobs.turn(digest):
             found = self._blobs.get(digest, lambda: fast(self._session))
+            if found is None and self._home is not None:
+                found = self._home.layer(digest)
         if found is None:
             raise ForeignImage(f"{digest} is not in this machine's cache of layers any more")
         return found

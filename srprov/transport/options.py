@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import msgspec
 
@@ -15,9 +15,21 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from srprov.session import Session
+    from srprov.transport.blobs import Blob
+    from srprov.wire import SendData
 
 Peers = Callable[[str], "Session"]
 """Returns the session of another robot by its name, for `CopyImage`; raises TransportError when there is none."""
+
+
+class HomeFiles(Protocol):
+    """Files of the machine where srprov runs, for connections that another machine has."""
+
+    def layer(self, digest: str) -> Blob | None:
+        """Return a content of its cache of layers, which is in that of this machine then."""
+
+    def data_set(self, command: SendData) -> Path:
+        """Return a data set as a file of this machine."""
 
 
 class ConnectOptions(msgspec.Struct, frozen=True, kw_only=True):
@@ -37,3 +49,5 @@ class ConnectOptions(msgspec.Struct, frozen=True, kw_only=True):
     """Where copies of images read what their robot lacks, and the cache that they keep it in."""
     turns: Turns = msgspec.field(default_factory=OwnTurns)
     """Who downloads a data set, once for all robots."""
+    home: HomeFiles | None = None
+    """Where files are that are not from a robot; None: on this machine."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 import queue
 import threading
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as NotYet
 from types import TracebackType
@@ -37,6 +37,7 @@ class Sessions:
         forks: How many connections are being made at the same time.
         rate_per_s: How many are begun per second, once `forks` of them have been begun at once.
         workers: Processes that have the connections; 1: this one. Forks and rate are those of all together.
+        scheduler: Of the cluster by which robots at sites are reached; empty: they are reached from here too.
     """
 
     def __init__(
@@ -47,10 +48,11 @@ class Sessions:
         forks: int = 50,
         rate_per_s: float = RATE_PER_S,
         workers: int = 1,
+        scheduler: str = "",
     ) -> None:
         self._hosts = dict(hosts)
         self._options = options or ConnectOptions()
-        self._workers = _workers(workers, self._options, self.get) if workers > 1 else None
+        self._workers = self._started(workers, scheduler)
         self._pace = _Pace(rate_per_s, burst=forks)
         self._sessions: dict[str, Future[Session]] = {name: Future() for name in self._hosts}
         self._closed = threading.Event()
@@ -60,6 +62,21 @@ class Sessions:
         # No ThreadPoolExecutor: at exit it waits for its threads, and Ctrl-C would wait for the slowest robot.
         for _ in range(min(forks, len(self._hosts))):
             threading.Thread(target=self._work, name="connect", daemon=True).start()
+
+    def _started(self, workers: int, scheduler: str) -> Workers | None:
+        """Start the worker processes of this machine; None when neither they nor those of sites are wanted."""
+        at_sites = bool(scheduler) and any(host.site for host in self._hosts.values())
+        if workers == 1 and not at_sites:
+            return None
+        from srprov.transport.workers.processes import Workers
+
+        sites = None
+        if at_sites:
+            from srprov.transport.sites.cluster import Cluster
+
+            sites = Cluster(scheduler, self._options.connect_timeout_s)
+        count = workers if workers > 1 else 0
+        return Workers(self._hosts, self._options, self.get, count=count, sites=sites)
 
     def _work(self) -> None:
         """Connect to one host after the other until none is left."""
@@ -85,7 +102,7 @@ class Sessions:
 
     def _opened(self, name: str) -> Session:
         """Connect to one host, here or in the worker that is for it."""
-        if self._workers is not None:
+        if self._workers is not None and self._workers.has(name):
             return self._workers.connect(self._hosts[name])
         return connect(self._hosts[name], options=self._options, peers=self.get)
 
@@ -167,11 +184,11 @@ class Sessions:
     def close(self) -> None:
         """End every connection, also those that are being made; safe to call twice."""
         self._closed.set()
-        if self._workers is not None:
-            self._workers.close()
-            return
-        for session in self._there(self._hosts):
+        workers = self._workers
+        for session in self._there(name for name in self._hosts if workers is None or not workers.has(name)):
             session.close()
+        if workers is not None:
+            workers.close()
 
     def __enter__(self) -> Sessions:
         """Return itself."""
@@ -182,13 +199,6 @@ class Sessions:
     ) -> None:
         """Close."""
         self.close()
-
-
-def _workers(count: int, options: ConnectOptions, get: Callable[[str], Session]) -> Workers:
-    """Start worker processes."""
-    from srprov.transport.workers.processes import Workers
-
-    return Workers(count, options, get)
 
 
 class _Pace:

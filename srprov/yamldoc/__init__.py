@@ -3,6 +3,7 @@
 Takes a path or text; gives nodes with file, line and column, or `DefinitionError`. Touches files, for reading.
 
     loader   YAML text -> nodes, within limits of size, depth and count
+    syntax   why a text is no YAML, in words
     nodes    the value tree, what a scalar may mean, and `Findings`
     fields   typed fields of a document that has no JSON Schema
     writer   values -> YAML text

@@ -9,7 +9,6 @@ memory or the C stack is used up; an alias is shown where it is used.
 from __future__ import annotations
 
 import errno
-import re
 from collections.abc import Iterator
 from pathlib import Path as FilePath
 from typing import Any
@@ -19,19 +18,16 @@ from srprov.codes import Code
 from srprov.errors import DefinitionError, Diagnostic, Location, did_you_mean
 from srprov.yamldoc.allowance import Allowance, current
 from srprov.yamldoc.nodes import Findings, Map, Node, Scalar, Seq, Source
+from srprov.yamldoc.syntax import LINE_END, MAX_DEPTH, TOO_DEEP, explained
 
 MAX_BYTES = 8 * 1024 * 1024
-MAX_DEPTH = 60
 MAX_NODES = 200_000
 """Nodes of one document after aliases are followed; an inventory of a thousand robots needs a tenth."""
 
-_HALF_A_KEY = frozenset(("did not find expected key", "could not find expected ':'"))
-"""What libyaml says of a line that comes after one that is no `key: value`."""
 _IN_WORDS: dict[type[OSError], str] = {
     IsADirectoryError: "it is a folder",
     **dict.fromkeys((FileNotFoundError, NotADirectoryError), "there is no such file"),
 }
-_LINE_END = re.compile("\r\n|[\r\n\x85\u2028\u2029]")
 _YAML_TAGS = "tag:yaml.org,2002:"
 
 
@@ -83,33 +79,12 @@ def parse(text: str, file: str) -> Node | None:
     """
     import yaml
 
-    source = Source(file, tuple(_LINE_END.split(text)))
+    source = Source(file, tuple(LINE_END.split(text)))
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     try:
         return _Composer(source, yaml.parse(text, Loader=loader)).document()
-    except yaml.MarkedYAMLError as error:
-        mark, began = error.problem_mark or error.context_mark, error.context_mark
-        place = Location(file, mark.line + 1, mark.column + 1) if mark else Location(file)
-        words = " ".join(str(part) for part in (error.context, error.problem) if part)
-        hint = f"it begins on line {began.line + 1}" if began is not None and mark and began.line < mark.line else ""
-        if error.problem in _HALF_A_KEY:
-            hint = f"{hint}; " * bool(hint) + "is a ':' missing above, or is a line indented otherwise?"
-        if "${" in source.excerpt(place.line):
-            hint = 'quote a value with a brace in it: "${…}"'
-        raise DefinitionError([_syntax(source, place, words, hint)]) from None
-    except yaml.reader.ReaderError as error:
-        before = text[: error.position] if isinstance(error.position, int) else ""
-        lines = _LINE_END.split(before)
-        raise DefinitionError([_syntax(source, Location(file, len(lines), len(lines[-1]) + 1), error.reason)]) from None
     except yaml.YAMLError as error:
-        raise DefinitionError([_syntax(source, Location(file), str(error).splitlines()[0])]) from None
-
-
-def _syntax(source: Source, place: Location, words: str, hint: str = "") -> Diagnostic:
-    excerpt = source.excerpt(place.line)
-    tab = "\t" in excerpt[: max(place.column, len(excerpt) - len(excerpt.lstrip()))]
-    hint = "YAML allows no tab for indentation; use spaces" if tab else hint
-    return Diagnostic(place, f"is not valid YAML: {words}", "", excerpt, hint, code=Code.YAML)
+        raise DefinitionError([explained(source, text, error)]) from None
 
 
 class _Composer:
@@ -156,7 +131,7 @@ class _Composer:
         if self.count > self.most:
             raise self._stop(event, f"the document holds more than {self.most} values", Code.TOO_LARGE)
         if depth > MAX_DEPTH:
-            raise self._stop(event, f"is nested more than {MAX_DEPTH} levels deep", Code.TOO_LARGE)
+            raise self._stop(event, TOO_DEEP, Code.TOO_LARGE)
         before, outer, self.deepest = self.count, self.deepest, depth
         tag = _own_tag(event.tag)
         node: Node
@@ -224,7 +199,7 @@ class _Composer:
         if self.count > self.most:
             raise self._stop(event, f"the aliases stand for more than {self.most} values", Code.TOO_LARGE)
         if depth + height > MAX_DEPTH:
-            raise self._stop(event, f"is nested more than {MAX_DEPTH} levels deep", Code.TOO_LARGE)
+            raise self._stop(event, TOO_DEEP, Code.TOO_LARGE)
         if isinstance(node, Scalar):
             return Scalar(self.source, line, column, node.text, node.plain, node.tag)
         if isinstance(node, Seq):

@@ -13,6 +13,7 @@ from srprov.facts.placements import parse_placements
 from srprov.facts.probes import PROBES
 from srprov.facts.taken import taken_ports
 from srprov.modules import MODULES
+from srprov.modules.module import STATE_ROOT
 from srprov.modules.observe import _check
 from srprov.modules.vxlan import VxlanParams
 from srprov.probing.firewall import may_match, parse_rules
@@ -184,7 +185,7 @@ def answers() -> Mapping[str, tuple[tuple[str, ...], Use]]:
         },
         "robot counters": ((_HOST,), _counters),
         "robot firewall": ((_FIREWALL,), _rules),
-        "robot records": ((json.dumps(_RECORD) + "\n",), _plain(parse_placements)),
+        "robot records": ((f"{STATE_ROOT}/hello/placement.json:{json.dumps(_RECORD)}\n",), _plain(parse_placements)),
         "robot ports": ((_PORTS,), _plain(lambda reply: taken_ports([reply, nobody]))),
         "robot published": ((_SHARED,), _plain(lambda reply: taken_ports([nobody, reply]))),
         "robot digest": ((json.dumps(_DISTRIBUTION),), _plain(_digest)),

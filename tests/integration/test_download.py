@@ -19,7 +19,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 
 from srprov import datasets
-from srprov.transport.data_copy import _here
+from srprov.transport.data_copy import found_here
 from srprov.transport.turns import OwnTurns
 from srprov.wire import SendData
 
@@ -86,7 +86,7 @@ def address(server: tuple[str, Path], tmp_path: Path, monkeypatch: pytest.Monkey
 
 def get(url: str, sha256: str = SHA) -> Path:
     """Return where the file is, downloaded if need be."""
-    return _here(SendData(sha256=sha256, url=url), TURNS, lambda _line: None)
+    return found_here(SendData(sha256=sha256, url=url), TURNS, lambda _line: None)
 
 
 @pytest.mark.parametrize("path", ["/run.bag", "/away-well"])

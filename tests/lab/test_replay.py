@@ -6,6 +6,7 @@ import csv
 import io
 import ipaddress
 import json
+import re
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -159,7 +160,9 @@ def test_a_stranger_without_robots_runs_it_on_a_lab_that_is_gone_afterwards(lab:
     words = ("replay", str(published / "race.zip"), "--lab", "-o", str(tmp_path / "again"), "--yes", "--only", trial)
     before = sorted(lab.folder.iterdir())
     done = lab.srprov(*words, "--margin", "success=0.9")
-    assert done.code == 0 and "robot1 is robot1: the same kind of machine" in done.out, done
+    assert done.code == 0, done
+    # what the bundle's machines and this one have different is named; on another processor or kernel it is not nothing
+    assert len(re.findall(r"^  robot[123] is robot[123]: \S", done.out, re.MULTILINE)) == 3, done
     assert "  definitions  identical" in done.out and "  execution    identical" in done.out, done
     hosts = json.loads((tmp_path / "again/run/sessions/1/inputs/inventory.yml").read_text())["all"]["hosts"]
     addresses = [ipaddress.IPv4Address(host["ansible_host"]) for host in hosts.values()]

@@ -76,6 +76,8 @@ file_lines = st.lists(
         ),
         st.tuples(number, number).map(lambda pair: f"/sys/devices/system/cpu/online:{pair[0]}-{pair[1]}"),
         number.map("/sys/class/net/eth0/speed:{}".format),
+        st.tuples(raw, raw).map("/etc/hosts:{0[0]} {0[1]}".format),
+        st.tuples(raw, number, raw).map("/etc/passwd:{0[0]}:x:{0[1]}:0::{0[2]}:/bin/sh".format),
     ),
     max_size=8,
 ).map("\n".join)
@@ -103,9 +105,6 @@ plausible = {
     ),
     "wireguard": st.lists(st.sampled_from(["tools", "kernel", "userspace"]) | raw, max_size=4).map("\n".join),
     "rules": st.lists(st.sampled_from(["nftables", "iptables", "none"]) | raw, max_size=4).map("\n".join),
-    "spelled": st.lists(
-        st.tuples(st.sampled_from(["host", "home 0", "home 1000"]), raw, raw).map(" ".join), max_size=8
-    ).map("\n".join),
     "traffic": counters,
 }
 engine = shaped(("Version", "ApiVersion", "Arch", "Driver", "DockerRootDir", "SecurityOptions")) | json_values

@@ -15,7 +15,7 @@ from srprov.definitions.model import Experiment, NetworkSettings
 from srprov.errors import UsageError
 from srprov.facts.model import Link, Snapshot
 from srprov.network.addresses import Addresses, allocate
-from srprov.network.hosts import hosts_file
+from srprov.network.hosts import HostsFile
 from srprov.network.identity import POOL, identify
 from srprov.network.layout import layout
 from srprov.network.model import Overlay
@@ -144,7 +144,7 @@ def test_a_second_run_finds_the_same_even_with_robots_out_of_reach(
     second = layout(what, dict(reversed(where.items())), lab(lost, hello=remembered))
     assert second == first
     assert record(second, what, where, "here", remembered) == remembered
-    assert hosts_file(second) == hosts_file(first)
+    assert HostsFile(second).text == HostsFile(first).text
 
 
 json_values = st.recursive(

@@ -16,7 +16,7 @@ from srprov.definitions import load_experiment, load_inventory
 from srprov.definitions.expand import expand
 from srprov.definitions.model import Service
 from srprov.errors import DefinitionError, UsageError
-from srprov.facts.placements import parse_placements
+from srprov.facts.placements import read_placements
 from srprov.modules.observe import observe_queries, parse_observed
 from srprov.network.record import read_record
 from srprov.planning import planfile, planread
@@ -114,7 +114,7 @@ def test_what_a_robot_says_of_an_instance_that_cannot_be_counts_for_nothing(name
     replies = [Reply(status=200, out=volumes if "volumes" in path else body) for path in asked]
     assert {one.instance for one in parse_observed(replies)} <= {""}
     record = json.dumps({"instance": name, "serial": 3})
-    assert parse_placements(Reply(status=0, out=record)) == {}
+    assert read_placements([record]) == {}
     known = read_record({"services": {"a": {"robot": name.replace("x", "/")}}})
     assert known is not None and not known.robots
     there = {"robot": "r1", "ip": "10.128.0.9", "mac": "02:00:00:00:00:01"}

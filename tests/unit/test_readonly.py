@@ -7,7 +7,6 @@ import pytest
 from srprov import time_sync
 from srprov.execution.locks import who_holds
 from srprov.facts.host import host_queries
-from srprov.facts.placements import PLACEMENTS
 from srprov.facts.preconditions import precondition_queries
 from srprov.facts.probes import counters
 from srprov.modules.observe import observe_queries
@@ -27,7 +26,6 @@ QUESTIONS = [
     *host_queries(),
     counters(0),
     *observe_queries(),
-    PLACEMENTS,
     *precondition_queries(),
     who_holds(),
     *look.queries(request(), "r1", {6: 4711}),

@@ -16,7 +16,7 @@ from srprov.errors import UsageError
 from srprov.execution.locks import Holder, parse_holder
 from srprov.facts.gather import _without_mute
 from srprov.facts.model import Snapshot
-from srprov.facts.placements import parse_placements
+from srprov.facts.placements import read_placements
 from srprov.network.foreign import foreign_uses
 from srprov.network.record import read_record
 from srprov.planning.planread import is_plan, load
@@ -35,7 +35,7 @@ def test_hostile_json_is_none_for_every_reader(source: str) -> None:
     assert json_or_none(source) is None
     assert Reply(status=200, out=source).json() is None
     assert parse_holder(f"{now} {source}") == Holder()
-    assert parse_placements(Reply(status=0, out=source)) == {}
+    assert read_placements([source]) == {}
     assert message_of(source) == " ".join(source.split())[:500]
 
 
@@ -48,8 +48,7 @@ def test_a_hostile_plan_file_is_refused_as_one_that_cannot_be_applied(source: st
 
 def test_a_record_beside_a_hostile_one_is_read() -> None:
     good = '{"instance": "i", "serial": 3}'
-    reply = Reply(status=0, out=f'{DEEP}\n{good}\n{{"instance": 7}}\n')
-    assert parse_placements(reply) == {"i": {"instance": "i", "serial": 3}}
+    assert read_placements([DEEP, good, '{"instance": 7}']) == {"i": {"instance": "i", "serial": 3}}
 
 
 def nested(depth: int) -> str:
@@ -140,7 +139,7 @@ def test_a_record_of_any_shape_ends_nobody_s_verb(odd: object) -> None:
     ]  # fmt: skip
     for fields in bad:
         line = json.dumps({"instance": "hello", "serial": 3, "services": {"b": good}, **fields})
-        found = parse_placements(Reply(status=0, out=f"{line}\n"))
+        found = read_placements([line])
         snapshot = Snapshot(facts={}, observed={}, placements=found, records={"r1": found}, unreachable={"away": "x"})
         status_of(snapshot)
         read_record(found["hello"])

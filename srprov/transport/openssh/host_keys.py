@@ -10,6 +10,7 @@ from __future__ import annotations
 import base64
 import binascii
 import fnmatch
+import functools
 import hashlib
 import hmac
 import os
@@ -25,6 +26,10 @@ from srprov.transport.openssh.settings import SshSettings
 from srprov.wire import sh
 
 _appending = threading.Lock()
+_PATTERN = frozenset("*?!|")
+"""What stands in no name that means itself alone."""
+_Line = tuple[int, str, str, str, str]
+"""Its number, its marker, whom it speaks of, and the type and the base64 of the key."""
 
 
 class KnownKey(msgspec.Struct, frozen=True):
@@ -92,22 +97,42 @@ def known_keys(files: Sequence[str], name: str, bare: str | None) -> list[KnownK
 def _of_file(file: str, name: str, bare: str | None) -> Iterator[KnownKey]:
     """Read one known_hosts file."""
     try:
-        lines = regular_file.read_text(file, errors="replace").split("\n")
+        about = os.stat(file)
+        named, others = _lines(file, (about.st_mtime_ns, about.st_size, about.st_ino))
     except OSError:
         return
-    for number, line in enumerate(lines, 1):
+    plain = {*named.get(name, ()), *(named.get(bare, ()) if bare else ())}
+    for number, marker, patterns, kind, text in sorted((*plain, *others)):
+        by_name = matches(patterns, name)
+        if not by_name and not (bare and matches(patterns, bare)):
+            continue
+        try:
+            blob = base64.b64decode(text, validate=True)
+        except (ValueError, binascii.Error):
+            continue
+        yield KnownKey(file, number, marker, kind, blob, bare=not by_name)
+
+
+@functools.lru_cache(maxsize=8)
+def _lines(file: str, _version: tuple[int, int, int]) -> tuple[dict[str, list[_Line]], list[_Line]]:
+    """Return the lines by each name that they spell out, and those with patterns or hashes; once for all robots.
+
+    Each robot has a line, so a look at all of them for each robot would take the square of time.
+    """
+    named: dict[str, list[_Line]] = {}
+    others: list[_Line] = []
+    for number, line in enumerate(regular_file.read_text(file, errors="replace").split("\n"), 1):
         words = line.split()
         marker = words.pop(0) if words and words[0].startswith("@") else ""
         if len(words) < 3 or words[0].startswith("#"):
             continue
-        by_name = matches(words[0], name)
-        if not by_name and not (bare and matches(words[0], bare)):
-            continue
-        try:
-            blob = base64.b64decode(words[2], validate=True)
-        except (ValueError, binascii.Error):
-            continue
-        yield KnownKey(file, number, marker, words[1], blob, bare=not by_name)
+        found = number, marker, words[0], words[1], words[2]
+        if _PATTERN.isdisjoint(words[0]):
+            for name in words[0].lower().split(","):
+                named.setdefault(name, []).append(found)
+        else:
+            others.append(found)
+    return named, others
 
 
 def check(settings: SshSettings, known: Sequence[KnownKey], kind: str, blob: bytes) -> None:

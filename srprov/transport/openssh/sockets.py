@@ -24,6 +24,7 @@ KEEPALIVE_S = 5
 _DEAD_AFTER_MS = 20_000
 _WAKE_S = 1.0
 _PIECE = 65_536
+_NOTHING = memoryview(b"")
 
 _WORDS = {
     errno.ECONNREFUSED: ("connection refused", "does sshd run on the robot, on this port?"),
@@ -43,7 +44,7 @@ class CountedSocket:
         """Wrap a connected socket, or a channel of a jump host."""
         self._inner = inner
         self._traffic = traffic
-        self._ahead = memoryview(b"")
+        self._ahead = _NOTHING
         self.getpeername = inner.getpeername
         self._closed = False  # paramiko looks at this name of a real socket while it waits for its thread to end
 
@@ -66,7 +67,7 @@ class CountedSocket:
         if not self._ahead:
             self._ahead = memoryview(self._inner.recv(max(size, _PIECE)))
             self._traffic.bytes_received += len(self._ahead)
-        data, self._ahead = bytes(self._ahead[:size]), self._ahead[size:]
+        data, self._ahead = bytes(self._ahead[:size]), self._ahead[size:] or _NOTHING  # an empty view keeps all of it
         return data
 
     def close(self) -> None:

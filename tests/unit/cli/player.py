@@ -38,7 +38,8 @@ def step(run: int, robot: str, number: int) -> Any:
 
 def play(robots: int, how: str) -> None:
     """Play one run."""
-    plan: Any = SimpleNamespace(steps=range(robots * STEPS))
+    names = [f"robot{number:02}" for number in range(robots)]
+    plan: Any = SimpleNamespace(steps=[step(robots, name, number) for name in names for number in range(STEPS)])
     stop, go_on, half = threading.Event(), threading.Event(), threading.Barrier(robots + 1)
     with progress(plan, events=None, color=True) as listen, soft_interrupt(stop):
 
@@ -54,7 +55,7 @@ def play(robots: int, how: str) -> None:
                 listen(Event(kind="waiting", host=robot, step=what, text=f"checking that services stay up {LONG * 3}"))
                 listen(Event(kind="end", host=robot, step=what, outcome=Outcome.CHANGED))
 
-        threads = [threading.Thread(target=one, args=(f"robot{n:02}",)) for n in range(robots)]
+        threads = [threading.Thread(target=one, args=(name,)) for name in names]
         for thread in threads:
             thread.start()
         if how == "interrupt":

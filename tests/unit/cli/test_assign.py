@@ -175,6 +175,18 @@ def test_a_projects_settings_for_pictures_run_nothing(lab: Path) -> None:
     assert "#ff0000" not in (lab / "a.svg").read_text()
 
 
+def test_a_picture_is_not_written_by_way_of_a_link(lab: Path) -> None:
+    """With a project that was cloned come links of a stranger's."""
+    pytest.importorskip("matplotlib")
+    own = lab / "own"
+    own.write_text("mine")
+    for name in ("a.svg", "a.png"):
+        (lab / name).symlink_to(own)
+    assert assign("--svg", "a.svg", "--png", "a.png") == 0
+    assert own.read_text() == "mine"
+    assert (lab / "a.svg").read_text().startswith("<?xml") and not (lab / "a.png").is_symlink()
+
+
 def test_pictures_read_nothing_of_the_folder_where_they_are_made(lab: Path) -> None:
     """A link would have a line of its file in a warning, and a pipe would be waited for."""
     pytest.importorskip("matplotlib")

@@ -141,6 +141,25 @@ def test_a_file_of_another_user_is_refused(tmp_path: Path) -> None:
         default_map(VERBS, tmp_path, own(tmp_path))
 
 
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can give files away")
+@pytest.mark.parametrize("whose", ["folder", "link"])
+def test_an_own_file_in_whose_place_others_can_put_one_is_refused(tmp_path: Path, whose: str) -> None:
+    """They put a link there to one that the user cloned: it names an inventory, which is a program."""
+    folder, cloned = user_folder(own(tmp_path)), tmp_path / "cloned"
+    cloned.mkdir()
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    folder.symlink_to(cloned)
+    write(cloned / "srprov.toml", "forks = 3\n")
+    assert default_map(VERBS, tmp_path, own(tmp_path))
+    if whose == "link":
+        os.lchown(folder, 4711, 4711)
+    else:
+        folder.parent.chmod(0o777)
+
+    with pytest.raises(UsageError, match="could be replaced by other users"):
+        default_map(VERBS, tmp_path, own(tmp_path))
+
+
 @pytest.mark.parametrize("inventory", ["/etc/hosts", "../lab.yml", "link.yml"])
 def test_a_projects_inventory_lies_in_its_folder(tmp_path: Path, inventory: str) -> None:
     """Errors show lines of it, so it may not be just any file."""

@@ -111,3 +111,16 @@ def test_a_service_that_moves_says_from_where(lab: Path, capsys: pytest.CaptureF
     assert "container srprov.demo.cam: moved to r3" in text
     assert "container srprov.demo.cam: moved from r1" in text
     assert "environment.RATE: 2 -> 5" in text
+
+
+def test_services_stay_where_the_old_file_put_them(lab: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A robot that became free does not draw a service to it, as it would not on real robots."""
+    taken = "edf: 1\nname: demo\nservices:\n  nav: {image: busybox}\n  cam: {image: busybox, robot: r1}\n"
+    (lab / "old.edf").write_text(taken)
+    (lab / "new.edf").write_text(taken.replace("robot: r1", "robot: r3"))
+
+    assert diff() == 0
+
+    text = capsys.readouterr().out
+    assert "container srprov.demo.cam: moved to r3" in text
+    assert "srprov.demo.nav" not in text

@@ -117,7 +117,7 @@ def test_the_status_line_takes_any_word_of_a_robot(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("sys.stderr", screen)
     monkeypatch.setenv("COLUMNS", "2000")
     monkeypatch.setenv("TERM", "xterm")
-    plan: Any = SimpleNamespace(steps=[1])
+    plan: Any = SimpleNamespace(steps=[SimpleNamespace(host="r1")])
     with progress.progress(plan, events=None, color=False) as listen:
         listen(Event(kind="progress", host="r1", text=f"{word} seen"))
     words = " ".join(clean(" ".join(f"r1: {word} seen".split())).split())

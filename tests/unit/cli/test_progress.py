@@ -7,6 +7,7 @@ import re
 import sys
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -166,3 +167,64 @@ def test_what_is_taken_away_is_called_removed_and_what_was_not_reached_is_told_o
                 "duration_s": 1.0}  # fmt: skip
     counts = "0 changed, 1 removed, 3 unchanged, 0 failed, 0 skipped, 1 not reached"
     assert summary(document, result) == f"x: interrupted in 1.0 s: {counts}"
+
+
+def _of_many(robots: int, how: str = "changed") -> tuple[Any, list[Event]]:
+    """Return a plan of two steps on each robot, and what is told of them."""
+    change = Change(action=Action.CREATE, cause="not there")
+    steps = [
+        Step(number=2 * robot + at, host=f"r{robot:04}", module="volume", name=f"v{at}", change=change)
+        for robot in range(robots)
+        for at in (1, 2)
+    ]
+    events = [
+        event
+        for step in steps
+        for event in (
+            Event(kind="start", host=step.host, step=step),
+            Event(kind="progress", host=step.host, step=step, text="layer 1"),
+            Event(kind="end", host=step.host, step=step, outcome=Outcome(how), text="why"),
+        )
+    ]
+    return SimpleNamespace(steps=tuple(steps)), events
+
+
+def test_progress_of_a_thousand_robots_is_a_summary(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A line every few seconds that says how far all of them are."""
+    clock = iter(range(100_000))
+    monkeypatch.setattr("srprov.cli.progress.time", SimpleNamespace(monotonic=lambda: next(clock) / 400))
+    plan, events = _of_many(1000)
+    with progress(plan, events=None, color=False, lines_only=True) as listener:
+        for event in events:
+            listener(event)
+    lines = capsys.readouterr().err.splitlines()
+    assert 1 <= len(lines) <= 5
+    assert re.fullmatch(r"  … \d+/2000 steps, \d+/1000 robots done(; r\d{4}: .*)?", lines[0]), lines[0]
+
+
+def test_of_many_robots_the_first_failures_are_told(capsys: pytest.CaptureFixture[str]) -> None:
+    """The others are counted: the report at the end lists all."""
+    plan, events = _of_many(1000, "failed")
+    with progress(plan, events=None, color=False, lines_only=True) as listener:
+        for event in events:
+            listener(event)
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[0] == "[1/2000] r0000: + volume v1: failed: why"
+    assert len(lines) == 21 and lines[20].startswith("  … further steps")
+
+
+def test_the_status_line_of_many_robots_counts_them(monkeypatch: pytest.MonkeyPatch) -> None:
+    """And names one that is at work."""
+    shown: list[Any] = []
+    monkeypatch.setattr("srprov.cli.progress.is_terminal", lambda _stream: True)
+    monkeypatch.setattr("srprov.cli.status_line.status_line", lambda status, **_: shown.append(status) or nullcontext())
+    plan, events = _of_many(1000)
+    printed: list[str] = []
+    with printed_by(lambda text, _: printed.append(text)), progress(plan, events=None, color=False) as listener:
+        for event in [*events[:-3], Event(kind="start", host="r0999", step=events[-1].step)]:
+            listener(event)
+        listener(Event(kind="start", host="r0001", step=events[0].step))
+        assert shown[0]() == "1999/2000 steps, 999/1000 robots done; r0001: volume v1 and 1 more"
+    assert printed == []

@@ -32,6 +32,6 @@ def test_a_command_of_the_edf_does_not_run_unasked(
 
     said = capsys.readouterr().err
     assert code == 9
-    assert "a: secret (token, from the command touch ran)" in said
+    assert f"a: secret (token, from the command touch ran, in {tmp_path})" in said
     assert "--allow secret" in said
     assert not (tmp_path / "ran").exists()

@@ -91,6 +91,19 @@ def test_a_plan_file_has_the_hash_and_no_path(file: str, tmp_path: Path, monkeyp
         check_file(silent, "plan.json")
 
 
+def test_who_mounts_a_data_set_in_a_plan_file_states_it(
+    file: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A hash is no secret: it alone gave a stranger's container what the robot had for others."""
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
+    mounts = (Mount(kind="data", source=file, target="/d", read_only=True),)
+    saved = reread(planned(World().add("r1"), experiment(service("a", mounts=mounts))))
+    steps = tuple(step for step in saved.plan.steps if step.module != "data")
+    assert len(steps) < len(saved.plan.steps)
+    with pytest.raises(UsageError, match=r"r1/container:srprov\.hello\.a asks for playbook"):
+        check_file(replace(saved, plan=replace(saved.plan, steps=steps)), "plan.json")
+
+
 @pytest.mark.parametrize(
     "written", [{"sha256": "x"}, {"sha256": SHA, "url": "http://x/y"}, {"sha256": SHA, "url": "https://x/y\nz"}]
 )

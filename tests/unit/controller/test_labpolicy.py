@@ -12,7 +12,7 @@ from srprov.controller import labpolicy
 from srprov.controller.labpolicy import enforce, narrowed, read_policies
 from srprov.controller.permissions import permit_run
 from srprov.controller.request import BundledImage
-from srprov.definitions.labpolicy import LabPolicy
+from srprov.definitions.labpolicy import LabPolicy, load
 from srprov.definitions.model import Host, Inventory
 from srprov.errors import DefinitionError, RefusedError
 from srprov.modules.image import ImageParams
@@ -241,3 +241,16 @@ def test_every_amount_of_the_schema_is_known() -> None:
 
     limits = schema("policy")["properties"]["limits"]["properties"]
     assert set(limits) == set(labpolicy._AMOUNTS)
+
+
+def test_a_policy_in_whose_place_others_can_put_one_is_none(tmp_path: Path) -> None:
+    """They rename the folder, and nothing is forbidden any more."""
+    path = tmp_path / "shared" / "srprov" / "policy.yml"
+    path.parent.mkdir(parents=True)
+    path.write_text("policy: 1\n")
+    path.chmod(0o600)
+    assert load(str(path), ()) is not None
+    path.parents[1].chmod(0o777)
+    with pytest.raises(DefinitionError) as refused:
+        load(str(path), ())
+    assert "others can write" in refused.value.problems[0].message

@@ -8,6 +8,7 @@ import pytest
 
 from srprov.definitions.containermodel import Mount
 from srprov.errors import NoAssignment
+from srprov.facts.spelled import MOST_LINES
 from tests.fakes import World
 from tests.worlds import apply, experiment, plan_for, service
 
@@ -29,7 +30,7 @@ def hosts_of(world: World, robot: str, service: str) -> list[str]:
 def test_a_service_with_its_robots_network_knows_the_robots_names_and_one_on_the_overlay_does_not(mode: str) -> None:
     """Names of the experiment come first and win."""
     world = World().add("r1", "r2")
-    world.robots["r1"].spelled = "host 10.0.0.9 camera.lab\nhost 10.6.6.6 a b\n"
+    world.robots["r1"].spelled = "/etc/hosts:10.0.0.9 camera.lab\n/etc/hosts:10.6.6.6 a b\n"
     what = experiment(
         service("a", robot="r1", network=mode), service("b", robot="r1"),
         service("c", robot="r1", network=mode, extra_hosts=(("more", "10.0.0.8"),)),
@@ -50,7 +51,7 @@ def test_a_changed_hosts_file_of_the_robot_is_followed_without_a_restart() -> No
     what = experiment(service("a", network="host"))
     apply(world, what)
     made = world.robots["r1"].engine.containers["srprov.hello.a"]
-    world.robots["r1"].spelled = "host 10.0.0.9 camera.lab\n"
+    world.robots["r1"].spelled = "/etc/hosts:10.0.0.9 camera.lab\n"
     (step,) = plan_for(world, what).steps
     assert (step.module, step.change.cause) == ("file", "content differs")
     apply(world, what)
@@ -61,7 +62,7 @@ def test_a_changed_hosts_file_of_the_robot_is_followed_without_a_restart() -> No
 def test_lines_that_are_not_read_are_said() -> None:
     """A robot with thousands of names: those that count are the first."""
     world = World().add("r1")
-    world.robots["r1"].spelled = "host 10.0.0.9 camera.lab\ncut\n"
+    world.robots["r1"].spelled = "/etc/hosts:10.0.0.9 camera.lab\n" + "/etc/hosts:\n" * MOST_LINES
     (note,) = [one for one in plan_for(world, experiment(service("a", network="host"))).notes if "/etc/hosts" in one]
     assert note == "r1: its /etc/hosts is long; of its names containers have those of the first 512 lines"
     assert not [one for one in plan_for(world, experiment(service("a"))).notes if "/etc/hosts" in one]
@@ -74,8 +75,8 @@ def home(user: str, rest: str = "/data") -> Mount:
 def test_a_home_is_that_of_the_robot_and_the_plan_shows_it() -> None:
     """In the container, in the permission, and in the record of what is asked for."""
     world = World().add("r1", "r2")
-    world.robots["r1"].spelled = "home 1000 robot /home/robot\n"
-    world.robots["r2"].spelled = "home 1000 robot /srv/people/robot\n"
+    world.robots["r1"].spelled = "/etc/passwd:robot:x:1000:1000::/home/robot:/bin/sh\n"
+    world.robots["r2"].spelled = "/etc/passwd:robot:x:1000:1000::/srv/people/robot:/bin/sh\n"
     what = experiment(
         service("a", robot="r1", mounts=(home("robot"),)), service("b", robot="r2", mounts=(home("robot", ""),))
     )
@@ -93,7 +94,7 @@ def test_a_home_is_that_of_the_robot_and_the_plan_shows_it() -> None:
 def test_a_home_that_leads_to_the_engine_is_asked_for_as_that() -> None:
     """A robot may say anything of its users."""
     world = World().add("r1")
-    world.robots["r1"].spelled = "home 1000 robot /run\n"
+    world.robots["r1"].spelled = "/etc/passwd:robot:x:1000:1000::/run:/bin/sh\n"
     world.robots["r1"].disk.files["/run/docker.sock"] = b""
     plan = plan_for(world, experiment(service("a", mounts=(home("robot", "/docker.sock"),))))
     assert [(one.kind, one.what) for one in plan.permissions] == [("docker-socket", "/run/docker.sock")]
@@ -102,7 +103,7 @@ def test_a_home_that_leads_to_the_engine_is_asked_for_as_that() -> None:
 def test_a_service_runs_where_the_user_is_whose_home_it_mounts() -> None:
     """Where there is none, the refusal says so of each robot."""
     world = World().add("r1", "r2")
-    world.robots["r2"].spelled = "home 1000 robot /home/robot\n"
+    world.robots["r2"].spelled = "/etc/passwd:robot:x:1000:1000::/home/robot:/bin/sh\n"
     world.robots["r2"].disk.files["/home/robot/data"] = b""
     what = experiment(service("a", mounts=(home("robot"),)))
     assert plan_for(world, what).assignment == {"a": "r2"}

@@ -185,3 +185,27 @@ def test_a_link_in_a_plan_file_without_its_own_filter_asks_for_a_permission(worl
     tampered = replace(saved, plan=replace(saved.plan, steps=steps), also_wanted=(*also, *changed))
     with pytest.raises(UsageError, match=r"r1/vxlan:srpv\w+ asks for playbook"):
         check_file(tampered, "plan.json")
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"), [("127.0.0.1:5000/x:1", "engine-fetch"), ("srprov/talker:0123456789abcdef", "built-image")]
+)
+def test_an_image_that_nothing_of_a_plan_file_runs_asks_for_what_a_service_would(
+    world: World, name: str, kind: str
+) -> None:
+    """Its engine asks whom the name says, and a service of another instance runs what has its tag."""
+    saved = reread(planned(world))
+    image = replace(resource("image", name, {"source": "pull"}), host="r1")
+    with pytest.raises(UsageError, match=f"asks for {kind}"):
+        check_file(replace(saved, also_wanted=(*saved.also_wanted, image)), "plan.json")
+    run_here = {one.name for one in wants_of(saved) if one.module == "image"}
+    assert run_here and not saved.plan.permissions
+
+
+@pytest.mark.parametrize(("service", "robot"), [("network.persist", "r1"), ("", "r1"), ("one", "r1\nr2")])
+def test_who_runs_what_in_a_plan_file_has_names(world: World, service: str, robot: str) -> None:
+    """A lab's policy looks there for the robot that a permission is about: one of all robots is nobody's service."""
+    saved = reread(planned(world))
+    assignment = {**saved.plan.assignment, service: robot}
+    with pytest.raises(UsageError, match="cannot be the name"):
+        load(dump(replace(saved, plan=replace(saved.plan, assignment=assignment))), "plan.json")

@@ -6,7 +6,7 @@ import random
 
 import pytest
 
-from srprov.execution.batches import cut
+from srprov.execution.batches import Order, cut
 from srprov.planning.plan import Step
 from srprov.resource import Action, Change, Need
 
@@ -86,3 +86,19 @@ def test_any_plan_can_be_walked() -> None:
         for host in "abc":
             walked = [s.number for part in parts for s in part.steps if part.host == host]
             assert walked == [s.number for s in made if s.host == host]
+
+
+def test_each_batch_begins_once_when_the_last_that_it_needs_has_ended() -> None:
+    """Whatever the order in which those end."""
+    batches = cut(steps("1:a 2:b<1 3:c<1 4:d<2,3 5:e"))
+    for seed in range(20):
+        order, choose = Order(batches), random.Random(seed)
+        begun, running = list(order.first), list(order.first)
+        over: set[int] = set()
+        while running:
+            over.add(one := running.pop(choose.randrange(len(running))))
+            ready = order.ended(one)
+            assert all(batches[index].needs <= over for index in ready)
+            begun += ready
+            running += ready
+        assert sorted(begun) == [batch.index for batch in batches]

@@ -567,8 +567,6 @@ def test_exit_codes(outcomes_: list[Outcome], interrupted: bool, unreachable: di
     results = tuple(StepResult(step=STEP, outcome=one) for one in outcomes_)
     result = RunResult(results=results, unchanged=0, interrupted=interrupted, unreachable=unreachable)
     assert result.exit_code == code
-    assert result.of_host("r1", Outcome.CHANGED) == outcomes_.count(Outcome.CHANGED)
-    assert result.of_host("r2", Outcome.CHANGED) == 0
 
 
 def test_an_empty_plan_touches_no_robot() -> None:

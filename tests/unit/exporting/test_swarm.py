@@ -111,6 +111,16 @@ def test_what_swarm_would_ignore_is_refused_at_its_line_or_left_out(tmp_path: Pa
     )
 
 
+def test_what_swarm_would_fill_in_as_a_template_stays_as_it_is(tmp_path: Path) -> None:
+    """As Docker Swarm 20.10 filled it in: a variable had the text of the EDF again, and a mount its path."""
+    mounts = "volumes: ['/srv/{{a:/b{{', 'd:/c'], tmpfs: ['/t{{']"
+    text = f"services: {{a: {{image: x, environment: {{A: '{{{{.Node.Hostname}}}}'}}, {mounts}}}}}"
+    one = stack(experiment(tmp_path, text))["services"]["a"]
+    assert one["environment"]["A"] == '{{"{{"}}.Node.Hostname}}'
+    paths = [(mount.get("source"), mount["target"]) for mount in one["volumes"]]
+    assert paths == [('/srv/{{"{{"}}a', '/b{{"{{"}}'), ("d", "/c"), (None, '/t{{"{{"}}')]
+
+
 def test_a_cdf_s_field_is_refused_too(tmp_path: Path) -> None:
     edf = experiment(tmp_path, "services: {a: {cdf: a.cdf}}", a_dot_cdf="cdf: 1\nimage: x\nprivileged: true\n")
     with pytest.raises(DefinitionError) as refused:

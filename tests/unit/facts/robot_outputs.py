@@ -124,6 +124,9 @@ connection 192.0.2.1 5 192.0.2.2 22
 /etc/os-release:NAME="Debian GNU/Linux"
 /usr/lib/os-release:PRETTY_NAME="not this one"
 /sys/class/net/eth0/speed:1000
+/etc/passwd:root:x:0:0:root:/root:/bin/bash
+/etc/passwd:daemon:x:1:1:daemon:/usr/sbin:/usr/sbin/nologin
+/etc/passwd:robot:x:1000:1000:Robot,,,:/home/robot:/bin/bash
 """
     + f"/proc/uptime:{_BEFORE[0]}\n"
     + "".join(f"/proc/net/dev:{line}\n" for line in _BEFORE[1].splitlines()),
@@ -142,7 +145,6 @@ Filesystem     1024-blocks     Used Available Capacity Mounted on
 """,
     "wireguard": "tools\nuserspace\n",
     "rules": "nftables\niptables\nnone\n",
-    "spelled": "home 0 root /root\nhome 1000 robot /home/robot\n",
 }
 
 PI = {
@@ -171,6 +173,23 @@ user pi
 /sys/class/video4linux/video0/name:UVC Camera (046d:0825)
 /sys/class/video4linux/video10/name:bcm2835-codec-decode
 /sys/class/video4linux/video13/name:bcm2835-isp-output0
+/etc/hosts:127.0.0.1 localhost
+/etc/hosts:# a comment
+/etc/hosts:127.0.1.1\tturtle7
+/etc/hosts:10.0.0.9   camera.lab camera  # on the mast
+/etc/hosts:fd00::9 camera6 \\bad name;
+/etc/hosts:fe80::1%wlan0 zone
+/etc/hosts:cafe of no address
+/etc/passwd:root:x:0:0:root:/root:/bin/bash
+/etc/passwd:bin:x:2:2:bin:/bin:/usr/sbin/nologin
+/etc/passwd:pi:x:1000:1000:,,,:/home/pi:/bin/bash
+/etc/passwd:pi:x:1001:1001:,,,:/home/second:/bin/bash
+/etc/passwd:nobody:x:65534:65534:nobody:/nonexistent:/usr/sbin/nologin
+/etc/passwd:odd:x:1002:1002::home/odd:/bin/sh
+/etc/passwd:up:x:1003:1003::/home/../etc:/bin/sh
+/etc/passwd:Upper:x:1004:1004::/home/Upper:/bin/sh
+/etc/passwd:cut:x:1005
+/etc/passwd:none:x::1006::/home/none:/bin/sh
 """,
     "cpus": "4\n",
     "processor": "",
@@ -198,21 +217,6 @@ Filesystem     1024-blocks    Used Available Capacity Mounted on
 """,
     "wireguard": "tools\nkernel\nuserspace\n",
     "rules": "iptables\nnone\n",
-    "spelled": """\
-host 127.0.0.1 localhost
-host 127.0.1.1\tturtle7
-host 10.0.0.9   camera.lab camera  # on the mast
-host fd00::9 camera6 \\bad name;
-host fe80::1%wlan0 zone
-host cafe of no address
-home 0 root /root
-home 1000 pi /home/pi
-home 1001 pi /home/second
-home 65534 nobody /nonexistent
-home 1002 odd home/odd
-home 1003 up /home/../etc
-home 1004 Upper /home/Upper
-""",
 }
 
 BUSYBOX = {

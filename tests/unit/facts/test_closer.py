@@ -11,10 +11,11 @@ from msgspec.structs import replace
 from srprov.definitions.containermodel import Requirements
 from srprov.definitions.model import Placement
 from srprov.errors import NoAssignment
+from srprov.facts.first_look import ask
 from srprov.facts.probes import INFO
 from srprov.wire import EngineQuery, Query, Reply
 from tests.fakes import World
-from tests.worlds import Experiment, apply, experiment, plan_for, service
+from tests.worlds import Experiment, apply, experiment, inventory, plan_for, service
 
 PINNED = experiment(service("talker", robot="a"), service("listener", robot="b"))
 FREE = experiment(service("talker"), service("listener"))
@@ -142,3 +143,14 @@ def test_an_engine_that_gets_another_container_is_asked_of_itself(world: World) 
     plan = plan_for(world, other)
     (step,) = (step for step in plan.steps if step.module == "container")
     assert '"LogConfig":{"Config":{"max-file":"3","max-size":"10m"},"Type":"json-file"}' in step.commands[-2].text()
+
+
+def test_what_is_kept_of_first_answers_is_without_placement_records() -> None:
+    """Those were read; each names all robots, so that the texts would take the square of memory."""
+    world = World().add("r1")
+    apply(world, experiment(service("a", robot="r1")))
+    (host,) = inventory(world).hosts.values()
+    answers = ask(host, world.reader, engine=False)
+    assert answers.placements["hello"]["services"].keys() == {"a"}
+    kept = "".join(reply.out for reply in answers.replies)
+    assert "placement.json" not in kept and "/proc/uptime:" in kept

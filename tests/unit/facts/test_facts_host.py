@@ -2,6 +2,7 @@
 
 import json
 import subprocess
+from pathlib import Path
 
 import pytest
 from msgspec.structs import replace
@@ -21,8 +22,10 @@ from robot_outputs import (
 )
 
 from srprov.definitions.model import Host
+from srprov.facts.answers import parse_files
 from srprov.facts.host import docker_arch, host_queries, parse_host
-from srprov.facts.spelled import COMMAND, MOST_LINES, parse_spelled
+from srprov.facts.probes import FILES
+from srprov.facts.spelled import HOSTS, MOST_LINES, read_spelled
 from srprov.session import Measures
 from srprov.wire import EngineQuery, Query, Reply
 
@@ -91,13 +94,15 @@ def test_a_robots_own_files_say_what_it_calls_things() -> None:
     assert (facts.home("pi"), facts.home("nobody"), facts.hosts_cut) == ("/home/pi", "", False)
 
 
-def test_a_long_hosts_file_is_read_to_its_limit_which_is_said() -> None:
-    """What the shell does with more lines than are read."""
-    many = "".join(f"10.0.0.1 a{number}\n" for number in range(MOST_LINES + 9))
-    words = ["sh", "-c", COMMAND.replace("/etc/hosts", "/dev/stdin")]
-    done = subprocess.run(words, input=many, capture_output=True, text=True, check=True)
-    said = parse_spelled(done.stdout)
+def test_a_long_hosts_file_is_read_to_its_limit_which_is_said(tmp_path: Path) -> None:
+    """What a robot sends of a list of half a million names ends soon after what is read."""
+    many = tmp_path / "hosts"
+    many.write_text("".join(f"10.0.0.1 a{number}\n" for number in range(50_000)))
+    words = ["sh", "-c", FILES.command.replace(HOSTS, str(many))]
+    out = subprocess.run(words, capture_output=True, text=True, check=True).stdout
+    said = read_spelled(parse_files(out.replace(str(many), HOSTS)))
     assert (len(said.hosts), said.hosts_cut) == (MOST_LINES, True)
+    assert out.count(str(many)) < 2 * MOST_LINES + 1
 
 
 def test_links_say_what_the_overlay_must_know() -> None:

@@ -91,7 +91,9 @@ def test_a_robot_that_is_there_twice_is_told_with_both_lines() -> None:
 
 
 def test_a_spec_nested_without_end_is_one_problem() -> None:
-    assert problems("robots: " + "[" * 5000) == [(1, 69, "is nested more than 60 levels deep")]
+    assert problems("robots: " + "[" * 500) == [(1, 69, "is nested more than 60 levels deep")]
+    ((_, _, message),) = problems("robots: " + "[" * 5000)  # newer parsers have a limit of their own, further right
+    assert message == "is nested more than 60 levels deep"
 
 
 @pytest.mark.parametrize(

@@ -42,7 +42,9 @@ JUNK = st.sampled_from(
         [None],
     ]
 )
-LINES = st.sampled_from(["", "a", "/" * 50, "\x85\u2028", f"{SHA}  ./a/b", f"{SHA}  ./../b", "[", "{}", "null"])
+LINES = st.sampled_from(
+    ["", "a", "/" * 50, "\x85\u2028", f"{SHA}  /var/lib/srprov/a/b", f"{SHA}  /var/lib/srprov/../b", "[", "{}", "null"]
+)
 
 
 def real(kind: str) -> tuple[dict[str, Any], list[Any]]:

@@ -9,7 +9,7 @@ import pytest
 
 from srprov.definitions.containermodel import Mount
 from srprov.modules.mount_kind import GRAVE, links_refused, mount_kind
-from srprov.wire import Run
+from srprov.wire import Run, quote
 from tests.fakes import World
 from tests.worlds import apply, experiment, plan_for, service
 
@@ -54,6 +54,76 @@ def test_other_links_are_mounted_as_ever(tmp_path: Path, shell: tuple[str, ...])
     (tmp_path / "maps").symlink_to("it's")
     (tmp_path / "zone").symlink_to("/etc/hostname")
     assert tried(shell, tmp_path / "maps", tmp_path / "maps/none", tmp_path / "it's", tmp_path / "zone") == (0, "")
+
+
+@pytest.mark.parametrize("shell", SHELLS, ids=lambda shell: shell[0])
+@pytest.mark.parametrize("told", ["by its file", "by a link"])
+def test_an_engine_s_folder_is_where_it_really_is(tmp_path: Path, shell: tuple[str, ...], told: str) -> None:
+    """Robots keep images on another disk: `data-root`, or a link in the place of /var/lib/docker."""
+    engine, beside = tmp_path / "ssd/docker", tmp_path / "ssd/maps"
+    for one in (engine / "volumes", beside):
+        one.mkdir(parents=True)
+    (tmp_path / "engine").symlink_to(engine)
+    (tmp_path / "daemon.json").write_text(f'{{\n "data-root": "{engine if told == "by its file" else ""}"\n}}\n')
+    link = str(tmp_path / "engine") if told == "by a link" else "/none"
+
+    def tried_there(path: Path) -> tuple[int, str]:
+        script = links_refused([str(path)]).replace("/etc/docker/daemon.json", str(tmp_path / "daemon.json"))
+        script = script.replace(" /var/lib/docker ", f" {link} ")
+        done = subprocess.run([*shell, script], capture_output=True, text=True, check=False)
+        return done.returncode, done.stderr
+
+    for path in (engine, engine / "volumes", engine / "none", tmp_path / "ssd", tmp_path / "engine"):
+        code, said = tried_there(path)
+        assert code == 1 and f"lies in {engine}" in said, (path, said)
+    assert tried_there(beside) == tried_there(tmp_path / "ssd/docker-files") == (0, "")
+
+
+@pytest.mark.parametrize("shell", SHELLS, ids=lambda shell: shell[0])
+def test_what_is_mounted_twice_is_what_it_is_by_both_names(tmp_path: Path, shell: tuple[str, ...]) -> None:
+    """An engine's folder is another disk's, mounted where engines look for it: what holds it there has another name."""
+    engine, disk = tmp_path / "lib/docker", tmp_path / "a disk"
+    for one in (engine, disk / "docker/volumes", disk / "maps", tmp_path / "jail/proc", tmp_path / "jail/maps"):
+        one.mkdir(parents=True)
+
+    def tried_there(path: Path) -> tuple[int, str]:
+        mounts = f"mount --bind {quote(f'{disk}/docker')} {engine} && mount -t proc proc {tmp_path}/jail/proc || exit 9"
+        script = links_refused([str(path)]).replace(" /var/lib/docker ", f" {engine} ")
+        words = ["unshare", "-m", *shell, f"{mounts}\n{script}"]
+        done = subprocess.run(words, capture_output=True, text=True, check=False)
+        return done.returncode, done.stderr
+
+    for path in (
+        disk,
+        disk / "docker",
+        disk / "docker/volumes",
+        disk / "docker/none",
+        engine.parent,
+        tmp_path / "jail",
+    ):
+        code, said = tried_there(path)
+        assert code == 1 and str(path) in said, (path, said)
+    for path in (disk / "maps", disk / "maps/none", disk / "docker-files", tmp_path / "jail/maps"):
+        assert tried_there(path) == (0, "")
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        *("/run/crio/crio.sock", "/run/k3s", "/var/run/balena-engine.sock", "/var/snap/docker/common", "/var/snap"),
+        *("/run/snapd.socket", "/var/lib/rancher/k3s", "/run/lxd/unix.socket", "/run/cri-dockerd.sock"),
+    ],
+)
+def test_other_engines_give_the_robot_away_too(path: str) -> None:
+    assert mount_kind(path)[0] == GRAVE
+
+
+def test_what_does_as_root_tells_it_is_said_to_do_so() -> None:
+    """It is mounted by many for names and devices; a container of root's may have it start anything."""
+    for path in ("/run/dbus", "/var/run/dbus/system_bus_socket", "/run/systemd/private", "/run//systemd/"):
+        kind, why = mount_kind(path)
+        assert kind == "host-path" and "as root" in why
+    assert mount_kind("/run/dbus-1") == mount_kind("/srv/dbus") == ("host-path", "")
 
 
 def test_what_is_grave_as_it_is_written_was_asked_for_as_that() -> None:

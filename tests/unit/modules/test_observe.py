@@ -35,6 +35,7 @@ def told(out: object) -> Reply:
 
 OURS = {"srprov.instance": "x"}
 SHA = "0" * 64
+FILE = f"{SHA}  /var/lib/srprov/x"
 LINK = {"ifname": "srpv1", "ifalias": "srprov:x", "linkinfo": {"info_kind": "vxlan", "info_data": {}}}
 NETWORK = {"Name": "n", "Labels": OURS, "Options": {"com.docker.network.bridge.name": "srpb\0"}}
 
@@ -42,8 +43,8 @@ NETWORK = {"Name": "n", "Labels": OURS, "Options": {"com.docker.network.bridge.n
 @pytest.mark.parametrize(
     ("kind", "replies"),
     [
-        ("file", [f"{SHA}  ./x/.."]), ("file", [f"{SHA}  ./x/a\0b"]), ("file", [f"{SHA}  ./x/"]),
-        ("file", [f"{SHA}  ./x/."]), ("secret", [f"{SHA}  ./x/secrets/.."]), ("secret", [f"{SHA}  ./x/secrets/\0"]),
+        ("file", [f"{FILE}/.."]), ("file", [f"{FILE}/a\0b"]), ("file", [f"{FILE}/"]),
+        ("file", [f"{FILE}/."]), ("secret", [f"{SHA}  ./x/secrets/.."]), ("secret", [f"{SHA}  ./x/secrets/\0"]),
         ("tree", ["/var/lib/srprov/x/trees/.."]), ("tree", ["/var/lib/srprov/x/trees/a\0"]),
         ("vxlan", [[{**LINK, "ifname": "srpv\0"}], []]),
         ("vxlan", [[LINK], [{"ifname": "srpv1", "mac": "02:00:00:00:00:01", "dst": "10.0.0.1\0"}]]),
@@ -71,7 +72,7 @@ def test_what_a_robot_has_of_one_instance_has_a_limit_in_all() -> None:
             {"Names": [f"/srprov.x.c{one}"], "Labels": {**OURS, "srprov.service": f"c{one}"}, "Id": "f" * 64}
             for one in range(500)
         ]
-        files = "\n".join(f"{SHA}  ./x/f{one}" for one in range(count))
+        files = "\n".join(f"{FILE}/f{one}" for one in range(count))
         return [*([told(listed)] * len(observe_queries(["container"]))), told(files)]
 
     assert len(parse_observed(robot(500), ["container", "file"])) == 1000

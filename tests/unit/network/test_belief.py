@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 from unittest import mock
@@ -177,3 +178,18 @@ def test_a_memory_that_cannot_be_written_is_said(tmp_path: Path, monkeypatch: py
     (tmp_path / "srprov").write_text("a file", encoding="utf-8")
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
     assert "srprov" in remember("hello", Memory(robots=frozenset({"r1"})))
+
+
+def test_one_text_on_all_robots_is_read_once_and_judged_once() -> None:
+    """It names all robots: read for each of them, it would take the square of time and of memory."""
+    text = "/var/lib/srprov/hello/placement.json:" + json.dumps(record())
+    held = [parse_placements(Reply(status=0, out=text))["hello"] for _ in range(3)]
+    assert held[0] is held[1] is held[2]
+    judged: list[Mapping[str, Any]] = []
+
+    def judge(one: Mapping[str, Any]) -> int:
+        judged.append(one)
+        return 0
+
+    belief = believe("hello", seen(r1=held[0], r2=held[1], r3=dict(held[2])), {"r1", "r2"}, judge)
+    assert belief.holders == {"r1", "r2", "r3"} and len(judged) == 1

@@ -9,7 +9,7 @@ import pytest
 from srprov.definitions.model import Experiment, NetworkSettings
 from srprov.errors import UsageError
 from srprov.facts.model import Snapshot
-from srprov.network.hosts import hosts_file
+from srprov.network.hosts import HostsFile
 from srprov.network.layout import layout
 from srprov.network.model import Overlay
 from srprov.network.record import read_record, record
@@ -172,7 +172,7 @@ def test_a_service_keeps_its_addresses_when_it_moves() -> None:
 def test_hosts_file() -> None:
     """Hosts file."""
     overlay = Overlay(instance="x", underlays={}, names={"talker": "10.0.0.9", "cam": "fd00::1", "map": "10.0.0.10"})
-    assert hosts_file(overlay) == (
+    assert HostsFile(overlay).text == (
         "127.0.0.1\tlocalhost\n"
         "::1\tlocalhost ip6-localhost ip6-loopback\n"
         "ff02::1\tip6-allnodes\n"
@@ -187,7 +187,7 @@ def test_a_robots_own_lines_stand_below_without_names_that_mean_something_else()
     """A resolver gives all addresses of a name, so a second one would be a service elsewhere."""
     overlay = Overlay(instance="x", underlays={}, names={"talker": "10.0.0.9"})
     own = ("127.0.0.1 localhost", "10.6.6.6 Talker talker.lab", "10.6.6.7 extra", "127.0.1.1 robot1", "fd00::1 cam")
-    text = hosts_file(overlay, {"talker": "turtle"}, [("extra", "10.0.0.7")], own)
+    text = HostsFile(overlay, {"talker": "turtle"}).with_more([("extra", "10.0.0.7")], own)
     assert text.splitlines()[4:] == [
         "10.0.0.9\ttalker", "10.0.0.9\tturtle", "10.0.0.7\textra",
         "10.6.6.6\ttalker.lab", "127.0.1.1\trobot1", "fd00::1\tcam",
@@ -196,7 +196,7 @@ def test_a_robots_own_lines_stand_below_without_names_that_mean_something_else()
 
 def test_a_robots_own_name_gives_way_in_any_case_and_a_name_of_blanks_breaks_nothing() -> None:
     overlay = Overlay(instance="x", underlays={}, names={"\r": "10.0.0.9"})
-    text = hosts_file(overlay, extra=[("Printer", "10.0.0.7")], own=["10.6.6.7 printer scanner"])
+    text = HostsFile(overlay).with_more([("Printer", "10.0.0.7")], ["10.6.6.7 printer scanner"])
     assert text.endswith("10.0.0.9\t\r\n10.0.0.7\tPrinter\n10.6.6.7\tscanner\n")
 
 
@@ -303,5 +303,5 @@ def test_the_name_of_a_replicated_service_resolves_to_all_instances() -> None:
     )
     overlay = layout(what, {"w-1": "r1", "w-2": "r2", "h": "r3"}, lab())
     assert overlay.aliases == {"w": (overlay.names["h"], overlay.names["w-1"], overlay.names["w-2"])}
-    lines = hosts_file(overlay).splitlines()[-6:]
+    lines = HostsFile(overlay).text.splitlines()[-6:]
     assert [line.split("\t")[1] for line in lines] == ["h", "w-1", "w-2", "w", "w", "w"]

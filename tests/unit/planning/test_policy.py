@@ -155,6 +155,15 @@ def test_a_device_in_a_folder_that_a_container_writes_to_may_be_any() -> None:
     assert [one.kind for one in asked] == ["host-path", "device"]
 
 
+@pytest.mark.parametrize(
+    "path", ["/var/lib/docker/volumes/srprov.hello.v/_data/tty", "/dev/../proc/1/root/dev/sda", "/dev/shm/tty"]
+)
+def test_a_device_elsewhere_than_below_dev_may_be_any(path: str) -> None:
+    """So a container makes one in a volume of its own; and a plan file says which path that is."""
+    (asked,) = permissions(experiment(service("a", devices=((path, "/dev/tty9", "rw"),))))
+    assert asked.kind == "privileged" and "it may be any device" in asked.what
+
+
 def test_every_kind_is_asked_by_something() -> None:
     """The list of kinds that a user can allow holds nothing that is never asked."""
     of_images = {"fetch", "built-image", "engine-fetch"}

@@ -109,11 +109,17 @@ def where_everybody_may_write(path: Path, _content: bytes) -> None:
     path.parents[2].chmod(0o777)
 
 
+def where_a_group_may_write(path: Path, _content: bytes) -> None:
+    """They rename what is there: a repository of the user's takes the folder's place."""
+    os.chown(path.parents[2], -1, 65534)
+    path.parents[2].chmod(0o775)
+
+
 STRANGERS = [
     others_may_write, somebody_elses, cut_off, no_code, of_another_version, a_folder, a_pipe,
     a_link_to_a_file_of_ones_own, a_link_to_a_folder_of_ones_own, a_folder_above_is_such_a_link,
     in_a_folder_of_somebody_elses,
-    by_a_link_of_somebody_elses, where_everybody_may_write,
+    by_a_link_of_somebody_elses, where_everybody_may_write, where_a_group_may_write,
 ]  # fmt: skip
 
 
@@ -142,6 +148,13 @@ def test_folders_that_all_may_write_to_keep_their_names_by_the_sticky_bit_and_ow
     base = folder.parents[1]
     base.chmod(0o1777)
     base.symlink_to(base.rename(base.with_name("elsewhere")))
+    assert rendered() == RENDERED and len(compilations) == 1
+
+
+def test_the_user_s_own_group_is_nobody_else(compilations: list[str], folder: Path) -> None:
+    """Many systems give each user one, and a umask of 002."""
+    rendered()
+    folder.parents[1].chmod(0o775)
     assert rendered() == RENDERED and len(compilations) == 1
 
 

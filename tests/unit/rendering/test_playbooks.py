@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from inspect import get_annotations
 from pathlib import Path
@@ -18,6 +19,7 @@ from srprov.controller.render_inputs import RenderInputs
 from srprov.data import schema
 from srprov.definitions import playbook as reading
 from srprov.definitions.playbookmodel import ADDED, AFTER, BEFORE, REPLACES, Playbook
+from srprov.definitions.template_check import VARIABLES
 from srprov.errors import DefinitionError, RefusedError
 from srprov.execution import Outcome
 from srprov.modules import MODULES
@@ -89,7 +91,7 @@ def test_the_schemas_modules_and_variables_are_those_that_there_are(
 
     monkeypatch.setattr(plan, "contexts", spy)
     plan_for(World().add("r1"), experiment(service("a")))
-    assert tuple(sorted(seen[0])) == reading.VARIABLES
+    assert tuple(sorted(seen[0])) == VARIABLES
 
 
 TYPES = {
@@ -145,6 +147,46 @@ def test_an_overriding_copy_of_ours_changes_nothing(tmp_path: Path) -> None:
     again = plan_for(world, what, playbooks=every)
     assert again.empty, ids(again)
     assert [use.how for use in again.playbooks] == [f"replaces srprov's own, from {one.file}" for one in every]
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can give files away")
+@pytest.mark.parametrize("which", ["folder", "file", "owner", "group"])
+def test_own_playbooks_that_others_can_write_are_refused(tmp_path: Path, which: str) -> None:
+    """They are root on every robot, and nobody is asked: as for the user's configuration."""
+    folder, file = tmp_path / "playbooks", tmp_path / "playbooks/a.yml"
+    folder.mkdir()
+    file.write_text("- command: x\n  argv: [x]\n  creates: /x\n")
+    assert reading.from_folder(str(folder), ())
+    for path in (folder, file):
+        path.chmod(path.stat().st_mode | 0o020)
+    assert reading.from_folder(str(folder), ()), "one's own group is nobody else"
+    if which in ("folder", "file"):
+        (folder if which == "folder" else file).chmod(0o777)
+    else:
+        os.chown(file, 4711 if which == "owner" else -1, 4711)
+    with pytest.raises(DefinitionError, match="1 problem") as refused:
+        reading.from_folder(str(folder), ())
+    assert "others can write it" in refused.value.problems[0].message
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can give files away")
+@pytest.mark.parametrize("which", ["everybody", "group", "owner", "link"])
+def test_own_playbooks_in_whose_place_others_can_put_some_are_refused(tmp_path: Path, which: str) -> None:
+    """They rename the folder: a repository that the user cloned, which a stranger wrote, takes its place."""
+    shared, cloned = tmp_path / "shared", tmp_path / "cloned"
+    shared.mkdir()
+    cloned.mkdir()
+    (cloned / "a.yml").write_text("- command: x\n  argv: [x]\n  creates: /x\n")
+    (shared / "playbooks").symlink_to(cloned)
+    assert reading.from_folder(str(shared / "playbooks"), ())
+    if which == "link":
+        os.lchown(shared / "playbooks", 4711, 4711)
+    else:
+        os.chown(shared, 4711 if which == "owner" else -1, 4711)
+        shared.chmod({"everybody": 0o777, "group": 0o775, "owner": 0o755}[which])
+    with pytest.raises(DefinitionError) as refused:
+        reading.from_folder(str(shared / "playbooks"), ())
+    assert "a folder above it" in refused.value.problems[0].message
 
 
 def test_before_stands_before_and_is_idempotent(write: Any) -> None:
@@ -341,6 +383,10 @@ def test_reading_a_playbook_computes_nothing(write: Any) -> None:
     with pytest.raises(DefinitionError) as caught:
         write("- file: {{ " + "(" * 5000 + "1" + ")" * 5000 + " }}\n  content: x\n")
     assert "nested too deeply" in caught.value.problems[0].message
+    for chain in ("a" + "/a" * 4000, "a" + "|trim" * 4000, "a" + ".b" * 4000, "not " * 900 + "a", "a" + "[0]" * 4000):
+        with pytest.raises(DefinitionError) as caught:
+            write("- file: x\n  content: '{{ " + chain + " }}'\n")
+        assert "nested too deeply" in caught.value.problems[0].message
     with pytest.raises(DefinitionError) as caught:
         write("{{ a }}" * 40_000)
     assert "is longer than" in caught.value.problems[0].message
@@ -402,7 +448,7 @@ def test_the_manuals_playbooks_work(write: Any) -> None:
         world = World().add("r1")
         plan = plan_for(world, with_playbooks(write(text)), allowed=ALLOW)
         assert "command" in {step.module for step in plan.steps}
-    assert all(f"`{name}`" in manual for name in reading.VARIABLES)
+    assert all(f"`{name}`" in manual for name in VARIABLES)
 
 
 def test_every_field_of_a_playbook_is_explained() -> None:

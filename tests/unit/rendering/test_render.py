@@ -305,7 +305,7 @@ def test_the_shipped_playbooks_render() -> None:
     ("text", "says"),
     [
         ("- file: x\n", "the parameter 'content' is missing"),
-        ("- file: x\n  content: y\n  mod: '0644'\n", "there is no parameter 'mod', only content, mode, in_place"),
+        ("- file: x\n  content: y\n  mod: '0644'\n", "there is no parameter 'mod', only content, blob, mode, in_place"),
         ("- file: x\n  content: 5\n", "content: expected text, not 5"),
         ("- file: x\n  content: y\n  in_place: 1\n", "in_place: expected true or false, not 1"),
         ("- file: x\n  content: y\n  mode: rw\n", "mode: expected octal digits such as 0644, not 'rw'"),

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from srprov.errors import HostKeyError
+from srprov.transport.openssh import host_keys
 from srprov.transport.openssh.host_keys import check, fingerprint, known_keys, matches, names_of
 from srprov.transport.openssh.settings import SshSettings
 
@@ -117,3 +118,19 @@ def test_accept_new_hashes_names_when_asked(tmp_path: Path) -> None:
 def test_fingerprint_is_openssh_s() -> None:
     blob = base64.b64decode("AAAAC3NzaC1lZDI1NTE5AAAAIOMqqnkVzrm0SdG6UOoqKLsabgH5C9okWi0dh2l9GKJl")
     assert fingerprint(blob) == "SHA256:+DiY3wvvV6TuJJhbpZisF/zLDA0zPMSvHdkr4UvCOqU"
+
+
+def test_a_file_is_read_once_for_all_robots_and_again_when_it_has_changed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A thousand robots have a thousand lines: to go through all of them for each takes the square of time."""
+    file, looks = tmp_path / "known", []
+    file.write_text("".join(f"r{number},10.0.0.{number} ssh-ed25519 AAAA\n" for number in range(9)))
+    asked = host_keys.matches
+    monkeypatch.setattr(host_keys, "matches", lambda *words: looks.append(words) or asked(*words))
+    for number in range(9):
+        assert [one.line for one in host_keys.known_keys([str(file)], f"r{number}", None)] == [number + 1]
+    assert len(looks) == 9
+    file.write_text("!r1,r* ssh-ed25519 AAAA\nR3 ssh-rsa AAAA\n")
+    assert [one.line for one in host_keys.known_keys([str(file)], "r3", None)] == [1, 2]
+    assert host_keys.known_keys([str(file)], "r1", None) == []

@@ -64,7 +64,7 @@ def sharded(hosts: dict[str, Host], workers: int = 2, vault: Vault | None = None
 
 def pids(sessions: Sessions) -> list[int]:
     assert sessions._workers is not None
-    return [one._process.pid for one in sessions._workers._workers]
+    return [one.program.process.pid for one in sessions._workers._workers]
 
 
 def apart(count: int = 2) -> tuple[str, str]:
@@ -393,19 +393,19 @@ def test_one_worker_is_this_process() -> None:
 def test_a_peer_that_the_same_worker_has_is_not_asked_over_the_seam() -> None:
     """And one of another worker is, through this process."""
     from srprov.transport.turns import OwnTurns
-    from srprov.transport.workers.processes import _Home
+    from srprov.transport.workers.home import Home
 
     sessions: dict[str, Session] = {"own": object(), "other": object()}  # type: ignore[dict-item]
-    home = _Home(sessions.__getitem__, OwnTurns(), lambda host: host == "own")
+    home = Home(sessions.__getitem__, lambda host: host == "own", OwnTurns(), ConnectOptions())
     assert home.peer("own") is None and home.peer("other") is sessions["other"]
 
 
 def test_turns_of_a_worker_that_died_are_given_to_the_next() -> None:
     from srprov.transport.turns import OwnTurns
-    from srprov.transport.workers.processes import _Home
+    from srprov.transport.workers.home import Home
 
     turns, key = OwnTurns(), secrets.token_hex(4)
-    dead, other = (_Home(lambda _host: None, turns, lambda _host: True) for _ in range(2))  # type: ignore[arg-type,return-value]
+    dead, other = (Home(lambda _host: None, lambda _host: True, turns, ConnectOptions()) for _ in range(2))  # type: ignore[arg-type,return-value]
     dead.take_turn(key)
     waiting = threading.Thread(target=other.take_turn, args=(key,), daemon=True)
     waiting.start()
@@ -420,10 +420,10 @@ def test_turns_of_a_worker_that_died_are_given_to_the_next() -> None:
 
 def test_who_waits_for_a_turn_in_vain_ends_with_its_worker() -> None:
     from srprov.transport.turns import OwnTurns
-    from srprov.transport.workers.processes import _Home
+    from srprov.transport.workers.home import Home
 
     turns, key = OwnTurns(), secrets.token_hex(4)
-    home = _Home(lambda _host: None, turns, lambda _host: True)  # type: ignore[arg-type,return-value]
+    home = Home(lambda _host: None, lambda _host: True, turns, ConnectOptions())  # type: ignore[arg-type,return-value]
     with turns.turn(key):
         waiting = threading.Thread(target=home.take_turn, args=(key,), daemon=True)
         waiting.start()

@@ -1,0 +1,95 @@
+"""What srprov keeps and believes later: settings and trees of git, playbooks as code, tokens, what was hashed or built.
+
+Such a file or folder counts only where nobody else can have put it: it and all up to the user's `srprov` are the user's
+and no links, and no folder above is another user's, or one that others may write to (but /tmp and the like). Touches
+the file system.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+import stat
+from pathlib import Path
+
+from srprov import private
+from srprov.whose import is_nobody_elses_group
+
+
+def read(path: Path, most: int) -> bytes:
+    """Return up to `most` bytes of a file that srprov keeps, to be believed: its folder is as of `is_safe_folder`.
+
+    Raises:
+        OSError: It cannot be read; or somebody else may have written it, or put a link in its place.
+    """
+    if not is_safe_folder(path.parent) or not _is_own(path) or not stat.S_ISREG(path.lstat().st_mode):
+        raise PermissionError(errno.EPERM, "it may be somebody else's", str(path))
+    with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NOFOLLOW)) as file:
+        return file.read(most)
+
+
+def check(folder: Path) -> None:
+    """Refuse a folder that srprov keeps, and whose content is believed, when it is not as of `is_safe_folder`.
+
+    Raises:
+        OSError: It is not there; or somebody else may have put something into it, or have put it there.
+    """
+    if not is_safe_folder(folder):
+        raise PermissionError(errno.EPERM, "others may write to it, or to a folder above it", str(folder))
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder as `private.make_folder` does, and refuse it as `check` does."""
+    private.make_folder(folder)
+    check(folder)
+
+
+def is_safe_folder(folder: Path) -> bool:
+    """Return whether nobody else can write to a folder below the user's `srprov`, or put another one in its place.
+
+    The owner of a file alone says too little: in a folder of somebody else's a link may lead to a file that the user
+    owns, and that a stranger wrote, such as one of a repository that was cloned.
+
+    Raises:
+        OSError: It cannot be looked at.
+    """
+    own = [folder]
+    while own[-1].name != "srprov" and "srprov" in own[-1].parts:
+        own.append(own[-1].parent)
+    return all(map(_is_own, own)) and is_out_of_reach(folder)
+
+
+def is_out_of_reach(path: str | os.PathLike[str]) -> bool:
+    """Return whether nobody else can put another file in a path's place: others own no folder above, nor write to one.
+
+    Raises:
+        OSError: It cannot be looked at.
+    """
+    named, real = Path(os.path.abspath(path)), Path(os.path.realpath(path))
+    return all(map(_is_nobody_elses, {named, *named.parents, real, *real.parents}))
+
+
+def _is_own(path: Path) -> bool:
+    about = path.lstat()
+    return about.st_uid == os.geteuid() and not stat.S_ISLNK(about.st_mode) and not about.st_mode & 0o022
+
+
+def _is_nobody_elses(folder: Path) -> bool:
+    """Return whether a folder or link is the user's or root's, and others cannot take away what is in it."""
+    about = folder.lstat()
+    if about.st_uid not in (0, os.geteuid()):
+        return False
+    if stat.S_ISLNK(about.st_mode) or about.st_mode & stat.S_ISVTX:
+        return True
+    groups = about.st_mode & stat.S_IWGRP and not is_nobody_elses_group(about.st_gid)
+    return not (about.st_mode & stat.S_IWOTH or groups)
+
+
+def write(path: Path, content: str) -> None:
+    """Write a file as `private.replace_file` does, and make its folder: where `read` will believe it, or not at all.
+
+    Raises:
+        OSError: It cannot be written; or its folder is refused by `check`.
+    """
+    make_folder(path.parent)
+    private.replace_file(path, content)

@@ -1,0 +1,34 @@
+"""Containers and images of a plan file that no EDF leads to: what else of the plan would have to be there. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+
+from srprov.definitions.model import Service
+from srprov.modules.container_form import stands_on
+from srprov.modules.container_params import ContainerParams
+from srprov.modules.image import ImageParams
+from srprov.resource import Resource
+
+
+def unstated(wants: Collection[Resource]) -> Iterator[Resource]:
+    """Yield the containers that mount what srprov keeps on their robot, where no resource of the plan states that.
+
+    Whoever only names a data set's hash would get what the robot has for others.
+    """
+    stated = {(one.host, one.module, one.name) for one in wants}
+    for one in wants:
+        if isinstance(one.params, ContainerParams):
+            needed = {(one.host, kind, name) for kind, name in stands_on(one.params)}
+            if not needed <= stated:
+                yield one
+
+
+def pulled_for_nobody(wants: Collection[Resource], services: Collection[Service]) -> Iterator[Service]:
+    """Yield a service for each image that is pulled and that no container of the plan runs: to pull it is to ask.
+
+    The robot's engine asks whom the name says; and who pulls an image under the tag of a build gives it to its service.
+    """
+    pulled = {one.name for one in wants if isinstance(one.params, ImageParams) and one.params.source == "pull"}
+    for name in sorted(pulled - {one.image for one in services}):
+        yield Service(name="other images", image=name)

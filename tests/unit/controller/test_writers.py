@@ -1,0 +1,150 @@
+"""A robot's further names for paths that containers write to, asked of real shells of this machine."""
+
+from __future__ import annotations
+
+import subprocess
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, cast
+
+import pytest
+
+from srprov.controller.writers import _question, check_writers
+from srprov.definitions.containermodel import Mount
+from srprov.errors import UsageError
+from srprov.facts.gather import Gathering
+from srprov.wire import Query, Reply
+from tests.fakes import World
+from tests.readonly import shell_violations
+from tests.worlds import experiment, plan_for, service
+
+SHELLS = (("sh", "-c"), ("busybox", "sh", "-c"))
+
+
+class Here:
+    """Asks this machine."""
+
+    def __init__(self, shell: tuple[str, ...]) -> None:
+        self.shell = shell
+        self.asked = 0
+
+    def ask_each(self, questions: Mapping[str, Sequence[Query]]) -> dict[str, Sequence[Reply]]:
+        """Run each question in a shell."""
+        self.asked += len(questions)
+        return {robot: [self._run(one.command) for one in some] for robot, some in questions.items()}
+
+    def _run(self, command: str) -> Reply:
+        try:
+            done = subprocess.run([*self.shell, command], capture_output=True, text=True, check=True)
+        except FileNotFoundError:
+            pytest.skip(f"there is no {self.shell[0]} here")
+        return Reply(status=0, out=done.stdout)
+
+
+def checked(shell: tuple[str, ...], *mounts: tuple[Path, bool]) -> int:
+    """Check services of one robot, each with one path that is read-only or not; return how many robots were asked."""
+    services = [
+        service(f"s{at}", mounts=(Mount(kind="bind", source=str(path), target="/x", read_only=only),))
+        for at, (path, only) in enumerate(mounts)
+    ]
+    steps = plan_for(World().add("r1"), experiment(service("s0"))).steps
+    look: Any = Here(shell)
+    check_writers(steps, [("r1", one) for one in services], cast("Gathering", look))
+    return cast("int", look.asked)
+
+
+class InNamespace(Here):
+    """Asks this machine, as it is with some mounts."""
+
+    mounts = ""
+
+    def _run(self, command: str) -> Reply:
+        words = ["unshare", "-m", *self.shell, f"{self.mounts} || exit 9\n{command}"]
+        return Reply(status=0, out=subprocess.run(words, capture_output=True, text=True, check=True).stdout)
+
+
+@pytest.mark.parametrize("written", ["data", "data/maps", "above"])
+def test_a_part_of_a_written_folder_that_is_mounted_elsewhere_is_refused(tmp_path: Path, written: str) -> None:
+    """A link that is swapped there while the robot looks gave the engine."""
+    for one in ("data/maps/x", "data/other", "above/disk", "a part"):
+        (tmp_path / one).mkdir(parents=True)
+    look: Any = InNamespace(SHELLS[0])
+    look.mounts = f"cd {tmp_path} && mount --bind data/maps 'a part' && mount --bind data above/disk"
+    steps = plan_for(World().add("r1"), experiment(service("s0"))).steps
+
+    def check(path: str) -> None:
+        some = [(tmp_path / written, False), (tmp_path / path, True)]
+        binds = [Mount(kind="bind", source=str(one), target="/x", read_only=only) for one, only in some]
+        placed = [("r1", service(f"s{at}", mounts=(one,))) for at, one in enumerate(binds)]
+        check_writers(steps, placed, cast("Gathering", look))
+
+    for path in ("a part/x", "a part/none"):
+        with pytest.raises(UsageError, match="lies in a folder that a container"):
+            check(path)
+    check("a partly")
+    check("data-files/x")
+
+
+@pytest.mark.parametrize("shell", SHELLS, ids=lambda shell: shell[0])
+@pytest.mark.parametrize("below", ["x", "x/y", "new", "new/er", "odd\nname", "odd\nname/none", "it's"])
+def test_what_lies_in_a_written_folder_by_another_name_is_refused(
+    tmp_path: Path, shell: tuple[str, ...], below: str
+) -> None:
+    """So /run/lock and /var/lock/x were two paths, and a link in the first gave the engine with the second."""
+    (tmp_path / "run/lock/x/y").mkdir(parents=True)
+    if "none" not in below and "new" not in below:
+        (tmp_path / "run/lock" / below).mkdir(parents=True, exist_ok=True)
+    (tmp_path / "run/lock/odd\nname").mkdir(exist_ok=True)
+    (tmp_path / "lock").symlink_to("run/lock")
+    with pytest.raises(UsageError, match=r"which 's1' mounts, lies in a folder that a container of the experiment"):
+        checked(shell, (tmp_path / "run/lock", False), (tmp_path / "lock" / below, True))
+    with pytest.raises(UsageError, match="which 's1' mounts"):
+        checked(shell, (tmp_path / "lock", False), (tmp_path / "run/lock" / below, False))
+
+
+@pytest.mark.parametrize("shell", SHELLS, ids=lambda shell: shell[0])
+def test_other_paths_are_mounted_as_ever(tmp_path: Path, shell: tuple[str, ...]) -> None:
+    """One folder by two names, what lies above, what nobody writes to, and what was asked for as what it is."""
+    for name in ("a/x", "b"):
+        (tmp_path / name).mkdir(parents=True)
+    (tmp_path / "c").symlink_to("a")
+    assert checked(shell, (tmp_path / "a", False), (tmp_path / "c", False), (tmp_path / "b", False)) == 1
+    assert checked(shell, (tmp_path / "c/x", False), (tmp_path / "none", False), (tmp_path / "a", True)) == 1
+    assert checked(shell, (tmp_path / "a", True), (tmp_path / "c/x", True)) == 0
+    assert checked(shell, (tmp_path / "a", False), (tmp_path / "a/x", True)) == 1
+
+
+def test_the_question_only_reads() -> None:
+    """It is asked by `plan`."""
+    assert shell_violations(_question(["/srv/it's", "/srv/a b"]).command) == []
+
+
+def test_a_folder_that_is_mounted_twice_is_one() -> None:
+    """Of which links know nothing: device and inode tell."""
+
+    class Told(Here):
+        def _run(self, command: str) -> Reply:
+            return Reply(status=0, out="1 /srv/w2/a\n8:3\n8:2\n8:1\n0 /srv/w\n8:2\n8:1\n")
+
+    services = [
+        service(name, mounts=(Mount(kind="bind", source=path, target="/x"),))
+        for name, path in (("s0", "/srv/w"), ("s1", "/srv/w2/a"))
+    ]
+    steps = plan_for(World().add("r1"), experiment(service("s0"))).steps
+    look: Any = Told(("sh",))
+    with pytest.raises(UsageError, match="/srv/w2/a, which 's1' mounts"):
+        check_writers(steps, [("r1", one) for one in services], cast("Gathering", look))
+
+
+def test_a_robot_that_does_not_answer_is_no_robot_without_such_paths() -> None:
+    """Thousands of paths would keep it from answering in time."""
+
+    class Silent(Here):
+        def ask_each(self, questions: Mapping[str, Sequence[Query]]) -> dict[str, Sequence[Reply]]:
+            return {}
+
+    mounts = tuple(Mount(kind="bind", source=f"/srv/{name}", target=f"/{name}") for name in ("w", "w2"))
+    steps = plan_for(World().add("r1"), experiment(service("s0"))).steps
+    look: Any = Silent(("sh",))
+    with pytest.raises(UsageError, match="r1: it does not say what its paths are"):
+        check_writers(steps, [("r1", service("s0", mounts=mounts))], cast("Gathering", look))
