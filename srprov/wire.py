@@ -8,7 +8,6 @@ word passes through `quote`.
 from __future__ import annotations
 
 import base64
-import hashlib
 import shlex
 from typing import Any
 
@@ -67,6 +66,8 @@ class Run(msgspec.Struct, frozen=True, kw_only=True):
 
     script: str
     timeout_s: float = 60.0
+    in_place: bool = False
+    """As for `Query`; what it opens stays open in the robot's shell."""
 
     def text(self) -> str:
         """Show it as the plan does."""
@@ -151,7 +152,7 @@ class EngineCall(msgspec.Struct, frozen=True, kw_only=True):
         if self.body:
             parts.append(self.body)
         if self.blob:
-            parts.append(f"<{len(self.blob)} bytes, sha256 {hashlib.sha256(self.blob).hexdigest()[:12]}>")
+            parts.append(f"<{len(self.blob)} bytes, sha256 {sha256_of(self.blob)[:12]}>")
         return " ".join(parts)
 
     @property
@@ -190,9 +191,7 @@ class CopyImage(msgspec.Struct, frozen=True, kw_only=True):
             "whole": "docker save | docker load",
         }
         kind = how.get(self.way, "the layers that are missing, or whole")
-        source, over = (
-            (self.source_host, ", over the controller") if self.source_host else ("the controller's cache", "")
-        )
+        source, over = self.source_host or "the controller's cache", ", over the controller" * bool(self.source_host)
         return f"copy image {self.image} from {source} ({kind}{over})"
 
 

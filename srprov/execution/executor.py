@@ -23,7 +23,7 @@ from srprov.execution.lock_set import LockSet, lock_options
 from srprov.execution.locks import claim
 from srprov.execution.options import RunOptions
 from srprov.execution.outcome import Event, Listener, Outcome, RunResult, StepResult, ended_with, past
-from srprov.execution.probe_beside import probing_beside
+from srprov.execution.probe_beside import bringing_ahead, probing_beside
 from srprov.execution.robot import RobotExecutor, round_trip_size
 from srprov.execution.settle import settle
 from srprov.execution.stopping import begins_with_stop
@@ -44,12 +44,13 @@ def walk(
     with nullcontext(held) if held else LockSet(robots, sessions, mine, waiting, stop, listener).acquire() as locks:
         reached = {host: session for host, session in sessions.items() if host not in locks.lost}
         run = _Run(reached, listener, options, stop, locks.lost)
-        run.walk(cut(plan.steps))
-        with probing_beside(options.probing, run.results.values(), reached, run.stop, listener) as probing:
+        with bringing_ahead(options.probing, plan.steps, reached) as brought:
+            run.walk(cut(plan.steps))
+        with probing_beside(options.probing, run.results.values(), reached, run.stop, listener, brought) as probing:
             results = settle(run.robots, run.results, options.settle_s, run.stop, listener)
-        if options.run:
-            entry = AuditEntry(run=options.run, owner=mine.owner, verb=options.verb, instance=plan.instance)
-            unaudited = audit(entry, run.robots, results.values())
+            if options.run:
+                entry = AuditEntry(run=options.run, owner=mine.owner, verb=options.verb, instance=plan.instance)
+                unaudited = audit(entry, run.robots, results.values())
     ordered = tuple(results[step.number] for step in plan.steps)
     away = {one.step.host: one.message for one in ordered if one.outcome is Outcome.UNREACHABLE}
     return RunResult(

@@ -1,7 +1,7 @@
 """Probe an overlay: a program of ours on every robot at once, and a closer look at them when something fails.
 
-Takes what to ask and sessions; gives rounds and looks. On a robot it writes one file, which is gone as soon as it runs,
-and changes nothing else. A robot that fails is a value.
+Takes what to ask and sessions; gives rounds and looks. On a robot it writes one file, which is gone as soon as its
+shell has opened it, and changes nothing else. A robot that fails is a value.
 """
 
 from __future__ import annotations
@@ -42,6 +42,13 @@ class OverlayProbe(msgspec.Struct, frozen=True, kw_only=True):
     """Robot -> Docker's name of its processor; robots that are not in it are asked."""
 
 
+class Brought(msgspec.Struct, frozen=True, kw_only=True):
+    """Robots that have the program already, for the first round."""
+
+    magic: str = ""
+    robots: frozenset[str] = frozenset()
+
+
 class _Ready(msgspec.Struct, frozen=True, kw_only=True):
     """A robot that has the program."""
 
@@ -51,14 +58,24 @@ class _Ready(msgspec.Struct, frozen=True, kw_only=True):
     """Service whose container does not run -> its state."""
 
 
-def probe(probing: OverlayProbe, sessions: Mapping[str, Session], *, closer: bool = False) -> Probed:
+def bring(probing: OverlayProbe, sessions: Mapping[str, Session]) -> Brought:
+    """Bring the program to robots before it is wanted; one that does not take it is asked again by `probe`."""
+    magic = secrets.token_hex(4)
+    there = {robot: sessions[robot] for robot in probing.request.robots if robot in sessions}
+    done, _ = _everywhere(there, lambda robot: _upload(probing, robot, magic, there[robot]))
+    return Brought(magic=magic, robots=frozenset(done))
+
+
+def probe(
+    probing: OverlayProbe, sessions: Mapping[str, Session], brought: Brought | None = None, *, closer: bool = False
+) -> Probed:
     """Ask everybody, and say what came of it; with `closer`, look at robots also when everything works.
 
     When something fails, robots are looked at, all are asked again, and looked at again: what fails twice counts, and a
     rule whose counter rose in between dropped it.
     """
     begun = time.monotonic()
-    found = probe_once(probing, sessions)
+    found = probe_once(probing, sessions, brought)
     before: dict[str, Look] = {}
     if fails(found):
         before = look_at(found, sessions)
@@ -67,16 +84,19 @@ def probe(probing: OverlayProbe, sessions: Mapping[str, Session], *, closer: boo
     return Probed(found=found, before=before, after=after, seconds=time.monotonic() - begun)
 
 
-def probe_once(probing: OverlayProbe, sessions: Mapping[str, Session], *, again: bool = False) -> Round:
+def probe_once(
+    probing: OverlayProbe, sessions: Mapping[str, Session], brought: Brought | None = None, *, again: bool = False
+) -> Round:
     """Ask everybody once, all at the same time: two round trips of the shell and one of the engine on each robot.
 
-    The second time they wait longer for each other.
+    Where the program was brought before, one of the shell is enough. The second time they wait longer for each other.
     """
     request = probing.request
-    magic = secrets.token_hex(4)
+    here = brought or Brought(magic=secrets.token_hex(4))
+    magic = here.magic
     lost = {robot: "it cannot be reached" for robot in request.robots if robot not in sessions}
     there = {robot: sessions[robot] for robot in request.robots if robot in sessions}
-    ready, failed = _everywhere(there, lambda robot: _prepare(probing, robot, magic, there[robot]))
+    ready, failed = _everywhere(there, lambda robot: _prepare(probing, robot, here, there[robot]))
     lost |= failed
     left_out = {name: why for one in ready.values() for name, why in one.absent.items()}
     services = {one.service for one in request.endpoints} - left_out.keys()
@@ -107,18 +127,28 @@ def _architecture(probing: OverlayProbe, robot: str, session: Session) -> str:
     return arch
 
 
-def _prepare(probing: OverlayProbe, robot: str, magic: str, session: Session) -> _Ready:
-    """Bring the program, and ask which processes its containers are.
+def _upload(probing: OverlayProbe, robot: str, magic: str, session: Session) -> None:
+    """Bring the program.
 
     Raises:
         TransportError: The robot cannot be talked to, or does not take it.
     """
-    inside = {at: one for at, one in probing.request.of(robot).items() if one.container}
     put = session.execute(upload(magic, _architecture(probing, robot, session)))
     if not put.ok:
         raise TransportError(
             robot, f"the probe cannot be written there: {text(put.err)}", hint="is its disk full?", code=Code.PROBE
         )
+
+
+def _prepare(probing: OverlayProbe, robot: str, here: Brought, session: Session) -> _Ready:
+    """Bring the program where it is not, and ask which processes its containers are.
+
+    Raises:
+        TransportError: The robot cannot be talked to, or does not take it.
+    """
+    if robot not in here.robots:
+        _upload(probing, robot, here.magic, session)
+    inside = {at: one for at, one in probing.request.of(robot).items() if one.container}
     replies = session.ask([inspect(one) for one in inside.values()])
     states = {at: _process(reply) for at, reply in zip(inside, replies, strict=True)}
     return _Ready(

@@ -130,7 +130,7 @@ class BaseSession(EngineStreams, abc.ABC):
 
                 return copy(command, self, self._peers, self._options, progress)
             with self._closing_on_error():
-                return self._shell.run(self._script(command), command.timeout_s, progress, shown=command.text())
+                return self._shell.run(command, self._script(command), progress)
 
     def execute_all(self, commands: Sequence[Run | Put]) -> Sequence[Reply]:
         """Do several short things in one round trip, one after the other, each whatever came of the others.

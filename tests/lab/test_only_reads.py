@@ -219,7 +219,15 @@ def test_what_plans_only_reads_and_what_applies_does_not(listening: Listening, t
     # the program's own bytes are in a here-document, which the judge does not read
     program = re.compile(rb"<<'_END_OF_FILE_' ([^\n]*)\n.*?\n_END_OF_FILE_\n", re.DOTALL)
     heard.shell = [program.sub(rb"\1\n", text) for text in heard.shell]
-    own = ("/.probe.", "-name .probe.* ", "/proc/self/fd/9 ", "mkdir -p /var/lib/srprov", "base64 -d")
+    own = (
+        "/.probe.",
+        "-name .probe.* ",
+        "/proc/self/fd/8 ",
+        "mkdir -p /var/lib/srprov",
+        "base64 -d",
+        "gzip -dc",
+        "command exec",
+    )
     acts = heard.violations()
     assert acts and [act for act in acts if not any(word in act for word in own)] == []
     assert ".probe." not in lab.shell(ROBOT, "ls", "-A", "/var/lib/srprov").out

@@ -111,7 +111,7 @@ def test_everybody_reaches_everybody_and_nothing_is_left_on_robots(probed: Probe
     assert {one["mtu"] for one in said["underlay"]} == {1500}
     for robot in NAMES:
         left = probed.on(robot, "find /var/lib/srprov /run/srprov -name '.probe*'; cat /proc/[0-9]*/comm | sort -u")
-        assert ".probe" not in left and "9" not in left.split()  # it runs as file descriptor 9
+        assert ".probe" not in left and "8" not in left.split()  # it runs as file descriptor 8
     shown = probed.probe()
     assert shown.code == 0 and f"{len(said['pairs'])} of {len(said['pairs'])} pairs" in shown.out
     assert shown.out.splitlines()[0].split()[-COUNT:] == NAMES

@@ -19,7 +19,7 @@ from srprov.errors import DeadlineError, TransportError
 from srprov.session import Progress, Traffic
 from srprov.transport.deadline import BATCH_S, Deadline, Patience
 from srprov.transport.shell.frames import Frames, batch
-from srprov.wire import Query, Reply
+from srprov.wire import Put, Query, Reply, Run
 
 if TYPE_CHECKING:
     from srprov.session import Streams
@@ -48,13 +48,14 @@ class Shell:
         limits = [query.timeout_s for query in queries]
         return self._exchange(commands, limits, commands, in_place=in_place, most_s=max(limits, default=0.0) + BATCH_S)
 
-    def run(self, script: str, timeout_s: float, progress: Progress, shown: str) -> Reply:
-        """Run a script and pass its output lines to `progress` as they come; errors show `shown` instead of it.
+    def run(self, command: Run | Put, script: str, progress: Progress) -> Reply:
+        """Run a command's script and pass its output lines to `progress` as they come; errors show its text instead.
 
         Raises:
             TransportError: As `ask`.
         """
-        return self._exchange([script], [timeout_s], [shown], progress)[0]
+        in_place = {0} if isinstance(command, Run) and command.in_place else ()
+        return self._exchange([script], [command.timeout_s], [command.text()], progress, in_place)[0]
 
     def run_all(self, scripts: Sequence[str], limits_s: Sequence[float], shown: Sequence[str]) -> list[Reply]:
         """Run scripts in one round trip, each in a time of its own; errors show `shown` instead of them.

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Sequence
+from contextlib import ExitStack
+from typing import Any
 from unittest import mock
 
 import pytest
 
 from srprov.controller.probe import probing_of
 from srprov.definitions.model import Definitions
-from srprov.execution import Outcome, RunResult
-from srprov.execution.probe_beside import probing_beside
+from srprov.execution import Outcome, RunResult, StepResult
+from srprov.execution.probe_beside import bringing_ahead, probing_beside
+from srprov.execution.probing import Brought
 from srprov.modules import MODULES
+from srprov.planning.plan import Step
 from tests.fakes import World
 from tests.worlds import apply, experiment, made, service
 
@@ -30,7 +35,7 @@ def is_tried(result: RunResult, *kinds: str, name: str = "") -> bool:
     some = [one for one in result.results if one.step.module in kinds and one.step.name.endswith(name)]
     assert some and {one.outcome for one in some} == {Outcome.CHANGED}
     with mock.patch("srprov.execution.probing.probe") as probe:
-        with probing_beside(probing, some, {}, threading.Event(), lambda _event: None) as tried:
+        with probing_beside(probing, some, {}, threading.Event(), lambda _event: None, None) as tried:
             pass
         tried()
     return probe.called
@@ -49,6 +54,45 @@ def test_it_is_tried_after_a_container_on_it_was_changed(fresh: RunResult) -> No
 
 def test_files_and_images_are_no_part_of_it(fresh: RunResult) -> None:
     assert not is_tried(fresh, "file", "image")
+
+
+def brought_for(steps: Sequence[Step], stop: threading.Event, results: Sequence[StepResult]) -> tuple[mock.Mock, ...]:
+    """Return what was called of `bring` and `probe` in a run of some steps."""
+    probing = probing_of(made(World().add("r1", "r2"), Definitions(experiment=ALONE, containers={})))
+    sessions: Any = {"r1": mock.Mock(), "r2": mock.Mock(), "other": mock.Mock()}
+    there = Brought(magic="0a1b2c3d", robots=frozenset({"r1", "r2"}))
+    names = ("bring", "probe")
+    with ExitStack() as stack:
+        called = [stack.enter_context(mock.patch(f"srprov.execution.probing.{name}")) for name in names]
+        called[0].return_value = there
+        with bringing_ahead(probing, steps, sessions) as brought:
+            pass
+        with probing_beside(probing, results, sessions, stop, lambda _event: None, brought):
+            pass
+    if called[0].called:
+        assert set(called[0].call_args.args[1]) == {"r1", "r2"}, "not to robots that are not changed"
+    return tuple(called)
+
+
+def test_the_program_is_brought_while_the_overlay_is_made(fresh: RunResult) -> None:
+    """It is not run when that fails, or after an interrupt."""
+    steps = [one.step for one in fresh.results]
+    bring, probe = brought_for(steps, threading.Event(), fresh.results)
+    assert probe.call_args.args[2] == bring.return_value
+
+    failed = [StepResult(step=one, outcome=Outcome.FAILED) for one in steps]
+    stop = threading.Event()
+    stop.set()
+    for happened, results in ((threading.Event(), failed), (stop, fresh.results)):
+        bring, probe = brought_for(steps, happened, results)
+        assert bring.called and not probe.called
+
+
+def test_no_program_is_brought_for_steps_that_packets_do_not_meet(fresh: RunResult) -> None:
+    files = [one for one in fresh.results if one.step.module == "file"]
+    assert files
+    called = brought_for([one.step for one in files], threading.Event(), files)
+    assert not any(one.called for one in called)
 
 
 def test_the_kinds_that_packets_meet() -> None:

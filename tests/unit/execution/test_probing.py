@@ -9,12 +9,12 @@ import pytest
 
 from srprov.controller.report import overlay_failures
 from srprov.execution import Outcome, RunResult, StepResult
-from srprov.execution.probing import OverlayProbe, probe_once
+from srprov.execution.probing import OverlayProbe, bring, probe_once
 from srprov.planning.plan import Step
 from srprov.probing.document import problems
 from srprov.probing.verdict import Probed
 from srprov.resource import Action, Change, Observed
-from srprov.wire import Put, Reply, Run
+from srprov.wire import Reply, Run
 from tests.unit.probing.worlds import ROBOTS, name_of, request
 
 WHOLE = request()
@@ -25,14 +25,16 @@ class Robot:
 
     def __init__(self, said: str, status: str = "running") -> None:
         self.said, self.status = said, status
+        self.scripts: list[str] = []
 
     def ask(self, queries: Any) -> list[Reply]:
         body = json.dumps({"State": {"Pid": 7 * (self.status == "running"), "Status": self.status}})
         return [Reply(status=200, out=body, ok=True) for _ in queries]
 
     def execute(self, command: Any) -> Reply:
-        assert isinstance(command, Put | Run)
-        return Reply(status=0, out=self.said if isinstance(command, Run) else "", ok=True)
+        assert isinstance(command, Run)
+        self.scripts.append(command.script)
+        return Reply(status=0, out=self.said if "/proc/self/fd/8" in command.script else "", ok=True)
 
 
 def lines(robot: str) -> list[str]:
@@ -57,6 +59,18 @@ def test_a_robot_that_is_silent_of_some_of_its_endpoints_is_named() -> None:
     assert said["unreachable"] == {"r2": "its probe says nothing of s2@r2"}
     assert not said["ok"]
     assert "does not run there" in tried({**whole, "r2": "nonsense"}).json()["unreachable"]["r2"]
+
+
+def test_a_program_that_was_brought_is_not_sent_again_and_one_that_was_not_is() -> None:
+    """All have the same, by the word that packets have."""
+    sessions: Any = {robot: Robot("\n".join(lines(robot))) for robot in ROBOTS}
+    probing = OverlayProbe(request=WHOLE, architectures=dict.fromkeys(ROBOTS, "amd64"))
+    brought = bring(probing, {robot: sessions[robot] for robot in ROBOTS[1:]})
+    assert brought.robots == {*ROBOTS[1:]}
+    assert probe_once(probing, sessions, brought).lost == {}
+    sent = {robot: [one for one in sessions[robot].scripts if "base64 -d" in one] for robot in ROBOTS}
+    assert {robot: len(one) for robot, one in sent.items()} == dict.fromkeys(ROBOTS, 1)
+    assert all(brought.magic in one[0] for one in sent.values())
 
 
 @pytest.mark.parametrize(
