@@ -15,7 +15,8 @@ from typing import Any
 import pytest
 
 from srprov.probing.request import MOST_ENDPOINTS, among, request_of
-from srprov.probing.script import ARCHITECTURES, PROGRAMS, run, upload
+from srprov.probing.script import ARCHITECTURES, FOLDER, PROGRAMS, run, upload
+from srprov.transport.shell.frames import batch
 from tests.unit.probing.worlds import RECORD, request
 
 ROOT = Path(__file__).parents[3]
@@ -53,6 +54,24 @@ RUN = (
     "import os, sys; f = os.memfd_create('probe'); os.write(f, open(sys.argv[1], 'rb').read()); "
     "os.execve(f, ['probe', *sys.argv[2:]], {})"
 )
+
+
+@pytest.mark.skipif(os.uname().machine not in ARCHITECTURES.values(), reason="there is no program for this machine")
+@pytest.mark.parametrize("shell", [("dash",), ("bash", "--posix"), ("busybox", "sh")])
+def test_the_program_is_held_open_by_the_shell_and_has_no_file(shell: tuple[str, ...], tmp_path: Path) -> None:
+    """A robot that cannot unpack it says so, and its shell goes on."""
+    arch = next(arch for arch, name in ARCHITECTURES.items() if name == os.uname().machine)
+    command = upload("0a1b2c3d", arch)
+    assert command.in_place
+    script = command.script.replace(FOLDER, str(tmp_path))
+    broken = script.replace("gzip -dc", "gzip -d --nonsense")
+    text = batch("0a", [broken, "exec /proc/self/fd/8", script, f"ls -A {tmp_path}", "exec /proc/self/fd/8"], {0, 2})
+    done = subprocess.run(shell, input=text, capture_output=True, timeout=30, check=True)
+    answers = [line.split()[1:] for line in done.stdout.decode().splitlines() if line.startswith("0a ")]
+    assert answers[0] == ["begin", "0"] and [at for at, _ in answers[1:]] == ["0", "1", "2", "3", "4"]
+    statuses = [status for _, status in answers[1:]]
+    assert statuses[0] != "0" and statuses[1] in ("126", "127") and statuses[2:] == ["0", "0", "2"], done.stderr
+    assert b"probe: MAGIC" in done.stderr and b".probe" not in done.stdout
 
 
 @pytest.mark.skipif(os.uname().machine not in ARCHITECTURES.values(), reason="there is no program for this machine")
