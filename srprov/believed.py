@@ -10,10 +10,14 @@ from __future__ import annotations
 import errno
 import os
 import stat
+from collections.abc import Iterator
 from pathlib import Path
 
 from srprov import private
-from srprov.whose import is_nobody_elses_group
+from srprov.whose import others_may_write
+
+_MOST_LINKS = 40
+"""Of one path, as Linux follows."""
 
 
 def read(path: Path, most: int) -> bytes:
@@ -35,11 +39,22 @@ def check(folder: Path) -> None:
         OSError: It is not there; or somebody else may have put something into it, or have put it there.
     """
     if not is_safe_folder(folder):
-        raise PermissionError(errno.EPERM, "others may write to it, or to a folder above it", str(folder))
+        raise _refused(folder)
+
+
+def _refused(folder: Path) -> PermissionError:
+    return PermissionError(errno.EPERM, "others may write to it, or to a folder above it", str(folder))
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder as `private.make_folder` does, and refuse it as `check` does."""
+    """Make a folder as `private.make_folder` does, and refuse it as `check` does, before anything is made.
+
+    Raises:
+        OSError: As `check`; or it cannot be made.
+    """
+    there = next(one for one in (folder, *folder.parents) if os.path.lexists(one))
+    if not is_out_of_reach(there):
+        raise _refused(there)
     private.make_folder(folder)
     check(folder)
 
@@ -62,11 +77,28 @@ def is_safe_folder(folder: Path) -> bool:
 def is_out_of_reach(path: str | os.PathLike[str]) -> bool:
     """Return whether nobody else can put another file in a path's place: others own no folder above, nor write to one.
 
+    A link's folder counts wherever it is, also that of a link that another link leads to.
+
     Raises:
         OSError: It cannot be looked at.
     """
-    named, real = Path(os.path.abspath(path)), Path(os.path.realpath(path))
-    return all(map(_is_nobody_elses, {named, *named.parents, real, *real.parents}))
+    return all(_is_nobody_elses(one, about) for one, about in _on_the_way(path))
+
+
+def _on_the_way(path: str | os.PathLike[str]) -> Iterator[tuple[str, os.stat_result]]:
+    """Yield each folder and link that the kernel goes through to a path, and what is there in the end."""
+    at, left, links = "/", [*reversed(Path.cwd().joinpath(path).parts)], 0
+    while left:
+        part = left.pop()
+        at = "/" if part == "/" else os.path.dirname(at) if part == ".." else os.path.join(at, part)
+        about = os.lstat(at)
+        yield at, about
+        if stat.S_ISLNK(about.st_mode):
+            links += 1
+            if links > _MOST_LINKS:
+                raise OSError(errno.ELOOP, os.strerror(errno.ELOOP), os.fspath(path))
+            left += reversed(Path(os.readlink(at)).parts)
+            at = os.path.dirname(at)
 
 
 def _is_own(path: Path) -> bool:
@@ -74,15 +106,11 @@ def _is_own(path: Path) -> bool:
     return about.st_uid == os.geteuid() and not stat.S_ISLNK(about.st_mode) and not about.st_mode & 0o022
 
 
-def _is_nobody_elses(folder: Path) -> bool:
+def _is_nobody_elses(path: str, about: os.stat_result) -> bool:
     """Return whether a folder or link is the user's or root's, and others cannot take away what is in it."""
-    about = folder.lstat()
-    if about.st_uid not in (0, os.geteuid()):
-        return False
     if stat.S_ISLNK(about.st_mode) or about.st_mode & stat.S_ISVTX:
-        return True
-    groups = about.st_mode & stat.S_IWGRP and not is_nobody_elses_group(about.st_gid)
-    return not (about.st_mode & stat.S_IWOTH or groups)
+        return about.st_uid in (0, os.geteuid())
+    return not others_may_write(path, about)
 
 
 def write(path: Path, content: str) -> None:

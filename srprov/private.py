@@ -35,8 +35,8 @@ def make_folder(path: Path) -> None:
 
 
 def _narrow(folder: Path) -> None:
-    about = folder.stat()
-    if about.st_uid == os.geteuid() and stat.S_IMODE(about.st_mode) & _OTHERS:
+    about = folder.lstat()
+    if not stat.S_ISLNK(about.st_mode) and about.st_uid == os.geteuid() and stat.S_IMODE(about.st_mode) & _OTHERS:
         folder.chmod(stat.S_IMODE(about.st_mode) & ~_OTHERS)
 
 

@@ -76,7 +76,7 @@ def _check_whose(*paths: str) -> None:
     """Refuse (DefinitionError) what others can write: about the user's own playbooks nobody is asked."""
     for path in paths:
         try:
-            theirs = others_may_write(os.stat(path)) or not is_out_of_reach(path)
+            theirs = others_may_write(path, os.stat(path)) or not is_out_of_reach(path)
         except OSError:
             continue  # who reads it says so
         if theirs:

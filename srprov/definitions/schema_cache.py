@@ -30,8 +30,8 @@ def add(digest: str) -> None:
     """Add a digest; when the file is full, it starts again with this one."""
     path = private.cache_folder() / _NAME
     with contextlib.suppress(OSError):
-        private.make_folder(path.parent)
-        if path.is_symlink() or not believed.is_safe_folder(path.parent):
+        believed.make_folder(path.parent)
+        if path.is_symlink():
             return  # it may lead to another file of the user's
         full = path.exists() and path.stat().st_size > _MOST_BYTES - _LINE
         private.write_file(path, f"{digest}\n", os.O_TRUNC if full else os.O_APPEND)

@@ -41,9 +41,8 @@ def template(name: str, text: str) -> Template:
         environment.check_whole_values(env, text, name)
         code = env.compile(text)
         with contextlib.suppress(OSError):  # compiled again next time
-            private.make_folder(path.parent)
-            if believed.is_safe_folder(path.parent):
-                private.replace_file(path, made_from + marshal.dumps(code))
+            believed.make_folder(path.parent)
+            private.replace_file(path, made_from + marshal.dumps(code))
     return env.template_class.from_code(env, code, env.make_globals(None))
 
 

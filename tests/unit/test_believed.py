@@ -5,14 +5,17 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import pwd
+import struct
 import subprocess
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
-from srprov import believed, datasets
+from srprov import believed, datasets, whose
 from srprov.controller import owners
+from srprov.definitions import schema_cache
 from srprov.errors import UsageError
 from srprov.git import cache
 from srprov.git_address import Address, parse_address
@@ -36,7 +39,40 @@ def by_a_link_of_somebody_elses(top: Path) -> None:
     os.lchown(top / "srprov", 65534, 65534)
 
 
-STRANGERS = [where_everybody_may_write, of_somebody_elses, by_a_link_of_somebody_elses]
+def by_way_of_a_link_in_the_place_of_which_others_may_put_one(top: Path) -> None:
+    """Where the name begins, and where it ends, nobody else may write."""
+    shared = top.parent / "shared"
+    shared.mkdir()
+    shared.chmod(0o777)
+    (shared / "link").symlink_to(top.rename(top.parent / "real"))
+    top.symlink_to(shared / "link")
+
+
+def where_an_access_list_lets_somebody_else_write(top: Path) -> None:
+    grant(top, user=65534)
+
+
+def where_an_access_list_lets_another_group_write(top: Path) -> None:
+    grant(top, group=65534)
+
+
+def grant(path: Path, *, user: int = 0, group: int = 0, rights: int = 7) -> None:
+    """Give a folder an access list, as `setfacl` does; its owner's group has no more than it had."""
+    named = [(0x02, rights, user)] * bool(user), [(0x08, rights, group)] * bool(group)
+    nobody = (1 << 32) - 1
+    entries = [(0x01, 7, nobody), *named[0], (0x04, 5, nobody), *named[1], (0x10, 7, nobody), (0x20, 0, nobody)]
+    packed = struct.pack("<I", 2) + b"".join(struct.pack("<HHI", *one) for one in entries)
+    try:
+        os.setxattr(path, "system.posix_acl_access", packed)
+    except OSError as error:
+        pytest.skip(f"no access lists here: {error.strerror}")
+
+
+STRANGERS = [
+    where_everybody_may_write, of_somebody_elses, by_a_link_of_somebody_elses,
+    by_way_of_a_link_in_the_place_of_which_others_may_put_one,
+    where_an_access_list_lets_somebody_else_write, where_an_access_list_lets_another_group_write,
+]  # fmt: skip
 Stranger = Callable[[Path], None]
 
 
@@ -139,3 +175,46 @@ def test_a_folder_that_is_the_users_alone_is_believed(top: Path) -> None:
     believed.write(top / "srprov" / "a" / "b.json", json.dumps(1))
     assert believed.read(top / "srprov" / "a" / "b.json", 10) == b"1"
     assert (top / "srprov").stat().st_mode & 0o777 == 0o700
+
+
+def test_an_access_list_that_lets_nobody_else_write_is_no_harm(top: Path) -> None:
+    believed.write(top / "srprov" / "a.json", "1")
+    grant(top, user=65534, rights=5)
+    assert believed.read(top / "srprov" / "a.json", 10) == b"1"
+
+
+def test_links_are_followed_as_the_kernel_does(tmp_path: Path) -> None:
+    """A link back to where it stands, one above, and one that never ends."""
+    (tmp_path / "a/b").mkdir(parents=True)
+    (tmp_path / "link").symlink_to("a/b/../../a")
+    assert believed.is_out_of_reach(tmp_path / "link/b") and believed.is_out_of_reach(tmp_path / "link" / ".." / "a")
+    (tmp_path / "loop").symlink_to("loop")
+    with pytest.raises(OSError, match="Too many levels"):
+        believed.is_out_of_reach(tmp_path / "loop")
+    (tmp_path / "a").chmod(0o777)
+    assert not believed.is_out_of_reach(tmp_path / "link/b")
+
+
+def test_who_has_the_user_s_group_as_his_first_is_somebody_else(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The list of a group's members does not name him."""
+    own = pwd.getpwuid(os.geteuid())
+    whose.is_nobody_elses_group.cache_clear()
+    assert whose.is_nobody_elses_group(own.pw_gid)
+    other = pwd.struct_passwd(("guest", "x", 4242, own.pw_gid, "", "/", "/bin/sh"))
+    monkeypatch.setattr(pwd, "getpwall", lambda: [own, other])
+    whose.is_nobody_elses_group.cache_clear()
+    assert not whose.is_nobody_elses_group(own.pw_gid)
+    whose.is_nobody_elses_group.cache_clear()
+
+
+def test_nothing_is_made_or_changed_by_way_of_somebody_else_s_link(top: Path, tmp_path: Path) -> None:
+    """It leads to a folder of the user's, which lost its permissions."""
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    elsewhere.chmod(0o755)
+    (top / "srprov").symlink_to(elsewhere)
+    os.lchown(top / "srprov", 65534, 65534)
+    with pytest.raises(UsageError, match="others may write"):
+        owners.keep(owners.read_owner("x", "/x.edf"))
+    schema_cache.add("0" * 64)
+    assert elsewhere.stat().st_mode & 0o777 == 0o755 and not list(elsewhere.iterdir())
