@@ -8,6 +8,7 @@ second one.
 
 from __future__ import annotations
 
+import functools
 import re
 from collections.abc import Collection, Iterable, Iterator, Sequence
 
@@ -26,31 +27,60 @@ from srprov.wire import Query, quote
 
 _MOST_LINES = 100_000
 _MOUNTS = Query(command="cat /proc/self/mountinfo")
-_MOUNT = re.compile(r"[0-9]+ [0-9]+ ([0-9]+:[0-9]+) (/\S*) (/\S*) .*", re.ASCII)
-"""File system, the place in it that is mounted, and where; source: proc(5)."""
+_MOUNT = re.compile(r"[0-9]+ [0-9]+ ([0-9]+:[0-9]+) (/\S*) (/\S*) (.*)", re.ASCII)
+"""File system, the place in it that is mounted, where, and more; source: proc(5)."""
+_LAYERS = re.compile(r"(?:lowerdir\+?|upperdir)=([^,\s]+)")
+"""Folders that an overlay shows as one; source: the kernel's overlayfs.rst."""
 _OCTAL = re.compile(r"\\([0-7]{3})")
 _NEWLINE = "newline='\n'"
-_LOOK = r"""s=PATH p=$s
-while [ -n "$p" ] && [ ! -e "$p" ]; do p=${p%/*}; done
-r=$(readlink -f "${p:-/}")
-[ -n "$r" ] || s=$p
-case $r in *"$newline"*) s=$p r= ;; esac
-printf '%s %s\n' NUMBER "${r%/}${s#"$p"}"
+_LOOK = r"""number=-1
+for s in PATHS; do
+number=$((number + 1)) left=$s at= links=0 odd=
 set --
-while [ -n "${r%/}" ]; do set -- "$@" "$r"; r=${r%/*}; done
-[ $# = 0 ] || stat -c '%d:%i' "$@" 2>/dev/null"""
-"""Print a path's number and what it really is, then device and inode of what is there of it, from its end to the first
-folder below /. A name of several lines is that of no path, and so is what cannot be told."""
+while [ -n "$left" ]; do
+  part=${left%%/*}
+  case $left in
+  */*) left=${left#*/} ;;
+  *) left= ;;
+  esac
+  case $part in
+  '') ;;
+  .) ;;
+  ..) at=${at%/*} ;;
+  *)
+    set -- "$@" "${at:-/}"
+    to=
+    [ ! -L "$at/$part" ] || to=$(readlink "$at/$part" && printf x)
+    to=${to%"$newline"x}
+    case $at$part$to in
+    *"$newline"*) odd=? ;;
+    esac
+    if [ -z "$to" ]; then at=$at/$part
+    else
+      links=$((links + 1)) left=$to/$left
+      case $to in
+      /*) at= ;;
+      esac
+    fi ;;
+  esac
+  [ $links -lt 40 ] || odd=? left=
+done
+printf '%s %s\n' $number "${odd:-${at:-/}}"
+[ -n "$odd" ] || stat -c '%d:%i %n' "$@" "${at:-/}" 2>/dev/null
+done"""
+"""Go through each path as the kernel does. Print its number and where it leads; then device and inode of each folder in
+which a part of it was looked for, also by way of links, and in the end its own, of what is there. What has a name of
+several lines leads nowhere that could be told."""
 
 
 class _Place(msgspec.Struct, frozen=True):
     """What a robot says of a path."""
 
     real: str
-    folders: frozenset[str]
-    """Device and inode of it and of those above, as far as it is there."""
+    through: tuple[tuple[str, str], ...]
+    """Device and inode and name of each folder in which a part of it was looked for: who writes there turns it."""
     own: str
-    """Its own; empty: it is not there."""
+    """Device and inode of it; empty: it is not there."""
 
 
 class _Mounts:
@@ -58,23 +88,33 @@ class _Mounts:
 
     def __init__(self, said: str) -> None:
         found = [match.groups() for line in lines_of(said, _MOST_LINES) if (match := _MOUNT.fullmatch(line))]
-        self._all = [(point.rstrip("/") + "/", fs, root.rstrip("/")) for fs, root, point in (map(_plain, found))]
+        self._all = [(point.rstrip("/") + "/", fs, root.rstrip("/")) for fs, root, point, _ in map(_plain, found)]
+        self._layers: dict[str, list[str]] = {}
+        """File system of an overlay -> the folders that it shows."""
+        for fs, _, _, more in found:
+            for some in _LAYERS.findall(more) if " - overlay " in more else ():
+                self._layers.setdefault(fs, []).extend(_plain(one for one in some.split(":") if one.startswith("/")))
 
-    def place(self, real: str) -> str:
-        """Return the file system of a path, and its place in that, with a slash at its end."""
+    def places(self, real: str) -> set[str]:
+        """Return a path's file system and its place in that, with a slash at its end; of an overlay its layers'."""
+        fs, within = self._place(real)
+        layers = [self._place(f"{one.rstrip('/')}/{within}".rstrip("/")) for one in self._layers.get(fs, ())]
+        return {f"{one} /{below}" for one, below in ((fs, within), *layers) if one}
+
+    def _place(self, real: str) -> tuple[str, str]:
         within = [one for one in self._all if f"{real}/".startswith(one[0])]
         if not within:
-            return ""
+            return "", ""
         point, fs, root = max(reversed(within), key=lambda one: len(one[0]))
-        return f"{fs} {root}/{real[len(point) :].strip('/')}/".replace("//", "/")
+        return fs, f"{root}/{real[len(point) :].strip('/')}/".replace("//", "/").lstrip("/")
 
     def shown(self, real: str) -> set[str]:
         """Return the places of a folder, and of all that is mounted below it."""
-        below = [f"{fs} {root}/" for point, fs, root in self._all if point.startswith(f"{real.rstrip('/')}/")]
-        return {self.place(real), *below} - {""}
+        below = (point for point, _, _ in self._all if point.startswith(f"{real.rstrip('/')}/"))
+        return set().union(*(self.places(one.rstrip("/")) for one in (real, *below)))
 
 
-def _plain(words: tuple[str, ...]) -> tuple[str, ...]:
+def _plain(words: Iterable[str]) -> tuple[str, ...]:
     return tuple(_OCTAL.sub(lambda match: chr(int(match[1], 8)), one) for one in words)
 
 
@@ -114,25 +154,25 @@ def _matters(some: Collection[tuple[str, Mount]]) -> bool:
 
 
 def _question(sources: Iterable[str]) -> Query:
-    looks = (_LOOK.replace("NUMBER", str(at)).replace("PATH", quote(one)) for at, one in enumerate(sources))
-    return Query(command="\n".join([_NEWLINE, *looks, ":"]))
+    return Query(command="\n".join([_NEWLINE, _LOOK.replace("PATHS", " ".join(map(quote, sources))), ":"]))
 
 
 def _places(sources: Sequence[str], said: str) -> dict[str, _Place]:
     """Read what a robot says, which is its own word for its own paths."""
-    found: dict[str, tuple[str, list[str]]] = {}
-    ids: list[str] = []
+    found: dict[str, tuple[str, list[tuple[str, str]]]] = {}
+    folders: list[tuple[str, str]] = []
     for line in lines_of(said, _MOST_LINES):
-        number, blank, real = line.partition(" ")
-        if blank and number.isdecimal() and int(number[:9]) < len(sources):
-            ids = []
-            found[sources[int(number[:9])]] = text(real, length=4096), ids
-        elif line:
-            ids.append(line[:60])
+        word, _, name = line.partition(" ")
+        if word.isdecimal() and int(word[:9]) < len(sources):
+            folders = []
+            found[sources[int(word[:9])]] = text(name, length=4096), folders
+        elif name:
+            folders.append((word[:60], text(name, length=4096)))
     places = {}
     for source, (real, some) in found.items():
-        depth = len([part for part in real.split("/") if part])
-        places[source] = _Place(real=real, folders=frozenset(some), own=some[0] if len(some) == depth > 0 else "")
+        there = bool(some) and some[-1][1] == real
+        *through, (own, _) = some if there else [*some, ("", "")]
+        places[source] = _Place(real=real, through=tuple(through), own=own)
     return places
 
 
@@ -141,14 +181,18 @@ def _below(
 ) -> Iterator[str]:  # fmt: skip
     some = [(name, one) for name, one in mounts if one.source in places]
     written = {one.source for _, one in some if not one.read_only}
-    is_below = below(places[source].real for source in written)
     made = {places[source].own for source in written} - {""}
-    named = below(written)
+    named, is_below = below(written), below(places[source].real for source in written)
     shown = below(f"/{one}" for source in written for one in mounted.shown(places[source].real))
+
+    @functools.cache  # thousands of paths have the folders above them in common
+    def is_written(path: str) -> bool:
+        return is_below(path) or any(shown(f"/{one}") for one in mounted.places(path))
+
     for name, one in sorted({(name, one.source): (name, one) for name, one in some}.values(), key=lambda it: it[0]):
         place = places[one.source]
         if named(one.source) or mount_kind(one.source)[0] == GRAVE:
             continue  # asked for as that
-        is_shown = shown(f"/{mounted.place(place.real)}")
-        if not place.real.startswith("/") or is_below(place.real) or made & (place.folders - {place.own}) or is_shown:
+        turned = any(own in made or is_written(f"{path.rstrip('/')}/x") for own, path in place.through)
+        if turned or not place.real.startswith("/") or is_written(place.real):
             yield f"{one.source}, which '{name}' mounts, lies in a folder that a container of the experiment writes to"

@@ -103,6 +103,57 @@ def test_what_lies_in_a_written_folder_by_another_name_is_refused(
 
 
 @pytest.mark.parametrize("shell", SHELLS, ids=lambda shell: shell[0])
+@pytest.mark.parametrize("below", ["", "/x", "/none/x"])
+@pytest.mark.parametrize("to", ["data/not-there", "data/turned/maps", "data/turned/..", "way/../data/turned/maps/.."])
+def test_a_path_that_a_written_folder_is_on_the_way_of_is_refused(
+    tmp_path: Path, shell: tuple[str, ...], to: str, below: str
+) -> None:
+    """A link of the robot's leads there: it has no end yet, or one that the container turns, to the engine's socket."""
+    for one in ("data", "elsewhere/maps", "deep/way"):
+        (tmp_path / one).mkdir(parents=True)
+    (tmp_path / "way").symlink_to("deep/way/..")
+    (tmp_path / "data/turned").symlink_to(tmp_path / "elsewhere")
+    (tmp_path / "link").symlink_to(to)
+    with pytest.raises(UsageError, match="which 's1' mounts, lies in a folder that a container"):
+        checked(shell, (tmp_path / "data", False), (tmp_path / f"link{below}", True))
+    assert checked(shell, (tmp_path / "data", False), (tmp_path / "elsewhere/maps", True)) == 1
+
+
+def test_a_path_whose_links_have_no_end_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "data").mkdir()
+    (tmp_path / "loop").symlink_to("loop")
+    with pytest.raises(UsageError, match="loop/x, which 's1' mounts"):
+        checked(SHELLS[0], (tmp_path / "data", False), (tmp_path / "loop/x", True))
+
+
+@pytest.mark.parametrize(
+    ("written", "mounted"), [("shown/data", "disk/up/data/x"), ("shown", "disk/low/data"), ("disk/up", "shown/data/x")]
+)
+def test_a_folder_of_an_overlay_is_known_by_the_names_of_its_layers(tmp_path: Path, written: str, mounted: str) -> None:
+    """Robots whose disk is read-only show one beside memory (overlayroot), and both by their own names, too."""
+    for one in ("disk", "shown", "maps"):
+        (tmp_path / one).mkdir()
+    look: Any = InNamespace(SHELLS[0])
+    look.mounts = (
+        f"cd {tmp_path} && mount -t tmpfs tmpfs disk && mkdir -p disk/low/data/x disk/up disk/work disk/maps && "
+        f"mount -t overlay overlay -o lowerdir={tmp_path}/disk/low,upperdir={tmp_path}/disk/up,workdir=disk/work shown "
+        "&& mkdir -p shown/data/x"
+    )
+    steps = plan_for(World().add("r1"), experiment(service("s0"))).steps
+
+    def check(path: str) -> None:
+        some = [(tmp_path / written, False), (tmp_path / path, True)]
+        binds = [Mount(kind="bind", source=str(one), target="/x", read_only=only) for one, only in some]
+        placed = [("r1", service(f"s{at}", mounts=(one,))) for at, one in enumerate(binds)]
+        check_writers(steps, placed, cast("Gathering", look))
+
+    with pytest.raises(UsageError, match=f"{mounted}, which 's1' mounts, lies in a folder"):
+        check(mounted)
+    check("disk/maps")
+    check("maps/x")
+
+
+@pytest.mark.parametrize("shell", SHELLS, ids=lambda shell: shell[0])
 def test_other_paths_are_mounted_as_ever(tmp_path: Path, shell: tuple[str, ...]) -> None:
     """One folder by two names, what lies above, what nobody writes to, and what was asked for as what it is."""
     for name in ("a/x", "b"):
@@ -124,7 +175,8 @@ def test_a_folder_that_is_mounted_twice_is_one() -> None:
 
     class Told(Here):
         def _run(self, command: str) -> Reply:
-            return Reply(status=0, out="1 /srv/w2/a\n8:3\n8:2\n8:1\n0 /srv/w\n8:2\n8:1\n")
+            first = "1 /srv/w2/a\n8:0 /\n8:1 /srv\n8:2 /srv/w2\n8:3 /srv/w2/a\n"
+            return Reply(status=0, out=f"{first}0 /srv/w\n8:0 /\n8:1 /srv\n8:2 /srv/w\n")
 
     services = [
         service(name, mounts=(Mount(kind="bind", source=path, target="/x"),))

@@ -57,18 +57,28 @@ def test_other_links_are_mounted_as_ever(tmp_path: Path, shell: tuple[str, ...])
 
 
 @pytest.mark.parametrize("shell", SHELLS, ids=lambda shell: shell[0])
-@pytest.mark.parametrize("told", ["by its file", "by a link"])
+@pytest.mark.parametrize("told", ["data-root", "no last newline", "two lines", "graph", "hosts", "containerd", "link"])
 def test_an_engine_s_folder_is_where_it_really_is(tmp_path: Path, shell: tuple[str, ...], told: str) -> None:
-    """Robots keep images on another disk: `data-root`, or a link in the place of /var/lib/docker."""
+    """Robots keep images on another disk: by a configuration, or by a link in the place of /var/lib/docker."""
     engine, beside = tmp_path / "ssd/docker", tmp_path / "ssd/maps"
     for one in (engine / "volumes", beside):
         one.mkdir(parents=True)
     (tmp_path / "engine").symlink_to(engine)
-    (tmp_path / "daemon.json").write_text(f'{{\n "data-root": "{engine if told == "by its file" else ""}"\n}}\n')
-    link = str(tmp_path / "engine") if told == "by a link" else "/none"
+    files = {
+        "data-root": ("docker/daemon.json", f'{{\n "data-root": "{engine}"\n}}\n'),
+        "no last newline": ("docker/daemon.json", f'{{"log-level": "warn", "data-root":"{engine}"}}'),
+        "two lines": ("docker/daemon.json", f'{{"data-root":\n\n  "{engine}"}}\n'),
+        "graph": ("docker/daemon.json", f'{{"graph": "{engine}"}}\n'),
+        "hosts": ("docker/daemon.json", f'{{"hosts": ["fd://", "unix://{engine}"]}}\n'),
+        "containerd": ("containerd/config.toml", f'version = 2\nroot = "{engine}"\n'),
+    }
+    name, text = files.get(told, ("docker/daemon.json", "{}\n"))
+    (tmp_path / name).parent.mkdir()
+    (tmp_path / name).write_text(text)
+    link = str(tmp_path / "engine") if told == "link" else "/none"
 
     def tried_there(path: Path) -> tuple[int, str]:
-        script = links_refused([str(path)]).replace("/etc/docker/daemon.json", str(tmp_path / "daemon.json"))
+        script = links_refused([str(path)]).replace(f"/etc/{name}", str(tmp_path / name))
         script = script.replace(" /var/lib/docker ", f" {link} ")
         done = subprocess.run([*shell, script], capture_output=True, text=True, check=False)
         return done.returncode, done.stderr
@@ -77,6 +87,55 @@ def test_an_engine_s_folder_is_where_it_really_is(tmp_path: Path, shell: tuple[s
         code, said = tried_there(path)
         assert code == 1 and f"lies in {engine}" in said, (path, said)
     assert tried_there(beside) == tried_there(tmp_path / "ssd/docker-files") == (0, "")
+
+
+@pytest.mark.parametrize("shell", SHELLS, ids=lambda shell: shell[0])
+@pytest.mark.parametrize("words", ["--data-root NAME", "--data-root=NAME", "-g NAME", "-H fd:// -H unix://NAME"])
+def test_an_engine_s_folder_is_where_its_words_say(tmp_path: Path, shell: tuple[str, ...], words: str) -> None:
+    """As a unit of systemd starts it, with nothing in its file."""
+    engine = tmp_path / "ssd/docker"
+    engine.mkdir(parents=True)
+    program = tmp_path / "dockerd"
+    program.write_text("#!/bin/sh\necho\nread x\n")
+    program.chmod(0o755)
+    command = [program, *words.replace("NAME", str(engine)).split()]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as running:
+        assert running.stdout is not None and running.stdout.readline() == b"\n"
+        code, said = tried(shell, tmp_path / "ssd")
+        running.communicate(b"\n")
+    assert code == 1 and f"lies in {engine}" in said, said
+    assert tried(shell, tmp_path / "ssd") == (0, "")
+
+
+@pytest.mark.parametrize("shell", SHELLS, ids=lambda shell: shell[0])
+def test_an_engine_s_folder_is_known_in_the_layers_of_an_overlay(tmp_path: Path, shell: tuple[str, ...]) -> None:
+    """Robots whose disk is read-only show one beside memory (overlayroot), and both by their own names, too."""
+    for one in ("disk", "shown"):
+        (tmp_path / one).mkdir()
+
+    def tried_there(path: str) -> tuple[int, str]:
+        mounts = (
+            f"cd {tmp_path} && mount -t tmpfs tmpfs disk && cd disk && mkdir -p low/lib/docker low/maps up work && "
+            f"mount -t overlay overlay -o lowerdir={tmp_path}/disk/low,upperdir={tmp_path}/disk/up,workdir=work "
+            "../shown && mkdir -p ../shown/lib/docker/volumes || exit 9"
+        )
+        script = links_refused([f"{tmp_path}/{path}"]).replace(" /var/lib/docker ", f" {tmp_path}/shown/lib/docker ")
+        words = ["unshare", "-m", *shell, f"{mounts}\n{script}"]
+        done = subprocess.run(words, capture_output=True, text=True, check=False)
+        return done.returncode, done.stderr
+
+    for path in (
+        "disk",
+        "disk/up",
+        "disk/up/lib/docker/volumes",
+        "disk/up/lib/docker/none",
+        "disk/low/lib",
+        "shown/lib",
+    ):
+        code, said = tried_there(path)
+        assert code == 1 and path in said, (path, said)
+    for path in ("disk/low/maps", "shown/maps", "disk/work", "disk/up/none"):
+        assert tried_there(path) == (0, "")
 
 
 @pytest.mark.parametrize("shell", SHELLS, ids=lambda shell: shell[0])
