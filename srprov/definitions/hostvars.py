@@ -24,6 +24,13 @@ _T = TypeVar("_T")
 _SSH = {"ssh", "smart", "paramiko", "paramiko_ssh", "ansible.builtin.ssh", "ansible.builtin.paramiko_ssh"}
 _LOCAL = {"local", "ansible.builtin.local"}
 _NAMES = re.compile(r"\{\{\s*(inventory_hostname|inventory_hostname_short|inventory_dir)\s*\}\}")
+_TEMPLATE, _VAULT, _NUL = "a template", "a vault value", "a text with a NUL character"
+_HINTS = {
+    _TEMPLATE: "srprov renders no templates: write the value",
+    _VAULT: "srprov opens no vault",
+    _NUL: "no name, address or file has one",
+}
+"""What is not known of a value -> what to do."""
 _BECOME_PASSWORD = ("ansible_become_password", "ansible_become_pass", "ansible_sudo_pass")
 _ARGUMENTS = ("ansible_ssh_args", "ansible_ssh_common_args", "ansible_ssh_extra_args")
 READ = frozenset((
@@ -122,7 +129,8 @@ class _VariableReader:
     def secret(self, *keys: str, hidden_is_none: bool = False) -> Secret | None:
         """Return a password, wrapped at once; where a robot may do without one, a vault value is as good as none."""
         if hidden_is_none:
-            keys = tuple(key for key in keys if key in self.variables and not why_unknown(self.variables[key][1]))
+            told = {key: why_unknown(self.variables[key][1]) for key in keys if key in self.variables}
+            keys = tuple(key for key, why in told.items() if why in ("", _NUL))
         given = self.text(*keys)
         try:
             return None if given is None else Secret(given)
@@ -143,7 +151,7 @@ class _VariableReader:
     def _hidden(self, key: str, node: Node) -> bool:
         what = why_unknown(node)
         if what:
-            hint = "srprov renders no templates: write the value" if "template" in what else "srprov opens no vault"
+            hint = _HINTS[what]
             self.findings.add(node, f"'{key}' is {what}, but srprov reads it", (key,), hint, code=Code.HOST_VARIABLE)
         return bool(what)
 
@@ -153,11 +161,13 @@ def why_unknown(node: Node) -> str:
     if isinstance(node, Seq):
         return next(filter(None, map(why_unknown, node.items)), "")
     if isinstance(node, Map):
-        return "a vault value" if "__ansible_vault" in node.entries else ""
+        return _VAULT if "__ansible_vault" in node.entries else ""
     if "vault" in node.tag or node.text.startswith("$ANSIBLE_VAULT;"):
-        return "a vault value"
+        return _VAULT
+    if "\0" in node.text:
+        return _NUL
     bare = _NAMES.sub("", node.text)
-    return "a template" if node.tag != "!unsafe" and ("{{" in bare or "{%" in bare) else ""
+    return _TEMPLATE if node.tag != "!unsafe" and ("{{" in bare or "{%" in bare) else ""
 
 
 def _port(text: str) -> int | None:

@@ -110,5 +110,5 @@ def _value(place: Scalar) -> Node:
     try:
         literal = ast.literal_eval(place.text)
         return nodes.from_json(literal, place.source, place.line, place.column)
-    except (ValueError, SyntaxError, MemoryError, RecursionError):
+    except (ValueError, TypeError, SyntaxError, MemoryError, RecursionError):  # TypeError: a list as a key of a map
         return place

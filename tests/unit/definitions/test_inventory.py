@@ -261,3 +261,21 @@ def test_a_line_with_a_password_is_not_shown(tmp_path: Path, name: str, text: st
     with pytest.raises(DefinitionError) as error:
         _load(tmp_path, text, name)
     assert "s3cret" not in repr(error.value.problems)
+
+
+@pytest.mark.parametrize("value", ["{[]:1}", "{{}:1}", "[{[]}]"])
+def test_a_value_that_python_would_not_make_is_text(tmp_path: Path, value: str) -> None:
+    """A map or a set that has a list for a key ended every verb with a traceback."""
+    inventory = _load(tmp_path, f"r1 x={value} ansible_user=robot\n", "hosts.ini")
+    assert inventory.hosts["r1"].user == "robot"
+
+
+@pytest.mark.parametrize("key", ["ansible_host", "ansible_user", "ansible_ssh_private_key_file", "srprov_tags"])
+@pytest.mark.parametrize("value", ["a\0b", "\"'a\\x00b'\"", "\"['a\\x00b']\""])
+def test_a_nul_in_what_is_read_is_a_problem(tmp_path: Path, key: str, value: str) -> None:
+    """In YAML none can be; as an address it ended the thread that looks it up, and nothing said so for ten seconds."""
+    if value.startswith('"[') and key != "srprov_tags":
+        pytest.skip("it is no text")
+    with pytest.raises(DefinitionError) as caught:
+        _load(tmp_path, f"r1 {key}={value}\n", "hosts.ini")
+    assert "a text with a NUL character" in caught.value.problems[0].message
