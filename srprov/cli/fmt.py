@@ -18,7 +18,7 @@ from srprov.errors import DefinitionError, Diagnostic, UsageError, visible
 if TYPE_CHECKING:
     from srprov.definitions.formatting import Formatted
 
-_MOST_BYTES = 8 << 20
+_MOST_BYTES = 2 << 20
 _MOST_LINES = 4000
 """Of a file that is compared line by line, which may take a time that grows with the square of them."""
 

@@ -12,8 +12,10 @@ from pathlib import Path
 import msgspec
 
 from srprov.codes import Code
+from srprov.definitions.schema import MOST_BYTES, MOST_VALUES
 from srprov.errors import DefinitionError, Diagnostic, Location
 from srprov.yamldoc import loader
+from srprov.yamldoc.allowance import allowance
 from srprov.yamldoc.canonical import canonical
 from srprov.yamldoc.nodes import Map
 
@@ -47,7 +49,7 @@ def formatted(path: str) -> Formatted:
             Location(path), "is neither an EDF nor a CDF", hint="name it .edf or .cdf", code=Code.WRONG_KIND
         )
         raise DefinitionError([problem])
-    text = loader.read_text(path)
+    text = loader.read_text(path, most=MOST_BYTES)
     return Formatted(path=path, before=text, after=_text(text, path, kind))
 
 
@@ -58,7 +60,7 @@ def _kind(path: str) -> str:
     named = next((suffix[1:4] for suffix in SUFFIXES if path.endswith(suffix)), "")
     if named or is_dockerfile(path):
         return named
-    root = loader.read(path)
+    root = loader.parse(loader.read_text(path, most=MOST_BYTES), path)
     return next((kind for kind in KINDS if isinstance(root, Map) and kind in root.entries), "")
 
 
@@ -75,6 +77,8 @@ def formatted_text(text: str, name: str) -> str:
 def _text(text: str, name: str, kind: str) -> str:
     from srprov.data import schema
 
+    with allowance(MOST_BYTES, MOST_VALUES):  # what is more is no experiment's, and takes long
+        loader.parse(text, name)
     top = tuple(schema(kind)["properties"])
     services = schema("edf")["properties"]["services"]["additionalProperties"]["properties"]
     service = tuple(services) if kind == "edf" else ()

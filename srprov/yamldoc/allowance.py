@@ -1,6 +1,7 @@
 """How much may be read of all files that belong together: a small file may name a thousand large ones.
 
-Takes limits; whoever reads inside of the block, at whatever depth, counts against them. Touches nothing else.
+Takes limits; whoever reads inside of the block, at whatever depth, counts against them. What was found of folders that
+are named, maybe a thousand times each, is kept with them. Touches nothing else.
 """
 
 from __future__ import annotations
@@ -8,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 
 @dataclass
@@ -19,6 +20,10 @@ class Allowance:
     values: int
     most_bytes: int = 0
     """Of all files together, for messages."""
+    files: int = 50_000
+    """In folders that are walked through: so many may be shipped (`disk.py`)."""
+    walked: dict[tuple[str, str], str] = field(default_factory=dict)
+    """Folder, and what no link in it may leave -> what is wrong with it."""
 
 
 current: ContextVar[Allowance | None] = ContextVar("current", default=None)

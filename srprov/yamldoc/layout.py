@@ -7,6 +7,7 @@ stands beside, or to the end of the map or list that it is indented like.
 from __future__ import annotations
 
 import re
+from bisect import bisect, bisect_left
 from typing import Any
 
 from srprov.codes import Code
@@ -53,6 +54,7 @@ class _Reader:
         scalars: list[Any] = [one for one in yaml.scan(text, Loader=loader) if type(one).__name__ == "ScalarToken"]
         self.comments = dict(found_comments(lines, scalars))
         """Line -> column and words of what is not placed yet."""
+        self.rows = sorted(self.comments)
         self.scalars = iter(scalars)
         self.events: list[Any] = list(yaml.parse(text, Loader=loader))
         self.at = 0
@@ -222,10 +224,11 @@ class _Reader:
         over = type(self.events[at]).__name__ == "DocumentEndEvent"
         line = len(self.lines) if over else self.events[at].start_mark.line
         last = self.line
-        for number in range(self.line + 1, line):
-            if number in self.comments and self.comments[number][0] < column:
-                break
-            last = number if number in self.comments else last
+        for number in self.rows[bisect(self.rows, self.line) : bisect_left(self.rows, line)]:
+            if number in self.comments:
+                if self.comments[number][0] < column:
+                    break
+                last = number
         return self._until(last + 1) if last > self.line else []
 
 

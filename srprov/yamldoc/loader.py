@@ -23,6 +23,11 @@ from srprov.yamldoc.syntax import LINE_END, MAX_DEPTH, TOO_DEEP, explained
 MAX_BYTES = 8 * 1024 * 1024
 MAX_NODES = 200_000
 """Nodes of one document after aliases are followed; an inventory of a thousand robots needs a tenth."""
+_MOST_REPEATED = 2 * 1024 * 1024
+"""Characters that aliases of a document alone stand for; of several files they count as if they were written out."""
+
+_MOST_DIRECTIVES = 100
+"""The parser compares each with all others."""
 
 _IN_WORDS: dict[type[OSError], str] = {
     IsADirectoryError: "it is a folder",
@@ -80,6 +85,9 @@ def parse(text: str, file: str) -> Node | None:
     import yaml
 
     source = Source(file, tuple(LINE_END.split(text)))
+    if sum(line.startswith("%") for line in source.lines) > _MOST_DIRECTIVES:
+        told = f"has more than {_MOST_DIRECTIVES} lines that begin with '%', as directives do"
+        raise DefinitionError([Diagnostic(Location(file), told, code=Code.TOO_LARGE)])
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     try:
         return _Composer(source, yaml.parse(text, Loader=loader)).document()
@@ -93,12 +101,14 @@ class _Composer:
     def __init__(self, source: Source, events: Iterator[Any]) -> None:
         self.source = source
         self.events = events
-        self.allowance = current.get() or Allowance(0, MAX_NODES)
+        self.allowance = current.get() or Allowance(_MOST_REPEATED, MAX_NODES)
         self.most = min(self.allowance.values, MAX_NODES)
         self.anchors: dict[str, Node] = {}
-        self.sizes: dict[str, tuple[int, int]] = {}
-        """anchor -> how many values it stands for, and how many levels it nests"""
+        self.sizes: dict[str, tuple[int, int, int]] = {}
+        """anchor -> how many values and characters it stands for, and how many levels it nests"""
         self.count = 0
+        self.letters = 0
+        """Characters of all values, also after aliases are followed."""
         self.deepest = 0
         self.findings = Findings()
 
@@ -132,12 +142,13 @@ class _Composer:
             raise self._stop(event, f"the document holds more than {self.most} values", Code.TOO_LARGE)
         if depth > MAX_DEPTH:
             raise self._stop(event, TOO_DEEP, Code.TOO_LARGE)
-        before, outer, self.deepest = self.count, self.deepest, depth
+        before, letters, outer, self.deepest = self.count, self.letters, self.deepest, depth
         tag = _own_tag(event.tag)
         node: Node
         if name == "ScalarEvent":
             if "\0" in event.value:
                 raise self._stop(event, "holds a NUL character, which no file, command or variable can")
+            self.letters += len(event.value)
             plain = (event.style in (None, "") and event.tag is None) or event.tag in _PLAIN_TAGS
             node = Scalar(self.source, line, column, event.value, plain, tag)
         elif name == "SequenceStartEvent":
@@ -146,7 +157,7 @@ class _Composer:
             node = self._map(line, column, tag, depth)
         if event.anchor:
             self.anchors[event.anchor] = node
-            self.sizes[event.anchor] = (self.count - before + 1, self.deepest - depth)
+            self.sizes[event.anchor] = (self.count - before + 1, self.letters - letters, self.deepest - depth)
         self.deepest = max(outer, self.deepest)
         return node
 
@@ -193,8 +204,12 @@ class _Composer:
         node = self.anchors.get(event.anchor)
         if node is None:
             raise self._stop(event, f"'*{event.anchor}' stands for nothing here; no '&{event.anchor}' ends before it")
-        size, height = self.sizes[event.anchor]
+        size, letters, height = self.sizes[event.anchor]
         self.count += size
+        self.letters += letters
+        self.allowance.bytes -= letters
+        if self.allowance.bytes < 0:
+            raise self._stop(event, "the aliases stand for more text than files may have", Code.TOO_LARGE)
         self.deepest = max(self.deepest, depth + height)
         if self.count > self.most:
             raise self._stop(event, f"the aliases stand for more than {self.most} values", Code.TOO_LARGE)

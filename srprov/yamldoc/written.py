@@ -88,7 +88,11 @@ def found_comments(lines: list[str], scalars: list[Any]) -> Iterator[tuple[int, 
             last = end.column if number == end.line else len(lines[number])
             taken.setdefault(number, []).append((first, last))
     for number, line in enumerate(lines):
+        spans = iter(taken.get(number, ()))  # in their order, as they stand in the line
+        first, last = next(spans, (len(line), 0))
         for found in re.finditer("#", line):
-            if not any(first <= found.start() < last for first, last in taken.get(number, ())):
+            while first < len(line) and last <= found.start():
+                first, last = next(spans, (len(line), 0))
+            if found.start() < first:
                 yield number, (found.start(), line[found.start() :].rstrip())
                 break

@@ -170,3 +170,22 @@ def test_a_stranger_s_file_is_compared_in_time(here: Path, capsys: pytest.Captur
     lines = "".join(f"# s{n % 100}\nx-{n}:   {n}\n" for n in range(9_000))
     (here / "e.edf").write_text(f"edf: 1\nname: x\nservices: {{a: {{image: b}}}}\n{lines}")
     assert bounded(lambda: run(["fmt", "--diff", "e.edf"]), cpu_s=4.0) == 2
+
+
+NESTED = "".join(f"{' ' * depth}a:\n" for depth in range(1, 55))
+SIGNS = ", ".join(['"#"'] * 18_000)
+LARGE = {
+    "comments that are none": f"edf: 1\nx-a: [{'a, ' * 9_000}'{'#' * 500_000}']\n",
+    "texts of a sign": f"edf: 1\nx-a: [{SIGNS}]\n",
+    "empty lines": "edf: 1\nx-a:\n" + NESTED + " " * 56 + "b" + "\n" * 2_000_000,
+    "many values": f"edf: 1\nx-a: [{'a, ' * 190_000}]\n",
+    "megabytes": f"edf: 1\nx-a: {'a' * 7_000_000}\n",
+}
+
+
+@pytest.mark.parametrize("case", LARGE)
+def test_a_stranger_s_file_is_brought_into_form_in_time(
+    here: Path, capsys: pytest.CaptureFixture[str], case: str
+) -> None:
+    (here / "e.edf").write_text(LARGE[case])
+    assert bounded(lambda: run(["fmt", "--check", "e.edf"]), cpu_s=4.0) in (0, 2, 5)
