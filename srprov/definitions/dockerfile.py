@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from itertools import chain
 
 from srprov.codes import Code
-from srprov.definitions import images
+from srprov.definitions import heredoc, images
 from srprov.errors import Diagnostic, Location
 
 _FROM = re.compile(r"(?:--\S*\s+)*(?P<image>\S+)(?:\s+as\s+(?P<name>\S+))?", re.IGNORECASE)
@@ -19,7 +19,7 @@ MAX_BYTES = 128 * 1024
 _EXPANDED = re.compile(r"[$\"'\\`]")
 """What the builder takes for variables, quotes or escapes in an image's name."""
 _FROM_LINE = re.compile(rf"\s*(?:ONBUILD\s+)*FROM\s+{_FROM.pattern}\s*", re.IGNORECASE)
-_FROM_OPTION = re.compile(r"\s--(?:from=|mount=\S*?\bfrom=)([^\s,]+)")
+_FROM_OPTION = re.compile(r"\s--(from|mount)=(\S+)")
 _NUMBER = re.compile("[0-9]{1,9}")
 """Of a stage; one that is too large for a number is an image's name again."""
 _ADD_LINE = re.compile(r"\s*(?:ONBUILD\s+)*ADD\b(?P<what>.*)", re.IGNORECASE)
@@ -36,9 +36,6 @@ _QUOTE = re.compile(r"[\"'\\]")
 _CONTINUED = re.compile(r"(?<!\\)\\\Z")
 _JOINTS = (_CONTINUED, re.compile(r"\\\Z"), re.compile(r"(?<!`)`\Z"), re.compile(r"`\Z"))
 """Where builders join lines: of two escapes at a line's end the second joins, or does not; or at backticks."""
-_NO_HEREDOC = re.compile(r"\"(?:\\.|[^\"\\])*\"|'[^']*'|<<<|\$\(\([^()\"'\\]*\)\)")
-_HEREDOC = re.compile(r"<<|[\"'\\]|\$\{[^}]*<")
-"""What may begin a here-document, where neither quotes nor sums hold it."""
 _MOST_PROBLEMS = 100
 
 
@@ -131,10 +128,19 @@ def images_of(text: str) -> tuple[str, ...]:
                 if start["image"].lower() not in {*stages, "\\", "`"}:
                     found.add(start["image"])
                 own = (start["name"] or "").lower()
-            for name in _FROM_OPTION.findall(line):
+            for name in _named_by_options(line):
                 if name.lower() not in stages and not _NUMBER.fullmatch(name):
                     found.add(name)
     return tuple(sorted(found))
+
+
+def _named_by_options(line: str) -> Iterator[str]:
+    """Yield what the options of an instruction take files of: of a mount each `from`, of which the last one counts."""
+    for option, value in _FROM_OPTION.findall(line):
+        for field in value.split(",") if option == "mount" else (f"from={value}",):
+            key, _, name = field.partition("=")
+            if key.lower() == "from" and name:
+                yield name
 
 
 def fetches(text: str) -> tuple[str, ...]:
@@ -215,29 +221,24 @@ def unclear(text: str) -> tuple[int, str] | None:
             word, rest = first.upper(), " ".join(others)
         if not word.isascii() or word.startswith(("-", "{")):
             return number, "its instruction is no plain word"
-        if word in ("RUN", "COPY", "ADD") and not _is_list(rest) and _has_here_document(rest):
+        if word in ("RUN", "COPY", "ADD") and not _is_list(rest) and heredoc.may_begin(rest):
             return number, "it may begin a here-document, which the engine's builder does not know"
-        if word in ("FROM", "COPY", "ADD") and (why := _unclear_words(word, rest)):
+        if word in ("FROM", "COPY", "ADD", "RUN") and (why := _unclear_words(word, rest)):
             return number, why
     return None
 
 
 def _unclear_words(instruction: str, rest: str) -> str:
-    """Return why the words of a FROM, COPY or ADD may not be what they look like, or nothing."""
-    if _OTHER_BLANK.search(rest):
+    """Return why the words of a FROM, COPY or ADD, or a RUN's options, may not be what they look like, or nothing."""
+    if instruction != "RUN" and _OTHER_BLANK.search(rest):
         return "it holds a blank that is neither a space nor a tab"
     options = _OPTIONS.match(rest)
     words = rest[options.end() :] if options else rest
     if options and (_QUOTE.search(options[0]) or "--" in options[0].split()):
         return "an option holds a quote or an escape, or nothing"
     # what a COPY copies is in the build's context, however it is written; what FROM names is asked for then
-    taken_as_is = instruction in ("COPY", "FROM") or (instruction == "ADD" and _is_list(words))
+    taken_as_is = instruction in ("COPY", "FROM", "RUN") or (instruction == "ADD" and _is_list(words))
     return "a name holds a quote or an escape" if not taken_as_is and _QUOTE.search(words) else ""
-
-
-def _has_here_document(rest: str) -> bool:
-    """Return whether the lines after an instruction may be its text, for a builder that knows here-documents."""
-    return "<<" in rest and _HEREDOC.search(_NO_HEREDOC.sub(" ", rest)) is not None
 
 
 def _is_list(words: str) -> bool:

@@ -64,6 +64,27 @@ def test_a_stage_is_an_image_to_itself_and_a_number_beyond_all_stages_is_one() -
     assert images_of("FROM a AS one\nFROM one AS one\nCOPY --from=one /x /x\n") == ("a",)
 
 
+@pytest.mark.parametrize(
+    "mount",
+    [
+        *("FROM=srprov/other:1,target=/x", "type=bind,from=a,from=srprov/other:1", "from=0,From=srprov/other:1"),
+        *("source=/from=a,from=srprov/other:1", "type=cache,from=srprov/other:1,id=a"),
+    ],
+)
+def test_an_image_that_a_command_mounts_is_known_however_it_is_written(mount: str) -> None:
+    """BuildKit, which builds what was exported, takes keys in any case, and the last of several."""
+    text = f"FROM a\nRUN --mount={mount} cat /x\n"
+    assert "srprov/other:1" in images_of(text) and unclear(text) is None
+
+
+@pytest.mark.parametrize(
+    "words", ["--mount=type=bind,fr'o'm=srprov/other:1", '--mount="from=b"', "--mount=from\\=b", "--network=none --"]
+)
+def test_options_of_a_command_that_builders_take_apart_in_their_own_way_are_refused(words: str) -> None:
+    assert unclear(f"FROM a\nRUN {words} cat /x\n") == (2, "an option holds a quote or an escape, or nothing")
+    assert unclear("FROM a\nRUN --network=none cat '/x' -- \"$y\" \\n\n") is None
+
+
 def test_an_image_that_a_command_mounts_is_known() -> None:
     assert images_of("FROM a\nRUN --mount=type=bind,from=srprov/other:1,target=/x cat /x\n") == ("a", "srprov/other:1")
 
