@@ -182,9 +182,9 @@ class Known:
         self._texts = _Forms(plain | {form for form in wrapped if len(form) >= SHORTEST})
         self._hex = _Forms({form for value in self._found for form in _hex(value) if len(form) >= 2 * SHORTEST})
 
-    def plus(self, value: str) -> Known:
-        """Return one that knows another value too."""
-        return self if value in self._found else Known({**self._found, value: forms(value)})
+    def plus(self, found: Mapping[str, frozenset[str]]) -> Known:
+        """Return one that knows other values too, each with its forms."""
+        return self if found.keys() <= self._found.keys() else Known({**self._found, **found})
 
     def __bool__(self) -> bool:
         """Tell whether there is anything to look for."""

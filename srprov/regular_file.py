@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import itertools
 import os
 import stat
 from collections.abc import Iterator
@@ -17,6 +18,7 @@ from typing import BinaryIO
 MIB = 1024 * 1024
 CHANGED = "it changed while it was read: run the command again"
 _PIECE = MIB
+_MOST_BESIDE = 1000
 _KINDS = (
     (stat.S_ISLNK, errno.ELOOP, CHANGED),
     (stat.S_ISDIR, errno.EISDIR, os.strerror(errno.EISDIR)),
@@ -48,11 +50,15 @@ def read_with_status(
 
 
 def names_beside(path: str | os.PathLike[str]) -> list[str]:
-    """Return the names in the folder of a path that end as it does: one of them may be meant by what is not there."""
+    """Return names in the folder of a path that end as it does: one of them may be meant by what is not there.
+
+    Of a folder with very many, only the first ones: each is compared with what was written.
+    """
     folder, name = os.path.split(os.fspath(path))
     ending = os.path.splitext(name)[1]
     try:
-        return [one for one in os.listdir(folder or ".") if one.endswith(ending)]
+        with os.scandir(folder or ".") as entries:
+            return [one.name for one in itertools.islice(entries, _MOST_BESIDE) if one.name.endswith(ending)]
     except (OSError, ValueError):
         return []
 

@@ -115,17 +115,27 @@ class _All:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self.known = Known()
-        """Replaced, never changed: readers have no lock, and go on with the old one."""
+        self._made = Known()
+        self._new: dict[str, frozenset[str]] = {}
+
+    @property
+    def known(self) -> Known:
+        """What is looked for. Made anew when somebody asks after values were added: an inventory has thousands."""
+        if self._new:
+            with self._lock:
+                self._made, self._new = self._made.plus(self._new), {}
+        return self._made
 
     def add(self, value: str) -> None:
         """Look for a value from now on."""
+        found = forms(value)
         with self._lock:
-            self.known = self.known.plus(value)
+            self._new[value] = found
 
     def clear(self) -> None:
         """Know nothing; for tests."""
-        self.known = Known()
+        with self._lock:
+            self._made, self._new = Known(), {}
 
 
 _all = _All()

@@ -37,7 +37,8 @@ def exclusive(services: Mapping[str, Service]) -> dict[tuple[str, ...], str]:
     groups: dict[tuple[str, ...], str] = {}
     for (port, protocol), by_address in sorted(users.items()):
         everywhere = by_address.pop("", set())
-        for some in by_address.values() if by_address else [set[str]()]:
+        # many addresses may be the same services'
+        for some in dict.fromkeys(map(frozenset, by_address.values())) if by_address else [frozenset[str]()]:
             if len(group := tuple(sorted(some | everywhere))) > 1:
                 groups.setdefault(group, f"{port}/{protocol}")
     return groups

@@ -66,8 +66,8 @@ def _meant(name: str, services: Mapping[str, Service]) -> str:
     """Return what a name stands for in every hosts file, in words, or nothing."""
     if name in names.RESERVED:
         return "the container itself, or of its network"
-    for service, one in services.items():
-        several = one.replicas != 1 or one.per_robot is not None
-        if name == service or (several and name.startswith(f"{service}-")):
-            return f"the service '{service}'"
+    for at in (*(at for at, letter in enumerate(name) if letter == "-"), len(name)):
+        one = services.get(name[:at])
+        if one is not None and (at == len(name) or one.replicas != 1 or one.per_robot is not None):
+            return f"the service '{name[:at]}'"
     return ""

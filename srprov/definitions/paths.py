@@ -17,6 +17,7 @@ from msgspec.structs import replace
 
 from srprov.codes import Code
 from srprov.errors import DefinitionError, Diagnostic, Location
+from srprov.yamldoc.allowance import Allowance, current
 from srprov.yamldoc.nodes import Findings, Path, Scalar
 
 _MOST_FILES = 20_000
@@ -32,7 +33,10 @@ def shown_beside(shown: str, relative: str) -> str:
 
 def inside(path: str, folder: str) -> bool:
     """Return whether a path, links followed, lies in a folder (or is it)."""
-    real, root = os.path.realpath(path), os.path.realpath(folder)
+    return _is_below(os.path.realpath(path), os.path.realpath(folder))
+
+
+def _is_below(real: str, root: str) -> bool:
     return real == root or real.startswith(root.rstrip("/") + "/")
 
 
@@ -131,23 +135,36 @@ def _name(folder: str) -> str:
 
 
 def _fault_below(path: str, root: str) -> str:
-    """Return why a file or folder cannot be shipped, or nothing; a link in it must not lead out of `root`."""
-    size = 0
+    """Return why a file or folder cannot be shipped, or nothing; a link in it must not lead out of `root`.
+
+    Each is walked through once, however often it is named.
+    """
+    left = current.get() or Allowance(0, 0)
+    if (path, root) not in left.walked:
+        left.walked[path, root] = _fault_of_each(path, root, left)
+    return left.walked[path, root]
+
+
+def _fault_of_each(path: str, root: str, left: Allowance) -> str:
+    size, inner = 0, os.path.realpath(root)
     for count, full in enumerate(_files_below(path)):
-        shown = os.path.relpath(full, path)
+        left.files -= 1
         try:
             about = os.lstat(full)
         except OSError as error:
             return f"cannot be read: {error.strerror}"
         if stat.S_ISLNK(about.st_mode):
-            if not inside(full, root):
-                return f"holds a link that leaves the folder {_name(root)}: {shown}"
+            if not _is_below(os.path.realpath(full), inner):
+                return f"holds a link that leaves the folder {_name(root)}: {os.path.relpath(full, path)}"
         elif stat.S_ISREG(about.st_mode):
             size += about.st_size
         elif not stat.S_ISDIR(about.st_mode):
+            shown = os.path.relpath(full, path)
             return "is no file, folder or link" if shown == "." else f"holds what is no file, folder or link: {shown}"
         if count > _MOST_FILES or size > _MOST_BYTES:
             return f"holds more than {f'{_MOST_FILES} files' if count > _MOST_FILES else f'{_MOST_BYTES >> 20} MiB'}"
+        if left.files < 0:
+            return "holds, with all else that is shipped, more files than an experiment may"
     return ""
 
 

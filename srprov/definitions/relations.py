@@ -84,10 +84,13 @@ def _different_robot_groups(root: Map) -> Iterator[tuple[int, Node]]:
 
 
 def _check_contradictions(root: Map, same_robot: Sequence[Sequence[str]], what: str, findings: Findings) -> None:
+    home = {name: at for at, together in enumerate(same_robot) for name in together}
     for index, group in _different_robot_groups(root):
-        items = scalars(group)
-        for together in same_robot:
-            both = [item for item in items if item.text in together]
+        by_home: dict[int, list[Scalar]] = {}
+        for item in scalars(group):
+            if item.text in home:
+                by_home.setdefault(home[item.text], []).append(item)
+        for both in by_home.values():
             if len({item.text for item in both}) > 1:
                 names = " and ".join(f"'{item.text}'" for item in both[:2])
                 message = f"{names} must run on different robots, but {what} them on one"

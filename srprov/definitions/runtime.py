@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from srprov.codes import Code
 from srprov.definitions import merging, mounts, values
-from srprov.definitions.containermodel import HealthCheck, Logging, Port, Runtime, ports_meet
+from srprov.definitions.containermodel import EVERYWHERE, HealthCheck, Logging, Port, Runtime
 from srprov.definitions.hostnames import extra_hosts
 from srprov.definitions.values import Device, flag, guarded, scalars, text, text_map, texts
 from srprov.yamldoc import nodes
@@ -186,18 +186,19 @@ def _devices(node: Node | None) -> tuple[Device, ...]:
 
 
 def _ports(node: Node | None, findings: Findings, path: Path) -> tuple[Port, ...]:
-    taken: dict[tuple[int, str], list[tuple[Port, Node]]] = {}
+    taken: dict[tuple[int, str], dict[str, Node]] = {}
     every: list[Port] = []
     none: tuple[Port, ...] = ()
     for item in scalars(node):
         for port in guarded(lambda given: values.ports(text(given)), item, none, findings, path):
-            others = taken.setdefault((port[1], port[3]), [])
-            first = next((place for other, place in others if ports_meet(port, other)), None)
+            others = taken.setdefault((port[1], port[3]), {})  # by address
+            same = others if port[0] in EVERYWHERE else (port[0], *EVERYWHERE)
+            first = next((others[one] for one in same if one in others), None)
             if first is not None:
                 message = f"port {port[1]}/{port[3]} is published twice; already on line {first.line}"
                 findings.add(item, message, path, code=Code.WRONG_VALUE)
                 break
-            others.append((port, item))
+            others[port[0]] = item
             every.append(port)
             if len(every) > values.MOST_PORTS:
                 findings.add(item, f"more than {values.MOST_PORTS} ports are published", path, code=Code.TOO_LARGE)

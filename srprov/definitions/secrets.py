@@ -120,14 +120,14 @@ def _check_targets(
     entry: Map, found: tuple[SecretUse, ...], mounts: tuple[Mount, ...], findings: Findings, path: Path
 ) -> None:
     """Add a secret at a place where a volume is mounted, or inside a read-only one, where Docker cannot put it."""
+    every = {mount.target for mount in mounts}
+    read_only = tuple(f"{mount.target.rstrip('/')}/" for mount in mounts if mount.read_only)
     for use in found:
-        for mount in mounts:
-            below = use.target.startswith(mount.target.rstrip("/") + "/") and mount.read_only
-            if use.target == mount.target or below:
-                message = f"the secret '{use.source}' would lie at '{use.target}', where a volume is mounted"
-                findings.add(
-                    nodes.key_or_value(entry, "secrets"), message, path, "give it another target", code=Code.SECRET
-                )
+        if use.target in every or use.target.startswith(read_only):
+            message = f"the secret '{use.source}' would lie at '{use.target}', where a volume is mounted"
+            findings.add(
+                nodes.key_or_value(entry, "secrets"), message, path, "give it another target", code=Code.SECRET
+            )
 
 
 def _check_elsewhere(key: str, node: Node | None, findings: Findings, path: Path) -> None:

@@ -30,12 +30,15 @@ def users(services: Mapping[str, Service]) -> dict[str, list[str]]:
 def with_shared(groups: Groups, services: Mapping[str, Service]) -> Groups:
     """Return groups that must share a robot, joined with those that share a volume; what touches is one group."""
     single = {name for name, one in services.items() if one.per_robot is None and one.replicas == 1}
-    merged: list[set[str]] = []
-    for group in [set(one) for one in groups] + [single.intersection(names) for names in users(services).values()]:
-        touching = [other for other in merged if other & group]
-        merged = [other for other in merged if not other & group]
-        merged.append(group.union(*touching))
-    return tuple(sorted(tuple(sorted(group)) for group in merged if len(group) > 1 or tuple(group) in groups))
+    shared = {tuple(name for name in names if name in single) for names in users(services).values()}
+    whole: dict[str, set[str]] = {}  # service -> its group, which is one object for all that are in it
+    for names in (*groups, *shared):
+        touching = {id(found): found for name in names if (found := whole.get(name))}
+        group = set(names).union(*touching.values())
+        if not (len(touching) == 1 and group in touching.values()):
+            whole.update(dict.fromkeys(group, group))
+    merged = {tuple(sorted(group)) for group in whole.values()}
+    return tuple(sorted(group for group in merged if len(group) > 1 or group in groups))
 
 
 def check(known: Mapping[str, Map], services: Mapping[str, Service], findings: Findings) -> None:

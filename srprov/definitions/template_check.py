@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from srprov.codes import Code
 from srprov.definitions import template
@@ -16,6 +16,7 @@ from srprov.errors import did_you_mean
 from srprov.yamldoc.nodes import Findings, Scalar, Source
 
 if TYPE_CHECKING:
+    from jinja2 import Environment
     from jinja2.nodes import Node
 
 VARIABLES = (
@@ -31,7 +32,6 @@ _DEEPEST = 150
 def check_template(text: str, source: Source, findings: Findings) -> bool:
     """Add what Jinja2 refuses, unknown blocks and unknown names; return whether the rest can be checked."""
     from jinja2 import TemplateSyntaxError
-    from jinja2 import nodes as syntax
     from jinja2.sandbox import ImmutableSandboxedEnvironment
 
     for number, line in enumerate(source.lines, 1):
@@ -60,18 +60,27 @@ def check_template(text: str, source: Source, findings: Findings) -> bool:
     if tree is None or not _is_flat(tree):
         findings.add(Scalar(source, 1, 1, ""), "its expressions are nested too deeply", code=Code.TEMPLATE)
         return False
+    _check_names(tree, env, source, findings)
+    return True
+
+
+def _check_names(tree: Node, env: Environment, source: Source, findings: Findings) -> None:
+    """Add the variables, filters and tests that there are not."""
+    from jinja2 import nodes as syntax
+
     names = list(tree.find_all(syntax.Name))
     known = {*VARIABLES, *env.globals, *(one.name for one in names if one.ctx == "store"), "loop"}
-    used: list[tuple[str, int, str, Collection[str]]] = []
-    used += [("variable", one.lineno, one.name, VARIABLES) for one in names if one.name not in known]
-    used += [("filter", one.lineno, one.name, env.filters) for one in tree.find_all(syntax.Filter)]
-    used += [("test", one.lineno, one.name, env.tests) for one in tree.find_all(syntax.Test)]
-    for what, row, name, choices in (one for one in used if one[2] not in one[3]):
+    used: list[tuple[str, Any, Collection[str]]] = []
+    used += [("variable", one, VARIABLES) for one in names if one.name not in known]
+    used += [("filter", one, env.filters) for one in tree.find_all(syntax.Filter)]
+    used += [("test", one, env.tests) for one in tree.find_all(syntax.Test)]
+    # what a name may mean is looked for once, however often it stands in a line
+    wrong = {(what, one.lineno, one.name): choices for what, one, choices in used if one.name not in choices}
+    for (what, row, name), choices in wrong.items():
         match = re.search(rf"\b{re.escape(name)}\b", source.excerpt(row))
         hint = did_you_mean(name, choices) or (f"known: {', '.join(VARIABLES)}" if what == "variable" else "")
-        place, wrong = Scalar(source, row, match.start() + 1 if match else 1, ""), f"there is no {what} '{name[:60]}'"
-        findings.add(place, wrong, (), hint, code=Code.TEMPLATE)
-    return True
+        place, told = Scalar(source, row, match.start() + 1 if match else 1, ""), f"there is no {what} '{name[:60]}'"
+        findings.add(place, told, (), hint, code=Code.TEMPLATE)
 
 
 def _is_flat(tree: Node) -> bool:

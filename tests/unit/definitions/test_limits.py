@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import pytest
@@ -57,6 +57,18 @@ EDFS = {
         edf("  a: {image: x}\n", f"x-a: [{', '.join(['[' + '1, ' * 999 + '1]'] * 25)}]\n"),
         "the document holds more than 20000 values",
     ),
+    "aliases of a long text": (
+        edf("  a: {image: x}\n", f"x-a: &a {'a' * 1_000_000}\nx-b: [{'*a, ' * 999}*a]\n"),
+        "the aliases stand for more text than files may have",
+    ),
+    "aliases of aliases": (
+        edf("  a: {image: x}\n", f"x-a: &a [{'a' * 100_000}]\nx-b: &b [*a, *a, *a]\nx-c: [{'*b, ' * 99}*b]\n"),
+        "the aliases stand for more text than files may have",
+    ),
+    "directives": (
+        "".join(f"%TAG !{i}! x\n" for i in range(120_000)) + "--- {edf: 1}\n",
+        "has more than 100 lines that begin with '%', as directives do",
+    ),
     "a circle of a thousand": (
         edf("".join(f"  s{i}: {{image: x, depends_on: [s{(i + 1) % 1000}]}}\n" for i in ROWS)),
         "the services wait for each other: s0 -> s1 -> s2 -> s3 -> s4 -> s5 -> s6 -> s7 -> s8 -> s9 -> s10 -> s11",
@@ -90,6 +102,83 @@ def test_an_experiment_is_refused_at_its_line(tmp_path: Path, case: str) -> None
 def test_a_chain_of_a_thousand_services_is_no_mistake(tmp_path: Path) -> None:
     chain = "".join(f"  s{i}: {{image: x, depends_on: [s{i + 1}], replicas: 2}}\n" for i in range(999))
     assert problems(tmp_path / "a.edf", edf(f"{chain}  s999: {{image: x}}\n")) == ""
+
+
+def listed(key: str, entries: Iterable[str]) -> str:
+    return f"{key}: [{', '.join(entries)}]"
+
+
+def services(count: int, fields: Callable[[int], str]) -> str:
+    return "".join(f"  s{i}: {{image: x, {fields(i)}}}\n" for i in range(count))
+
+
+PLAIN = "".join(f"  t{i}: {{image: x, replicas: 2}}\n" for i in range(980))
+LARGE = {
+    "one port at many addresses": edf(
+        services(18, lambda i: listed("ports", (f"'10.{i}.{j >> 8}.{j & 255}:80:80'" for j in ROWS)))
+    ),
+    "further names": edf(
+        PLAIN + services(16, lambda i: listed("extra_hosts", (f"'x-{i}-{j}:10.0.0.1'" for j in ROWS)))
+    ),
+    "secrets beside volumes": edf(
+        services(8, lambda i: f"{listed('secrets', (f's{j}' for j in ROWS))}, "
+                              f"{listed('volumes', (f'v{i}-{j}:/v{j}:ro' for j in ROWS))}"),
+        f"secrets: {{{', '.join(f's{j}: {{env: A}}' for j in ROWS)}}}\n",
+    ),
+    "shared volumes": edf(
+        services(1000, lambda i: listed("volumes", (f"v{i // 2}-{j}:/v{j}" for j in range(16)))),
+    ),
+    "a chain of shared volumes": edf(
+        services(1000, lambda i: listed("volumes", (f"v{i + j}:/v{j}" for j in range(16)))),
+    ),
+    "relations of others": edf(
+        "".join(f"  s{i}: {{image: x}}\n" for i in ROWS),
+        f"relations: {{same_robot: [{', '.join(['[' + ', '.join(f's{i}' for i in range(500)) + ']'] * 17)}],\n"
+        f" different_robot: [{', '.join(['[' + ', '.join(f's{i}' for i in range(500, 1000)) + ']'] * 17)}]}}\n",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", LARGE)
+def test_a_large_experiment_that_is_right_is_read_in_time(tmp_path: Path, case: str) -> None:
+    assert problems(tmp_path / "a.edf", LARGE[case]) == ""
+
+
+def test_aliases_of_several_files_count_together(tmp_path: Path) -> None:
+    """Each of the CDFs has 10 KiB, and 1 MiB in a thousand variables."""
+    for number in range(100):
+        text = f"cdf: 1\nname: a\nimage: x\nx-a: &a {'a' * 10_000}\nenvironment: {{"
+        (tmp_path / f"{number}.cdf").write_text(f"{text}{', '.join(f'A{i}: *a' for i in range(100))}}}\n")
+    text = edf("".join(f"  s{i}: {{cdf: {i}.cdf}}\n" for i in range(100)))
+    assert "the aliases stand for more text than files may have" in problems(tmp_path / "a.edf", text)
+
+
+def test_a_folder_that_is_named_a_thousand_times_is_walked_through_once(tmp_path: Path) -> None:
+    for number in range(18_000):
+        parent = tmp_path / f"data/{number // 1000}"
+        parent.mkdir(parents=True, exist_ok=True)
+        if number % 2:
+            os.mknod(parent / str(number))
+        else:
+            (parent / str(number)).symlink_to("nowhere")
+    text = edf(services(9, lambda _: listed("volumes", (f"./data:/d{j}:ro" for j in ROWS))))
+    assert problems(tmp_path / "a.edf", text) == ""
+
+
+def test_folders_have_no_more_files_together_than_are_shipped(tmp_path: Path) -> None:
+    for number in range(15_000):
+        parent = tmp_path / f"a/b/c/d/{number // 1000}"
+        parent.mkdir(parents=True, exist_ok=True)
+        os.mknod(parent / str(number))
+    text = edf(service("volumes: ['./a:/a', './a/b:/b', './a/b/c:/c', './a/b/c/d:/d']").partition("services:\n")[2])
+    assert "'./a/b/c/d' holds, with all else that is shipped, more files than" in problems(tmp_path / "a.edf", text)
+
+
+def test_files_that_are_not_there_are_not_looked_for_among_thousands_each(tmp_path: Path) -> None:
+    for number in range(50_000):
+        os.mknod(tmp_path / f"{number}.cdf")
+    text = edf("".join(f"  s{i}: {{cdf: no-{i}.cdf}}\n" for i in range(90)))
+    assert "the CDF 'no-7.cdf' does not exist" in problems(tmp_path / "a.edf", text)
 
 
 def test_a_small_experiment_that_names_much_is_refused(tmp_path: Path) -> None:
@@ -130,6 +219,11 @@ INVENTORIES = {
     "a variable of each": (
         "h.yml",
         "all:\n  vars:\n" + "".join(f"    ansible_x{i}: 1\n" for i in range(25_000)) + "  hosts: {'r[0:999]': }\n",
+        "",
+    ),
+    "a password of each": (
+        "h.yml",
+        "all:\n  hosts:\n" + "".join(f"    r{i}: {{ansible_password: pass-{i:05}-word}}\n" for i in range(3000)),
         "",
     ),
     "a mistake in each": (
@@ -182,6 +276,9 @@ DOCKERFILES = {
     "options": "FROM a\n" + "FROM " + "--a " * 30_000 + "\n",
     "stages": "FROM a\n" + "FROM x\n" * 18_000,
     "here-documents": "FROM a\nRUN " + "<<A" * 20_000 + "\n" + "A\n" * 30_000,
+    "escaped quotes": 'FROM a\nRUN << "' + '\\"' * 60_000 + "\n",
+    "escaped quotes that end in an escape": 'FROM a\nRUN << "' + '\\"' * 60_000 + "\\\\\\",
+    "variables that do not end": 'FROM a\nRUN "<<" ' + "${" * 60_000 + "\n",
     "an image": "FROM " + "a-" * 60_000,
     "wrong images over two lines": "FROM a\n" + "FROM A\\\nB\n" * 12_000,
     "wrong images": "FROM a\n" + "".join(f"FROM B{i}\n" for i in range(8_000)),
@@ -304,6 +401,8 @@ PLAYBOOKS = {
     "a comment that does not end": "[]\n{#\n",
     "a number": "- file: {{ " + "9" * 5000 + " }}\n",
     "a tag that does not end": "{{ '" * 12_000,
+    "a filter that there is not": "- file: [" + "{{host|lengthy}}," * 3000 + "]\n",
+    "a variable that there is not": "- file: [" + "{{serviced}}," * 3800 + "]\n",
 }
 
 
