@@ -12,6 +12,7 @@ import re
 from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 
+import msgspec
 from msgspec.structs import replace
 
 from srprov.codes import Code
@@ -21,6 +22,11 @@ from srprov.errors import UsageError
 
 _LONGEST = 63
 """Characters of a container's host name."""
+_MOST_INSTANCES = 10_000
+_MOST_WAITS = 100_000
+"""Dependencies of all instances: each of a service's waits for each of another's."""
+_MOST_BYTES = 16 << 20
+"""Of what containers are told to run with, all instances together: plans hold it once for each."""
 
 
 def expand(
@@ -36,9 +42,10 @@ def expand(
     Raises:
         UsageError: An instance would have the name of another service, or too long a name.
     """
+    has = {robot: set(some) for robot, some in tags.items()}
+    _check_size(experiment.services, has)
     if not any(one.replicas != 1 or one.per_robot is not None for one in experiment.services.values()):
         return experiment
-    has = {robot: set(some) for robot, some in tags.items()}
     instances = {name: _instances(one, has, previous) for name, one in experiment.services.items()}
     _check(experiment, instances)
     services = [replace(one, depends_on=_depends_on(one, instances)) for some in instances.values() for one in some]
@@ -50,6 +57,31 @@ def expand(
         different_robot=_groups(experiment.different_robot, names),
         pools=tuple(_pool(pool, names) for pool in experiment.pools if len(_all(pool.services, names)) > 1),
     )
+
+
+def _check_size(services: Mapping[str, Service], tags: Mapping[str, set[str]]) -> None:
+    """Refuse what becomes very much of little: some instances more than there are, on robots out of reach, do no harm.
+
+    Raises:
+        UsageError: It says what there is too much of.
+    """
+    counts = {
+        name: one.replicas if one.per_robot is None else sum(has >= set(one.per_robot) for has in tags.values())
+        for name, one in services.items()
+    }
+    waits = sum(counts[name] * sum(counts.get(n, 0) for n in one.depends_on) for name, one in services.items())
+    told = sum(counts[name] * len(msgspec.json.encode(one.runtime, enc_hook=dict)) for name, one in services.items())
+    for what, found, most in (
+        ("instances of services", sum(counts.values()), _MOST_INSTANCES),
+        ("dependencies between instances", waits, _MOST_WAITS),
+        ("bytes that containers are told to run with", told, _MOST_BYTES),
+    ):
+        if found > most:
+            raise UsageError(
+                f"the experiment has {found} {what}; {most} are the most",
+                hint="give it fewer replicas, or ship long texts as files",
+                code=Code.TOO_LARGE,
+            )
 
 
 def nowhere(experiment: Experiment, expanded: Iterable[Service], *, away: bool) -> tuple[str, ...]:

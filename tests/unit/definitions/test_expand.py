@@ -10,6 +10,7 @@ from srprov.definitions import load_experiment
 from srprov.definitions.expand import expand, nowhere
 from srprov.definitions.model import Experiment, Pool
 from srprov.errors import DefinitionError, UsageError
+from tests.bounded import bounded
 
 TAGS = {"Robot 1": ("camera",), "r2": (), "r3": ("camera", "arm")}
 
@@ -120,3 +121,34 @@ def test_two_instances_of_one_name_are_refused(tmp_path: Path) -> None:
     """Robots' names are only known when robots are."""
     with pytest.raises(UsageError, match="two services would be named 'cam-r-1'"):
         expand(read(tmp_path, "{cam: {image: x, per_robot: {}}}"), {"r 1": (), "r_1": (), "R-1": ()})
+
+
+FEW_LINES = {
+    "instances": ("".join(f"s{i}: {{image: x, replicas: 1000}}, " for i in range(11)), "11000 instances of services"),
+    "waits": ("a: {image: x, replicas: 1000, depends_on: [b]}, b: {image: x, replicas: 1000}", "1000000 dependencies"),
+    "text": (
+        f"a: {{image: x, replicas: 1000, labels: {{a: {'a' * 20_000}}}}}",
+        "bytes that containers are told to run",
+    ),
+    "text of one CDF": (
+        "".join(f"s{i}: {{cdf: a.cdf}}, " for i in range(900)),
+        "bytes that containers are told to run",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", FEW_LINES)
+def test_few_lines_do_not_become_gigabytes(tmp_path: Path, case: str) -> None:
+    """A plan has each container with all that it is told, and each of its dependencies."""
+    services, says = FEW_LINES[case]
+    (tmp_path / "a.cdf").write_text(f"cdf: 1\nname: a\nimage: x\nenvironment: {{A: {'a' * 20_000}}}\n")
+    what = read(tmp_path, f"{{{services}}}")
+    with pytest.raises(UsageError, match=says):
+        bounded(lambda: expand(what, TAGS))
+
+
+def test_as_many_instances_as_robots_count(tmp_path: Path) -> None:
+    what = read(tmp_path, "{a: {image: x, per_robot: {tags: []}, depends_on: [b]}, b: {image: x, replicas: 1000}}")
+    assert len(expand(what, {f"r{number}": () for number in range(100)}).services) == 1100
+    with pytest.raises(UsageError, match="101000 dependencies between instances; 100000 are the most"):
+        expand(what, {f"r{number}": () for number in range(101)})
