@@ -187,6 +187,8 @@ class FakeRobot:
         self.commands = 0
         self.listening: list[str] = []
         """Lines of `ss`."""
+        self.mounts = ""
+        """Lines of its /proc/self/mountinfo."""
         self.leads = ""
         """Where it says that a link at every mounted path leads."""
         self.spelled = ""
@@ -282,9 +284,9 @@ class FakeRobot:
             return Reply(status=0, out=content)
         if command == ":":
             return Reply(status=0)
-        if command.startswith(
-            ("first=", "newline='", "cat /proc/self/mountinfo")
-        ):  # tests/unit/controller/test_writers.py has the second run
+        if command == "cat /proc/self/mountinfo":
+            return Reply(status=0, out=self.mounts)
+        if command.startswith(("first=", "newline='")):  # tests/unit/controller/test_writers.py has the second run
             return Reply(status=0, out="")
         if command.startswith("timeout -k 2 10 sh -c "):
             words = shlex.split(command)

@@ -12,12 +12,14 @@ from typing import Protocol
 from msgspec.structs import replace
 
 from srprov.assignment.ports import declared, holders, missing_ports
+from srprov.assignment.requirements import kernel_fits
 from srprov.codes import Code
+from srprov.controller.robot_mounts import MOUNTS, Mounts
 from srprov.definitions.containermodel import Mount
 from srprov.definitions.model import Experiment, Service
 from srprov.errors import UsageError
 from srprov.facts.gather import Gathering
-from srprov.facts.model import Snapshot, TakenPort
+from srprov.facts.model import HostFacts, Snapshot, TakenPort
 from srprov.facts.probes import INFO
 from srprov.facts.taken import QUERIES, taken_ports
 from srprov.modules import RUNNING
@@ -28,6 +30,9 @@ from srprov.untrusted import folder, lines_of, mapping, text
 from srprov.wire import Query, Reply, quote
 
 _NEW = (Action.CREATE, Action.REPLACE)
+_RECURSIVE_API, _RECURSIVE_KERNEL = "1.44", "5.12"
+"""From Docker 25 and Linux 5.12 on, all that is mounted below a path is read-only with it."""
+_MOST_NAMED = 4
 _MOST_LINES = 100_000
 """Of one answer: a service has at most 1000 mounts."""
 
@@ -75,8 +80,8 @@ def check_ready(
         UsageError: A folder is not there, or leads to what is graver to mount, or a port is somebody else's; names all.
     """
     new = _new_services(steps, placed.experiment)
-    replies = look.ask_each({robot: (_folders(services), *QUERIES) for robot, services in new.items()})
-    now = replace(snapshot, taken={robot: taken_ports(said[1:]) for robot, said in replies.items()})
+    replies = look.ask_each({robot: (_folders(services), MOUNTS, *QUERIES) for robot, services in new.items()})
+    now = replace(snapshot, taken={robot: taken_ports(said[2:]) for robot, said in replies.items()})
     held = holders({}, {}, of_others(now, instance, placed.experiment, placed.previous))
     missing = [line for robot, said in replies.items() for line in _missing(robot, new[robot], said[0])]
     taken = [
@@ -93,7 +98,10 @@ def check_ready(
         raise UsageError(
             "robots are not ready for the new containers:\n" + "\n".join(wrong), hint=hint, code=Code.NO_ROOM
         )
-    return (*(f"{line}, unless a playbook makes it" for line in missing), *(line for line, _ in led))
+    open_ones = [
+        line for robot, said in replies.items() for line in _still_writable(snapshot.facts[robot], new[robot], said)
+    ]
+    return (*(f"{line}, unless a playbook makes it" for line in missing), *(line for line, _ in led), *open_ones)
 
 
 def with_log_drivers(steps: Iterable[Step], snapshot: Snapshot, look: Gathering) -> Snapshot:
@@ -157,6 +165,24 @@ def _led(robot: str, services: Sequence[Service], reply: Reply) -> Iterator[tupl
         if real and plain(real) != plain(source):
             is_grave = mount_kind(real)[0] == GRAVE != mount_kind(source)[0]
             yield f"{robot}: {source}, which {users[source]} mounts, leads to {real}", is_grave
+
+
+def _still_writable(robot: HostFacts, services: Sequence[Service], said: Sequence[Reply]) -> Iterator[str]:
+    """Yield a line for each source that is mounted read-only, and holds mounts that a container can write to."""
+    api = robot.docker.api_version if robot.docker else ""
+    if kernel_fits(f">={_RECURSIVE_API}", api) and kernel_fits(f">={_RECURSIVE_KERNEL}", robot.kernel):
+        return
+    links = dict(line.partition(" ")[::2] for line in lines_of(said[0].out, _MOST_LINES))
+    only = {one.source: service.name for service in services for one in _binds(service) if one.read_only}
+    mounts = Mounts(said[1].out) if only else None
+    for number, source in enumerate(_all_sources(services)):
+        points = (
+            mounts.writable_below(folder(links.get(str(number), "")) or source) if mounts and source in only else []
+        )
+        if points:
+            shown = ", ".join(map(text, points[:_MOST_NAMED])) + (" and more" if len(points) > _MOST_NAMED else "")
+            what = f"{source} is read-only for '{only[source]}', but what is mounted below it is not"
+            yield f"{robot.name}: {what}: {shown}"
 
 
 def _users(services: Iterable[Service], *, made: bool = True) -> dict[str, str]:

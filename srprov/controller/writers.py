@@ -2,19 +2,19 @@
 
 What lies below such a folder is whatever that container wants: a link to the engine, too. Policies compare paths as
 they are written, and a robot has further names for them: `/var/lock` is a link to `/run/lock`, a folder may be mounted
-twice, or a part of it. So the robots of new containers are asked, where one writes to a path and another mounts a
-second one.
+twice, or a part of it. What is mounted below a path is writable also where that is mounted read-only. So the robots of
+new containers are asked, where there are two paths.
 """
 
 from __future__ import annotations
 
 import functools
-import re
 from collections.abc import Collection, Iterable, Iterator, Sequence
 
 import msgspec
 
 from srprov.codes import Code
+from srprov.controller.robot_mounts import MOUNTS, Mounts
 from srprov.definitions.containermodel import Mount
 from srprov.definitions.model import Service
 from srprov.errors import UsageError
@@ -26,12 +26,6 @@ from srprov.untrusted import lines_of, text
 from srprov.wire import Query, quote
 
 _MOST_LINES = 100_000
-_MOUNTS = Query(command="cat /proc/self/mountinfo")
-_MOUNT = re.compile(r"[0-9]+ [0-9]+ ([0-9]+:[0-9]+) (/\S*) (/\S*) (.*)", re.ASCII)
-"""File system, the place in it that is mounted, where, and more; source: proc(5)."""
-_LAYERS = re.compile(r"(?:lowerdir\+?|upperdir)=([^,\s]+)")
-"""Folders that an overlay shows as one; source: the kernel's overlayfs.rst."""
-_OCTAL = re.compile(r"\\([0-7]{3})")
 _NEWLINE = "newline='\n'"
 _LOOK = r"""number=-1
 for s in PATHS; do
@@ -83,41 +77,6 @@ class _Place(msgspec.Struct, frozen=True):
     """Device and inode of it; empty: it is not there."""
 
 
-class _Mounts:
-    """What is mounted on a robot, by its own word: one folder may be shown at several places, or a part of it."""
-
-    def __init__(self, said: str) -> None:
-        found = [match.groups() for line in lines_of(said, _MOST_LINES) if (match := _MOUNT.fullmatch(line))]
-        self._all = [(point.rstrip("/") + "/", fs, root.rstrip("/")) for fs, root, point, _ in map(_plain, found)]
-        self._layers: dict[str, list[str]] = {}
-        """File system of an overlay -> the folders that it shows."""
-        for fs, _, _, more in found:
-            for some in _LAYERS.findall(more) if " - overlay " in more else ():
-                self._layers.setdefault(fs, []).extend(_plain(one for one in some.split(":") if one.startswith("/")))
-
-    def places(self, real: str) -> set[str]:
-        """Return a path's file system and its place in that, with a slash at its end; of an overlay its layers'."""
-        fs, within = self._place(real)
-        layers = [self._place(f"{one.rstrip('/')}/{within}".rstrip("/")) for one in self._layers.get(fs, ())]
-        return {f"{one} /{below}" for one, below in ((fs, within), *layers) if one}
-
-    def _place(self, real: str) -> tuple[str, str]:
-        within = [one for one in self._all if f"{real}/".startswith(one[0])]
-        if not within:
-            return "", ""
-        point, fs, root = max(reversed(within), key=lambda one: len(one[0]))
-        return fs, f"{root}/{real[len(point) :].strip('/')}/".replace("//", "/").lstrip("/")
-
-    def shown(self, real: str) -> set[str]:
-        """Return the places of a folder, and of all that is mounted below it."""
-        below = (point for point, _, _ in self._all if point.startswith(f"{real.rstrip('/')}/"))
-        return set().union(*(self.places(one.rstrip("/")) for one in (real, *below)))
-
-
-def _plain(words: Iterable[str]) -> tuple[str, ...]:
-    return tuple(_OCTAL.sub(lambda match: chr(int(match[1], 8)), one) for one in words)
-
-
 def check_writers(steps: Sequence[Step], placed: Collection[tuple[str, Service]], look: Gathering) -> None:
     """Refuse a mounted path that lies in a folder which a container of the experiment writes to, by another name.
 
@@ -136,13 +95,13 @@ def check_writers(steps: Sequence[Step], placed: Collection[tuple[str, Service]]
             binds = [one for one in service.runtime.mounts if one.kind == "bind"]
             mounts.setdefault(robot, []).extend((service.name, one) for one in binds)
     sources = {robot: sorted({one.source for _, one in some}) for robot, some in mounts.items() if _matters(some)}
-    replies = look.ask_each({robot: (_question(some), _MOUNTS) for robot, some in sources.items()})
+    replies = look.ask_each({robot: (_question(some), MOUNTS) for robot, some in sources.items()})
     # thousands of paths may take a robot longer than it has
     wrong = [f"{robot}: it does not say what its paths are" for robot in sorted(sources.keys() - replies.keys())]
     wrong += [
         f"{robot}: {line}"
         for robot, (reply, mounted) in replies.items()
-        for line in _below(mounts[robot], _places(sources[robot], reply.out), _Mounts(mounted.out))
+        for line in _below(mounts[robot], _places(sources[robot], reply.out), Mounts(mounted.out))
     ]
     if wrong:
         hint = f"mount it by the name of that folder, which asks for {GRAVE}; or let it be mounted read-only"
@@ -150,7 +109,7 @@ def check_writers(steps: Sequence[Step], placed: Collection[tuple[str, Service]]
 
 
 def _matters(some: Collection[tuple[str, Mount]]) -> bool:
-    return any(not one.read_only for _, one in some) and len({one.source for _, one in some}) > 1
+    return len({one.source for _, one in some}) > 1
 
 
 def _question(sources: Iterable[str]) -> Query:
@@ -177,13 +136,14 @@ def _places(sources: Sequence[str], said: str) -> dict[str, _Place]:
 
 
 def _below(
-    mounts: Iterable[tuple[str, Mount]], places: dict[str, _Place], mounted: _Mounts
+    mounts: Iterable[tuple[str, Mount]], places: dict[str, _Place], mounted: Mounts
 ) -> Iterator[str]:  # fmt: skip
     some = [(name, one) for name, one in mounts if one.source in places]
     written = {one.source for _, one in some if not one.read_only}
     made = {places[source].own for source in written} - {""}
     named, is_below = below(written), below(places[source].real for source in written)
-    shown = below(f"/{one}" for source in written for one in mounted.shown(places[source].real))
+    inner = {point for _, one in some if one.read_only for point in mounted.writable_below(places[one.source].real)}
+    shown = below(f"/{one}" for path in (*(places[one].real for one in written), *inner) for one in mounted.shown(path))
 
     @functools.cache  # thousands of paths have the folders above them in common
     def is_written(path: str) -> bool:

@@ -57,6 +57,8 @@ _Places = Callable[[str], bool]
 _DEVICES = re.compile("/dev/(?!shm/)")
 _ELSEWHERE = "not below /dev, as in a volume or a container's own files"
 _OTHERS = "below a folder that a container of the experiment writes to"
+_READ_ONLY = "read-only, but for what is mounted below it"
+"""Engines before 25, and kernels before 5.12, know no other way."""
 _NONE: Mapping[str, ContainerDefinition] = MappingProxyType({})
 
 
@@ -205,7 +207,7 @@ def _paths(run: Runtime, written: _Places) -> Iterator[tuple[str, str]]:
             if kind != GRAVE and written(mount.source):
                 kind, why = GRAVE, f"{_OTHERS}: a link there leads anywhere"
             made = "made where it is not there" if mount.create_host_path else ""
-            notes = [note for note in ("read-only" if mount.read_only else "", made, why) if note]
+            notes = [note for note in (_READ_ONLY if mount.read_only else "", made, why) if note]
             yield kind, f"{mount.source}{' (' + '; '.join(notes) + ')' if notes else ''}"
 
 

@@ -119,3 +119,24 @@ def test_thousands_of_folders_that_are_not_there_are_named_in_time() -> None:
 def test_a_robot_that_says_anything_of_links_is_heard_as_text() -> None:
     plan = plan_for(led(World().add("r1"), "relative"), experiment(service("a", **BIND)))
     assert plan.notes == ()
+
+
+DISK = "41 23 0:38 / /srv/log/a\\040disk {0},relatime shared:1 - tmpfs tmpfs {0},size=1k\n"
+
+
+@pytest.mark.parametrize(
+    ("api", "way", "said"), [("1.43", "rw", True), ("1.41", "ro", False), ("1.44", "rw", False)]
+)  # fmt: skip
+def test_what_stays_writable_below_a_path_that_is_mounted_read_only_is_said_in_the_plan(
+    api: str, way: str, said: bool
+) -> None:
+    """`/boot` may be read-only, and `/boot/firmware` in it not: root on the robot when it boots."""
+    world = World().add("r1", api=api)
+    world.robots["r1"].mounts = DISK.format(way) + "garbage\n42 23 0:39 / /srv/logs rw - tmpfs tmpfs rw\n"
+    mounts = (Mount(kind="bind", source="/srv/log", target="/x", read_only=True),)
+    notes = plan_for(world, experiment(service("a", mounts=mounts))).notes
+    told = "r1: /srv/log is read-only for 'a', but what is mounted below it is not: /srv/log/a disk"
+    assert (told in notes) == said and bool(notes) == said
+    assert not plan_for(
+        world, experiment(service("a", mounts=(Mount(kind="bind", source="/srv/log", target="/x"),)))
+    ).notes

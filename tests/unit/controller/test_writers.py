@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 from collections.abc import Mapping, Sequence
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, cast
 
@@ -153,6 +154,22 @@ def test_a_folder_of_an_overlay_is_known_by_the_names_of_its_layers(tmp_path: Pa
     check("maps/x")
 
 
+@pytest.mark.parametrize(("way", "refused"), [("rw", True), ("ro", False)])
+def test_what_is_mounted_below_a_read_only_path_is_written_to(tmp_path: Path, way: str, refused: bool) -> None:
+    """Docker before 25 makes the path read-only, and nothing that is mounted below it."""
+    (tmp_path / "top/disk").mkdir(parents=True)
+    look: Any = InNamespace(SHELLS[0])
+    look.mounts = f"mount -t tmpfs tmpfs {tmp_path}/top/disk && mkdir {tmp_path}/top/disk/x && "
+    look.mounts += f"mount -o remount,{way} {tmp_path}/top/disk"
+    steps = plan_for(World().add("r1"), experiment(service("s0"))).steps
+    binds = [
+        Mount(kind="bind", source=f"{tmp_path}/{one}", target="/x", read_only=True) for one in ("top", "top/disk/x")
+    ]
+    placed = [("r1", service(f"s{at}", mounts=(one,))) for at, one in enumerate(binds)]
+    with pytest.raises(UsageError, match="top/disk/x, which 's1' mounts") if refused else nullcontext():
+        check_writers(steps, placed, cast("Gathering", look))
+
+
 @pytest.mark.parametrize("shell", SHELLS, ids=lambda shell: shell[0])
 def test_other_paths_are_mounted_as_ever(tmp_path: Path, shell: tuple[str, ...]) -> None:
     """One folder by two names, what lies above, what nobody writes to, and what was asked for as what it is."""
@@ -161,7 +178,8 @@ def test_other_paths_are_mounted_as_ever(tmp_path: Path, shell: tuple[str, ...])
     (tmp_path / "c").symlink_to("a")
     assert checked(shell, (tmp_path / "a", False), (tmp_path / "c", False), (tmp_path / "b", False)) == 1
     assert checked(shell, (tmp_path / "c/x", False), (tmp_path / "none", False), (tmp_path / "a", True)) == 1
-    assert checked(shell, (tmp_path / "a", True), (tmp_path / "c/x", True)) == 0
+    assert checked(shell, (tmp_path / "a", True), (tmp_path / "c/x", True)) == 1
+    assert checked(shell, (tmp_path / "a", True), (tmp_path / "a", False)) == 0
     assert checked(shell, (tmp_path / "a", False), (tmp_path / "a/x", True)) == 1
 
 

@@ -15,6 +15,7 @@ from tests.bounded import bounded
 from tests.worlds import experiment, service
 
 SOCKET = "/run/docker.sock"
+ONLY = "read-only, but for what is mounted below it"
 HOLDS = "holds the engine's socket"
 KEPT = ("/run/docker", "/var/run/docker/plugins", "/var/lib/docker/volumes", "/var/lib/docker", "/var", "/var/lib",
         "/var/lib/../lib/containerd/", "/run/srprov", "/var/run/srprov/x", "/var/lib/srprov/x", "/var/lib/containers",
@@ -38,7 +39,7 @@ ASKS: list[tuple[dict[str, Any], list[tuple[str, str]]]] = [
     ({"device_cgroup_rules": ("c 81:* rmw",)}, [("device", "cgroup rule c 81:* rmw")]),
     ({"gpus": "all"}, [("gpu", "gpus: all")]),
     ({"mounts": (Mount(kind="bind", source="/srv", target="/r"),)}, [("host-path", "/srv")]),
-    ({"mounts": (Mount(kind="bind", source="/a", target="/r", read_only=True),)}, [("host-path", "/a (read-only)")]),
+    ({"mounts": (Mount(kind="bind", source="/a", target="/r", read_only=True),)}, [("host-path", f"/a ({ONLY})")]),
     ({"mounts": (Mount(kind="bind", source=SOCKET, target="/r"),)}, [("docker-socket", SOCKET)]),
     ({"mounts": (Mount(kind="bind", source="/var" + SOCKET, target="/r"),)}, [("docker-socket", "/var" + SOCKET)]),
     ({"mounts": (Mount(kind="volume", source="v", target="/v"), Mount(kind="tmpfs", source="", target="/t"))}, []),

@@ -1,0 +1,65 @@
+"""What is mounted on a robot, by its own word: the further names of its folders, and what can be written.
+
+Takes what a robot says; gives places as texts. Pure.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+
+from srprov.untrusted import lines_of
+from srprov.wire import Query
+
+MOUNTS = Query(command="cat /proc/self/mountinfo")
+_MOST_LINES = 100_000
+_MOUNT = re.compile(r"[0-9]+ [0-9]+ ([0-9]+:[0-9]+) (/\S*) (/\S*) (.*)", re.ASCII)
+"""File system, the place in it that is mounted, where, and more; source: proc(5)."""
+_LAYERS = re.compile(r"(?:lowerdir\+?|upperdir)=([^,\s]+)")
+"""Folders that an overlay shows as one; source: the kernel's overlayfs.rst."""
+_OCTAL = re.compile(r"\\([0-7]{3})")
+
+
+class Mounts:
+    """What is mounted on a robot, by its own word: one folder may be shown at several places, or a part of it."""
+
+    def __init__(self, said: str) -> None:
+        """Take what the robot says; lines that are none of a mount are passed over."""
+        found = [match.groups() for line in lines_of(said, _MOST_LINES) if (match := _MOUNT.fullmatch(line))]
+        self._all = [(point.rstrip("/") + "/", fs, root.rstrip("/")) for fs, root, point, _ in map(_plain, found)]
+        self._writable = {
+            _plain((point,))[0]
+            for _, _, point, more in found
+            if more.startswith("rw") and more.rpartition(" ")[2].startswith("rw")
+        }
+        self._layers: dict[str, list[str]] = {}
+        """File system of an overlay -> the folders that it shows."""
+        for fs, _, _, more in found:
+            for some in _LAYERS.findall(more) if " - overlay " in more else ():
+                self._layers.setdefault(fs, []).extend(_plain(one for one in some.split(":") if one.startswith("/")))
+
+    def places(self, real: str) -> set[str]:
+        """Return a path's file system and its place in that, with a slash at its end; of an overlay its layers'."""
+        fs, within = self._place(real)
+        layers = [self._place(f"{one.rstrip('/')}/{within}".rstrip("/")) for one in self._layers.get(fs, ())]
+        return {f"{one} /{below}" for one, below in ((fs, within), *layers) if one}
+
+    def _place(self, real: str) -> tuple[str, str]:
+        within = [one for one in self._all if f"{real}/".startswith(one[0])]
+        if not within:
+            return "", ""
+        point, fs, root = max(reversed(within), key=lambda one: len(one[0]))
+        return fs, f"{root}/{real[len(point) :].strip('/')}/".replace("//", "/").lstrip("/")
+
+    def shown(self, real: str) -> set[str]:
+        """Return the places of a folder, and of all that is mounted below it."""
+        below = (point for point, _, _ in self._all if point.startswith(f"{real.rstrip('/')}/"))
+        return set().union(*(self.places(one.rstrip("/")) for one in (real, *below)))
+
+    def writable_below(self, real: str) -> list[str]:
+        """Return where something is mounted below a folder that can be written, also where the folder itself cannot."""
+        return sorted(one for one in self._writable if one.startswith(f"{real.rstrip('/')}/"))
+
+
+def _plain(words: Iterable[str]) -> tuple[str, ...]:
+    return tuple(_OCTAL.sub(lambda match: chr(int(match[1], 8)), one) for one in words)
