@@ -56,11 +56,11 @@ PARAMETERS = {"inventory": "inventories", "json": "as_json", "format": "form", "
 _LISTS = ("inventory", "allow", "until", "env", "profile", "margin", "with", "map", "set", "env-file", "target")
 _GROUPS = {"export": ("compose", "kubernetes", "swarm"), "import": ("compose", "swarmrob")}
 """Verbs that stand for several: what is set for one holds for those."""
-_MOST_BYTES = 1 << 20
-_MOST_FAULTS = 20
+_MOST = {"workers": os.cpu_count() or 1, "forks": 512}
+"""In a project's file: processes and threads of this machine."""
+_MOST_BYTES, _MOST_FAULTS, _BEYOND = 1 << 20, 20, 1e15
 _MOST_ENTRIES, _LONGEST = 64, 4096
 """Of a list, and characters of a text: what is more is looked at for each verb."""
-_BEYOND = 1e15
 
 
 class ConfigFile(msgspec.Struct, frozen=True, kw_only=True):
@@ -222,7 +222,8 @@ def _faults(file: ConfigFile, table: Mapping[str, Any], verbs: Mapping[str, Any]
 def _fault(file: ConfigFile, table: str, key: str, value: object, text: str) -> Iterator[str]:
     known = key in (OWN_KEYS if file.own else PROJECT_KEYS)
     words = value if key in _LISTS and isinstance(value, list) else [value]
-    if known and len(words) <= _MOST_ENTRIES and all(_plain(word, text_only=key in _LISTS) for word in words):
+    few = len(words) <= _MOST_ENTRIES and (file.own or not _is_more(value, _MOST.get(key)))
+    if known and few and all(_plain(word, text_only=key in _LISTS) for word in words):
         return
     place = f"{file.path}:{line(text, table, key)}"
     if known:
@@ -231,6 +232,13 @@ def _fault(file: ConfigFile, table: str, key: str, value: object, text: str) -> 
         yield f"{place}: a project's file cannot set '{key}': it may come from a stranger"
     else:
         yield f"{place}: there is no option '{key[:60]}' to set; {did_you_mean(key, OWN_KEYS)}".removesuffix("; ")
+
+
+def _is_more(value: object, most: int | None) -> bool:
+    try:
+        return most is not None and int(str(value).partition(".")[0]) > most
+    except ValueError:
+        return False  # no number: the option says so, or takes it
 
 
 def _plain(value: object, *, text_only: bool) -> bool:

@@ -52,6 +52,19 @@ def test_a_projects_file_sets_only_what_is_listed(tmp_path: Path, word: str, tex
         default_map(VERBS, tmp_path, {"HOME": str(tmp_path / "home")})
 
 
+@pytest.mark.parametrize(
+    "text", ['workers = "256"', "workers = 100000", "forks = 5_000", "forks = 4000.5", "forks = ' 9000 '"]
+)
+def test_a_projects_file_starts_no_more_processes_than_there_are_processors(tmp_path: Path, text: str) -> None:
+    """256 of them took 3.6 GB; the user's own file may say so."""
+    write(tmp_path / "srprov.toml", f"{text}\n")
+    with pytest.raises(UsageError, match=r"srprov\.toml:1: '(workers|forks)' cannot have this value"):
+        default_map(VERBS, tmp_path, own(tmp_path))
+    write(tmp_path / "srprov.toml", "workers = 'auto'\nforks = 512\n")
+    write(user_folder(own(tmp_path)) / "srprov.toml", f"{text}\n")
+    assert default_map(VERBS, tmp_path, own(tmp_path))
+
+
 def test_a_broken_file_is_named(tmp_path: Path) -> None:
     """A file that is no TOML is an error that names it."""
     write(tmp_path / "srprov.toml", "forks = = 3\n")
