@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import os
 import urllib.parse
 from collections.abc import Collection, Mapping
 from pathlib import Path
@@ -53,7 +54,9 @@ def remember(instance: str, memory: Memory) -> str:
         document = {"robots": sorted(memory.robots), "records": memory.records}
         return "" if memory == recall(instance) else _write(place, document)
     try:
-        place.unlink(missing_ok=True)
+        if os.path.lexists(place):
+            believed.check(place.parent)  # by way of somebody else's link it would be another file of the user's
+            place.unlink()
     except OSError as error:
         return f"{place}: {error.strerror or error}"
     return ""

@@ -171,6 +171,18 @@ def test_no_run_is_recorded_where_others_could_put_links(top: Path, stranger: St
     assert "others may write" in second.problem and not second.path.exists()
 
 
+@pytest.mark.parametrize("stranger", STRANGERS)
+def test_nothing_is_forgotten_by_way_of_what_others_put_there(top: Path, tmp_path: Path, stranger: Stranger) -> None:
+    """`destroy` removed a file of that name wherever a link of theirs led."""
+    own = tmp_path / "own"
+    own.mkdir()
+    (own / "x.json").write_text("{}")
+    (top / "srprov").mkdir(mode=0o700)
+    (top / "srprov/placements").symlink_to(own)
+    stranger(top)
+    assert "others may write" in memory.remember("x", memory.Memory()) and (own / "x.json").exists()
+
+
 def test_a_folder_that_is_the_users_alone_is_believed(top: Path) -> None:
     believed.write(top / "srprov" / "a" / "b.json", json.dumps(1))
     assert believed.read(top / "srprov" / "a" / "b.json", 10) == b"1"
@@ -217,4 +229,6 @@ def test_nothing_is_made_or_changed_by_way_of_somebody_else_s_link(top: Path, tm
     with pytest.raises(UsageError, match="others may write"):
         owners.keep(owners.read_owner("x", "/x.edf"))
     schema_cache.add("0" * 64)
+    (tmp_path / "own").write_bytes(b"private")
+    assert datasets.digest(str(tmp_path / "own"))[0] == SHA256
     assert elsewhere.stat().st_mode & 0o777 == 0o755 and not list(elsewhere.iterdir())
