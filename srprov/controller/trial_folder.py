@@ -9,9 +9,10 @@ import stat
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from srprov import private
+from srprov import believed, private
 from srprov.codes import Code
 from srprov.errors import RefusedError, UsageError
+from srprov.record import default_root
 
 _RESUME = "go on with the run in it by --resume, or name another folder"
 
@@ -48,7 +49,8 @@ def make_folder(folder: Path) -> None:
         UsageError: It cannot be made.
     """
     try:
-        private.make_folder(folder)
+        # whoever writes to it could put a link in the place of what is written next
+        (believed if default_root().parent in folder.parents else private).make_folder(folder)
         (folder / "trials").mkdir(mode=0o700)
     except OSError as error:
         raise UsageError(

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from srprov import believed, datasets, whose
-from srprov.controller import owners
+from srprov.controller import owners, trial_folder
 from srprov.definitions import schema_cache
 from srprov.errors import UsageError
 from srprov.git import cache
@@ -169,6 +169,15 @@ def test_no_run_is_recorded_where_others_could_put_links(top: Path, stranger: St
     with RunFolder(default_root(), "second") as second:
         second.put("plan.txt", lambda: "x")
     assert "others may write" in second.problem and not second.path.exists()
+
+
+@pytest.mark.parametrize("stranger", STRANGERS)
+def test_no_trials_are_kept_where_others_could_put_links(top: Path, tmp_path: Path, stranger: Stranger) -> None:
+    trial_folder.make_folder(default_root().parent / "trials" / "first")
+    trial_folder.make_folder(tmp_path / "named by the user")
+    stranger(top)
+    with pytest.raises(UsageError, match="others may write"):
+        trial_folder.make_folder(default_root().parent / "trials" / "second")
 
 
 @pytest.mark.parametrize("stranger", STRANGERS)
