@@ -18,6 +18,7 @@ from srprov.errors import UsageError
 if TYPE_CHECKING:
     from srprov.definitions.trialsmodel import Margin
     from srprov.evidence.grades import Section
+    from srprov.evidence.verified import Bundle
 
 _EXISTING = click.Path(exists=True)
 
@@ -56,7 +57,7 @@ def compare(
 
 def show_comparison(
     a: Sequence[str], b: Sequence[str], margins: Mapping[str, Margin], *, strict: bool, as_json: bool,
-    only: Collection[str] = (),
+    only: Collection[str] = (), verified: Collection[Bundle] = (),
 ) -> int:  # fmt: skip
     """Compare two sides, say what came of it, and return the exit code.
 
@@ -66,7 +67,7 @@ def show_comparison(
     from srprov.evidence.compare import compare as of
     from srprov.evidence.grades import DIFFERENT, INCONCLUSIVE
 
-    found = of(a, b, margins, only)
+    found = of(a, b, margins, only, verified)
     failed = found.answer == DIFFERENT or (strict and found.answer == INCONCLUSIVE)
     if as_json:
         sections = [{"grade": one.grade, **msgspec.to_builtins(one)} for one in found.sections]

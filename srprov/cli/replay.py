@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from srprov.definitions.model import Inventory
     from srprov.evidence.replay import Replay
     from srprov.evidence.replay_images import Kept
+    from srprov.evidence.verified import Bundle
     from srprov.facts.model import Snapshot
     from srprov.session import Pulse
 
@@ -80,24 +81,26 @@ def replay(
     asked, judged_by = dict(map(_pair, pairs)), margins_of(margins)
     ours = None if lab else inputs.load_inventory(inventories)
     output_options.note(f"verifying {bundle}")
-    evidence.check(bundle, signers or "")
-    again = evidence.read(bundle)
+    verified = evidence.check(bundle, signers or "")
+    again = evidence.read(verified)
     wanted = TrialsRequest(folder=target / "run", only=only, resume=resume)
-    kept = replay_images.bring(bundle, output_options.note, wanted=not no_bundled_images)
+    kept = replay_images.bring(verified, output_options.note, wanted=not no_bundled_images)
     request = replace(request, placed=again.placed, bundled=kept.images)
     manner = Manner(
         forks=forks, timeout=timeout, lock_wait=lock_wait, stop_timeout=stop_timeout, wait_timeout=wait_timeout,
         pulse=pulse, events=events, color=not no_color, as_json=as_json, yes=yes,
     )  # fmt: skip
-    code = _again(bundle, again, kept, ours, asked, request, wanted, manner)
+    code = _again(verified, again, kept, ours, asked, request, wanted, manner)
     if code:
         err(f"not compared with {bundle}, as it is not whole; --resume goes on")
         return code
-    return show_comparison([bundle], [str(target / "run")], judged_by, strict=strict, as_json=as_json, only=only)
+    return show_comparison(
+        [bundle], [str(target / "run")], judged_by, strict=strict, as_json=as_json, only=only, verified=[verified]
+    )
 
 
 def _again(
-    bundle: str, again: Replay, kept: Kept, ours: Inventory | None, asked: dict[str, str], request: PlanRequest,
+    bundle: Bundle, again: Replay, kept: Kept, ours: Inventory | None, asked: dict[str, str], request: PlanRequest,
     wanted: TrialsRequest, manner: Manner,
 ) -> int:  # fmt: skip
     """Run the trials; without an inventory of the user's, on a lab. Return the exit code."""

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import io
 import re
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from srprov.controller.bundling import complaint
@@ -13,21 +14,27 @@ from srprov.evidence import secrets
 from srprov.evidence.files import MANIFEST, SIGNATURE, Files, NotThere, below, content, digest, json_of, sessions
 from srprov.evidence.images import LAYOUT
 from srprov.evidence.stored_zip import MOST_ENTRIES
+from srprov.evidence.verified import Verified
 from srprov.oci.layout import BLOBS, LONGEST
 from srprov.untrusted import integer, mapping, mappings, string
 
-_LINE = re.compile(r"([0-9a-f]{64})  (.+)")
+_LINE = re.compile(r"([0-9a-f]{64})  (.+)\n")
+_REST_OF_LINE = 67
+"""Bytes of a line beside the name: a hash, two blanks, a line feed."""
+_MOST_ABSENT = 1 << 20
+"""Bytes of lines of a manifest for files that are not there."""
 _LAYERS = LAYOUT + BLOBS
 _MOST_SIGNATURE = 64 * 1024
-_MOST_MANIFEST = MOST_ENTRIES * 300
 
 
 @dataclass(slots=True)
 class Hashed:
-    """Files with their hashes, each worked out once."""
+    """Files with their hashes, each worked out once, and the manifest, which is read once."""
 
     files: Files
     known: dict[str, str] = field(default_factory=dict)
+    _text: bytes | None = None
+    _named: dict[str, str] = field(default_factory=dict)
 
     def sha256(self, name: str) -> str:
         """Return the hash of a file; nothing of one that is not there."""
@@ -35,28 +42,45 @@ class Hashed:
             self.known[name] = digest(self.files, name)
         return self.known.get(name, "")
 
+    def text(self) -> bytes:
+        """Return the manifest.
 
-def manifest(files: Files) -> dict[str, str]:
-    """Return name -> sha256, as the manifest has it.
+        Raises:
+            NotThere: There is none, or it names much that is not there.
+        """
+        if self._text is None:
+            there = sum(len(name.encode()) + _REST_OF_LINE for name in self.files.sizes)
+            self._text = content(self.files, MANIFEST, there + _MOST_ABSENT)
+        return self._text
 
-    Raises:
-        NotThere: There is none, or it is not written as it should be.
-    """
-    text = content(files, MANIFEST, _MOST_MANIFEST).decode("utf-8", "replace")
+    def named(self) -> Mapping[str, str]:
+        """Return name -> sha256, as the manifest has it.
+
+        Raises:
+            NotThere: There is no manifest, or it is not written as it should be.
+        """
+        if not self._named:
+            self._named = _manifest(self.text())
+        return self._named
+
+    def bound(self) -> Hashed:
+        """Return the same, once the files are known to be those of the manifest: no others are read from now on."""
+        return replace(self, files=Verified(self.files, self.named()))
+
+
+def _manifest(text: bytes) -> dict[str, str]:
     found: dict[str, str] = {}
-    for number, line in enumerate(text.split("\n")[:-1], start=1):
-        match = _LINE.fullmatch(line)
+    for number, line in enumerate(io.BytesIO(text), start=1):
+        match = _LINE.fullmatch(line.decode("utf-8", "replace"))
         if match is None or match[2] in found:
-            raise NotThere(f"{MANIFEST}:{number} is not a hash and a name of its own")
+            raise NotThere(f"{MANIFEST}:{number} is not a hash and a name of its own, with an end of the line")
         found[match[2]] = match[1]
-    if not text.endswith("\n"):
-        raise NotThere(f"{MANIFEST} does not end as it should")
     return found
 
 
 def hashes(hashed: Hashed) -> Iterator[str]:
     """Compare each file with the manifest."""
-    for name, sha256 in manifest(hashed.files).items():
+    for name, sha256 in hashed.named().items():
         now = hashed.sha256(name)
         if now != sha256:
             yield f"{name} is missing" if not now else f"{name} has the sha256 {now}, not {sha256}"
@@ -64,14 +88,14 @@ def hashes(hashed: Hashed) -> Iterator[str]:
 
 def nothing_else(hashed: Hashed) -> Iterator[str]:
     """Look for files that the manifest does not name."""
-    named = manifest(hashed.files).keys() | {MANIFEST, SIGNATURE}
+    named = hashed.named().keys() | {MANIFEST, SIGNATURE}
     yield from (f"{name} is not in the manifest" for name in hashed.files.sizes if name not in named)
 
 
 def signature(hashed: Hashed, signers: str) -> Iterator[str]:
     """Check the manifest's signature."""
     signed = content(hashed.files, SIGNATURE, _MOST_SIGNATURE)
-    if said := complaint(content(hashed.files, MANIFEST, _MOST_MANIFEST), signed, signers):
+    if said := complaint(hashed.text(), signed, signers):
         yield f"it is not signed by anybody in {signers}: {said}"
 
 

@@ -17,6 +17,7 @@ from srprov.evidence import compare_images, compare_inputs, compare_outcomes, co
 from srprov.evidence.compare_outcomes import SUCCESS, Judging
 from srprov.evidence.compare_runs import Run
 from srprov.evidence.grades import Line, Section
+from srprov.evidence.verified import Bundle
 
 _MOST_LINES = 100
 """Of one section: each file of an experiment may have one."""
@@ -46,8 +47,9 @@ class Comparison(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def compare(
-    a: Sequence[str], b: Sequence[str], margins: Mapping[str, Margin], only: Collection[str] = ()
-) -> Comparison:
+    a: Sequence[str], b: Sequence[str], margins: Mapping[str, Margin], only: Collection[str] = (),
+    verified: Collection[Bundle] = (),
+) -> Comparison:  # fmt: skip
     """Compare two sides.
 
     Args:
@@ -55,11 +57,12 @@ def compare(
         b: Of the other one.
         margins: Metric -> how much it may differ; `success` is the share of trials with that verdict.
         only: Trials and points that are compared; empty: all.
+        verified: Bundles among them that were verified before, and are read as they were then.
 
     Raises:
         UsageError: A run cannot be read, or no run has a metric that a margin names.
     """
-    with compare_runs.read([*a, *b], only) as runs:
+    with compare_runs.read([*a, *b], only, verified) as runs:
         here, there = runs[: len(a)], runs[len(a) :]
         _check(margins, runs)
         sections = [_section(*one, runs) for one in _SECTIONS]

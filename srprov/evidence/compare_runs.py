@@ -20,6 +20,7 @@ from srprov.evidence import checks_files, story
 from srprov.evidence.checks_files import Hashed
 from srprov.evidence.files import Files, NotThere, json_of, of_run, opened
 from srprov.evidence.story import Story, attempt_folder
+from srprov.evidence.verified import Bundle, reopened
 from srprov.trials import Trial
 from srprov.trials.judge import COUNTED
 from srprov.trials.marks import Row
@@ -89,31 +90,41 @@ class Run:
 
 
 @contextmanager
-def read(paths: Sequence[str], only: Collection[str] = ()) -> Iterator[tuple[Run, ...]]:
+def read(
+    paths: Sequence[str], only: Collection[str] = (), verified: Collection[Bundle] = ()
+) -> Iterator[tuple[Run, ...]]:
     """Read runs, each the folder of one or a bundle; they are open as long as the block lasts.
 
     Args:
         paths: Where they are.
         only: Trials and points that are compared; empty: all.
+        verified: Those of them that were verified before.
 
     Raises:
         UsageError: One is neither, or cannot be read, or does not have the hashes of its manifest.
     """
     with ExitStack() as stack:
-        yield tuple(_read(path, stack, frozenset(only)) for path in paths)
+        known = {one.path: one for one in verified}
+        yield tuple(_read(path, stack, frozenset(only), known.get(path)) for path in paths)
 
 
-def _read(path: str, stack: ExitStack, only: frozenset[str]) -> Run:
-    is_folder = Path(path).is_dir()
+def _read(path: str, stack: ExitStack, only: frozenset[str], verified: Bundle | None) -> Run:
     try:
-        files: Files = of_run(Path(path)) if is_folder else stack.enter_context(opened(path))
-        if not is_folder:
-            hashed = Hashed(files)
-            if wrong := next(chain(checks_files.hashes(hashed), checks_files.nothing_else(hashed)), ""):
-                raise UsageError(
-                    f"{path}: {wrong}", hint=f"srprov verify {path} says what else is wrong", code=Code.NOT_COMPARABLE
-                )
+        if Path(path).is_dir():
+            files: Files = of_run(Path(path))
+        else:
+            files = stack.enter_context(reopened(verified)) if verified else _checked(path, stack)
         return Run(name=path, files=files, story=stack.enter_context(story.read(files)), only=only)
     except (OSError, ValueError) as error:
         hint = "name the folder of a run of trials, or what `srprov bundle` made of one"
         raise UsageError(f"{path} cannot be compared: {error}", hint=hint, code=Code.NOT_COMPARABLE) from error
+
+
+def _checked(path: str, stack: ExitStack) -> Files:
+    """Return the files of a bundle, each of which has the hash of its manifest."""
+    hashed = Hashed(stack.enter_context(opened(path)))
+    if wrong := next(chain(checks_files.hashes(hashed), checks_files.nothing_else(hashed)), ""):
+        raise UsageError(
+            f"{path}: {wrong}", hint=f"srprov verify {path} says what else is wrong", code=Code.NOT_COMPARABLE
+        )
+    return hashed.bound().files

@@ -1,7 +1,7 @@
 """A bundle -> what is needed to run it again on other robots: its definitions in a folder, and who does whose part.
 
-Nothing of a bundle is believed: it was verified before, and what its experiment asks for is allowed by who runs it,
-as that of any other file of a stranger.
+Nothing of a bundle is believed: it was verified before, what is read has the hashes that were verified, and what its
+experiment asks for is allowed by who runs it, as that of any other file of a stranger.
 """
 
 from __future__ import annotations
@@ -20,9 +20,10 @@ from srprov.definitions.model import Host, Inventory
 from srprov.errors import RefusedError, UsageError, did_you_mean
 from srprov.evidence import story, verify
 from srprov.evidence.compare_inputs import facts_of
-from srprov.evidence.files import MOST_TEXT, Files, below, content, json_of, opened
+from srprov.evidence.files import MOST_TEXT, Files, below, content, json_of
 from srprov.evidence.session import data_sets
 from srprov.evidence.story import Story
+from srprov.evidence.verified import Bundle, reopened
 from srprov.facts.model import Snapshot
 from srprov.untrusted import mapping, string
 
@@ -57,8 +58,8 @@ class Replay(msgspec.Struct, frozen=True, kw_only=True):
         return tuple(sorted(set(self.placed.values())))
 
 
-def check(bundle: str, signers: str = "") -> None:
-    """Refuse a bundle that is not what it says.
+def check(bundle: str, signers: str = "") -> Bundle:
+    """Return a bundle to be read, which is what it says.
 
     Raises:
         RefusedError: With the checks that failed.
@@ -71,9 +72,10 @@ def check(bundle: str, signers: str = "") -> None:
         raise RefusedError(
             f"{bundle} is not what it says:\n{told}", hint=f"srprov verify {bundle} says more", code=Code.BUNDLE_FALSE
         )
+    return Bundle(bundle, report.hashes)
 
 
-def read(bundle: str) -> Replay:
+def read(bundle: Bundle) -> Replay:
     """Read what a bundle's last session was.
 
     Raises:
@@ -97,7 +99,7 @@ def _needed(told: Story, robot: str, facts: Mapping[str, Any]) -> Needed:
     return Needed(tags=tuple(sorted(tags)), devices=tuple(sorted(devices)), arch=arch)
 
 
-def unpack(bundle: str, folder: Path) -> None:
+def unpack(bundle: Bundle, folder: Path) -> None:
     """Write the definitions of a bundle's last session into a folder, which is new, or has just them already.
 
     Raises:
@@ -108,7 +110,7 @@ def unpack(bundle: str, folder: Path) -> None:
         home = f"{told.home}/inputs/"
         names = [name for name in below(files, home) if name != home + _INVENTORY]
         if any(".git" in name.split("/") for name in names):
-            why = f"{bundle} holds a folder .git, which would say whose experiment it is"
+            why = f"{bundle.path} holds a folder .git, which would say whose experiment it is"
             raise UsageError(why, hint="ask its author for one without it", code=Code.REPLAY)
         contents = {folder / name.removeprefix(home): content(files, name) for name in names}
         absent = {folder / one for one in data_sets(files, told.home)}
@@ -120,14 +122,13 @@ def unpack(bundle: str, folder: Path) -> None:
 
 
 @contextmanager
-def _opened(bundle: str) -> Iterator[tuple[Files, Story]]:
+def _opened(bundle: Bundle) -> Iterator[tuple[Files, Story]]:
     try:
-        with opened(bundle) as files, story.read(files) as told:
+        with reopened(bundle) as files, story.read(files) as told:
             yield files, told
     except ValueError as error:
-        raise UsageError(
-            f"{bundle} cannot be run again: {error}", hint=f"srprov verify {bundle} says more", code=Code.REPLAY
-        ) from error
+        hint = f"srprov verify {bundle.path} says more"
+        raise UsageError(f"{bundle.path} cannot be run again: {error}", hint=hint, code=Code.REPLAY) from error
 
 
 def _read(folder: Path, but: Collection[Path]) -> dict[Path, bytes]:

@@ -14,9 +14,10 @@ from srprov.controller.kept_images import Content, keep
 from srprov.controller.request import BundledImage
 from srprov.errors import UsageError
 from srprov.evidence import story
-from srprov.evidence.files import Files, opened
+from srprov.evidence.files import Files
 from srprov.evidence.images import LAYOUT, stored
 from srprov.evidence.story import Story
+from srprov.evidence.verified import Bundle, reopened
 from srprov.facts.model import Snapshot
 from srprov.oci.layout import Stored, blob
 
@@ -30,11 +31,11 @@ class Kept(msgspec.Struct, frozen=True, kw_only=True):
     """Service -> its image as the bundle's run named it, of all services."""
 
 
-def bring(bundle: str, say: Callable[[str], None], *, wanted: bool = True) -> Kept:
+def bring(bundle: Bundle, say: Callable[[str], None], *, wanted: bool = True) -> Kept:
     """Bring the images of a bundle into this machine's cache.
 
     Args:
-        bundle: The file.
+        bundle: It, as it was verified.
         say: Is told how far it is.
         wanted: Without it, they stay where they are.
 
@@ -42,14 +43,14 @@ def bring(bundle: str, say: Callable[[str], None], *, wanted: bool = True) -> Ke
         UsageError: The bundle cannot be read, or there is no room.
     """
     try:
-        with opened(bundle) as files, story.read(files) as told:
+        with reopened(bundle) as files, story.read(files) as told:
             names = {service: name for service, (name, _) in told.images.items()}
             every = stored(files) if wanted else ()
             keep(_contents(files, every), say)
             return Kept(images=dict(_of_services(told, every)), names=names)
     except ValueError as error:
-        hint = f"srprov verify {bundle} says more"
-        raise UsageError(f"the images of {bundle} cannot be read: {error}", hint=hint, code=Code.REPLAY) from error
+        hint = f"srprov verify {bundle.path} says more"
+        raise UsageError(f"the images of {bundle.path} cannot be read: {error}", hint=hint, code=Code.REPLAY) from error
 
 
 def _contents(files: Files, every: tuple[Stored, ...]) -> Iterator[Content]:

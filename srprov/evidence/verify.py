@@ -6,7 +6,7 @@ written but its definitions, into a folder of their own that is gone afterwards.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack
 from functools import partial
 from itertools import islice
@@ -51,6 +51,8 @@ class Report(msgspec.Struct, frozen=True, kw_only=True):
     findings: tuple[Finding, ...]
     absent: str = "they are"
     """Which images are not in it, in words; empty: none."""
+    hashes: Mapping[str, str] = msgspec.field(default_factory=dict)
+    """Name -> sha256 of its files; none where they are not those of its manifest."""
 
     @property
     def failed(self) -> bool:
@@ -76,14 +78,23 @@ def verify(path: str, signers: str = "") -> Report:
     with opened(path) as files, ExitStack() as stack:
         hashed = Hashed(files)
         _check_format(hashed, path)
+        first = (
+            _done("F1", "each file is the one in the manifest", lambda: checks_files.hashes(hashed)),
+            _done("F2", "there is no other file", lambda: checks_files.nothing_else(hashed)),
+        )
+        as_listed = all(one.result == "pass" for one in first)
+        bound = hashed.bound() if as_listed else hashed
         told: Story | None = None
         why = ""
         try:
-            told = stack.enter_context(story.read(files))
+            told = stack.enter_context(story.read(bound.files))
         except NotThere as error:
             why = str(error)
-        findings = tuple(_findings(hashed, told, why, signers))
-        return Report(run=told.run if told else "", findings=findings, absent=_absent(hashed))
+        findings = (*first, *_findings(bound, told, why, signers))
+        return Report(
+            run=told.run if told else "", findings=findings, absent=_absent(bound),
+            hashes=bound.named() if as_listed else {},
+        )  # fmt: skip
 
 
 def _absent(hashed: Hashed) -> str:
@@ -115,8 +126,6 @@ def _check_format(hashed: Hashed, path: str) -> None:
 
 
 def _findings(hashed: Hashed, told: Story | None, why: str, signers: str) -> Iterator[Finding]:
-    yield _done("F1", "each file is the one in the manifest", lambda: checks_files.hashes(hashed))
-    yield _done("F2", "there is no other file", lambda: checks_files.nothing_else(hashed))
     yield _done("F3", "results are as their robots sent them", lambda: checks_files.results(hashed))
     yield _signature(hashed, signers)
     yield _done("D1", "the experiment's files are those that were recorded", lambda: _read(hashed, why))

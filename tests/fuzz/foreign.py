@@ -32,7 +32,7 @@ from srprov.snapshot.gitscript import ASKED
 from srprov.snapshot.hider import Hider
 from srprov.snapshot.questions import END, QUESTIONS
 from srprov.wire import AnyQuery, EngineQuery, Reply
-from tests.unit.evidence.bundles import Content, packed, unpacked, with_manifest
+from tests.unit.evidence.bundles import Content, as_it_is, packed, unpacked, with_manifest
 from tests.unit.report.pages import Page
 from tests.unit.report.records import run as a_run
 from tests.unit.report.records import write as write_record
@@ -243,6 +243,7 @@ class Kept:
 
         def use(folder: Path, content: bytes) -> None:
             path = str(packed(with_manifest({**self.content, name: content}), folder / "b.zip"))
+            bundle = as_it_is(Path(path))
             try:
                 details = [text for one in verify(path).findings for text in one.details]
                 assert all(text.isprintable() for text in details), details
@@ -250,8 +251,8 @@ class Kept:
                 assert error.exit_code == 5
             for work in (
                 lambda: compare([path], [str(self.bundle)], {}),
-                lambda: replay.unpack(path, folder / "again"),
-                lambda: list(replay.differences(replay.read(path), {}, _nothing())),
+                lambda: replay.unpack(bundle, folder / "again"),
+                lambda: list(replay.differences(replay.read(bundle), {}, _nothing())),
             ):
                 try:
                     work()

@@ -11,6 +11,7 @@ from typing import Any
 
 from srprov.evidence import descriptions, files, stored_zip, story
 from srprov.evidence.files import ABOUT, MANIFEST, Archive
+from srprov.evidence.verified import Bundle
 from srprov.record.tables import Tables
 
 Content = dict[str, bytes]
@@ -30,6 +31,13 @@ def packed(content: Mapping[str, bytes], target: Path) -> Path:
             writer.add(name, len(data), [data])
         writer.finish()
     return target
+
+
+def as_it_is(path: Path) -> Bundle:
+    """Return a bundle as one that was verified, whatever is in it."""
+    every = unpacked(path)
+    return Bundle(str(path), {name: hashlib.sha256(every[name]).hexdigest() for name in every
+                              if not name.startswith(MANIFEST)})  # fmt: skip
 
 
 def archive(content: Mapping[str, bytes]) -> Archive:
@@ -75,4 +83,6 @@ def journal(found: list[dict[str, Any]]) -> bytes:
     return b"".join(json.dumps(one).encode() + b"\n" for one in found)
 
 
-__all__ = ["ABOUT", "Content", "archive", "events", "forged", "journal", "packed", "unpacked", "with_manifest"]
+__all__ = [
+    "ABOUT", "Content", "archive", "as_it_is", "events", "forged", "journal", "packed", "unpacked", "with_manifest",
+]  # fmt: skip

@@ -28,7 +28,7 @@ from srprov.record.journal import Journal, read
 from srprov.secret import Secret
 from tests.bounded import bounded
 from tests.trial_folders import EDF, FILES, MACHINE, run_folder, write_experiment
-from tests.unit.evidence.bundles import archive, unpacked
+from tests.unit.evidence.bundles import archive, as_it_is, unpacked
 
 CANARY = "c4n4ry/of a coal+mine"
 
@@ -298,13 +298,13 @@ def test_seeds_come_too_and_of_data_sets_the_hash(tmp_path: Path) -> None:
     assert "sessions/1/inputs/sets/map.bin" not in content
     assert not verify(str(tmp_path / "b.zip")).failed
     again = tmp_path / "again"
-    unpack(str(tmp_path / "b.zip"), again)
+    unpack(as_it_is(tmp_path / "b.zip"), again)
     with pytest.raises(DefinitionError) as missing:
         load_experiment(again / "race.edf")
     assert "sets/map.bin" in missing.value.problems[0].message
     (again / "sets").mkdir()
     (again / "sets" / "map.bin").write_text("1" * 9000)
-    unpack(str(tmp_path / "b.zip"), again)
+    unpack(as_it_is(tmp_path / "b.zip"), again)
     assert load_experiment(again / "race.edf").experiment.name == "race"
 
 

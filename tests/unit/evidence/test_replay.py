@@ -14,7 +14,7 @@ from srprov.errors import RefusedError, UsageError
 from srprov.evidence.replay import Replay, check, differences, mapped, read, unpack
 from tests.fakes import World
 from tests.trial_folders import FILES, planned
-from tests.unit.evidence.bundles import Content, packed, with_manifest
+from tests.unit.evidence.bundles import Content, as_it_is, packed, with_manifest
 
 
 def inventory(*names: str) -> Inventory:
@@ -23,10 +23,10 @@ def inventory(*names: str) -> Inventory:
 
 
 def test_definitions_come_out_as_they_were_and_nothing_else_does(bundled: Path, tmp_path: Path) -> None:
-    check(str(bundled))
+    verified = check(str(bundled))
     for _ in range(2):  # also into a folder that has them already
-        unpack(str(bundled), tmp_path / "again")
-    again = read(str(bundled))
+        unpack(verified, tmp_path / "again")
+    again = read(verified)
     there = {str(one.relative_to(tmp_path / "again")): one for one in (tmp_path / "again").rglob("*") if one.is_file()}
     assert {name: one.read_text() for name, one in there.items()} == FILES
     assert {stat.S_IMODE(one.stat().st_mode) & 0o077 for one in there.values()} == {0}
@@ -46,14 +46,14 @@ def test_a_bundle_that_is_not_what_it_says_is_not_run(content: Content, tmp_path
 def test_a_folder_with_something_else_is_not_written_to(bundled: Path, tmp_path: Path) -> None:
     (tmp_path / "link").symlink_to(tmp_path / "elsewhere")
     (tmp_path / "more").mkdir()
-    unpack(str(bundled), tmp_path / "more")
+    unpack(as_it_is(bundled), tmp_path / "more")
     (tmp_path / "more" / "mine").write_text("")
-    unpack(str(bundled), tmp_path / "linked")
+    unpack(as_it_is(bundled), tmp_path / "linked")
     (tmp_path / "linked" / "race.edf").rename(tmp_path / "kept")
     (tmp_path / "linked" / "race.edf").symlink_to(tmp_path / "kept")
     for name in ("link", "more", "linked"):
         with pytest.raises(UsageError, match="something else is in"):
-            unpack(str(bundled), tmp_path / name)
+            unpack(as_it_is(bundled), tmp_path / name)
     assert not (tmp_path / "elsewhere").exists()
 
 
@@ -62,7 +62,7 @@ def test_a_bundle_does_not_say_whose_experiment_it_is(content: Content, tmp_path
     """With the remote of somebody else's repository, a replay would count as that experiment and replace what runs."""
     more = {**content, f"sessions/1/inputs/{place}": b'[remote "origin"]\nurl = https://lab.example/race.git\n'}
     with pytest.raises(UsageError, match=r"folder \.git"):
-        unpack(str(packed(with_manifest(more), tmp_path / "b.zip")), tmp_path / "again")
+        unpack(as_it_is(packed(with_manifest(more), tmp_path / "b.zip")), tmp_path / "again")
     assert not (tmp_path / "again").exists()
 
 
@@ -91,8 +91,8 @@ def test_a_part_is_one_robots(asked: dict[str, str], told: str) -> None:
 
 
 def test_what_is_different_of_robots_is_told_before_anything_is_run(bundled: Path, tmp_path: Path) -> None:
-    unpack(str(bundled), tmp_path / "again")
-    again = read(str(bundled))
+    unpack(as_it_is(bundled), tmp_path / "again")
+    again = read(as_it_is(bundled))
     snapshot = planned(World().add("r1", "r2"), tmp_path / "again" / again.edf).base.snapshot
     assert snapshot is not None
     snapshot = replace(snapshot, facts={**snapshot.facts, "r2": replace(snapshot.facts["r2"], cpus=2)})
