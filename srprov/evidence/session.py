@@ -13,7 +13,7 @@ from pathlib import Path
 import msgspec
 from msgspec.structs import replace
 
-from srprov import private
+from srprov import names, private
 from srprov.controller.choice import Choice, checked_choice, read_decided
 from srprov.controller.request import PlanRequest
 from srprov.controller.trial_instances import with_instances
@@ -76,7 +76,7 @@ def read_session(files: Files, home: str, folder: str) -> Session:
         made = design(given)
     except SrprovError as error:
         raise NotThere(f"its trials cannot be read: {error.message}") from None
-    assignment = string_map(json_of(files, f"{home}/assignment.json").get("assignment"))
+    assignment = _assignment(files, home)
     return Session(
         home=home,
         edf=edf,
@@ -87,6 +87,19 @@ def read_session(files: Files, home: str, folder: str) -> Session:
         choice=choice,
         assignment=assignment,
     )
+
+
+def _assignment(files: Files, home: str) -> dict[str, str]:
+    """Return service -> robot. A run has logs by the names of both, and a replay has those of the bundle.
+
+    Raises:
+        NotThere: One cannot be the name of a service, or of a robot.
+    """
+    found = string_map(json_of(files, f"{home}/assignment.json").get("assignment"))
+    for service, robot in found.items():
+        if wrong := names.fault("service", service) or names.fault("robot", robot):
+            raise NotThere(f"{home}/assignment.json: {wrong}")
+    return found
 
 
 def again(one: Session, home: str) -> Session:
@@ -102,10 +115,10 @@ def follows_from(files: Files, home: str) -> tuple[bytes, ...]:
 
 def _unpack(files: Files, home: str, folder: str) -> None:
     """Write the input files of a session into a folder."""
-    names = below(files, f"{home}/inputs/")
-    if len(names) > _MOST_INPUT_FILES or sum(files.sizes[name] for name in names) > _MOST_INPUTS:
+    every = below(files, f"{home}/inputs/")
+    if len(every) > _MOST_INPUT_FILES or sum(files.sizes[name] for name in every) > _MOST_INPUTS:
         raise NotThere(f"{home}/inputs holds more than an experiment has")
-    for name in names:
+    for name in every:
         place = Path(folder, name)
         private.make_folder(place.parent)
         text = content(files, name, _MOST_INPUTS)

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from pathlib import Path
 
 import pytest
 from msgspec.structs import replace
 
-from srprov.evidence import crate_runs, deposits, descriptions, story
+from srprov.errors import UsageError
+from srprov.evidence import crate_runs, deposits, descriptions, replay, session, story
 from srprov.evidence.verify import verify
-from tests.unit.evidence.bundles import Content, archive, events, forged, journal, packed, with_manifest
+from tests.bounded import bounded
+from tests.unit.evidence.bundles import Content, archive, as_it_is, events, forged, journal, packed, with_manifest
 
 
 @pytest.mark.parametrize("odd", [{"trial": []}, {"status": [1]}, {"segment": [1]}, {"attempt": True}, {"attempt": "1"}])
@@ -53,6 +57,24 @@ def test_odd_numbers_are_none_to_what_describes_a_bundle(content: Content, tmp_p
             one["row"] |= {"duration_s": odd, "containers": [{"cpu_s": odd}, {"cpu_s": 1.5}, odd]}
     report = verify(str(packed(forged({**content, "journal.jsonl": journal(found)}), tmp_path / "a.zip")))
     assert {one.id for one in report.findings if one.id in ("S1", "S2") and one.result != "pass"} == set()
+
+
+PLACED = [{"runner": "../../../../tmp/x"}, {"runner": "/etc/x"}, {"runner": "r1\nr2"}, {"runner": ""}, {"a/b": "r1"}]
+
+
+@pytest.mark.parametrize("placed", PLACED)
+def test_who_runs_what_has_names_that_services_and_robots_can_have(
+    content: Content, tmp_path: Path, placed: dict[str, str]
+) -> None:
+    """On a lab, robots have the bundle's names: the log of one that is called /etc/x would be written there."""
+    about = json.loads(content["sessions/1/assignment.json"])
+    about["assignment"] |= placed
+    path = packed(
+        with_manifest({**content, "sessions/1/assignment.json": json.dumps(about).encode()}), tmp_path / "a.zip"
+    )
+    assert _said("cannot be the name of a", path)
+    with pytest.raises(UsageError, match="cannot be the name of a"):
+        replay.read(as_it_is(path))
 
 
 @pytest.mark.parametrize("hosts", [None, [], "r1", {"r1": None}, {"r1": {"srprov_pid": ["x"]}}])
