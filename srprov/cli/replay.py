@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
@@ -121,10 +121,9 @@ def _again(
 
             ours, asked = stack.enter_context(lab_for(again))
 
-        def robots(snapshot: Snapshot) -> Iterator[str]:
-            yield "\nWho does whose part:\n"
-            yield from evidence.differences(again, asked, snapshot)
-            yield from replay_images.in_words(kept, snapshot, again.placed)
+        def robots(snapshot: Snapshot) -> Iterator[tuple[str, Iterable[str]]]:
+            yield "Who does whose part", evidence.differences(again, asked, snapshot)
+            yield "Images", replay_images.in_words(kept, snapshot, again.placed)
 
         inventory = evidence.mapped(ours, again.robots, asked)
         report = run_session(definitions, inventory, request, wanted, manner, robots)

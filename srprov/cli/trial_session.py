@@ -19,7 +19,7 @@ from srprov.cli.progress import progress
 from srprov.cli.status_line import status_line
 from srprov.cli.stdout_guard import answers_only
 from srprov.codes import Code
-from srprov.errors import RefusedError, UsageError
+from srprov.errors import RefusedError, UsageError, visible
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -37,6 +37,8 @@ if TYPE_CHECKING:
     from srprov.secret import Vault
     from srprov.session import Pulse
 
+_LONGEST = 1000
+"""Characters of a line of somebody else's."""
 _SAID = b"\ninterrupted: the present trial goes on to its end, no new one begins; once more to end it at once\n"
 
 
@@ -75,7 +77,7 @@ def check_wanted(definitions: Definitions, wanted: TrialsRequest) -> None:
 
 def run_session(
     definitions: Definitions, inventory: Inventory, request: PlanRequest, wanted: TrialsRequest, manner: Manner,
-    more: Callable[[Snapshot], Iterable[str]] = lambda _snapshot: (),
+    more: Callable[[Snapshot], Iterable[tuple[str, Iterable[str]]]] = lambda _snapshot: (),
 ) -> TrialsReport:  # fmt: skip
     """Plan, show, ask, and run trials.
 
@@ -85,7 +87,7 @@ def run_session(
         request: What the user asks of the plan.
         wanted: Which trials, and where they are kept.
         manner: How it is done.
-        more: Lines that are shown with the plan, of what was found on the robots.
+        more: Headings, each with lines that are shown with the plan; their words may be a stranger's.
 
     Raises:
         SrprovError: It cannot be, or is not allowed.
@@ -108,8 +110,8 @@ def run_session(
             out(f"\n{in_words(plan)}")
             if size := size_note(plan.given):
                 out(f"\n{size}")
-            for line in more(planned.snapshot) if planned.snapshot else ():
-                out(line)
+            for heading, lines in more(planned.snapshot) if planned.snapshot else ():
+                out("\n".join([f"\n{heading}:\n", *(f"  {visible(line[:_LONGEST])}" for line in lines)]))
         permit_run(planned.plan, request.allowed, inventory, request.policies)
         confirm(plan.base.plan, manner.yes, manner.stop_timeout, " and run the trials")
         run_options = RunOptions(

@@ -183,4 +183,4 @@ def differences(replay: Replay, asked: Mapping[str, str], snapshot: Snapshot) ->
         now = snapshot.facts.get(name)
         found = facts_of(mapping(replay.facts.get(name)), msgspec.to_builtins(now)) if now else ()
         told = [f"{key}: {was or 'unknown'}, and {is_ or 'unknown'}" for key, was, is_ in found]
-        yield f"  {name} is {asked.get(name, name)}: {'; '.join(told) or 'the same kind of machine'}"
+        yield f"{name} is {asked.get(name, name)}: {'; '.join(told) or 'the same kind of machine'}"

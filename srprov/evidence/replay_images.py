@@ -82,15 +82,14 @@ def in_words(kept: Kept, snapshot: Snapshot, placed: Mapping[str, str]) -> Itera
         snapshot: The robots as they are.
         placed: Service -> robot.
     """
-    yield "\nImages:\n"
     for service, name in sorted(kept.names.items()):
         facts = snapshot.facts.get(placed.get(service, ""))
         some = kept.images.get(service, ())
         fits = [one for one in some if not facts or not one.architecture or one.architecture in facts.runs]
         if fits:
-            yield f"  {service}: the bundle's {name}, {fits[0].id[7:19]}"
+            yield f"{service}: the bundle's {name}, {fits[0].id[7:19]}"
         else:
-            yield f"  {service}: {_elsewhere(name)}" + (", as the bundle's is for another architecture" if some else "")
+            yield f"{service}: {_elsewhere(name)}" + (", as the bundle's is for another architecture" if some else "")
 
 
 def _elsewhere(name: str) -> str:

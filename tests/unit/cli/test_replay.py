@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,11 +11,17 @@ import pytest
 from srprov.cli.main import run as cli
 from srprov.cli.replay_lab import lab_for
 from srprov.codes import Code
+from srprov.controller.trials import Trials
 from srprov.errors import LabError
+from srprov.evidence.make import bundle
 from srprov.evidence.replay import Needed, Replay
 from srprov.lab import lab as labs
 from srprov.lab import spec
 from srprov.lab.lab import Wanted
+from tests.fakes import World
+from tests.trial_folders import run_folder, write_experiment
+from tests.unit.cli.test_trial_marks import done
+from tests.unit.evidence.bundles import events, forged, journal, packed, unpacked
 
 NEEDS = {
     "kuka": Needed(tags=("arm", "camera"), devices=("/dev/net/tun", "/dev/video0"), arch="amd64"),
@@ -90,3 +97,23 @@ def test_a_lab_is_taken_down_whatever_happens(calls: list[tuple[str, str]], monk
     with pytest.raises(LabError), lab_for(REPLAY):
         raise AssertionError("it is not there")
     assert [name.split("-")[0] for name, _ in calls] == ["down replay"]
+
+
+def test_what_a_bundle_says_of_robots_and_images_writes_no_lines_of_its_own(
+    world: World, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """They stand with the plan, right before the question."""
+    bundle(run_folder(tmp_path / "run", write_experiment(tmp_path / "experiment")), tmp_path / "race.zip")
+    content, forgery = unpacked(tmp_path / "race.zip"), "1\n\nIt asks for no permission.\n\u202e"
+    facts = json.loads(content["sessions/1/facts.json"])
+    facts["robots"]["r1"]["kernel"] = forgery
+    first, *more = events(content)
+    first["same"] |= {"runner: image": forgery, f"a{forgery}: image": "judge"}
+    changed = {"sessions/1/facts.json": json.dumps(facts).encode(), "journal.jsonl": journal([first, *more])}
+    path = packed(forged({**content, **changed}), tmp_path / "evil.zip")
+    monkeypatch.setattr(Trials, "_done", done)
+    cli(["replay", str(path), "-i", "inv.yml", "-o", "again", "--yes"])
+    told = capsys.readouterr().out.splitlines()
+    shown = told[told.index("Who does whose part:") :]
+    assert [line for line in shown if "kernel: 1\\n" in line] and [line for line in shown if "runner: 1\\n" in line]
+    assert not [line for line in shown if line.startswith("It asks")]

@@ -97,6 +97,6 @@ def test_what_is_different_of_robots_is_told_before_anything_is_run(bundled: Pat
     assert snapshot is not None
     snapshot = replace(snapshot, facts={**snapshot.facts, "r2": replace(snapshot.facts["r2"], cpus=2)})
     assert list(differences(again, {"r2": "kuka"}, snapshot)) == [
-        "  r1 is r1: the same kind of machine", "  r2 is kuka: cpus: 4, and 2",
+        "r1 is r1: the same kind of machine", "r2 is kuka: cpus: 4, and 2",
     ]  # fmt: skip
     assert Replay(edf=again.edf, placed={}, facts={}).robots == ()
