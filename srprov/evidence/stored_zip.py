@@ -9,6 +9,7 @@ Source: PKWARE, ".ZIP File Format Specification" 6.3.10.
 
 from __future__ import annotations
 
+import itertools
 import os
 import struct
 import zlib
@@ -77,24 +78,37 @@ class Names:
 
     def __init__(self) -> None:
         self._files: set[str] = set()
-        self._folders: set[str] = set()
+        """Without case, and with NUL for a slash: a name has none, and it sorts before all that names have."""
 
     def add(self, name: str) -> None:
         """Take one more.
 
         Raises:
-            ValueError: It cannot be.
+            ValueError: No file can have it, or one has it already.
         """
         parts = name.split("/")
         odd = any(part in ("", ".", "..") or part != part.strip(" ") for part in parts)
         if odd or not name.isprintable() or "\\" in name or ":" in name or len(name.encode()) > _LONGEST_NAME:
             raise ValueError(f"an archive cannot have a file of the name {name[:200]!r}")
-        key = name.casefold()
-        above = {key[:at] for at, one in enumerate(key) if one == "/"}
-        if key in self._files or key in self._folders or above & self._files:
-            raise ValueError(f"two files cannot both be there: {name[:200]!r}")
+        key = name.casefold().replace("/", "\0")
+        if key in self._files:
+            raise _twice(key)
         self._files.add(key)
-        self._folders |= above
+
+    def check(self) -> None:
+        """Look through all of them, once they are there.
+
+        Raises:
+            ValueError: A file stands where another one has a folder.
+        """
+        for above, name in itertools.pairwise(sorted(self._files)):  # what is below a file comes right behind it
+            if name.startswith(f"{above}\0"):
+                raise _twice(name)
+
+
+def _twice(key: str) -> ValueError:
+    shown = key.replace("\0", "/")[:200]
+    return ValueError(f"two files cannot both be there: {shown!r}")
 
 
 @dataclass(slots=True)
@@ -126,7 +140,12 @@ class Writer:
         self.entries.append(one)
 
     def finish(self) -> None:
-        """Write the directory."""
+        """Write the directory.
+
+        Raises:
+            ValueError: A file stands where another one has a folder.
+        """
+        self._names.check()
         at = self.stream.seek(0, os.SEEK_END)
         directory = b"".join(one.record for one in self.entries)
         self.stream.write(directory + _tail(len(self.entries), len(directory), at))
@@ -160,6 +179,7 @@ def read(stream: BinaryIO) -> list[Entry]:
     if stream.read() != _tail(count, size, at):
         raise ValueError("it does not end as it should")
     found = list(_entries(directory, count))
+    del directory  # it may have 64 MiB
     names, next_at = Names(), 0
     for one in found:
         names.add(one.name)
@@ -167,6 +187,7 @@ def read(stream: BinaryIO) -> list[Entry]:
         if one.at != next_at or stream.read(len(one.header)) != one.header:
             raise ValueError(f"{one.name[:200]!r} is not where the directory says")
         next_at += len(one.header) + one.size
+    names.check()
     if next_at != at:
         raise ValueError("something stands between its files and its directory")
     return found

@@ -98,6 +98,19 @@ def test_what_is_no_bundle_is_refused_and_nothing_is_written(
     del capsys
 
 
+def test_names_of_many_folders_are_looked_at_in_little_memory(tmp_path: Path) -> None:
+    """Each folder above each file, as a text of its own, would be a gigabyte for these three megabytes."""
+    names = [f"{number:04x}/{'a/' * 490}b" for number in range(1500)]
+    (tmp_path / "b.zip").write_bytes(ours("bundle.json", *names, data=b""))
+    assert bounded(lambda: cli(["verify", str(tmp_path / "b.zip")])) == 5
+
+
+@pytest.mark.parametrize("names", [("a/b", "A"), ("a", "b", "a/b/c"), ("a/b/c", "a-b", "a/B"), ("a!", "a", "a/b")])
+def test_no_file_stands_where_another_one_has_a_folder(names: tuple[str, ...]) -> None:
+    with pytest.raises(ValueError, match="two files cannot both be there"):
+        stored_zip.read(io.BytesIO(ours(*names)))
+
+
 def test_the_good_archive_that_these_are_made_of_can_be_read() -> None:
     assert [one.name for one in stored_zip.read(io.BytesIO(GOOD))] == ["bundle.json"]
     assert [one.name for one in stored_zip.read(io.BytesIO(ours("a/b", "c")))] == ["a/b", "c"]
