@@ -22,6 +22,8 @@ from srprov.untrusted import integer, mapping, parse_json, string, string_map
 
 _MOST_VALUES = 4_000_000
 """Of a journal: brackets, commas and colons."""
+_MOST_TEXTS = 2_000_000
+"""Of a journal, names of values included: a text of two letters may take 88 bytes of memory."""
 _MOST_TRIALS = 100_000
 """Of sessions that differ, together: each is worked out again, and held in memory."""
 
@@ -105,6 +107,8 @@ def events_of(files: Files) -> Iterator[Mapping[str, Any]]:
     text = content(files, JOURNAL, MOST_JOURNAL)
     if sum(text.count(one) for one in (b"[", b"{", b",", b":")) > _MOST_VALUES:
         raise NotThere(f"{JOURNAL} holds more than {_MOST_VALUES} values")
+    if text.count(b'"') > 2 * _MOST_TEXTS:
+        raise NotThere(f"{JOURNAL} holds more than {_MOST_TEXTS} texts")
     for number, line in enumerate(text.split(b"\n")[:-1], start=1):
         try:
             event = mapping(parse_json(line.decode(), wide=True))

@@ -105,6 +105,13 @@ def test_names_of_many_folders_are_looked_at_in_little_memory(tmp_path: Path) ->
     assert bounded(lambda: cli(["verify", str(tmp_path / "b.zip")])) == 5
 
 
+def test_a_manifest_that_names_what_is_not_there_is_not_read_into_memory(tmp_path: Path) -> None:
+    lines = b"".join(b"%064x  %d\n" % (number, number) for number in range(700_000))
+    path = packed({"bundle.json": b"{}", "manifest-sha256.txt": lines}, tmp_path / "b.zip")
+    report = bounded(lambda: verify(str(path)))
+    assert {one.id: one.details for one in report.findings}["F1"] == ("manifest-sha256.txt is larger than 1 MiB",)
+
+
 @pytest.mark.parametrize("names", [("a/b", "A"), ("a", "b", "a/b/c"), ("a/b/c", "a-b", "a/B"), ("a!", "a", "a/b")])
 def test_no_file_stands_where_another_one_has_a_folder(names: tuple[str, ...]) -> None:
     with pytest.raises(ValueError, match="two files cannot both be there"):

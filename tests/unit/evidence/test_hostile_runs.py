@@ -59,6 +59,15 @@ def test_odd_numbers_are_none_to_what_describes_a_bundle(content: Content, tmp_p
     assert {one.id for one in report.findings if one.id in ("S1", "S2") and one.result != "pass"} == set()
 
 
+def test_a_journal_of_short_texts_is_not_read_into_memory(content: Content, tmp_path: Path) -> None:
+    """Each of seven bytes takes 88."""
+    first = len(events(content)) + 1
+    many = '"éł",' * 990_000
+    lines = (f'{{"seq":{first + at},"event":"run","a":[{many}1]}}\n' for at in range(4))
+    made = with_manifest({**content, "journal.jsonl": content["journal.jsonl"] + "".join(lines).encode()})
+    assert bounded(lambda: _said("more than 2000000 texts", packed(made, tmp_path / "a.zip")))
+
+
 PLACED = [{"runner": "../../../../tmp/x"}, {"runner": "/etc/x"}, {"runner": "r1\nr2"}, {"runner": ""}, {"a/b": "r1"}]
 
 
