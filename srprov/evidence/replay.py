@@ -103,8 +103,7 @@ def unpack(bundle: Bundle, folder: Path) -> None:
     """Write the definitions of a bundle's last session into a folder, which is new, or has just them already.
 
     Raises:
-        UsageError: It holds no run, or something else is in the folder.
-        OSError: It cannot be written.
+        UsageError: It holds no run, or something else is in the folder, or that cannot be written.
     """
     with _opened(bundle) as (files, told):
         home = f"{told.home}/inputs/"
@@ -114,11 +113,15 @@ def unpack(bundle: Bundle, folder: Path) -> None:
             raise UsageError(why, hint="ask its author for one without it", code=Code.REPLAY)
         contents = {folder / name.removeprefix(home): content(files, name) for name in names}
         absent = {folder / one for one in data_sets(files, told.home)}
-    if folder.is_symlink() or (folder.exists() and _read(folder, absent) not in ({}, contents)):
-        raise UsageError(f"something else is in {folder}", hint="name a new folder with -o", code=Code.IN_THE_WAY)
-    for place, data in contents.items():
-        private.make_folder(place.parent)
-        private.write_output(str(place), data)
+    try:
+        if folder.is_symlink() or (folder.exists() and _read(folder, absent) not in ({}, contents)):
+            raise UsageError(f"something else is in {folder}", hint="name a new folder with -o", code=Code.IN_THE_WAY)
+        for place, data in contents.items():
+            private.make_folder(place.parent)
+            private.write_output(str(place), data)
+    except OSError as error:
+        why = f"{error.filename or folder}: {error.strerror or error}"
+        raise UsageError(why, hint="name another folder with -o", code=Code.CANNOT_WRITE) from error
 
 
 @contextmanager

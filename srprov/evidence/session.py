@@ -6,6 +6,7 @@ definitions are: nothing of them is run.
 
 from __future__ import annotations
 
+import errno
 import os
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,13 +15,14 @@ import msgspec
 from msgspec.structs import replace
 
 from srprov import names, private
+from srprov.codes import Code
 from srprov.controller.choice import Choice, checked_choice, read_decided
 from srprov.controller.request import PlanRequest
 from srprov.controller.trial_instances import with_instances
 from srprov.definitions import load_experiment, load_inventory
 from srprov.definitions.model import Definitions
 from srprov.definitions.trialsmodel import TrialDefinitions
-from srprov.errors import DefinitionError, SrprovError
+from srprov.errors import DefinitionError, SrprovError, UsageError
 from srprov.evidence.files import MOST_JSON, Files, NotThere, below, content, json_of
 from srprov.evidence.private_words import without_access
 from srprov.facts.host import with_inventory
@@ -32,6 +34,11 @@ from srprov.untrusted import mappings, string, string_map, strings
 _INVENTORY = "inventory.yml"
 _MOST_INPUTS = 128 << 20
 _MOST_INPUT_FILES = 20_000
+_DEEPEST, _MOST_FOLDERS = 100, 200_000
+"""Folders above one input file, and above all of them."""
+_STRANGE = "has names that no folder can have"
+_NO_NAME = frozenset({errno.ENAMETOOLONG, errno.ENOTDIR, errno.EEXIST, errno.EISDIR, errno.EINVAL})
+"""What is said of a name that is too long, or that is a file's and a folder's."""
 
 
 class Session(msgspec.Struct, frozen=True, kw_only=True):
@@ -114,10 +121,27 @@ def follows_from(files: Files, home: str) -> tuple[bytes, ...]:
 
 
 def _unpack(files: Files, home: str, folder: str) -> None:
-    """Write the input files of a session into a folder."""
+    """Write the input files of a session into a folder.
+
+    Raises:
+        NotThere: They are more than an experiment has, or have names that no folder can have.
+        UsageError: There is no room, or the like.
+    """
+    try:
+        _write(files, home, folder)
+    except OSError as error:
+        if error.errno in _NO_NAME:
+            raise NotThere(f"{home}/inputs {_STRANGE}") from None
+        raise UsageError(f"{error.filename or folder}: {error.strerror}", code=Code.CANNOT_WRITE) from error
+
+
+def _write(files: Files, home: str, folder: str) -> None:
     every = below(files, f"{home}/inputs/")
     if len(every) > _MOST_INPUT_FILES or sum(files.sizes[name] for name in every) > _MOST_INPUTS:
         raise NotThere(f"{home}/inputs holds more than an experiment has")
+    deep = [name.count("/") for name in (*every, *data_sets(files, home))]
+    if max(deep, default=0) > _DEEPEST or sum(deep) > _MOST_FOLDERS:  # each is made, and removed folder by folder
+        raise NotThere(f"{home}/inputs {_STRANGE}")
     for name in every:
         place = Path(folder, name)
         private.make_folder(place.parent)

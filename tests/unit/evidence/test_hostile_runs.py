@@ -68,6 +68,20 @@ def test_a_journal_of_short_texts_is_not_read_into_memory(content: Content, tmp_
     assert bounded(lambda: _said("more than 2000000 texts", packed(made, tmp_path / "a.zip")))
 
 
+DATA = ["inputs/race.edf/x", "inputs/tracks", f"inputs/{'x' * 300}", f"inputs/{'x/' * 3000}x", f"inputs/{'x/' * 101}x"]
+
+
+@pytest.mark.parametrize("place", [None, *DATA])
+def test_names_that_no_folder_can_have_are_a_finding(content: Content, tmp_path: Path, place: str | None) -> None:
+    """A file of 300 letters, and data sets below a file, in the place of a folder, and of long names."""
+    changed = {**content, f"sessions/1/inputs/{'x' * 300}": b"x"}
+    if place is not None:
+        about = json.loads(content["sessions/1/inputs.json"])
+        about["files"].append({"path": "x", "data": place, "sha256": "0" * 64})
+        changed = {**content, "sessions/1/inputs.json": json.dumps(about).encode()}
+    assert _said("names that no folder can have", packed(with_manifest(changed), tmp_path / "a.zip"))
+
+
 PLACED = [{"runner": "../../../../tmp/x"}, {"runner": "/etc/x"}, {"runner": "r1\nr2"}, {"runner": ""}, {"a/b": "r1"}]
 
 

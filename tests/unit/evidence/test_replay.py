@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
+from srprov.codes import Code
 from srprov.definitions import load_experiment
 from srprov.definitions.model import Host, Inventory
 from srprov.errors import RefusedError, UsageError
@@ -100,3 +101,10 @@ def test_what_is_different_of_robots_is_told_before_anything_is_run(bundled: Pat
         "r1 is r1: the same kind of machine", "r2 is kuka: cpus: 4, and 2",
     ]  # fmt: skip
     assert Replay(edf=again.edf, placed={}, facts={}).robots == ()
+
+
+def test_a_folder_that_cannot_be_written_is_told(bundled: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(UsageError, match="Not a directory") as told:
+        unpack(as_it_is(bundled), tmp_path / "file" / "again")
+    assert told.value.code == Code.CANNOT_WRITE
