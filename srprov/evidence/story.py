@@ -18,6 +18,7 @@ from srprov.definitions.trialsmodel import TrialDefinitions
 from srprov.evidence.files import JOURNAL, MOST_JOURNAL, Files, NotThere, content, sessions
 from srprov.evidence.session import Session, again, follows_from, read_session
 from srprov.trials.marks import Row, marked
+from srprov.trials.table import columns
 from srprov.untrusted import integer, mapping, parse_json, string, string_map
 
 _MOST_VALUES = 4_000_000
@@ -26,6 +27,7 @@ _MOST_TEXTS = 2_000_000
 """Of a journal, names of values included: a text of two letters may take 88 bytes of memory."""
 _MOST_TRIALS = 100_000
 """Of sessions that differ, together: each is worked out again, and held in memory."""
+_MOST_CELLS = 1_000_000
 
 
 Attempt = tuple[str, int]
@@ -143,6 +145,7 @@ def read(files: Files) -> Iterator[Story]:
             trials += 0 if same else len(found[-1].places)
             if trials > _MOST_TRIALS:
                 raise NotThere(f"its sessions have more than {_MOST_TRIALS} trials that differ")
+        _check_size(ended, found[-1])
         yield Story(
             events=events,
             rows=tuple(marked(events)[0]),
@@ -150,6 +153,16 @@ def read(files: Files) -> Iterator[Story]:
             sessions=tuple(found),
             of=dict(_sessions_of(events, found)),
         )
+
+
+def _check_size(ended: Sequence[Row], last: Session) -> None:
+    """Refuse a small journal from which tables and a crate follow that are thousands of times as large.
+
+    Raises:
+        NotThere: Its attempts, each with a cell for each column and a word for each service, are more than any run has.
+    """
+    if len(ended) * (len(columns(last.given)) + len(last.assignment)) > _MOST_CELLS:
+        raise NotThere(f"its {len(ended)} attempts have more than {_MOST_CELLS} cells and services together")
 
 
 def _ended(events: Iterable[Mapping[str, Any]]) -> Iterator[Row]:

@@ -52,7 +52,7 @@ class Tables:
         self._folder, self._given, self._robots = folder, given, robots
         self._names = {"trials.csv": columns(given), "metrics.csv": METRICS}
         self._names |= {f"{key}.csv": names for key, names in _WITHIN.items()}
-        self._texts = {file: csv_text(names, ()) for file, names in self._names.items()}
+        self._texts = {file: [csv_text(names, ())] for file, names in self._names.items()}
         for row in rows:
             self.add(row)
 
@@ -62,7 +62,7 @@ class Tables:
         within = {f"{key}.csv": rows_within(row, key) for key in _WITHIN}
         found: dict[str, Iterable[Row]] = {"trials.csv": [row], "metrics.csv": metrics, **within}
         for file, rows in found.items():
-            self._texts[file] += csv_text(self._names[file], rows, header=False)
+            self._texts[file].append(csv_text(self._names[file], rows, header=False))
 
     def write(self) -> None:
         """Write all of them, and what describes them.
@@ -75,7 +75,8 @@ class Tables:
 
     def texts(self) -> dict[str, str]:
         """Return the content of each file."""
-        return {NAME: json.dumps(description(self._given), indent=2) + "\n", **self._texts}
+        whole = {file: "".join(parts) for file, parts in self._texts.items()}
+        return {NAME: json.dumps(description(self._given), indent=2) + "\n", **whole}
 
 
 def description(given: TrialDefinitions) -> dict[str, Any]:

@@ -68,6 +68,17 @@ def test_a_journal_of_short_texts_is_not_read_into_memory(content: Content, tmp_
     assert bounded(lambda: _said("more than 2000000 texts", packed(made, tmp_path / "a.zip")))
 
 
+def test_a_small_journal_makes_no_large_tables(content: Content, tmp_path: Path) -> None:
+    """An attempt is a hundred bytes in it, and in tables and crate has a word for each column and robot."""
+    found = events(content)
+    lines = [
+        f'{{"seq":{number},"event":"end","trial":"t{number}","row":{{"trial":"t{number}","attempt":1,"status":"x"}}}}\n'
+        for number in range(len(found) + 1, 100_000)
+    ]
+    made = with_manifest({**content, "journal.jsonl": content["journal.jsonl"] + "".join(lines).encode()})
+    assert bounded(lambda: _said("cells and services together", packed(made, tmp_path / "a.zip")))
+
+
 DATA = ["inputs/race.edf/x", "inputs/tracks", f"inputs/{'x' * 300}", f"inputs/{'x/' * 3000}x", f"inputs/{'x/' * 101}x"]
 
 
