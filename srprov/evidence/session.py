@@ -8,7 +8,9 @@ from __future__ import annotations
 
 import errno
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from hashlib import sha256
 from pathlib import Path
 
 import msgspec
@@ -34,6 +36,9 @@ from srprov.untrusted import mappings, string, string_map, strings
 _INVENTORY = "inventory.yml"
 _MOST_INPUTS = 128 << 20
 _MOST_INPUT_FILES = 20_000
+_MOST_DEFINITIONS = 8
+"""That sessions of one run are of. They are of one, but for comments and what was accepted; each may take seconds."""
+_MOST_PAIRS = 2_000_000
 _DEEPEST, _MOST_FOLDERS = 100, 200_000
 """Folders above one input file, and above all of them."""
 _STRANGE = "has names that no folder can have"
@@ -65,7 +70,41 @@ class Session(msgspec.Struct, frozen=True, kw_only=True):
         return {name: robot for name, robot in sorted(self.assignment.items()) if name not in self.given.settings.keep}
 
 
-def read_session(files: Files, home: str, folder: str) -> Session:
+@dataclass(slots=True)
+class Earlier:
+    """What was read of the sessions before: one that follows is of the same definitions, or of much the same."""
+
+    definitions: dict[str, Definitions] = field(default_factory=dict)
+    """Hash of all that they were read from -> they."""
+    pairs: int = 0
+    """Of services and robots, of all sessions: of each pair is found out whether it can be."""
+
+    def read(self, files: Files, home: str, folder: str, edf: str, variables: Sequence[str]) -> Definitions:
+        """Return a session's definitions, which take these variables of the controller.
+
+        Raises:
+            NotThere: They cannot be read, or are further ones, of more than any run has.
+        """
+        about = "\0".join((_unpack(files, home, folder), edf.removeprefix(home), *variables))
+        key = sha256(about.encode("utf-8", "surrogatepass")).hexdigest()
+        if key not in self.definitions:
+            if len(self.definitions) >= _MOST_DEFINITIONS:
+                raise NotThere(f"its sessions are of more than {_MOST_DEFINITIONS} experiments that differ")
+            self.definitions[key] = _definitions(folder, edf, dict.fromkeys(variables, ""))
+        return self.definitions[key]
+
+    def count(self, services: int, robots: int) -> None:
+        """Count pairs.
+
+        Raises:
+            NotThere: They are more than any run has.
+        """
+        self.pairs += services * robots
+        if self.pairs > _MOST_PAIRS:
+            raise NotThere(f"its sessions have more than {_MOST_PAIRS} pairs of services and robots together")
+
+
+def read_session(files: Files, home: str, folder: str, earlier: Earlier) -> Session:
     """Read a session; its input files are written below `folder`.
 
     Raises:
@@ -75,9 +114,9 @@ def read_session(files: Files, home: str, folder: str) -> Session:
     edf = f"{home}/{string(about.get('edf'))}"
     if edf not in files.sizes:
         raise NotThere(f"{home}/inputs.json names no EDF that is there")
-    _unpack(files, home, folder)
-    definitions = _definitions(folder, edf, dict.fromkeys(strings(about.get("variables")), ""))
+    definitions = earlier.read(files, home, folder, edf, strings(about.get("variables")))
     choice = _choice(files, home, folder, definitions)
+    earlier.count(len(choice.experiment.services), len(choice.problem.robots))
     try:
         given = with_instances(choice.experiment)
         made = design(given)
@@ -120,22 +159,23 @@ def follows_from(files: Files, home: str) -> tuple[bytes, ...]:
     return tuple(content(files, f"{home}/{name}", MOST_JSON) for name in names)
 
 
-def _unpack(files: Files, home: str, folder: str) -> None:
-    """Write the input files of a session into a folder.
+def _unpack(files: Files, home: str, folder: str) -> str:
+    """Write the input files of a session into a folder; return a hash of all but the inventory.
 
     Raises:
         NotThere: They are more than an experiment has, or have names that no folder can have.
         UsageError: There is no room, or the like.
     """
     try:
-        _write(files, home, folder)
+        return _write(files, home, folder)
     except OSError as error:
         if error.errno in _NO_NAME:
             raise NotThere(f"{home}/inputs {_STRANGE}") from None
         raise UsageError(f"{error.filename or folder}: {error.strerror}", code=Code.CANNOT_WRITE) from error
 
 
-def _write(files: Files, home: str, folder: str) -> None:
+def _write(files: Files, home: str, folder: str) -> str:
+    made = sha256()
     every = below(files, f"{home}/inputs/")
     if len(every) > _MOST_INPUT_FILES or sum(files.sizes[name] for name in every) > _MOST_INPUTS:
         raise NotThere(f"{home}/inputs holds more than an experiment has")
@@ -148,11 +188,16 @@ def _write(files: Files, home: str, folder: str) -> None:
         text = content(files, name, _MOST_INPUTS)
         if name == f"{home}/inputs/{_INVENTORY}":  # nobody is reached, and an unnamed inventory may not say how
             text = in_lines(without_access(json_of(files, name))).encode("utf-8", "surrogateescape")
+        else:
+            made.update(f"{len(text)} {name.removeprefix(home)}\0".encode())
+            made.update(text)
         private.write_output(str(place), text)
     for one in data_sets(files, home):  # definitions must find it; nobody reads it
         place = Path(folder, home, "inputs", one)
         private.make_folder(place.parent)
         private.write_output(str(place), b"")
+        made.update(f"data {one}\0".encode())
+    return made.hexdigest()
 
 
 def data_sets(files: Files, home: str) -> dict[str, str]:

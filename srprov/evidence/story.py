@@ -16,7 +16,7 @@ import msgspec
 from srprov.definitions.model import Definitions
 from srprov.definitions.trialsmodel import TrialDefinitions
 from srprov.evidence.files import JOURNAL, MOST_JOURNAL, Files, NotThere, content, sessions
-from srprov.evidence.session import Session, again, follows_from, read_session
+from srprov.evidence.session import Earlier, Session, again, follows_from, read_session
 from srprov.trials.marks import Row, marked
 from srprov.trials.table import columns
 from srprov.untrusted import integer, mapping, parse_json, string, string_map
@@ -138,10 +138,10 @@ def read(files: Files) -> Iterator[Story]:
         raise NotThere("it does not say what was run: a run by an older srprov has no record of its own")
     with TemporaryDirectory(prefix="srprov-") as folder:
         found: list[Session] = []
-        trials = 0
+        earlier, trials = Earlier(), 0
         for home in every:
             same = bool(found) and follows_from(files, home) == follows_from(files, found[-1].home)
-            found.append(again(found[-1], home) if same else read_session(files, home, folder))
+            found.append(again(found[-1], home) if same else read_session(files, home, folder, earlier))
             trials += 0 if same else len(found[-1].places)
             if trials > _MOST_TRIALS:
                 raise NotThere(f"its sessions have more than {_MOST_TRIALS} trials that differ")

@@ -49,6 +49,36 @@ def test_sessions_that_differ_have_so_many_trials_together(
     assert _said("trials that differ", tmp_path / "a.zip")
 
 
+def differing(content: Content, count: int, *, edf: bool) -> Content:
+    """Return a bundle whose further sessions each have another EDF, or other facts alone."""
+    one = {name.removeprefix("sessions/1/"): data for name, data in content.items() if name.startswith("sessions/1/")}
+    more = {}
+    for number in range(2, count + 1):
+        own = dict(one)
+        own["inputs/race.edf" if edf else "facts.json"] += b"\n" * number
+        if edf:
+            sha256 = hashlib.sha256(own["inputs/race.edf"]).hexdigest().encode()
+            own["inputs.json"] = own["inputs.json"].replace(
+                hashlib.sha256(one["inputs/race.edf"]).hexdigest().encode(), sha256
+            )
+        more |= {f"sessions/{number}/{name}": data for name, data in own.items()}
+    return with_manifest({**content, **more})
+
+
+def test_sessions_are_of_few_experiments_and_each_is_read_once(
+    content: Content, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A definition of 150 KB takes a second: two hundred of them would be minutes."""
+    assert _said("of more than 8 experiments that differ", packed(differing(content, 9, edf=True), tmp_path / "a.zip"))
+    read: list[str] = []
+    load = session.load_experiment
+    monkeypatch.setattr(session, "load_experiment", lambda path, environ: read.append(path) or load(path, environ))
+    path = packed(differing(content, 9, edf=False), tmp_path / "b.zip")
+    assert not _said("experiments that differ", path) and len(read) == 1
+    monkeypatch.setattr(session, "_MOST_PAIRS", 8)
+    assert _said("pairs of services and robots together", path)
+
+
 @pytest.mark.parametrize("odd", [10**15, -1, 1e300, "x", None, [], {"a": 1}, True])
 def test_odd_numbers_are_none_to_what_describes_a_bundle(content: Content, tmp_path: Path, odd: object) -> None:
     found = events(content)
