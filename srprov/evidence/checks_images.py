@@ -33,6 +33,7 @@ class Images:
     hashed: Hashed
     read: dict[str, databases.Layer] = field(default_factory=dict)
     """Diff id -> what of the layer says something of packages."""
+    room: databases.Room = field(default_factory=databases.Room)
     left: int = field(init=False)
     """Bytes that layers may still become: all together no more than one of their size may."""
 
@@ -79,7 +80,7 @@ class Images:
                 yield piece
 
         try:
-            found = databases.read(counted())
+            found = databases.read(counted(), self.room)
         except ValueError as error:
             yield f"{name}: {error}"
             return

@@ -116,6 +116,7 @@ class Packing:
     done: dict[str, PackedLayer] = field(default_factory=dict)
     read: dict[str, databases.Layer] = field(default_factory=dict)
     """Diff id -> what of the layer says something of packages."""
+    room: databases.Room = field(default_factory=databases.Room)
     secret: dict[str, str] = field(default_factory=dict)
     """File of the bundle -> what is wrong with it: a layer holds the value of a secret."""
 
@@ -162,7 +163,7 @@ class Packing:
         """Pack a layer into a file, and add that."""
         with tempfile.TemporaryFile(dir=self.found.folder, prefix=".srprov-") as stream:
             packer = Packer()
-            self.read[layer.digest] = databases.read(self._packed(layer, used, packer, stream))
+            self.read[layer.digest] = databases.read(self._packed(layer, used, packer, stream), self.room)
             stream.write(packer.finish())
             if packer.content_digest != layer.digest:
                 raise ValueError(f"a layer of {used.words} is not what its digest says")

@@ -26,6 +26,8 @@ _WHITEOUT, _OPAQUE = ".wh.", ".wh..wh..opq"
 _LONGEST = 32 << 20
 """Bytes of one file."""
 _MOST_BYTES = 96 << 20
+_MOST_OF_ALL = 128 << 20
+"""Of all layers of a bundle together."""
 _MOST_FILES = 50_000
 _LONGEST_PATH = 1024
 
@@ -44,22 +46,34 @@ class Layer(msgspec.Struct, frozen=True):
 
 
 @dataclass(slots=True)
+class Room:
+    """How many bytes of files may still be kept, of all layers of a bundle: many may unpack to the most of one."""
+
+    left: int = _MOST_OF_ALL
+
+
+@dataclass(slots=True)
 class _Reading:
     """What was found so far."""
 
+    room: Room
     files: dict[str, bytes] = field(default_factory=dict)
     gone: set[str] = field(default_factory=set)
     emptied: set[str] = field(default_factory=set)
     size: int = 0
 
 
-def read(pieces: Iterable[bytes]) -> Layer:
+def read(pieces: Iterable[bytes], room: Room) -> Layer:
     """Read a layer to its end; one that is odd is given as far as it could be read, and the rest of it is passed over.
+
+    Args:
+        pieces: Of its tar.
+        room: For what is kept of it.
 
     Raises:
         ValueError: Whatever gives the pieces raises it.
     """
-    found, why, source = _Reading(), "", _Watched(pieces)
+    found, why, source = _Reading(room), "", _Watched(pieces)
     try:
         _read(Members(source), found)
     except ValueError as error:
@@ -98,7 +112,8 @@ def _read(members: Members, found: _Reading) -> None:
         elif len(one.path) <= _LONGEST_PATH and _DATABASES.fullmatch(one.path):
             if one.is_file:
                 found.size += one.size
-                if one.size > _LONGEST or found.size > _MOST_BYTES:
+                found.room.left -= one.size
+                if one.size > _LONGEST or found.size > _MOST_BYTES or found.room.left < 0:
                     raise ValueError("its lists of packages are longer than any sensible ones")
                 found.files[one.path] = b"".join(members.content())
             elif not one.is_folder:  # a link, in the place of what was there

@@ -25,6 +25,8 @@ _WORD = re.compile(r"[A-Za-z0-9._-]{1,64}")
 _XML_NAME = re.compile(r"<name>\s{0,80}([^<>\s]{1,128})\s{0,80}</name>")
 _XML_VERSION = re.compile(r"<version(?:\s[^<>]{0,200})?>\s{0,80}([^<>\s]{1,128})\s{0,80}</version>")
 _LONGEST_XML = 1 << 16
+_LONGEST_LINE = 400
+_EMPTY_LINE = re.compile(rb"^[ \t\r\f\v]*$", re.MULTILINE)
 
 
 class Package(msgspec.Struct, frozen=True, order=True):
@@ -97,7 +99,7 @@ def _packages(path: str, content: bytes, files: Mapping[str, bytes]) -> Iterator
 
 def _debian(content: bytes, *, listed: bool) -> Iterator[Package]:
     """Return what dpkg has installed; of an image without dpkg (`listed` is false) all that a file names."""
-    for part in content.split(b"\n\n"):
+    for part in _parts(content):
         said = _fields(part, ("Package", "Version", "Architecture", "Status"))
         if said.get("Status", "" if listed else "installed").split()[-1:] == ["installed"]:
             arch = said.get("Architecture", "")
@@ -106,22 +108,55 @@ def _debian(content: bytes, *, listed: bool) -> Iterator[Package]:
 
 
 def _alpine(content: bytes) -> Iterator[Package]:
-    for part in content.split(b"\n\n"):
-        said = {line[:1]: line[2:200].decode("utf-8", "replace") for line in part.split(b"\n") if line[1:2] == b":"}
-        arch = said.get(b"A", "")
-        yield Package("apk", said.get(b"P", ""), said.get(b"V", ""), arch if _ARCH.fullmatch(arch) else "")
+    for part in _parts(content):
+        name, version, arch = (_line(part, letter, 200, last=True) or "" for letter in ("P", "V", "A"))
+        yield Package("apk", name, version, arch if _ARCH.fullmatch(arch) else "")
+
+
+def _parts(content: bytes) -> Iterator[bytes]:
+    """Return what empty lines separate. A file of megabytes may be nothing but such lines, or have none.
+
+    Raises:
+        ValueError: They are more than an image has packages.
+    """
+    at = count = 0
+    while at < len(content):
+        count += 1
+        if count > MOST:
+            raise ValueError(f"it has more than {MOST} packages")
+        end = content.find(b"\n\n", at)
+        end = len(content) if end < 0 else end
+        yield content[at:end]
+        at = end + 2
 
 
 def _fields(content: bytes, names: tuple[str, ...]) -> dict[str, str]:
-    """Return fields of the first part of a text of `Name: value` lines."""
-    found: dict[str, str] = {}
-    for raw in content.lstrip(b"\n").split(b"\n"):
-        if not raw.strip():
-            break
-        key, _, value = raw[:400].decode("utf-8", "replace").partition(":")
-        if key in names:
-            found.setdefault(key, value.strip())
-    return found
+    """Return fields of the first part of a text of `Name: value` lines; of those of one name the first."""
+    content = content.lstrip(b"\n")
+    end = _EMPTY_LINE.search(content)
+    part = content[: end.start()] if end else content
+    said = {name: _line(part, name, _LONGEST_LINE) for name in names}
+    return {name: value.strip() for name, value in said.items() if value is not None}
+
+
+def _line(part: bytes, name: str, most: int, *, last: bool = False) -> str | None:
+    """Return what stands behind `Name:`, on the first line that begins so or on the last one; None without one.
+
+    Args:
+        part: Of a file.
+        name: How the line begins.
+        most: Bytes of the line that count.
+        last: Whether it is the last one.
+    """
+    begin = f"{name}:".encode()
+    if part.startswith(begin) and not last:
+        at = 0
+    else:
+        at = (part.rfind if last else part.find)(b"\n" + begin) + 1
+        if not at and not part.startswith(begin):
+            return None
+    line = part[at : at + most]
+    return line[len(begin) :].partition(b"\n")[0].decode("utf-8", "replace")
 
 
 def as_named(one: Package) -> str:

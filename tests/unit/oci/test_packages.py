@@ -12,9 +12,10 @@ from collections.abc import Iterator
 import pytest
 
 from srprov.oci import databases, sbom
-from srprov.oci.databases import merged
+from srprov.oci.databases import Room, merged
 from srprov.oci.packages import Package, System, as_named, packages, system
 from srprov.oci.packing import Packer, most_content, unpacked
+from tests.bounded import bounded
 from tests.unit.evidence.imaged import DEBIAN, NUMPY, layer
 
 
@@ -23,7 +24,7 @@ def pieces(data: bytes, size: int = 1000) -> Iterator[bytes]:
 
 
 def found(*layers: bytes) -> tuple[Package, ...]:
-    return packages(merged([databases.read(pieces(one)) for one in layers]))
+    return packages(merged([databases.read(pieces(one), Room()) for one in layers]))
 
 
 def test_each_kind_of_package_is_read() -> None:
@@ -77,7 +78,7 @@ def test_layers_of_all_tools_are_read(format: int) -> None:
     tar = layer({name: "Name: z\nVersion: 1\n", "./etc/os-release": "ID=x\n", **DEBIAN}, format=format)
     assert [one.name for one in found(tar)] == ["curl", "z"]
     for size in (1, 511, 513):
-        assert databases.read(pieces(tar, size)) == databases.read(pieces(tar))
+        assert databases.read(pieces(tar, size), Room()) == databases.read(pieces(tar), Room())
 
 
 def hostile() -> dict[str, bytes]:
@@ -104,13 +105,13 @@ def hostile() -> dict[str, bytes]:
 @pytest.mark.parametrize("kind", hostile())
 def test_what_is_no_layer_is_said_and_read_to_its_end(kind: str) -> None:
     data = iter(pieces(hostile()[kind]))
-    assert databases.read(data).unread
+    assert databases.read(data, Room()).unread
     assert next(data, None) is None
 
 
 def test_what_gives_a_layer_may_fail() -> None:
     with pytest.raises(ValueError, match="cut off"):
-        databases.read(_failing())
+        databases.read(_failing(), Room())
 
 
 def _failing() -> Iterator[bytes]:
@@ -181,3 +182,45 @@ def test_a_layer_that_never_ends_ends() -> None:
     with pytest.raises(ValueError, match="becomes more than 1 MiB"):
         for _ in unpacked(itertools.repeat(bomb), 1 << 20):
             pass
+
+
+LONG = {
+    "empty lines": ("var/lib/dpkg/status", b"\n" * (30 << 20)),
+    "parts of nothing": ("var/lib/dpkg/status", b"a\n\n" * (10 << 20)),
+    "lines": ("x.dist-info/METADATA", b"a:\n" * (10 << 20)),
+    "blanks": ("x.dist-info/METADATA", b" " * (30 << 20)),
+    "parts of Alpine": ("lib/apk/db/installed", b"P:a\n\n" * (6 << 20)),
+    "lines of Alpine": ("lib/apk/db/installed", b"P:a\n" * (7 << 20)),
+}
+
+
+@pytest.mark.parametrize("kind", LONG)
+def test_a_list_that_is_made_to_cost_much_costs_little(kind: str) -> None:
+    """Packed, it has a thousandth of that."""
+    name, content = LONG[kind]
+
+    def listed() -> int:
+        try:
+            return len(packages({name: content}))
+        except ValueError as error:
+            assert "more than 100000 packages" in str(error)
+            return 0
+
+    assert bounded(listed) == 0
+
+
+def test_what_is_read_of_a_list_are_its_first_fields_and_of_alpines_the_last() -> None:
+    status = "\nStatus: x installed\nPackage: a\nPackage: b\nVersion: 1\nDescription: x\n Version: 2\n\t\nVersion: 3\n"
+    assert packages({"var/lib/dpkg/status": status.encode()}) == (Package("deb", "a", "1"),)
+    assert packages({"lib/apk/db/installed": b"P:a\nV:1\nP:b\nV:2\nX:P:c\n\n\nP:z\nV:3\n"}) == (
+        Package("apk", "b", "2"), Package("apk", "z", "3"),
+    )  # fmt: skip
+    assert packages({"x.egg-info": b"Version: 1\r\nName: \xffx\r\nName: y\r\n\r\nName: z"}) == ()
+    assert packages({"x.egg-info": b"Metadata: 1\nName: y\n \nVersion: 2\n"}) == ()
+
+
+def test_layers_together_keep_no_more_than_a_bundle_needs() -> None:
+    """Each may unpack to the most of one."""
+    room = Room()
+    big = layer({"var/lib/dpkg/status": b" " * (31 << 20)})
+    assert [bool(databases.read(pieces(big, 1 << 20), room).unread) for _ in range(5)] == [False] * 4 + [True]
